@@ -1,0 +1,45 @@
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-long check format bench bench-long clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
+
+setup: $(STAMP)  ## create .venv with the command .venv/bin/brightgrey
+
+$(STAMP): pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "brightgrey needs Python 3.11 or newer, this is " + sys.version)'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+demo: setup  ## identify the drive of the recording that ships with the package, results in demo/
+	$(BIN)/brightgrey demo --out demo
+
+test: setup  ## all tests that take less than minutes
+	$(BIN)/python -m pytest -q -n 2
+
+test-long: setup  ## the tests that take minutes
+	$(BIN)/python -m pytest -q -n 2 -m long
+
+check: setup  ## lint, types, import contract
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+format: setup  ## mend what the linter can mend
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: setup  ## speed and accuracy, as ratios measured in one run
+	$(BIN)/python bench/speed.py
+
+bench-long: setup  ## the statistics of docs/results.md
+	$(BIN)/python bench/accuracy.py
+
+clean:  ## remove what the targets above have made
+	rm -rf .venv demo .pytest_cache .mypy_cache .ruff_cache .hypothesis

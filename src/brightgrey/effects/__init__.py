@@ -1,0 +1,45 @@
+"""The function set: one file per physical effect, found by listing this folder.
+
+A module of this package that defines ``EFFECT`` is an effect. Nothing else has to be told of it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+
+from brightgrey.effects.declaration import (
+    Dimension,
+    Draft,
+    Effect,
+    Element,
+    Law,
+    Limits,
+    Parameter,
+    Scales,
+    State,
+)
+
+__all__ = [
+    "Dimension",
+    "Draft",
+    "Effect",
+    "Element",
+    "Law",
+    "Limits",
+    "Parameter",
+    "Scales",
+    "State",
+    "registry",
+]
+
+
+@cache
+def registry() -> Mapping[str, Effect]:
+    """All effects by name, in the order of their numbers (paper figure 7)."""
+    modules = (importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__))
+    effects = [module.EFFECT for module in modules if hasattr(module, "EFFECT")]
+    return MappingProxyType({e.name: e for e in sorted(effects, key=lambda e: (e.number, e.name))})

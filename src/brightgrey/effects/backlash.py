@@ -1,0 +1,97 @@
+"""Backlash: a gap in series with a shaft's spring and damper (physical backlash model)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from brightgrey.effects.arithmetic import negative_part, positive_part
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Limits, Parameter, State, Values
+
+
+def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+    """Rate f_lambda of the position in the gap (eq. 5), and its slopes over free rate and position.
+
+    Paper eq. (5): the free rate z[0] between the limits, its outward part cut at them. A gap of width zero
+    (alpha = 0) leaves no rate at all.
+    """
+    rate, position = z
+    width = 2.0 * p[0]
+    inward = np.where(position >= 0.0, negative_part(rate), rate)
+    inward = np.where(position <= -width, positive_part(inward), inward)
+    free = np.where(inward == rate, 1.0, 0.0)
+    closed = width <= 0.0
+    return np.where(closed, 0.0, inward), (np.where(closed, 0.0, free), np.zeros_like(free))
+
+
+def gradient(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Derivative by alpha: it moves a limit, not the rate."""
+    return (np.zeros_like(z[0]),)
+
+
+LAW = Law(("alpha",), value, gradient, ports=2)
+
+
+def stamp(draft: Draft, place: int, values: Values) -> Draft:
+    """The five steps of the paper's section 2.2, at the shaft between mass `place` and the next.
+
+    Spring and damper are read from the matrix as built so far (A_red of eq. 13), so that the shaft keeps its
+    constants: entries (4, 2) and (5, 1) hold the spring, (4, 5) and (5, 4) the damper.
+    """
+    i, j = place, place + 1
+    name = f"lambda{place}"
+    draft = draft.with_state(State(name, Dimension(0, 1, 0), "zero"))  # step 1
+    q_i, q_j, gap, v_i, v_j = (draft.index(s) for s in (f"q{i}", f"q{j}", name, f"v{i}", f"v{j}"))  # step 2
+    A = draft.A.copy()
+    A[v_i, gap] += A[v_i, q_j]  # step 3
+    A[v_j, gap] -= A[v_j, q_i]
+    G = np.zeros((len(draft.states), *draft.batch))  # step 4, eq. (15)
+    G[gap] = 1.0
+    G[v_i] = A[v_i, v_j]
+    G[v_j] = -A[v_j, v_i]
+    stiffness_over_damping = A[v_i, q_j] / A[v_i, v_j]
+    rate = draft.unit_row(f"v{i}") - draft.unit_row(f"v{j}")
+    twist = draft.unit_row(f"q{i}") - draft.unit_row(f"q{j}") - draft.unit_row(name)
+    limits = Limits(gap, lower=-2.0 * values["alpha"], upper=0.0 * values["alpha"])
+    draft = replace(draft, A=A)
+    # Step 5, the new output rows, needs no code: acceleration outputs are rows of x' (see kit.assembly).
+    return draft.with_element(
+        f"backlash@{place}",
+        LAW,
+        (rate + stiffness_over_damping * twist, draft.unit_row(name)),
+        G,
+        values,
+        limits,
+    )
+
+
+EFFECT = Effect(
+    name="backlash",
+    number=9,
+    title="Backlash",
+    about=(
+        "A gap of width 2 alpha in a shaft (gearbox, coupling, rack). lambda is the position in the gap, 0 when "
+        "the shaft can push forward, -2 alpha when it can push backward."
+    ),
+    equation="M_B = c tau + d tau', tau = q_i - q_j - lambda, lambda' = f_lambda kept in [-2 alpha, 0]",
+    source=(
+        "paper eq. (3)-(5), (12)-(15); Nordin, Galic, Gutman 1997, "
+        "doi:10.1002/(SICI)1099-1115(199702)11:1<49::AID-ACS394>3.0.CO;2-X"
+    ),
+    stage="backlash",
+    where="shaft",
+    parameters=(
+        Parameter(
+            "alpha",
+            Dimension(input=0, motion=1, time=0),
+            "half the gap",
+            bounds=lambda s: (1e-6 * s.travel, 0.5 * s.travel),
+            start=lambda s: 1e-3 * s.travel,
+        ),
+    ),
+    stamp=stamp,
+    law=LAW,
+    memory=True,
+)

@@ -1,0 +1,45 @@
+"""Current control: the torque follows its command with a first-order lag."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, State, Values
+
+
+def stamp(draft: Draft, place: int, values: Values) -> Draft:
+    """Series connection from the left (eq. 16): the system's old input becomes the state T."""
+    n = len(draft.states)
+    B = draft.B[:, 0]
+    draft = draft.with_state(State("T", Dimension(1, 0, 0), "input"))
+    A = draft.A.copy()
+    A[:n, n] = B
+    A[n, n] = -1.0 / values["T_1"]
+    B_L = np.zeros((n + 1, 1, *draft.batch))
+    B_L[n, 0] = 1.0 / values["T_1"]
+    return replace(draft, A=A, B=B_L)
+
+
+EFFECT = Effect(
+    name="current_control",
+    number=10,
+    title="Current control loop",
+    about="First-order lag between commanded and real torque. Below one sampling interval it cannot be told from sampling.",
+    equation="T_1 T' + T = u",
+    source="paper eq. (16)",
+    stage="current control",
+    where="drive",
+    parameters=(
+        Parameter(
+            "T_1",
+            Dimension(input=0, motion=0, time=1),
+            "reset time of the current control loop",
+            bounds=lambda s: (0.05 * s.interval, 0.1 * s.duration),
+            start=lambda s: 2.0 * s.interval,
+        ),
+    ),
+    stamp=stamp,
+    memory=True,
+)

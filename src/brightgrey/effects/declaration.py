@@ -1,0 +1,303 @@
+"""What an effect declares: parameters, states, stamp, law and the properties that every effect is tested for.
+
+The form of a model is ``x' = A x + B u + sum_e G_e phi_e(z_e; p_e)`` with ``z_e = H_e x + K_e u``.
+An effect changes a :class:`Draft` of it; stamps are pure and work on whole batches of parameter sets at once
+(a parameter may be a float or an array; matrices carry the same trailing axes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "Dimension",
+    "Draft",
+    "Effect",
+    "Element",
+    "Law",
+    "Limits",
+    "Parameter",
+    "Scales",
+    "Stage",
+    "State",
+]
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Any]
+Stage = Literal["masses", "friction", "gravity", "backlash", "current control", "delay"]
+
+
+class Dimension(NamedTuple):
+    """Unit as powers of the input's unit, the unit of motion (rad, m) and the second."""
+
+    input: int
+    motion: int
+    time: int
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What a recording says about the size of things, in SI units. Bounds and starts are declared in these.
+
+    Attributes
+    ----------
+    torque, speed, acceleration, travel : float
+        Largest magnitude of input and motion; travel is the range of position. N m (N), rad/s (m/s), ...
+    interval, duration : float
+        Sampling time and length of the recording in s.
+    inertia, friction, viscous, offset : float
+        Regression of the input on acceleration, sign of speed, speed and a constant: total inertia, Coulomb
+        friction, viscous friction and the constant part of the input that does not move anything.
+    """
+
+    torque: float
+    speed: float
+    acceleration: float
+    travel: float
+    interval: float
+    duration: float
+    inertia: float
+    friction: float
+    viscous: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Attributes
+    ----------
+    symbol : str
+        Fixed name, e.g. ``M_C``; at another place than 1 it is written ``M_C@2``.
+    dimension : Dimension
+        Unit as powers of input unit, motion unit and second.
+    about : str
+        One sentence for people.
+    bounds : callable
+        ``bounds(scales) -> (low, high)``, the range worth searching, from the recording.
+    start : callable
+        ``start(scales) -> value``, a first guess within the bounds.
+    scale : {'log', 'linear'}
+        How to step through the range. ``log`` only for parameters that are always positive.
+    """
+
+    symbol: str
+    dimension: Dimension
+    about: str
+    bounds: Callable[[Scales], tuple[float, float]]
+    start: Callable[[Scales], float]
+    scale: Literal["log", "linear"] = "log"
+
+
+@dataclass(frozen=True)
+class State:
+    """One state: its name, its dimension and the value it has at rest.
+
+    ``at_rest`` says where the initial value comes from: the recording's first position or speed, zero, or the
+    first input.
+    """
+
+    name: str
+    dimension: Dimension
+    at_rest: Literal["position", "speed", "zero", "input"]
+
+
+@dataclass(frozen=True)
+class Law:
+    """Scalar law phi(z; p) of an element.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Names of p in order. ``f_tanh`` may be among them: it is fixed upfront, not estimated.
+    value : callable
+        ``value(z, p) -> (phi, slopes)`` for tuples of ports z and parameters p; slopes are the derivatives of phi
+        by each port. It is compiled, so it may only use :mod:`brightgrey.effects.arithmetic`.
+    gradient : callable
+        ``gradient(z, p) -> tuple`` of the derivatives of phi by each parameter, in the order of `parameters`.
+    ports : int
+        Number of ports, two at most.
+    affine : bool
+        The law is a straight line in its ports, so that it may be counted to A and a constant.
+    odd : bool
+        phi(-z) = -phi(z).
+    dissipative : bool
+        z phi(z) <= 0: takes energy only.
+    """
+
+    parameters: tuple[str, ...]
+    value: Callable[[tuple[Any, ...], tuple[Any, ...]], tuple[Any, tuple[Any, ...]]]
+    gradient: Callable[[tuple[Any, ...], tuple[Any, ...]], tuple[Any, ...]]
+    ports: int = 1
+    affine: bool = False
+    odd: bool = False
+    dissipative: bool = False
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Makes an element an integrator with saturation: `state` is kept in [lower, upper].
+
+    The element's first port is the rate of the state between the limits, its law gives the rate everywhere.
+    """
+
+    state: int
+    lower: Any
+    upper: Any
+
+
+@dataclass(frozen=True)
+class Element:
+    """One scalar non-linearity in feedback.
+
+    Attributes
+    ----------
+    name : str
+        The placed effect it belongs to.
+    law : Law
+        phi(z; p).
+    H : ndarray, shape (ports, n, ...)
+        Ports read from the states.
+    K : ndarray, shape (ports, ...)
+        Ports read from the input.
+    G : ndarray, shape (n, ...)
+        Where phi acts on x'.
+    p : tuple
+        Parameter values in the order of ``law.parameters``, each a float or an array over the batch.
+    limits : Limits or None
+        Set when the element is an integrator with saturation.
+    """
+
+    name: str
+    law: Law
+    H: Array
+    K: Array
+    G: Array
+    p: tuple[Any, ...]
+    limits: Limits | None = None
+
+
+@dataclass(frozen=True)
+class Draft:
+    """The system as built so far. Every operation returns a new one.
+
+    Attributes
+    ----------
+    states : tuple of State
+        In the order q, q', lambda, T.
+    masses : int
+        Number of masses N.
+    A : ndarray, shape (n, n, ...)
+    B : ndarray, shape (n, inputs, ...)
+        Until the inputs are selected there is one input per mass (paper eq. 8).
+    elements : tuple of Element
+    dead_time : float or ndarray
+        Delay of the input in s.
+    """
+
+    states: tuple[State, ...] = ()
+    masses: int = 0
+    A: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    B: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    elements: tuple[Element, ...] = ()
+    dead_time: Any = 0.0
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Trailing shape of all matrices: () for one parameter set, (K,) for K of them."""
+        return self.A.shape[2:]
+
+    def index(self, name: str) -> int:
+        """Position of the state called `name`."""
+        return next(i for i, state in enumerate(self.states) if state.name == name)
+
+    def unit_row(self, name: str) -> Array:
+        """Row, shape (n, ...), that reads the state called `name`."""
+        row = np.zeros((len(self.states), *self.batch))
+        row[self.index(name)] = 1.0
+        return row
+
+    def with_state(self, state: State) -> Draft:
+        """Append a state without any connection."""
+        n = len(self.states)
+
+        def grow(array: Array, axes: tuple[int, ...]) -> Array:
+            return np.pad(array, [(0, 1 if axis in axes else 0) for axis in range(array.ndim)])
+
+        elements = tuple(replace(e, H=grow(e.H, (1,)), G=grow(e.G, (0,))) for e in self.elements)
+        A = self.A if n else np.zeros((0, 0, *self.batch))
+        return replace(
+            self, states=(*self.states, state), A=grow(A, (0, 1)), B=grow(self.B, (0,)), elements=elements
+        )
+
+    def with_element(
+        self,
+        name: str,
+        law: Law,
+        H: tuple[Array, ...],
+        G: Array,
+        values: Values,
+        limits: Limits | None = None,
+    ) -> Draft:
+        """Add an element whose ports read states only."""
+        rows = np.stack(H) if H else np.zeros((0, len(self.states), *self.batch))
+        K = np.zeros((len(H), *self.batch))
+        p = tuple(values[symbol] for symbol in law.parameters)
+        return replace(self, elements=(*self.elements, Element(name, law, rows, K, G, p, limits)))
+
+
+Stamp = Callable[[Draft, int, Values], Draft]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A submodel of the function set: all that the rest of the package knows of a physical effect.
+
+    Attributes
+    ----------
+    name : str
+        Fixed name, e.g. ``coulomb``.
+    number : int
+        Number in the paper's figure 7; later effects go on counting.
+    title : str
+        Name for people.
+    about : str
+        What the effect is, and when it is not the right one.
+    equation : str
+        The law in plain text.
+    source : str
+        Equation of the paper, or DOI.
+    stage : str
+        When it is stamped; the order of the paper's section 2.2.
+    where : {'drive', 'mass', 'shaft'}
+        What it is placed at. The place is counted from the motor, from 1.
+    parameters : tuple of Parameter
+    stamp : callable
+        ``stamp(draft, place, values) -> Draft``; `values` maps bare symbols and ``f_tanh`` to floats or arrays.
+    law : Law or None
+        The law it adds, if it adds one.
+    masses : int
+        Number of masses it brings; every structure has exactly one effect that brings any.
+    memory : bool
+        Has states of its own.
+    """
+
+    name: str
+    number: int
+    title: str
+    about: str
+    equation: str
+    source: str
+    stage: Stage
+    where: Literal["drive", "mass", "shaft"]
+    parameters: tuple[Parameter, ...]
+    stamp: Stamp
+    law: Law | None = None
+    masses: int = 0
+    memory: bool = False

@@ -1,0 +1,35 @@
+"""Dead time between the command and its effect."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values
+
+
+def stamp(draft: Draft, place: int, values: Values) -> Draft:
+    """Shift the input (eq. 6): u(t - T_d), and u = u[0] before the recording begins."""
+    return replace(draft, dead_time=draft.dead_time + values["T_d"])
+
+
+EFFECT = Effect(
+    name="delay",
+    number=11,
+    title="Dead time",
+    about="Bus cycles and filters between command and torque. Half a sample of it may come from how the data was taken.",
+    equation="G(s) = exp(-T_d s)",
+    source="paper eq. (6)",
+    stage="delay",
+    where="drive",
+    parameters=(
+        Parameter(
+            "T_d",
+            Dimension(input=0, motion=0, time=1),
+            "dead time of the input",
+            bounds=lambda s: (0.0, 0.1 * s.duration),
+            start=lambda s: s.interval,
+            scale="linear",
+        ),
+    ),
+    stamp=stamp,
+)

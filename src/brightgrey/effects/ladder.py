@@ -1,0 +1,112 @@
+"""Masses in a row, coupled by springs and dampers: what the four multiple-mass effects share.
+
+Paper section 2.1 and eq. (1), (7), (8). The motor's torque and the sensor are at mass 1.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Scales, State, Values
+
+__all__ = ["ladder"]
+
+INERTIA = Dimension(input=1, motion=-1, time=2)
+STIFFNESS = Dimension(input=1, motion=-1, time=0)
+DAMPING = Dimension(input=1, motion=-1, time=1)
+POSITION = Dimension(input=0, motion=1, time=0)
+SPEED = Dimension(input=0, motion=1, time=-1)
+
+
+def slowest(scales: Scales) -> float:
+    """Lowest angular frequency in rad/s worth looking for: two periods in the recording."""
+    return 2.0 * np.pi * 2.0 / scales.duration
+
+
+def fastest(scales: Scales) -> float:
+    """Highest angular frequency in rad/s that samples can show: Nyquist's."""
+    return np.pi / scales.interval
+
+
+def inertia(i: int, masses: int) -> Parameter:
+    """Moment of inertia of mass i; alone it is the total inertia, else anything below about it."""
+    low = 0.2 if masses == 1 else 0.003
+    return Parameter(
+        f"J{i}",
+        INERTIA,
+        f"moment of inertia of mass {i} (mass, in a linear axis)",
+        bounds=lambda s: (low * s.inertia, 5.0 * s.inertia),
+        start=lambda s: s.inertia / masses,
+    )
+
+
+def stiffness(k: int, masses: int) -> Parameter:
+    """Spring constant of shaft k: resonances between two periods per recording and Nyquist's frequency."""
+    return Parameter(
+        f"c{k}",
+        STIFFNESS,
+        f"spring constant between mass {k} and {k + 1}",
+        bounds=lambda s: (0.01 * s.inertia * slowest(s) ** 2, 0.5 * s.inertia * fastest(s) ** 2),
+        start=lambda s: s.inertia / (2.0 * masses) * slowest(s) * fastest(s),
+    )
+
+
+def damping(k: int, masses: int) -> Parameter:
+    """Damper constant of shaft k: from a ringing of hundreds of periods to an overdamped shaft."""
+    return Parameter(
+        f"d{k}",
+        DAMPING,
+        f"damper constant between mass {k} and {k + 1}",
+        bounds=lambda s: (1e-4 * s.inertia * slowest(s), 0.5 * s.inertia * fastest(s)),
+        start=lambda s: 0.1 * s.inertia / (2.0 * masses) * np.sqrt(slowest(s) * fastest(s)),
+    )
+
+
+def _stamp(draft: Draft, masses: int, values: Values) -> Draft:
+    """Fill A and B of an empty draft by eq. (7) and (8); M is diagonal, C and D tridiagonal."""
+    J = [values[f"J{i + 1}"] for i in range(masses)]
+    batch = np.broadcast_shapes(*(np.shape(v) for v in values.values()))
+    A = np.zeros((2 * masses, 2 * masses, *batch))
+    B = np.zeros((2 * masses, masses, *batch))
+    for i in range(masses):
+        A[i, masses + i] = 1.0
+        B[masses + i, i] = 1.0 / J[i]
+    for k in range(masses - 1):
+        for block, constant in ((0, values[f"c{k + 1}"]), (masses, values[f"d{k + 1}"])):
+            for i, j in ((k, k + 1), (k + 1, k)):
+                A[masses + i, block + i] -= constant / J[i]
+                A[masses + i, block + j] += constant / J[i]
+    states = tuple(State(f"q{i + 1}", POSITION, "position") for i in range(masses))
+    states += tuple(State(f"v{i + 1}", SPEED, "speed") for i in range(masses))
+    return Draft(states, masses, A, B, draft.elements, draft.dead_time)
+
+
+def ladder(name: str, masses: int) -> Effect:
+    """Multiple-mass effect with `masses` masses."""
+
+    def stamp(draft: Draft, place: int, values: Values) -> Draft:
+        return _stamp(draft, masses, values)
+
+    shafts: Any = range(1, masses)
+    parameters = (
+        *(inertia(i, masses) for i in range(1, masses + 1)),
+        *(stiffness(k, masses) for k in shafts),
+        *(damping(k, masses) for k in shafts),
+    )
+    coupled = "" if masses == 1 else ", coupled in a row by springs and dampers"
+    return Effect(
+        name=name,
+        number=masses,
+        title=f"{name.split('_')[0].capitalize()}-mass system",
+        about=f"{masses} inert mass{'es' if masses > 1 else ''}{coupled}; motor and sensor at mass 1.",
+        equation="M q'' + D q' + C q = F" if masses > 1 else "J1 q'' = F",
+        source="paper eq. (1), (7), (8)",
+        stage="masses",
+        where="drive",
+        parameters=parameters,
+        stamp=stamp,
+        masses=masses,
+        memory=True,
+    )

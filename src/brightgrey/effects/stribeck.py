@@ -1,0 +1,73 @@
+"""Stribeck friction: more friction near standstill, fading as the lubricant film builds up."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brightgrey.effects.arithmetic import exp, magnitude, sign, tanh
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Parameter, Values
+
+
+def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+    """Torque and its slope over speed. |v| makes the law odd: without it (2) grows without limit for v < 0."""
+    M_S, omega_S, f_tanh = p
+    v = z[0]
+    side = tanh(f_tanh * v)
+    fading = M_S * exp(-magnitude(v) / omega_S)
+    slope = f_tanh * (1.0 - side * side) - side * sign(v) / omega_S
+    return -side * fading, (-fading * slope,)
+
+
+def gradient(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Derivatives by M_S, omega_S and f_tanh."""
+    M_S, omega_S, f_tanh = p
+    v = z[0]
+    side = tanh(f_tanh * v)
+    fading = exp(-magnitude(v) / omega_S)
+    return (
+        -side * fading,
+        -side * M_S * fading * magnitude(v) / (omega_S * omega_S),
+        -M_S * fading * v * (1.0 - side * side),
+    )
+
+
+LAW = Law(("M_S", "omega_S", "f_tanh"), value, gradient, odd=True, dissipative=True)
+
+
+def stamp(draft: Draft, place: int, values: Values) -> Draft:
+    """Torque on the mass at `place`, from its speed (eq. 11)."""
+    speed = draft.unit_row(f"v{place}")
+    return draft.with_element(f"stribeck@{place}", LAW, (speed,), draft.B[:, place - 1], values)
+
+
+EFFECT = Effect(
+    name="stribeck",
+    number=7,
+    title="Stribeck friction",
+    about=(
+        "Friction in excess of Coulomb's that fades with speed. Above max|v|/3 its speed omega_S makes it "
+        "Coulomb plus negative viscous friction, below about 5/f_tanh it is invisible."
+    ),
+    equation="M_F = -M_S tanh(f_tanh v) exp(-|v|/omega_S)",
+    source="paper eq. (2), (11), with |v|",
+    stage="friction",
+    where="mass",
+    parameters=(
+        Parameter(
+            "M_S",
+            Dimension(input=1, motion=0, time=0),
+            "Stribeck friction torque at standstill in excess of Coulomb's",
+            bounds=lambda s: (1e-4 * s.torque, 2.0 * s.torque),
+            start=lambda s: 0.3 * max(s.friction, 3e-2 * s.torque),
+        ),
+        Parameter(
+            "omega_S",
+            Dimension(input=0, motion=1, time=-1),
+            "speed at which Stribeck friction has faded to 1/e",
+            bounds=lambda s: (1e-3 * s.speed, s.speed),
+            start=lambda s: 0.1 * s.speed,
+        ),
+    ),
+    stamp=stamp,
+    law=LAW,
+)

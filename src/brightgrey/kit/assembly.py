@@ -1,0 +1,105 @@
+"""From structure and parameter values to the state-space form, in the paper's order of operations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, get_args
+
+import numpy as np
+
+from brightgrey.effects import Draft
+from brightgrey.effects.declaration import Stage
+from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.kit.statespace import StateSpace
+from brightgrey.kit.structure import Structure
+
+__all__ = ["OUTPUTS", "assemble"]
+
+OUTPUTS = ("position", "velocity", "acceleration")
+_STAGES: tuple[str, ...] = get_args(Stage)
+_SELECT_BEFORE = _STAGES.index("current control")
+
+
+def assemble(
+    structure: Structure,
+    values: Mapping[str, Any],
+    f_tanh: float,
+    outputs: Sequence[str] = ("velocity",),
+) -> StateSpace:
+    """Assemble the state space of `structure`.
+
+    Order of the paper's section 2.2: masses, friction, gravity, backlash, selection of actuator and sensors,
+    current control from the left, delay.
+
+    Parameters
+    ----------
+    structure : Structure
+        A legal structure; see :class:`brightgrey.kit.Grammar`.
+    values : mapping of str to float or ndarray of shape (K,)
+        Parameter values in SI units by name. Arrays give K systems at once.
+    f_tanh : float
+        Gain of eq. (2) in s/rad (s/m), fixed upfront.
+    outputs : sequence of str
+        ``position``, ``velocity``, ``acceleration`` of mass 1.
+
+    Returns
+    -------
+    StateSpace
+
+    Raises
+    ------
+    SettingsError
+        If a parameter is missing or unknown, or an output is none of the three.
+    """
+    names = list(structure.parameters)
+    for name in values:
+        if name not in structure.parameters:
+            raise SettingsError(unknown_name(f"parameter of '{structure}'", name, names))
+    missing = [name for name in names if name not in values]
+    if missing:
+        raise SettingsError(f"no value for parameter {', '.join(missing)} of '{structure}'")
+    for output in outputs:
+        if output not in OUTPUTS:
+            raise SettingsError(unknown_name("output", output, OUTPUTS))
+    arrays = dict(
+        zip(names, np.broadcast_arrays(*(np.asarray(values[n], float) for n in names)), strict=True)
+    )
+
+    draft = Draft()
+    for stage, placed in sorted(
+        ((_STAGES.index(p.effect.stage), p) for p in structure.placed), key=lambda pair: pair[0]
+    ):
+        if stage >= _SELECT_BEFORE:
+            draft = _select_actuator(draft)
+        own = {q.symbol: arrays[placed.parameter(q.symbol)] for q in placed.effect.parameters}
+        draft = placed.effect.stamp(draft, placed.place, {**own, "f_tanh": f_tanh})
+    return _select_sensors(_select_actuator(draft), outputs)
+
+
+def _select_actuator(draft: Draft) -> Draft:
+    """Input selection matrix: the only actuator is at mass 1. Done once, later calls change nothing."""
+    return replace(draft, B=draft.B[:, :1])
+
+
+def _select_sensors(draft: Draft, outputs: Sequence[str]) -> StateSpace:
+    """Output selection matrix: rows of x, or rows of x' for acceleration, at mass 1.
+
+    Reading acceleration off x' gives C, D and g of eq. (9), (10), (18) and of backlash step 5 at once, with
+    friction and gravity in them, which the paper's eq. (11) forgets.
+    """
+    n = len(draft.states)
+    C = np.zeros((len(outputs), n, *draft.batch))
+    D = np.zeros((len(outputs), 1, *draft.batch))
+    rows = []
+    for out, kind in enumerate(outputs):
+        if kind == "acceleration":
+            row = draft.index("v1")
+            C[out], D[out] = draft.A[row], draft.B[row]
+            rows.append(row)
+        else:
+            C[out] = draft.unit_row("q1" if kind == "position" else "v1")
+            rows.append(-1)
+    return StateSpace(
+        draft.A, draft.B, C, D, draft.elements, draft.dead_time, draft.states, tuple(outputs), tuple(rows)
+    )

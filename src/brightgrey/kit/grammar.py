@@ -1,0 +1,93 @@
+"""Which structures are legal: data, not code paths."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from brightgrey.effects import registry
+from brightgrey.errors import StructureError
+from brightgrey.kit.structure import Placed, Structure
+
+__all__ = ["PAPER", "Grammar"]
+
+
+@dataclass(frozen=True)
+class Grammar:
+    """Construction rules.
+
+    Beside the places listed here two rules hold for every grammar, because without them there is no system:
+    exactly one effect brings the masses, and an effect only stands at a mass or shaft that exists.
+
+    Attributes
+    ----------
+    name : str
+    places : mapping of str to tuple of int
+        Where each effect may stand, counted from the motor. An effect that is not listed is not in the
+        function set.
+    """
+
+    name: str
+    places: Mapping[str, tuple[int, ...]]
+
+    def reason_against(self, structure: Structure) -> str | None:
+        """Which rule `structure` breaks, as one sentence, or None if it is legal."""
+        ladders = [p.name for p in structure.placed if p.effect.masses]
+        if len(ladders) != 1:
+            came = " and ".join(ladders) if ladders else "none"
+            allowed = ", ".join(e.name for e in registry().values() if e.masses)
+            return f"a structure has exactly one of {allowed}; in '{structure}' there is {came}"
+        for placed in structure.placed:
+            if placed.name not in self.places:
+                return f"'{placed.name}' is not in the function set of grammar '{self.name}'"
+            if placed.place not in self.places[placed.name]:
+                allowed = ", ".join(str(place) for place in self.places[placed.name])
+                return f"'{placed}': grammar '{self.name}' allows '{placed.name}' at {placed.effect.where} {allowed}"
+            last = {"drive": 1, "mass": structure.masses, "shaft": structure.masses - 1}[placed.effect.where]
+            if placed.place > last:
+                what = f"no {placed.effect.where} {placed.place}"
+                return f"'{placed}' cannot stand in '{structure}': {ladders[0]} has {what}"
+        return None
+
+    def check(self, structure: Structure) -> Structure:
+        """Return `structure` if it is legal.
+
+        Raises
+        ------
+        StructureError
+            With the rule that it breaks.
+        """
+        reason = self.reason_against(structure)
+        if reason:
+            raise StructureError(reason)
+        return structure
+
+    def parse(self, text: str) -> Structure:
+        """Read a structure such as ``two_mass+coulomb`` and check it; raises StructureError."""
+        return self.check(Structure.parse(text))
+
+    def structures(self) -> Iterator[Structure]:
+        """All legal structures, those with fewer effects first."""
+        options = [Placed(name, place) for name, places in self.places.items() for place in places]
+        ladders = [p for p in options if p.effect.masses]
+        others = [p for p in options if not p.effect.masses]
+        for size in range(len(others) + 1):
+            for ladder in ladders:
+                for chosen in itertools.combinations(others, size):
+                    structure = Structure((ladder, *chosen))
+                    if self.reason_against(structure) is None:
+                        yield structure
+
+
+PAPER = Grammar(
+    "paper",
+    {
+        name: (1,)
+        for name in (
+            *("one_mass", "two_mass", "three_mass", "four_mass"),
+            *("coulomb", "viscous", "stribeck", "gravity", "backlash", "current_control", "delay"),
+        )
+    },
+)
+"""The paper's construction rules: 448 structures."""

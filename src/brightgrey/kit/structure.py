@@ -1,0 +1,105 @@
+"""Structure: which effects are in a model, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+from brightgrey.effects import Effect, Parameter, registry
+from brightgrey.errors import StructureError, unknown_name
+
+__all__ = ["Placed", "Structure"]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An effect at a place, counted from the motor. Written ``coulomb@2``; the paper's place 1 is omitted."""
+
+    name: str
+    place: int = 1
+
+    @property
+    def effect(self) -> Effect:
+        """Declaration of the effect."""
+        return registry()[self.name]
+
+    @classmethod
+    def parse(cls, text: str) -> Placed:
+        """Read ``name`` or ``name@place``.
+
+        Raises
+        ------
+        StructureError
+            For an unknown effect or a place that is not a whole number from 1.
+        """
+        name, at, place = text.strip().partition("@")
+        if name not in registry():
+            raise StructureError(unknown_name("effect", name, registry()))
+        if at and not (place.isdecimal() and int(place) >= 1):
+            raise StructureError(f"place '{place}' of effect '{name}' is not a whole number from 1")
+        return cls(name, int(place) if at else 1)
+
+    def parameter(self, symbol: str) -> str:
+        """Name of the effect's parameter `symbol` at this place, e.g. ``M_C@2``."""
+        return symbol if self.place == 1 else f"{symbol}@{self.place}"
+
+    def __str__(self) -> str:
+        return self.name if self.place == 1 else f"{self.name}@{self.place}"
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Set of placed effects, in the order of their numbers. Whether it is a legal one, a grammar says.
+
+    Attributes
+    ----------
+    placed : tuple of Placed
+        Sorted by effect number and place, without repetition.
+    """
+
+    placed: tuple[Placed, ...]
+
+    def __post_init__(self) -> None:
+        ordered = tuple(sorted(set(self.placed), key=lambda p: (p.effect.number, p.name, p.place)))
+        if len(ordered) != len(self.placed):
+            twice = sorted({str(p) for p in self.placed if self.placed.count(p) > 1})
+            raise StructureError(f"'{twice[0]}' stands more than once in the structure")
+        object.__setattr__(self, "placed", ordered)
+
+    @classmethod
+    def of(cls, names: Iterable[str]) -> Structure:
+        """Structure from names of placed effects."""
+        return cls(tuple(Placed.parse(name) for name in names))
+
+    @classmethod
+    def parse(cls, text: str) -> Structure:
+        """Read ``two_mass+coulomb+viscous``.
+
+        Raises
+        ------
+        StructureError
+            For unknown effects, wrong places or effects that are named twice.
+        """
+        return cls.of(text.split("+"))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the placed effects."""
+        return tuple(str(p) for p in self.placed)
+
+    @cached_property
+    def masses(self) -> int:
+        """Number of masses N."""
+        return sum(p.effect.masses for p in self.placed)
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Declarations of all parameters by their names in this structure."""
+        return MappingProxyType(
+            {placed.parameter(q.symbol): q for placed in self.placed for q in placed.effect.parameters}
+        )
+
+    def __str__(self) -> str:
+        return "+".join(self.names)
