@@ -1,0 +1,16 @@
+"""Independent solutions of high accuracy for every structure of the paper's grammar.
+
+They use neither the construction kit's assembly nor the effects' stamps and laws, so that they check these
+too, and they come by two methods that must agree. Meant for tests and benchmarks, not for estimation: they
+are hundreds of times slower than the kernel and know the paper's function set only.
+"""
+
+from brightgrey.simulation.reference.solution import (
+    Agreement,
+    Method,
+    UnsettledError,
+    agreement,
+    reference,
+)
+
+__all__ = ["Agreement", "Method", "UnsettledError", "agreement", "reference"]

@@ -1,0 +1,262 @@
+"""Reference, method 'fixed': classical Runge-Kutta with one fixed small step, compiled.
+
+The step divides every straight piece of the input, is halved until the solution no longer changes, and is
+split where the shaft leaves or meets a side of the backlash gap. In the gap the shaft carries no torque, so
+tau' = -(c/d) tau has the solution tau_0 exp(-(c/d) t), which is used as it stands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numba import njit
+
+from brightgrey.simulation.reference.plant import Array, Plant, Segments, Trajectory, difference
+
+__all__ = ["Fixed", "solve"]
+
+# Modes of the shaft with backlash. STIFF stands for no backlash, or a gap of no width.
+STIFF, FRONT, BACK, GAP = 0, 1, 2, 3
+# Per step: a shaft that chatters within rounding error must not stop the clock.
+SWITCHES = 12
+COARSEST, FINEST = 8e-6, 5e-8  # steps in s
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _compiled(function: F) -> F:
+    """Compile and keep on disk: nothing here depends on another file, so the cache cannot go stale."""
+    return cast(F, njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """Solution at the finest step.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+    change : float
+        Largest change by the last halving of the step, relative to the peak of position or velocity.
+    step : float
+        The finest step in s.
+    """
+
+    trajectory: Trajectory
+    change: float
+    step: float
+
+
+def _pack(plant: Plant) -> Array:
+    """Numbers for the compiled functions.
+
+    0: masses, f_v, M_C, M_S, 1/omega_S; 5: f_tanh, M_G, 1/T_1 or 0, 2 alpha; 10: 1/J; 14: c; 17: d.
+    """
+    p = np.zeros(20)
+    p[:7] = plant.masses, plant.f_v, plant.M_C, plant.M_S, 1.0 / plant.fading, plant.f_tanh, plant.M_G
+    p[7] = 0.0 if plant.T_1 is None else 1.0 / plant.T_1
+    p[8] = 2.0 * (plant.alpha or 0.0)
+    p[10 : 10 + plant.masses] = 1.0 / np.array(plant.J)
+    p[14 : 14 + len(plant.c)] = plant.c
+    p[17 : 17 + len(plant.d)] = plant.d
+    return p
+
+
+@_compiled
+def _slope(x: Array, mode: int, u: float, p: Array, out: Array) -> None:
+    """Newton's law for every mass; x = (q, v, T), p as packed by :func:`_pack`."""
+    n = int(p[0])
+    v1 = x[n]
+    torque = u
+    if p[7] > 0.0:
+        torque = x[2 * n]
+        out[2 * n] = (u - torque) * p[7]
+    torque += p[6] - p[1] * v1
+    if p[2] != 0.0 or p[3] != 0.0:
+        torque -= math.tanh(p[5] * v1) * (p[2] + p[3] * math.exp(-abs(v1) * p[4]))
+    for i in range(n):
+        out[i] = x[n + i]
+        shaft = 0.0
+        if i + 1 < n and not (i == 0 and mode == GAP):
+            twist = x[i] - x[i + 1]
+            if i == 0 and mode == BACK:
+                twist += p[8]
+            shaft = p[14 + i] * twist + p[17 + i] * (x[n + i] - x[n + i + 1])
+        out[n + i] = (torque - shaft) * p[10 + i]
+        torque = shaft
+
+
+@_compiled
+def _rk4(x: Array, mode: int, h: float, u: float, du: float, p: Array, w: Array, out: Array) -> None:
+    """One step of length h from x to out; the input is u + du t. `w` is room for slopes."""
+    m = len(x)
+    _slope(x, mode, u, p, w[0])
+    for i in range(m):
+        w[4, i] = x[i] + 0.5 * h * w[0, i]
+    _slope(w[4], mode, u + 0.5 * h * du, p, w[1])
+    for i in range(m):
+        w[4, i] = x[i] + 0.5 * h * w[1, i]
+    _slope(w[4], mode, u + 0.5 * h * du, p, w[2])
+    for i in range(m):
+        w[4, i] = x[i] + h * w[2, i]
+    _slope(w[4], mode, u + h * du, p, w[3])
+    for i in range(m):
+        out[i] = x[i] + h / 6.0 * (w[0, i] + 2.0 * (w[1, i] + w[2, i]) + w[3, i])
+
+
+@_compiled
+def _guard(x: Array, mode: int, tau: float, p: Array) -> float:
+    """Not negative while the mode lasts: torque in contact, distance to the nearer side in the gap."""
+    n = int(p[0])
+    twist, rate = x[0] - x[1], x[n] - x[n + 1]
+    if mode == FRONT:
+        return float(p[14] * twist + p[17] * rate)
+    if mode == BACK:
+        return float(-p[14] * (twist + p[8]) - p[17] * rate)
+    return float(min(tau - twist, twist - tau + p[8]))
+
+
+@_compiled
+def _relaxed(mode: int, tau: float, t: float, p: Array) -> float:
+    """Tau after the time t, in the gap; it is of no use in contact."""
+    return tau * math.exp(-p[14] / p[17] * t) if mode == GAP else 0.0
+
+
+@_compiled
+def _until(
+    x: Array, mode: int, tau: float, h: float, u: float, du: float, p: Array, w: Array, out: Array
+) -> float:
+    """Time in [0, h] at which the guard passes zero (Illinois rule), with the state of that time in `out`."""
+    a, ga = 0.0, _guard(x, mode, tau, p)
+    b, gb = h, _guard(out, mode, _relaxed(mode, tau, h, p), p)
+    if ga <= 0.0:
+        out[:] = x
+        return 0.0
+    last = 0
+    for _ in range(100):
+        t = b - gb * (b - a) / (gb - ga)
+        if not a < t < b:
+            t = 0.5 * (a + b)
+        _rk4(x, mode, t, u, du, p, w, out)
+        g = _guard(out, mode, _relaxed(mode, tau, t, p), p)
+        if g < 0.0:
+            b, gb = t, g
+            ga *= 0.5 if last == 1 else 1.0
+            last = 1
+        else:
+            a, ga = t, g
+            gb *= 0.5 if last == 2 else 1.0
+            last = 2
+        if b - a <= 1e-12 * h or g == 0.0:
+            break
+    _rk4(x, mode, b, u, du, p, w, out)
+    return b
+
+
+@_compiled
+def _run(
+    x: Array,
+    mode: int,
+    tau: float,
+    p: Array,
+    length: Array,
+    start: Array,
+    end: Array,
+    sample: Any,
+    step: float,
+    states: Array,
+    modes: Any,
+    taus: Array,
+) -> None:
+    """Integrate over all pieces; write state, mode and tau at every sample."""
+    w = np.zeros((5, len(x)))
+    out = np.zeros(len(x))
+    states[0], modes[0], taus[0] = x, mode, tau
+    for piece in range(len(length)):
+        count = max(1, math.ceil(length[piece] / step - 1e-9))
+        h = length[piece] / count
+        du = (end[piece] - start[piece]) / length[piece]
+        for j in range(count):
+            done = 0.0
+            for attempt in range(SWITCHES):
+                left = h - done
+                u = start[piece] + du * (j * h + done)
+                _rk4(x, mode, left, u, du, p, w, out)
+                relaxed = _relaxed(mode, tau, left, p)
+                if mode == STIFF or attempt == SWITCHES - 1 or _guard(out, mode, relaxed, p) >= 0.0:
+                    x[:] = out
+                    tau = relaxed
+                    break
+                t = _until(x, mode, tau, left, u, du, p, w, out)
+                x[:] = out
+                done += t
+                twist = x[0] - x[1]
+                if mode == GAP:
+                    mode = FRONT if twist - _relaxed(mode, tau, t, p) > -0.5 * p[8] else BACK
+                    tau = 0.0
+                else:
+                    tau = twist if mode == FRONT else twist + p[8]
+                    mode = GAP
+        if sample[piece] >= 0:
+            states[sample[piece]], modes[sample[piece]], taus[sample[piece]] = x, mode, tau
+
+
+@_compiled
+def _accelerations(states: Array, modes: Any, u: Array, p: Array, acceleration: Array) -> None:
+    """Acceleration of mass 1 at every sample, from the right-hand side."""
+    out = np.zeros(states.shape[1])
+    for k in range(len(states)):
+        _slope(states[k], modes[k], u[k], p, out)
+        acceleration[k] = out[int(p[0])]
+
+
+def _begin(plant: Plant, x: Array) -> tuple[Array, int, float]:
+    """Split the initial state into (q, v, T), mode and tau."""
+    n = plant.masses
+    if plant.alpha is None:
+        return x, STIFF, 0.0
+    gap, rest = float(x[2 * n]), np.delete(x, 2 * n)
+    if plant.alpha == 0.0:
+        return rest, STIFF, 0.0
+    tau = float(x[0] - x[1]) - gap
+    pressing = plant.c[0] * tau + plant.d[0] * float(x[n] - x[n + 1])
+    if gap == 0.0 and pressing >= 0.0:
+        return rest, FRONT, 0.0
+    if gap == -2.0 * plant.alpha and pressing <= 0.0:
+        return rest, BACK, 0.0
+    return rest, GAP, tau
+
+
+def _integrate(plant: Plant, segments: Segments, x0: Array, step: float) -> Trajectory:
+    """One run with the given step."""
+    p = _pack(plant)
+    x, mode, tau = _begin(plant, x0)
+    samples = len(segments.at_sample)
+    states, taus = np.zeros((samples, len(x))), np.zeros(samples)
+    modes = np.zeros(samples, dtype=np.int64)
+    s = segments
+    _run(x.copy(), mode, tau, p, s.length, s.start, s.end, s.sample, step, states, modes, taus)
+    acceleration = np.zeros(samples)
+    _accelerations(states, modes, s.at_sample, p, acceleration)
+    if plant.alpha is not None:
+        gap = np.where(modes == BACK, -p[8], 0.0)
+        gap = np.where(modes == GAP, states[:, 0] - states[:, 1] - taus, gap)
+        states = np.insert(states, 2 * plant.masses, gap, axis=1)
+    return Trajectory(plant.state_names, states.T, acceleration)
+
+
+def solve(plant: Plant, segments: Segments, x0: Array, tolerance: float) -> Fixed:
+    """Halve the step until position and velocity of mass 1 change by less than `tolerance` of their peaks."""
+    step = min(COARSEST, 0.5 / plant.fastest_rate)
+    coarse = _integrate(plant, segments, x0, step)
+    while True:
+        step *= 0.5
+        fine = _integrate(plant, segments, x0, step)
+        change = max(difference(kind, fine, coarse) for kind in ("position", "velocity"))
+        if change <= tolerance or step <= FINEST:
+            return Fixed(fine, change, step)
+        coarse = fine

@@ -1,0 +1,288 @@
+"""What the reference solvers integrate: the numbers of one drive train, and its input cut at its knots.
+
+Written from the physics and independent of the effects' stamps and laws on purpose: this is what they are
+checked against. It is therefore the one place beside the effects that knows the function set by name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.errors import SettingsError, StructureError, unknown_name
+
+__all__ = ["Array", "Hold", "Plant", "Segments", "Trajectory", "cut", "difference"]
+
+Array = NDArray[np.float64]
+Hold = Literal["linear", "zoh"]
+
+_MASSES = {"one_mass": 1, "two_mass": 2, "three_mass": 3, "four_mass": 4}
+_PARAMETERS = {
+    "coulomb": ("M_C",),
+    "viscous": ("f_v",),
+    "stribeck": ("M_S", "omega_S"),
+    "gravity": ("M_G",),
+    "backlash": ("alpha",),
+    "current_control": ("T_1",),
+    "delay": ("T_d",),
+}
+_POSITIVE = ("J", "omega_S", "T_1")
+_NOT_NEGATIVE = ("c", "d", "alpha", "T_d")
+
+
+@dataclass(frozen=True)
+class Plant:
+    """Numbers of a drive train, SI units. An effect that is absent has its neutral value.
+
+    Attributes
+    ----------
+    J : tuple of float
+        Moments of inertia, motor first, kg m² (kg).
+    c, d : tuple of float
+        Spring (N m/rad) and damper constants (N m s/rad) of the shafts.
+    f_v, M_C, M_S, fading, M_G : float
+        Friction of eq. (2), `fading` being omega_S, and constant torque, at mass 1.
+    f_tanh : float
+        Gain of eq. (2), s/rad.
+    alpha : float or None
+        Half the gap between mass 1 and 2 in rad; None without backlash.
+    T_1 : float or None
+        Reset time of the current loop in s; None without it.
+    T_d : float
+        Dead time of the input in s.
+    """
+
+    J: tuple[float, ...]
+    c: tuple[float, ...]
+    d: tuple[float, ...]
+    f_v: float
+    M_C: float
+    M_S: float
+    fading: float
+    M_G: float
+    f_tanh: float
+    alpha: float | None
+    T_1: float | None
+    T_d: float
+
+    @property
+    def masses(self) -> int:
+        """Number of masses N."""
+        return len(self.J)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """q1.., v1.., lambda1, T: the order of :mod:`brightgrey.kit`."""
+        numbers = range(1, self.masses + 1)
+        names = [f"q{i}" for i in numbers] + [f"v{i}" for i in numbers]
+        names += ["lambda1"] if self.alpha is not None else []
+        names += ["T"] if self.T_1 is not None else []
+        return tuple(names)
+
+    @property
+    def fastest_rate(self) -> float:
+        """Upper estimate of the fastest rate in 1/s that is met; the gap's own c/d is solved exactly."""
+        friction = (self.f_tanh * (abs(self.M_C) + abs(self.M_S)) + abs(self.f_v)) / self.J[0]
+        shafts = 0.0
+        for k, (c, d) in enumerate(zip(self.c, self.d, strict=True)):
+            lightness = 1.0 / self.J[k] + 1.0 / self.J[k + 1]
+            shafts = max(shafts, 2.0 * d * lightness, math.sqrt(2.0 * c * lightness))
+        return max(friction, shafts, 1.0 / self.T_1 if self.T_1 is not None else 0.0)
+
+    @classmethod
+    def of(cls, structure: str, values: Mapping[str, float], f_tanh: float) -> Plant:
+        """Read a structure such as ``two_mass+coulomb`` and its parameter values.
+
+        Raises
+        ------
+        StructureError
+            For an unknown effect, or not exactly one multiple-mass system.
+        SettingsError
+            For a missing or unknown parameter, or a value that is not physical.
+        """
+        names = structure.split("+")
+        known = (*_MASSES, *_PARAMETERS)
+        for name in names:
+            if name not in known:
+                raise StructureError(unknown_name("effect", name, known))
+        ladders = [name for name in names if name in _MASSES]
+        if len(ladders) != 1 or len(set(names)) != len(names):
+            raise StructureError(f"'{structure}': exactly one of {', '.join(_MASSES)}, and no effect twice")
+        n = _MASSES[ladders[0]]
+        if n == 1 and "backlash" in names:
+            raise StructureError(f"'{structure}': backlash stands between mass 1 and 2, there is one mass")
+        symbols = [f"J{i + 1}" for i in range(n)]
+        symbols += [f"{s}{k + 1}" for s in "cd" for k in range(n - 1)]
+        symbols += [p for name in names for p in _PARAMETERS.get(name, ())]
+        _check(structure, symbols, values, f_tanh)
+        has = set(symbols)
+        if "alpha" in has and not values["d1"] > 0.0:
+            raise SettingsError("d1 must be positive with backlash: the gap relaxes with c/d")
+
+        def optional(symbol: str, neutral: float = 0.0) -> float:
+            return float(values[symbol]) if symbol in has else neutral
+
+        return cls(
+            J=tuple(float(values[f"J{i + 1}"]) for i in range(n)),
+            c=tuple(float(values[f"c{k + 1}"]) for k in range(n - 1)),
+            d=tuple(float(values[f"d{k + 1}"]) for k in range(n - 1)),
+            f_v=optional("f_v"),
+            M_C=optional("M_C"),
+            M_S=optional("M_S"),
+            fading=optional("omega_S", 1.0),
+            M_G=optional("M_G"),
+            f_tanh=float(f_tanh),
+            alpha=optional("alpha") if "alpha" in has else None,
+            T_1=optional("T_1") if "T_1" in has else None,
+            T_d=optional("T_d"),
+        )
+
+    def initial(self, x0: Array | None, u_first: float) -> Array:
+        """Return `x0` checked, or standstill at 0 with lambda = 0 and T = u[0]. Raises SettingsError."""
+        names = self.state_names
+        if x0 is None:
+            return np.array([u_first if name == "T" else 0.0 for name in names])
+        x = np.array(x0, dtype=float)
+        if x.shape != (len(names),) or not np.all(np.isfinite(x)):
+            raise SettingsError(f"x0 must hold {len(names)} finite numbers: {', '.join(names)}")
+        if self.alpha is not None:
+            gap = x[2 * self.masses]
+            if not -2.0 * self.alpha <= gap <= 0.0:
+                raise SettingsError(f"lambda1 = {gap:g} lies outside of the gap [{-2.0 * self.alpha:g}, 0]")
+        return x
+
+
+def _check(structure: str, symbols: list[str], values: Mapping[str, float], f_tanh: float) -> None:
+    """Names complete and known, values physical."""
+    for symbol in values:
+        if symbol not in symbols:
+            raise SettingsError(unknown_name(f"parameter of '{structure}'", symbol, symbols))
+    missing = [symbol for symbol in symbols if symbol not in values]
+    if missing:
+        raise SettingsError(f"no value for parameter {', '.join(missing)} of '{structure}'")
+    for symbol in symbols:
+        value, kind = float(values[symbol]), symbol.rstrip("1234") if symbol[0] in "Jcd" else symbol
+        wrong = not math.isfinite(value)
+        wrong |= kind in _POSITIVE and not value > 0.0
+        wrong |= kind in _NOT_NEGATIVE and not value >= 0.0
+        if wrong:
+            raise SettingsError(f"{symbol} = {value:g} is not physical")
+    if not (math.isfinite(f_tanh) and f_tanh > 0.0):
+        raise SettingsError(f"f_tanh = {f_tanh:g} must be a positive number")
+
+
+@dataclass(frozen=True)
+class Segments:
+    """The delayed input as straight pieces, cut at the samples and where the delayed samples fall.
+
+    Attributes
+    ----------
+    length : ndarray, shape (pieces,)
+        Duration of each piece in s.
+    start, end : ndarray, shape (pieces,)
+        Input at the beginning of the piece (right limit) and at its end (left limit).
+    sample : ndarray of int, shape (pieces,)
+        Index of the sample at which the piece ends, or -1.
+    at_sample : ndarray, shape (samples,)
+        Delayed input at the samples (right limit), as an acceleration output sees it.
+    """
+
+    length: Array
+    start: Array
+    end: Array
+    sample: NDArray[np.int64]
+    at_sample: Array
+
+
+def cut(u: Array, dt: float, T_d: float, hold: Hold) -> Segments:
+    """Cut the input, delayed by `T_d`, into pieces on which it is a straight line.
+
+    Before the first sample the input is u[0]. A dead time closer than 1e-9 samples to a whole number is one.
+
+    Raises
+    ------
+    SettingsError
+        For an input that is not a row of at least two finite numbers, a `dt` that is not positive, or an
+        unknown `hold`.
+    """
+    u = np.asarray(u, dtype=float)
+    if u.ndim != 1 or len(u) < 2 or not np.all(np.isfinite(u)):
+        raise SettingsError("the input must be a row of at least two finite numbers")
+    if not (math.isfinite(dt) and dt > 0.0):
+        raise SettingsError(f"dt = {dt:g} must be a positive number of seconds")
+    if hold not in ("linear", "zoh"):
+        raise SettingsError(unknown_name("hold", str(hold), ("linear", "zoh")))
+    whole = round(T_d / dt)
+    if abs(T_d / dt - whole) < 1e-9:
+        part = 0.0
+    else:
+        whole = math.floor(T_d / dt)
+        part = T_d / dt - whole
+
+    intervals = len(u) - 1
+    k = np.arange(intervals)
+    now = u[np.clip(k - whole, 0, None)]
+    after = u[np.clip(k - whole + 1, 0, None)]
+    if part == 0.0:
+        end = after if hold == "linear" else now
+        last = u[max(intervals - whole, 0)]
+        return Segments(np.full(intervals, dt), now, end, k + 1, np.append(now, last))
+    # Piece one of each interval still belongs to the input interval before, piece two to the next.
+    before = u[np.clip(k - whole - 1, 0, None)]
+    if hold == "linear":
+        first = before + (now - before) * (1.0 - part)
+        final = now + (after - now) * (1.0 - part)
+        start, end = np.stack([first, now], axis=1), np.stack([now, final], axis=1)
+    else:
+        start = end = np.stack([before, now], axis=1)
+    length = np.tile([part * dt, (1.0 - part) * dt], intervals)
+    sample = np.stack([np.full(intervals, -1), k + 1], axis=1)
+    at_sample = np.append(start[:, 0], end[-1, 1])
+    return Segments(length, start.ravel(), end.ravel(), sample.ravel(), at_sample)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Motion at the samples.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the states.
+    states : ndarray, shape (states, samples)
+    acceleration : ndarray, shape (samples,)
+        Of mass 1.
+    """
+
+    names: tuple[str, ...]
+    states: Array
+    acceleration: Array
+
+    def output(self, kind: str) -> Array:
+        """``position``, ``velocity``, ``acceleration`` of mass 1, or any state by name; shape (samples,)."""
+        if kind == "acceleration":
+            return self.acceleration
+        name = {"position": "q1", "velocity": "v1"}.get(kind, kind)
+        if name not in self.names:
+            allowed = ("position", "velocity", "acceleration", *self.names)
+            raise SettingsError(unknown_name("output", kind, allowed))
+        return np.asarray(self.states[self.names.index(name)])
+
+
+def difference(kind: str, one: Trajectory, other: Trajectory) -> float:
+    """Largest difference of an output relative to its peak; acceleration, which jumps at contacts, by RMS."""
+    y, z = one.output(kind), other.output(kind)
+    if not (np.all(np.isfinite(y)) and np.all(np.isfinite(z))):
+        return math.inf
+    if kind == "acceleration":
+        size, apart = float(np.sqrt(np.mean(y**2))), float(np.sqrt(np.mean((y - z) ** 2)))
+    else:
+        size, apart = float(np.max(np.abs(y))), float(np.max(np.abs(y - z)))
+    if apart == 0.0:
+        return 0.0
+    return apart / size if size > 0.0 else math.inf
