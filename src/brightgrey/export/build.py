@@ -1,0 +1,141 @@
+"""From a fit, which is in SI, to the model that people keep, which is in their recording's units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from brightgrey import __version__
+from brightgrey.estimation import Estimate, Fit
+from brightgrey.export.model import PER_SPEED, SCHEMA, SPEED, Model
+from brightgrey.export.parts import (
+    CriterionPart,
+    FitPart,
+    InitialPart,
+    OutcomePart,
+    OutputFitPart,
+    ParameterPart,
+    SettingsPart,
+    SignalPart,
+    ValuePart,
+)
+from brightgrey.kit import assemble
+from brightgrey.recordings import Recording, Units
+
+__all__ = ["model_of"]
+
+
+def model_of(
+    fit: Fit,
+    recordings: Sequence[Recording],
+    *,
+    train: Mapping[str, OutputFitPart],
+    test: Mapping[str, OutputFitPart] | None,
+    criterion: CriterionPart | None,
+    fixed: Mapping[str, float],
+    seed: int,
+) -> Model:
+    """Model of a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        In SI units.
+    recordings : sequence of Recording
+        What was fitted; the first one's units are the model's.
+    train, test : mapping of str to OutputFitPart
+        Fit by output name, in the outputs' units.
+    criterion : CriterionPart or None
+    fixed : mapping of str to float
+        Parameters that were not estimated, in SI.
+    seed : int
+
+    Returns
+    -------
+    Model
+    """
+    units = recordings[0].units
+    declared = fit.structure.parameters
+    factors = {name: units.of(parameter.dimension)[1] for name, parameter in declared.items()}
+    return Model(
+        schema=SCHEMA,
+        structure=fit.structure.names,
+        parameters={
+            name: _parameter(fit.estimates[name], *units.of(parameter.dimension))
+            for name, parameter in declared.items()
+        },
+        signals=_signals(recordings[0]),
+        settings=_settings(fit, recordings[0], factors, fixed),
+        initial_state=_initial_states(fit, recordings, units),
+        fit=FitPart(train=train, test=test),
+        criterion=criterion,
+        evidence=None,
+        ties=None,
+        outcome=OutcomePart(kind=fit.outcome.kind, text=fit.outcome.text),
+        seed=seed,
+        version=__version__,
+    )
+
+
+def _parameter(estimate: Estimate, unit: str, factor: float) -> ParameterPart:
+    """One estimate in shown units; what is not finite cannot be said."""
+    low, high = (factor * limit for limit in estimate.ci95)
+    std = factor * estimate.std
+    return ParameterPart(
+        value=factor * estimate.value,
+        unit=unit,
+        std=std if math.isfinite(std) else None,
+        ci95=(low, high) if math.isfinite(low) and math.isfinite(high) else None,
+        at_bound=estimate.at_bound,
+    )
+
+
+def _signals(recording: Recording) -> tuple[SignalPart, ...]:
+    return tuple(
+        SignalPart(
+            name=signal.name,
+            kind=signal.kind,
+            unit=signal.unit,
+            gain=signal.gain,
+            sampling_time=recording.dt,
+            hold=recording.hold,
+        )
+        for signal in (recording.input, *recording.outputs)
+    )
+
+
+def _settings(
+    fit: Fit, recording: Recording, factors: Mapping[str, float], fixed: Mapping[str, float]
+) -> SettingsPart:
+    speed_unit, speed = recording.units.of(SPEED)
+    gain_unit, gain = recording.units.of(PER_SPEED)
+    s = fit.settings
+    return SettingsPart(
+        f_tanh=s.f_tanh * gain,
+        f_tanh_unit=gain_unit,
+        speed_scale=s.speed_scale * speed,
+        speed_scale_unit=speed_unit,
+        level=s.level,
+        substeps=s.substeps,
+        hold=s.hold,
+        sampling_time=recording.dt,
+        bounds={
+            name: (factors[name] * low, factors[name] * high)
+            for name, (low, high) in fit.bounds.items()
+            if name not in fixed
+        },
+        fixed={name: factors[name] * value for name, value in fixed.items()},
+    )
+
+
+def _initial_states(fit: Fit, recordings: Sequence[Recording], units: Units) -> tuple[InitialPart, ...]:
+    values = {name: estimate.value for name, estimate in fit.estimates.items()}
+    states = {s.name: s for s in assemble(fit.structure, values, fit.settings.f_tanh).states}
+    out = []
+    for recording, initial in zip(recordings, fit.initial_states, strict=True):
+        shown = {}
+        for name, value in initial.items():
+            unit, factor = units.of(states[name].dimension)
+            shown[name] = ValuePart(value=factor * value, unit=unit)
+        out.append(InitialPart(recording=recording.name, state=shown))
+    return tuple(out)

@@ -1,0 +1,222 @@
+"""The identified model as it is kept: model.json, schema ``brightgrey/model/1``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import ConfigDict, Field, ValidationError
+
+from brightgrey.effects import Dimension
+from brightgrey.errors import BrightgreyError, SettingsError, nearest, unknown_name
+from brightgrey.export.files import write_file
+from brightgrey.export.parts import (
+    CriterionPart,
+    FitPart,
+    InitialPart,
+    OutcomePart,
+    ParameterPart,
+    Part,
+    SettingsPart,
+    SignalPart,
+    TiesPart,
+    Verdict,
+)
+from brightgrey.kit import PAPER, Structure
+from brightgrey.recordings import Signal
+from brightgrey.recordings.unit_text import parse_unit
+from brightgrey.recordings.units import Units, motion_unit
+from brightgrey.simulation import Settings
+
+__all__ = ["PER_SPEED", "SCHEMA", "SPEED", "Model"]
+
+SCHEMA: Literal["brightgrey/model/1"] = "brightgrey/model/1"
+SPEED = Dimension(input=0, motion=1, time=-1)
+PER_SPEED = Dimension(input=0, motion=-1, time=1)
+
+
+class Model(Part):
+    """An identified model: structure, parameters with uncertainty, and all that simulating again needs.
+
+    Numbers stand in the recording's units, as in the file; :meth:`values_si` and :meth:`settings_si` give
+    what the simulation takes. docs/model-json.md describes every field.
+
+    Examples
+    --------
+    >>> model = Model.load("out/model.json")  # doctest: +SKIP
+    >>> model.parameters["J1"].value, model.parameters["J1"].unit  # doctest: +SKIP
+    (0.00126, 'kg m²')
+    """
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    schema_version: Literal["brightgrey/model/1"] = Field(alias="schema")
+    effects: tuple[str, ...] = Field(alias="structure")
+    parameters: Mapping[str, ParameterPart]
+    signals: tuple[SignalPart, ...]
+    settings: SettingsPart
+    initial_state: tuple[InitialPart, ...]
+    fit: FitPart
+    criterion: CriterionPart | None
+    evidence: Mapping[str, Verdict] | None
+    ties: TiesPart | None
+    outcome: OutcomePart
+    seed: int
+    version: str
+
+    @cached_property
+    def structure(self) -> Structure:
+        """Which effects are in the model, and where."""
+        return Structure.of(self.effects)
+
+    @cached_property
+    def units(self) -> Units:
+        """Units of the recording; ``units.of(dimension)`` gives the text and shown value over SI value."""
+        return Units(self.input.unit, motion_unit(parse_unit(self.outputs[0].unit)))
+
+    @property
+    def input(self) -> Signal:
+        """The input column, as the recording was read."""
+        return _signal(self.signals[0])
+
+    @property
+    def outputs(self) -> tuple[Signal, ...]:
+        """The output columns, as the recording was read."""
+        return tuple(_signal(part) for part in self.signals[1:])
+
+    def values_si(self) -> dict[str, float]:
+        """Parameter values in SI units by name."""
+        return {
+            name: self.parameters[name].value / self.units.of(declared.dimension)[1]
+            for name, declared in self.structure.parameters.items()
+        }
+
+    def settings_si(self) -> Settings:
+        """Give the simulation settings in SI units."""
+        s = self.settings
+        speed = self.units.of(SPEED)[1]
+        return Settings(
+            f_tanh=s.f_tanh * speed,
+            speed_scale=s.speed_scale / speed,
+            level=s.level,
+            hold=s.hold,
+            substeps=s.substeps,
+        )
+
+    def text(self) -> str:
+        """Text of model.json: the same model gives the same bytes, floats read back exactly."""
+        return json.dumps(self.model_dump(mode="json"), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def save(self, path: str | Path) -> None:
+        """Write model.json to `path`, whole or not at all."""
+        write_file(path, self.text().encode())
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read and check model.json.
+
+        Raises
+        ------
+        SettingsError
+            If the file cannot be read or is not JSON, or a field is missing, unknown or wrong.
+        """
+        file = Path(path)
+        try:
+            data = json.loads(file.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+        except FileNotFoundError:
+            raise SettingsError(f"no model file '{path}'") from None
+        except OSError as error:
+            raise SettingsError(f"cannot read model file '{path}': {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise SettingsError(f"model file '{path}' is not text; a model.json is wanted") from None
+        except json.JSONDecodeError as error:
+            place = f"line {error.lineno} column {error.colno}"
+            raise SettingsError(f"model file '{path}' is not JSON: {error.msg} at {place}") from None
+        except ValueError as error:  # parse_constant
+            raise SettingsError(f"model file '{path}': {error}") from None
+        try:
+            return cls.check(data)
+        except BrightgreyError as error:
+            raise SettingsError(f"model file '{path}': {error}") from None
+
+    @classmethod
+    def check(cls, data: Any) -> Self:
+        """Model from the content of a model.json.
+
+        Raises
+        ------
+        SettingsError
+            With the first field that is missing, unknown or wrong.
+        """
+        if not isinstance(data, dict):
+            raise SettingsError(f"a JSON object is wanted, this is a {type(data).__name__}")
+        schema = data.get("schema")
+        if schema != SCHEMA:
+            came = f"schema is '{schema}'" if schema else "there is no field 'schema'"
+            raise SettingsError(f"{came}; this version reads '{SCHEMA}'")
+        try:
+            model = cls.model_validate(data)
+        except ValidationError as error:
+            raise SettingsError(_first_problem(error, cls)) from None
+        _check_consistent(model)
+        return model
+
+
+def _signal(part: SignalPart) -> Signal:
+    return Signal(name=part.name, kind=part.kind, unit=part.unit, gain=part.gain, unit_given=True)
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is not a number; null is written where nothing can be said")
+
+
+def _first_problem(error: ValidationError, cls: type[Part]) -> str:
+    """Pydantic's first finding as one line: field, what is wrong, the nearest right name."""
+    found = error.errors(include_url=False)[0]
+    place = ".".join(str(step) for step in found["loc"])
+    if found["type"] == "extra_forbidden" and len(found["loc"]) == 1:
+        guess = nearest(place, (field.alias or name for name, field in cls.model_fields.items()))
+        hint = f"; did you mean '{guess}'?" if guess else ""
+        return f"unknown field '{place}'{hint}"
+    if found["type"] == "extra_forbidden":
+        return f"unknown field '{place}'"
+    if found["type"] == "missing":
+        return f"field '{place}' is missing"
+    came = found["input"]
+    shown = f", this is {came!r}" if isinstance(came, str | int | float | bool) else ""
+    return f"field '{place}': {found['msg'][0].lower()}{found['msg'][1:]}{shown}"
+
+
+def _check_consistent(model: Model) -> None:
+    """Refuse parts that do not fit each other: structure, parameters, signals and units."""
+    try:
+        declared = PAPER.check(model.structure).parameters
+    except BrightgreyError as error:
+        raise SettingsError(f"field 'structure': {error}") from None
+    for name in model.parameters:
+        if name not in declared:
+            raise SettingsError(f"field 'parameters': {unknown_name('parameter', name, declared)}")
+    for name in declared:
+        if name not in model.parameters:
+            raise SettingsError(f"field 'parameters.{name}' is missing; '{model.structure}' needs it")
+    kinds = [part.kind for part in model.signals]
+    if len(kinds) < 2 or kinds[0] != "input" or "input" in kinds[1:]:
+        raise SettingsError("field 'signals': the input comes first, then at least one output")
+    wanted = {f"parameters.{name}.unit": parameter.dimension for name, parameter in declared.items()}
+    came = {f"parameters.{name}.unit": part.unit for name, part in model.parameters.items()}
+    wanted |= {"settings.f_tanh_unit": PER_SPEED, "settings.speed_scale_unit": SPEED}
+    came |= {
+        "settings.f_tanh_unit": model.settings.f_tanh_unit,
+        "settings.speed_scale_unit": model.settings.speed_scale_unit,
+    }
+    for field, dimension in wanted.items():
+        unit, _ = model.units.of(dimension)
+        if came[field] != unit:
+            raise SettingsError(f"field '{field}' is '{came[field]}'; the signals' units make it '{unit}'")
+    try:
+        model.settings_si()
+    except BrightgreyError as error:
+        raise SettingsError(f"field 'settings': {error}") from None

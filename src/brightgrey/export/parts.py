@@ -1,0 +1,122 @@
+"""Parts of model.json, one class per object in it (docs/model-json.md is the page for readers)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+__all__ = [
+    "CriterionPart",
+    "FitPart",
+    "InitialPart",
+    "OutcomePart",
+    "OutputFitPart",
+    "ParameterPart",
+    "Part",
+    "SettingsPart",
+    "SignalPart",
+    "TiesPart",
+    "ValuePart",
+]
+
+Verdict = Literal["needed", "not needed", "not decidable"]
+
+
+class Part(BaseModel):
+    """Frozen, strict about names, and free of NaN: what model.json cannot say is null."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class ValuePart(Part):
+    """A number with its unit."""
+
+    value: float
+    unit: str
+
+
+class ParameterPart(Part):
+    """One parameter; std and ci95 are null where nothing can be said, at_bound is null inside the bounds."""
+
+    value: float
+    unit: str
+    std: float | None
+    ci95: tuple[float, float] | None
+    at_bound: Literal["low", "high"] | None
+
+
+class SignalPart(Part):
+    """A column of the recording. Recorded value times `gain` stands in `unit`; sampling_time in s."""
+
+    name: str
+    kind: str
+    unit: str
+    gain: float
+    sampling_time: float
+    hold: Literal["linear", "zoh"]
+
+
+class SettingsPart(Part):
+    """What besides structure, parameters and input is needed to simulate (and to estimate) again.
+
+    f_tanh and speed_scale carry their units beside them; bounds and fixed stand in the parameters' units.
+    """
+
+    f_tanh: float
+    f_tanh_unit: str
+    speed_scale: float
+    speed_scale_unit: str
+    level: Literal["accurate", "fast", "euler"]
+    substeps: int
+    hold: Literal["linear", "zoh"]
+    sampling_time: float
+    bounds: Mapping[str, tuple[float, float]]
+    fixed: Mapping[str, float]
+
+
+class InitialPart(Part):
+    """Initial state for one recording."""
+
+    recording: str
+    state: Mapping[str, ValuePart]
+
+
+class OutputFitPart(Part):
+    """Fit of one output, rss and rmse in its unit; null where the simulation diverged.
+
+    fit_percent = 100 (1 - |y - ysim| / |y - mean y|).
+    """
+
+    rss: float | None
+    rmse: float | None
+    fit_percent: float | None
+
+
+class FitPart(Part):
+    """Fit by output name on the recordings the model was identified from, and on the test recording."""
+
+    train: Mapping[str, OutputFitPart]
+    test: Mapping[str, OutputFitPart] | None
+
+
+class CriterionPart(Part):
+    """What structures are ranked by; smaller is better for BIC."""
+
+    name: str
+    value: float
+
+
+class TiesPart(Part):
+    """Structures and effects that the recording cannot tell apart (after a search)."""
+
+    minimal: tuple[str, ...]
+    optional: tuple[str, ...]
+
+
+class OutcomePart(Part):
+    """How the estimation ended."""
+
+    kind: str
+    text: str

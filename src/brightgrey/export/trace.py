@@ -1,0 +1,106 @@
+"""Measured and simulated outputs side by side, in the recording's units."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.export.parts import OutputFitPart
+from brightgrey.recordings import Recording, Signal
+
+__all__ = ["Trace", "pooled_fit"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One recording with what a model makes of its input.
+
+    Attributes
+    ----------
+    name : str
+        Name of the recording.
+    t : ndarray, shape (samples,)
+        Time in s.
+    u : ndarray, shape (samples,)
+        Input in `input.unit`.
+    measured, simulated : ndarray, shape (outputs, samples)
+        Outputs in their own units. Simulated values are NaN from where the simulation diverged.
+    input : Signal
+    outputs : tuple of Signal
+    test : bool
+        The model has not seen this recording when it was identified.
+    """
+
+    name: str
+    t: Array
+    u: Array
+    measured: Array
+    simulated: Array
+    input: Signal
+    outputs: tuple[Signal, ...]
+    test: bool = False
+
+    @classmethod
+    def of(cls, recording: Recording, simulated: Array, *, test: bool = False) -> Trace:
+        """Trace of `recording` and `simulated`, shape (outputs, samples) in SI units."""
+        factors = np.array([signal.factor for signal in recording.outputs])[:, None]
+        return cls(
+            name=recording.name,
+            t=recording.t,
+            u=recording.u * recording.input.factor,
+            measured=recording.y * factors,
+            simulated=simulated * factors,
+            input=recording.input,
+            outputs=recording.outputs,
+            test=test,
+        )
+
+    @property
+    def residual(self) -> Array:
+        """Measured minus simulated, shape (outputs, samples)."""
+        return self.measured - self.simulated
+
+    def csv_text(self) -> str:
+        """Time, input, and each output measured and simulated, as CSV; floats read back exactly."""
+        text = io.StringIO()
+        names = ["t [s]", f"{self.input.name} [{self.input.unit}]"]
+        columns = [self.t, self.u]
+        for signal, measured, simulated in zip(self.outputs, self.measured, self.simulated, strict=True):
+            names += [f"{signal.name} [{signal.unit}]", f"{signal.name} simulated [{signal.unit}]"]
+            columns += [measured, simulated]
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows(zip(*(column.tolist() for column in columns), strict=True))
+        return text.getvalue()
+
+
+def pooled_fit(traces: Sequence[Trace]) -> Mapping[str, OutputFitPart]:
+    """Fit by output name, all recordings taken together.
+
+    fit_percent = 100 (1 - |y - ysim| / |y - mean y|), the mean taken per recording. A diverged simulation has
+    no fit: all three are None.
+    """
+    fits = {}
+    for row, signal in enumerate(traces[0].outputs):
+        rss = sum(float(np.sum(trace.residual[row] ** 2)) for trace in traces)
+        spread = sum(
+            float(np.sum((trace.measured[row] - trace.measured[row].mean()) ** 2)) for trace in traces
+        )
+        samples = sum(trace.t.size for trace in traces)
+        if np.isfinite(rss) and spread > 0.0:
+            fit = OutputFitPart(
+                rss=rss,
+                rmse=float(np.sqrt(rss / samples)),
+                fit_percent=float(100.0 * (1.0 - np.sqrt(rss / spread))),
+            )
+        else:
+            fit = OutputFitPart(rss=None, rmse=None, fit_percent=None)
+        fits[signal.name] = fit
+    return fits

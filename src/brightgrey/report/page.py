@@ -1,0 +1,65 @@
+"""report.html: one self-contained page that opens anywhere, offline."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from brightgrey.export.model import Model
+from brightgrey.export.trace import Trace
+from brightgrey.report.figure import comparison, picture
+from brightgrey.report.numbers import significant
+from brightgrey.report.tables import fit_rows, parameter_rows, remarks, verdict
+
+__all__ = ["page"]
+
+
+def page(model: Model, traces: Sequence[Trace], notes: Sequence[str] = ()) -> str:
+    """Text of report.html.
+
+    Parameters
+    ----------
+    model : Model
+        Every number in the page is one of the model's.
+    traces : sequence of Trace
+        What the figure shows.
+    notes : sequence of str
+        Repairs of the recordings and assumptions about them.
+    """
+    environment = Environment(
+        loader=PackageLoader("brightgrey", "report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
+    rows = parameter_rows(model)
+    svg = picture(comparison(traces)).decode()
+    return environment.get_template("report.html.j2").render(
+        model=model,
+        verdict=verdict(model),
+        remarks=remarks(model),
+        # Only the element: a page has no place for the XML declaration before it.
+        figure=Markup(svg[svg.index("<svg") :]),
+        parameters=rows,
+        noted=any(row.note for row in rows),
+        fits=fit_rows(model),
+        criterion=significant(model.criterion.value, 6) if model.criterion else "",
+        notes=list(notes),
+        settings=_settings(model),
+    )
+
+
+def _settings(model: Model) -> list[tuple[str, str]]:
+    s = model.settings
+    rows = [
+        ("f_tanh, gain of the smoothed sign", f"{significant(s.f_tanh)} {s.f_tanh_unit}"),
+        ("sampling time", f"{significant(s.sampling_time)} s"),
+        ("input between samples", {"linear": "straight lines", "zoh": "held"}[s.hold]),
+        ("integration level", s.level),
+    ]
+    for initial in model.initial_state:
+        state = ", ".join(f"{name} = {significant(v.value)} {v.unit}" for name, v in initial.state.items())
+        rows.append((f"initial state, {initial.recording}", state))
+    return [*rows, ("seed", str(model.seed)), ("brightgrey", model.version)]

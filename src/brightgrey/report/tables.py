@@ -1,0 +1,150 @@
+"""A model as rows of text: what terminal and report both show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from brightgrey.export.model import Model
+from brightgrey.export.parts import OutputFitPart
+from brightgrey.report.numbers import significant, with_uncertainty
+
+__all__ = [
+    "FitRow",
+    "ParameterRow",
+    "fit_row",
+    "fit_rows",
+    "parameter_rows",
+    "remarks",
+    "sentence",
+    "verdict",
+]
+
+FIXED = "fixed"
+UNKNOWN = "uncertainty unknown"
+AT = {"low": "at its lower bound", "high": "at its upper bound"}
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One parameter as text; `half_width` is half of the 95 % interval, empty where there is none."""
+
+    name: str
+    value: str
+    half_width: str
+    unit: str
+    interval: str
+    bounds: str
+    note: str
+    about: str
+
+    @property
+    def estimate(self) -> str:
+        """Value and uncertainty in one."""
+        if self.half_width:
+            return f"{self.value} ± {self.half_width}"
+        return f"{self.value} ({FIXED})" if self.note == FIXED else self.value
+
+
+@dataclass(frozen=True)
+class FitRow:
+    """Fit of one output as text, on the training or on the test recording."""
+
+    output: str
+    on: str
+    fit_percent: str
+    rmse: str
+    rss: str
+    unit: str
+
+
+def parameter_rows(model: Model) -> list[ParameterRow]:
+    """Rows in the order of the structure."""
+    rows = []
+    for name, declared in model.structure.parameters.items():
+        part = model.parameters[name]
+        half_width = (part.ci95[1] - part.ci95[0]) / 2.0 if part.ci95 else None
+        value, shown_half = with_uncertainty(part.value, half_width)
+        fixed = name in model.settings.fixed
+        if fixed:
+            note = FIXED
+        elif part.at_bound:
+            note = AT[part.at_bound]
+        else:
+            note = "" if shown_half else UNKNOWN
+        bounds = model.settings.bounds.get(name)
+        rows.append(
+            ParameterRow(
+                name=name,
+                value=value,
+                half_width=shown_half,
+                unit=part.unit,
+                interval=_interval(part.ci95),
+                bounds="" if fixed else _range(bounds),
+                note=note,
+                about=declared.about,
+            )
+        )
+    return rows
+
+
+def fit_rows(model: Model) -> list[FitRow]:
+    """One row per output, then the same for the test recording."""
+    units = {signal.name: signal.unit for signal in model.signals}
+    rows = [fit_row(output, "train", fit, units[output]) for output, fit in model.fit.train.items()]
+    rows += [fit_row(output, "test", fit, units[output]) for output, fit in (model.fit.test or {}).items()]
+    return rows
+
+
+def fit_row(output: str, on: str, fit: OutputFitPart, unit: str) -> FitRow:
+    """Fit of one output as text; `on` says on which recording."""
+    if fit.rss is None or fit.rmse is None or fit.fit_percent is None:
+        return FitRow(output, on, "diverged", "diverged", "diverged", unit)
+    percent = f"{fit.fit_percent:.2f}" if fit.fit_percent < 99.9 else f"{fit.fit_percent:.4f}"
+    return FitRow(output, on, percent, significant(fit.rmse), significant(fit.rss), unit)
+
+
+def _interval(ci95: tuple[float, float] | None) -> str:
+    """Both ends with the digits that the interval's own width leaves."""
+    if ci95 is None:
+        return ""
+    half_width = (ci95[1] - ci95[0]) / 2.0
+    return " … ".join(with_uncertainty(end, half_width)[0] for end in ci95)
+
+
+def _range(pair: tuple[float, float] | None) -> str:
+    return f"{significant(pair[0], 2)} … {significant(pair[1], 2)}" if pair else ""
+
+
+def verdict(model: Model) -> str:
+    """How well which model fits, and how the estimation ended: two sentences."""
+    parts = []
+    for row in fit_rows(model):
+        what = row.output if row.on == "train" else f"{row.output} of the test recording"
+        if row.fit_percent == "diverged":
+            parts.append(f"its simulation of {what} diverges")
+        else:
+            parts.append(f"it fits {what} to {row.fit_percent} % (RMSE {row.rmse} {row.unit})")
+    return f"The model is {model.structure}; {', '.join(parts)}. {sentence(model.outcome.text)}"
+
+
+def sentence(text: str) -> str:
+    """`text` with a capital at its beginning and a full stop at its end."""
+    ended = text.strip().rstrip(".")
+    return f"{ended[:1].upper()}{ended[1:]}."
+
+
+def remarks(model: Model) -> list[str]:
+    """Say what a reader has to know before using the numbers."""
+    rows = parameter_rows(model)
+
+    def named(note: str) -> str:
+        return ", ".join(row.name for row in rows if row.note == note)
+
+    out = [
+        f"{named(note)} {note}: the recording does not hold it inside, do not trust its interval"
+        for note in AT.values()
+        if named(note)
+    ]
+    if names := named(UNKNOWN):
+        out.append(f"no uncertainty can be given for {names}")
+    return out

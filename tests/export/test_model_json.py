@@ -1,0 +1,147 @@
+"""model.json: what goes out comes back, and what is wrong in it is named."""
+
+import copy
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from brightgrey.errors import BrightgreyError, SettingsError
+from brightgrey.export.model import Model
+
+DOC = Path(__file__).parents[2] / "docs" / "model-json.md"
+
+
+@pytest.fixture(scope="module")
+def example():
+    """The example in the documentation."""
+    (block,) = re.findall(r"```json\n(.*?)```", DOC.read_text(encoding="utf-8"), re.DOTALL)
+    return json.loads(block)
+
+
+def linear_axis(example):
+    """The same model of a voltage-driven linear axis in mm."""
+    data = copy.deepcopy(example)
+    units = {"J1": "V s²/mm", "M_C": "V", "f_v": "V s/mm"}
+    for name, unit in units.items():
+        data["parameters"][name]["unit"] = unit
+    data["signals"][0]["unit"] = "V"
+    data["signals"][1]["unit"] = "mm/s"
+    data["settings"] |= {"f_tanh_unit": "s/mm", "speed_scale_unit": "mm/s"}
+    return data
+
+
+def test_example_of_the_documentation_is_a_model(example):
+    model = Model.check(example)
+    assert str(model.structure) == "one_mass+coulomb+viscous"
+    assert json.loads(model.text()) == example
+
+
+def test_fields_are_those_of_the_documentation_in_its_order(example):
+    table = re.findall(
+        r"^\| `(\w+)` \| ", DOC.read_text(encoding="utf-8").partition("## ranking")[0], re.MULTILINE
+    )
+    assert table == list(example) == list(json.loads(Model.check(example).text()))
+
+
+def test_file_comes_back_as_it_was(example, tmp_path):
+    model = Model.check(example)
+    model.save(tmp_path / "model.json")
+    again = Model.load(tmp_path / "model.json")
+    assert again == model
+    assert again.text() == (tmp_path / "model.json").read_text(encoding="utf-8")
+    assert list(tmp_path.iterdir()) == [tmp_path / "model.json"]
+
+
+def test_values_in_si(example):
+    model = Model.check(linear_axis(example))
+    # V s²/mm = 1000 V s²/m, and so on; V stays.
+    assert model.values_si() == pytest.approx({"J1": 11.9, "M_C": 0.897, "f_v": 15.1}, rel=1e-12)
+    settings = model.settings_si()
+    assert settings.f_tanh == pytest.approx(2500.0, rel=1e-12)
+    assert settings.speed_scale == pytest.approx(0.04, rel=1e-12)
+    assert settings.f_tanh * settings.speed_scale == pytest.approx(100.0, rel=1e-12)
+
+
+def changed(example, path, value):
+    """Copy of `example` with another value at `path`; ... removes the field."""
+    data = copy.deepcopy(example)
+    *steps, last = path
+    part = data
+    for step in steps:
+        part = part[step]
+    if value is ...:
+        del part[last]
+    else:
+        part[last] = value
+    return data
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        (["schema"], "brightgrey/model/2", ["'brightgrey/model/2'", "'brightgrey/model/1'"]),
+        (["schema"], ..., ["no field 'schema'"]),
+        (["signals"], ..., ["'signals'", "missing"]),
+        (["parameter"], {}, ["unknown field 'parameter'", "'parameters'"]),
+        (["structure"], ["one_mas", "coulomb", "viscous"], ["'structure'", "'one_mas'", "'one_mass'"]),
+        (["structure"], ["coulomb", "viscous"], ["'structure'", "exactly one"]),
+        (["structure"], ["one_mass", "coulomb"], ["parameter 'f_v'", "Allowed: J1, M_C"]),
+        (["parameters", "J1"], ..., ["'parameters.J1'", "missing", "one_mass+coulomb+viscous"]),
+        (["parameters", "J1", "value"], "heavy", ["'parameters.J1.value'", "'heavy'"]),
+        (["parameters", "J1", "value"], None, ["'parameters.J1.value'"]),
+        (["parameters", "J1", "at_bound"], "hgih", ["'parameters.J1.at_bound'", "'hgih'"]),
+        (["parameters", "J1", "unit"], "g m²", ["'parameters.J1.unit'", "'g m²'", "'kg m²'"]),
+        (["parameters", "J1", "unti"], "kg", ["unknown field 'parameters.J1.unti'"]),
+        (["signals", 0, "kind"], "velocity", ["'signals'", "input comes first"]),
+        (["signals", 1, "kind"], "speed", ["'speed'", "velocity"]),
+        (["signals", 1, "unit"], "furlong", ["'furlong'"]),
+        (["signals", 1, "hold"], "cubic", ["'signals.1.hold'", "'cubic'"]),
+        (["settings", "f_tanh_unit"], "s/mm", ["'settings.f_tanh_unit'", "'s/mm'", "'s/rad'"]),
+        (["settings", "f_tanh"], -1.0, ["f_tanh", "positive"]),
+        (["settings", "level"], "exact", ["'settings.level'", "'exact'"]),
+        (["settings", "substeps"], 0, ["substeps"]),
+        (["seed"], 1.5, ["'seed'", "1.5"]),
+    ],
+)
+def test_what_is_wrong_is_named_in_one_line(example, tmp_path, path, value, words):
+    file = tmp_path / "model.json"
+    file.write_text(json.dumps(changed(example, path, value)), encoding="utf-8")
+    with pytest.raises(BrightgreyError) as caught:
+        Model.load(file)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert "model.json" in message
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "line 1 column 1"),
+        (b'{"schema": ', "line 1 column 12"),
+        (b"[1, 2]", "JSON object"),
+        (b"\xff\xfe\x00\x01", "not text"),
+        (b'{"schema": NaN}', "NaN"),
+    ],
+)
+def test_other_files_are_refused(tmp_path, content, words):
+    file = tmp_path / "other"
+    file.write_bytes(content)
+    with pytest.raises(SettingsError, match=words):
+        Model.load(file)
+
+
+def test_missing_file_and_folder(tmp_path):
+    with pytest.raises(SettingsError, match="no model file"):
+        Model.load(tmp_path / "model.json")
+    with pytest.raises(SettingsError, match="cannot read"):
+        Model.load(tmp_path)
+
+
+def test_model_cannot_be_changed(example):
+    model = Model.check(example)
+    with pytest.raises(ValueError, match="frozen"):
+        model.seed = 1

@@ -1,0 +1,77 @@
+"""ranking.csv and the criterion in it."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from brightgrey.export.criterion import bic
+from brightgrey.export.ranking import Row, ranking_csv
+from brightgrey.export.trace import Trace, pooled_fit
+from brightgrey.recordings import Signal
+
+TORQUE = Signal("torque", "input", "N m")
+SPEED = Signal("n, filtered", "velocity", "rpm")
+
+
+def trace(residual, seed=0):
+    generator = np.random.default_rng(seed)
+    measured = np.cumsum(generator.normal(size=(1, len(residual))), axis=1)
+    t = 0.001 * np.arange(len(residual))
+    return Trace("a.csv", t, np.sin(t), measured, measured - residual, TORQUE, (SPEED,))
+
+
+def test_rows_read_back_exactly():
+    rows = [Row("two_mass+coulomb", 5, 1 / 3, 99.9, -12.5, True), Row("one_mass", 1, 2e-300, -3.0, None)]
+    best, other = csv.DictReader(io.StringIO(ranking_csv(rows)))
+    assert list(best) == ["rank", "structure", "n_parameters", "rss", "fit_percent", "criterion", "tied"]
+    assert (best["rank"], other["rank"]) == ("1", "2")
+    assert float(best["rss"]) == 1 / 3
+    assert float(other["rss"]) == 2e-300
+    assert (best["tied"], other["tied"]) == ("true", "false")
+    assert other["criterion"] == ""
+
+
+def test_bic_of_white_residuals_is_its_formula():
+    residual = np.random.default_rng(1).normal(size=500)
+    expected = 500 * np.log(np.mean(residual**2)) + 3 * np.log(500)
+    assert bic([trace(residual)], 3, [1e-9]) == pytest.approx(expected, rel=1e-12)
+
+
+def test_bic_pays_for_a_parameter_that_explains_nothing():
+    residual = np.random.default_rng(1).normal(size=500)
+    assert bic([trace(residual)], 4, [1e-9]) > bic([trace(residual)], 3, [1e-9])
+
+
+def test_perfect_fit_has_the_resolution_as_floor():
+    assert bic([trace(np.zeros(100))], 0, [0.1]) == pytest.approx(100 * np.log(0.1**2 / 12), rel=1e-12)
+
+
+def test_diverged_simulation_has_no_criterion_and_no_fit():
+    residual = np.append(np.zeros(50), np.nan)
+    assert bic([trace(residual)], 1, [0.1]) is None
+    fit = pooled_fit([trace(residual)])["n, filtered"]
+    assert (fit.rss, fit.rmse, fit.fit_percent) == (None, None, None)
+
+
+@given(scale=st.floats(1e-6, 1e6), seed=st.integers(0, 100))
+def test_fit_is_that_of_the_definition(scale, seed):
+    generator = np.random.default_rng(seed)
+    residual = scale * generator.normal(size=60)
+    one, two = trace(residual[:25], seed), trace(residual[25:], seed + 1)
+    fit = pooled_fit([one, two])["n, filtered"]
+    spread = sum(np.sum((tr.measured - tr.measured.mean()) ** 2) for tr in (one, two))
+    assert fit.rss == pytest.approx(np.sum(residual**2), rel=1e-6)  # the difference of two sums rounds
+    assert fit.rmse == pytest.approx(np.sqrt(fit.rss / 60))
+    assert fit.fit_percent == pytest.approx(100 * (1 - np.sqrt(fit.rss / spread)))
+
+
+def test_csv_of_a_trace_reads_back_exactly():
+    shown = trace(np.random.default_rng(2).normal(size=30))
+    rows = list(csv.reader(io.StringIO(shown.csv_text())))
+    assert rows[0] == ["t [s]", "torque [N m]", "n, filtered [rpm]", "n, filtered simulated [rpm]"]
+    values = np.array(rows[1:], float).T
+    np.testing.assert_array_equal(values, [shown.t, shown.u, shown.measured[0], shown.simulated[0]])
