@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853, Radau
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from brightgrey.simulation.reference.plant import Array, Plant, Segments, Trajectory
 
 __all__ = ["solve"]
 
 _SWITCHES = 50  # per piece of input, before chatter within rounding error is overrun
+_LOOKS = 17  # within a step
 
 
 @dataclass(frozen=True)
@@ -139,11 +140,31 @@ class _Drive:
         while stepper.status == "running":
             begin, before = float(stepper.t), np.array(stepper.y)
             _step(stepper)
-            if watch and self.guard(stepper.y, stepper.t, phase) < 0.0:
-                ahead = float(stepper.t) - begin
+            ahead = self.dip(stepper, begin, phase) if watch else 0.0
+            if ahead > 0.0:
                 after = self.locate(before, u + slope * begin, slope, begin, ahead, phase)
                 return begin + after, self.flow(before, u + slope * begin, slope, after, phase), True
         return length, np.asarray(stepper.y), False
+
+    def dip(self, stepper: Any, begin: float, phase: _Phase) -> float:
+        """Time into the last step at which the guard is below zero, 0 if it never is.
+
+        Looks between the step's ends too: a shaft may leave a side and be back within one step.
+        """
+        if phase.side is None:
+            return 0.0
+        if self.guard(stepper.y, stepper.t, phase) < 0.0:
+            return float(stepper.t) - begin
+        inside = stepper.dense_output()
+        times = np.linspace(begin, stepper.t, _LOOKS)
+        depths = [self.guard(y, t, phase) for t, y in zip(times, inside(times).T, strict=True)]
+        k = int(np.argmin(depths[1:])) + 1
+        if k == _LOOKS - 1:
+            return 0.0
+        lowest = minimize_scalar(
+            lambda t: self.guard(inside(t), t, phase), bounds=(times[k - 1], times[k + 1]), method="bounded"
+        )
+        return float(lowest.x) - begin if lowest.fun < 0.0 else 0.0
 
     def locate(self, y: Array, u: float, slope: float, begin: float, ahead: float, phase: _Phase) -> float:
         """Time within a step at which the guard passes zero."""

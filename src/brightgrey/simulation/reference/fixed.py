@@ -143,7 +143,7 @@ def _until(
             t = 0.5 * (a + b)
         _rk4(x, mode, t, u, du, p, w, out)
         g = _guard(out, mode, _relaxed(mode, tau, t, p), p)
-        if g < 0.0:
+        if g <= 0.0:
             b, gb = t, g
             ga *= 0.5 if last == 1 else 1.0
             last = 1

@@ -86,13 +86,13 @@ class Plant:
 
     @property
     def fastest_rate(self) -> float:
-        """Upper estimate of the fastest rate in 1/s that is met; the gap's own c/d is solved exactly."""
+        """Upper estimate of the fastest rate in 1/s; the gap's own c/d is not met, it is solved exactly."""
         friction = (self.f_tanh * (abs(self.M_C) + abs(self.M_S)) + abs(self.f_v)) / self.J[0]
         shafts = 0.0
         for k, (c, d) in enumerate(zip(self.c, self.d, strict=True)):
             lightness = 1.0 / self.J[k] + 1.0 / self.J[k + 1]
             shafts = max(shafts, 2.0 * d * lightness, math.sqrt(2.0 * c * lightness))
-        return max(friction, shafts, 1.0 / self.T_1 if self.T_1 is not None else 0.0)
+        return max(1.0, friction, shafts, 0.0 if self.T_1 is None else 1.0 / self.T_1)
 
     @classmethod
     def of(cls, structure: str, values: Mapping[str, float], f_tanh: float) -> Plant:

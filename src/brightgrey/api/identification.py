@@ -1,0 +1,230 @@
+"""Recordings and a structure in, a model with its uncertainty out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from brightgrey import estimation
+from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
+from brightgrey.errors import SettingsError
+from brightgrey.estimation import Fit
+from brightgrey.export.build import model_of
+from brightgrey.export.criterion import bic
+from brightgrey.export.files import check_folder, write_files
+from brightgrey.export.model import Model
+from brightgrey.export.parts import CriterionPart
+from brightgrey.export.ranking import Row, ranking_csv
+from brightgrey.export.trace import Trace, pooled_fit
+from brightgrey.kit import PAPER, Structure
+from brightgrey.recordings import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Result", "identify"]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What :func:`identify` found out.
+
+    Attributes
+    ----------
+    model : Model
+        Structure, parameters with uncertainty, fit, outcome.
+    traces : tuple of Trace
+        The recordings with what the model makes of them, the test recording last.
+    ranking : tuple of Row
+        Structures that were tried, best first.
+    notes : tuple of str
+        Repairs of the recordings, and assumptions about them.
+    files : mapping of str to bytes
+        Further files that :meth:`write` puts beside the results.
+    """
+
+    model: Model
+    traces: tuple[Trace, ...]
+    ranking: tuple[Row, ...]
+    notes: tuple[str, ...]
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+    def plot(self) -> Figure:
+        """Measured against simulated, residual below, one panel per recording and output."""
+        from brightgrey.report.figure import comparison
+
+        return comparison(self.traces)
+
+    def write(self, folder: str | Path) -> None:
+        """Write model.json, ranking.csv, report.html and fit.png into `folder`, all or none.
+
+        Parameters
+        ----------
+        folder : str or Path
+            Made if it is not there; files of these names in it are replaced.
+
+        Raises
+        ------
+        SettingsError
+            If `folder` cannot be written to.
+        """
+        from brightgrey.report.figure import picture
+        from brightgrey.report.page import page
+
+        check_folder(folder)
+        contents = {
+            "report.html": page(self.model, self.traces, self.notes).encode(),
+            "model.json": self.model.text().encode(),
+            "ranking.csv": ranking_csv(self.ranking).encode(),
+            "fit.png": picture(self.plot(), "png"),
+            **self.files,
+        }
+        write_files(folder, contents)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the files that :meth:`write` writes."""
+        return ("report.html", "model.json", "ranking.csv", "fit.png", *self.files)
+
+
+def identify(
+    recordings: Recording | Sequence[Recording],
+    structure: Structure | str,
+    *,
+    bounds: Mapping[str, Range] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    f_tanh: float | None = None,
+    start: Model | None = None,
+    test: Recording | None = None,
+    starts: int = 8,
+    seed: int = 0,
+    workers: int = 1,
+    level: Literal["accurate", "fast"] = "accurate",
+) -> Result:
+    """Estimate the parameters of `structure` from recordings.
+
+    Bounds, scales and start values come from the recordings; the keyword arguments override them.
+
+    Parameters
+    ----------
+    recordings : Recording or sequence of Recording
+        From :func:`read_recording`. Several are fitted jointly, each with its own initial state.
+    structure : Structure or str
+        Effects in the model, e.g. ``"two_mass+coulomb+viscous"``.
+    bounds : mapping of str to (low, high), optional
+        Ranges by parameter, in the recording's units.
+    fixed : mapping of str to float, optional
+        Parameters that are not estimated, in the recording's units.
+    f_tanh : float, optional
+        Gain of the smoothed sign of friction, in s per unit of motion of the recording. Default: 100 over the
+        largest speed.
+    start : Model, optional
+        The estimation starts from this model's values, too.
+    test : Recording, optional
+        Not fitted, only predicted.
+    starts : int
+        Number of start points.
+    seed : int
+        Seed of all random draws. The same seed gives the same bytes, for any number of workers.
+    workers : int
+        Threads to simulate on.
+    level : {'accurate', 'fast'}
+        Level of integration.
+
+    Returns
+    -------
+    Result
+        Also where the estimation failed: ``result.model.outcome`` says so.
+
+    Raises
+    ------
+    BrightgreyError
+        For a structure that breaks a rule, unknown parameters, bounds with low > high, recordings that do not
+        fit each other.
+
+    Notes
+    -----
+    One start may end in a local minimum: keep several. The intervals rest on a quadratic picture of the cost.
+
+    Examples
+    --------
+    >>> recording = read_recording("axis.csv", input="torque", outputs=["velocity"])  # doctest: +SKIP
+    >>> result = identify(recording, "one_mass+coulomb+viscous")  # doctest: +SKIP
+    """
+    several = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
+    checked = PAPER.check(Structure.parse(structure) if isinstance(structure, str) else structure)
+    check_alike(several, test)
+    units = several[0].units
+    ranges = bounds_si(checked, bounds or {}, units)
+    constants = fixed_si(checked, fixed or {}, units)
+    for name in sorted(ranges.keys() & constants.keys()):
+        raise SettingsError(f"{name} is both bounded and fixed; do one of them")
+    fit = estimation.fit(
+        checked,
+        several,
+        bounds=ranges,
+        fixed=constants,
+        f_tanh=None if f_tanh is None else f_tanh_si(f_tanh, units),
+        start=start_si(checked, start, units, constants),
+        starts=starts,
+        seed=seed,
+        level=level,
+    )
+    values = {name: estimate.value for name, estimate in fit.estimates.items()}
+    train = tuple(
+        Trace.of(r, estimation.predict(checked, values, r, fit.settings, initial))
+        for r, initial in zip(several, fit.initial_states, strict=True)
+    )
+    unseen = (
+        ()
+        if test is None
+        else (
+            Trace.of(
+                test,
+                estimation.predict(checked, values, test, replace(fit.settings, hold=test.hold)),
+                test=True,
+            ),
+        )
+    )
+    return _result(fit, several, train, unseen, constants, seed, test)
+
+
+def _result(
+    fit: Fit,
+    several: tuple[Recording, ...],
+    train: tuple[Trace, ...],
+    unseen: tuple[Trace, ...],
+    constants: Mapping[str, float],
+    seed: int,
+    test: Recording | None,
+) -> Result:
+    """Put the model, its place in the ranking and the notes together."""
+    free = len(fit.structure.parameters) - len(constants)
+    steps = np.max([r.resolution for r in several], axis=0) * [s.factor for s in several[0].outputs]
+    value = bic(train, free, steps.tolist())
+    fits = pooled_fit(train)
+    model = model_of(
+        fit,
+        several,
+        train=fits,
+        test=pooled_fit(unseen) if unseen else None,
+        criterion=None if value is None else CriterionPart(name="BIC", value=value),
+        fixed=constants,
+        seed=seed,
+    )
+    row = Row(
+        structure=str(fit.structure),
+        n_parameters=free,
+        rss=sum(f.rss if f.rss is not None else np.nan for f in fits.values()),
+        fit_percent=float(
+            np.mean([np.nan if f.fit_percent is None else f.fit_percent for f in fits.values()])
+        ),
+        criterion=value,
+    )
+    read = several if test is None else (*several, test)
+    notes = tuple(dict.fromkeys(f"{r.name}: {note}" for r in read for note in r.notes))
+    return Result(model, (*train, *unseen), (row,), notes)

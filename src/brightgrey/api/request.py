@@ -1,0 +1,104 @@
+"""What the user asks for, checked, and converted from the recording's units to SI."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from brightgrey.errors import RecordingError, SettingsError, unknown_name
+from brightgrey.export.model import PER_SPEED, Model
+from brightgrey.kit import Structure
+from brightgrey.recordings import Recording, Signal
+from brightgrey.recordings.unit_text import parse_unit
+from brightgrey.recordings.units import Units
+
+__all__ = ["Range", "bounds_si", "check_alike", "f_tanh_si", "fixed_si", "listed", "start_si"]
+
+Range = tuple[float, float]
+
+
+def listed(signals: Sequence[Signal]) -> str:
+    """Kinds and units of the signals as text."""
+    return ", ".join(f"{signal.kind} in {signal.unit}" for signal in signals)
+
+
+def check_alike(several: Sequence[Recording], test: Recording | None) -> None:
+    """Refuse recordings of different signals or units: joint fits need the same everywhere."""
+    if not several:
+        raise RecordingError("no recording came; at least one is needed")
+    first = (several[0].input, *several[0].outputs)
+    for other in (*several[1:], *(() if test is None else (test,))):
+        came = (other.input, *other.outputs)
+        if [(s.kind, s.unit) for s in came] != [(s.kind, s.unit) for s in first]:
+            raise RecordingError(
+                f"{other.name}: signals are {listed(came)}; those of {several[0].name} are {listed(first)}"
+            )
+
+
+def _factor(structure: Structure, name: str, units: Units) -> float:
+    """Shown value over SI value of a parameter; refuses unknown names."""
+    if name not in structure.parameters:
+        raise SettingsError(unknown_name(f"parameter of '{structure}'", name, structure.parameters))
+    return units.of(structure.parameters[name].dimension)[1]
+
+
+def bounds_si(structure: Structure, bounds: Mapping[str, Range], units: Units) -> dict[str, Range]:
+    """Bounds in SI; refuses unknown parameters, low > high, and what a parameter can never be."""
+    out = {}
+    for name, (low, high) in bounds.items():
+        factor = _factor(structure, name, units)
+        if not (math.isfinite(low) and math.isfinite(high)):
+            raise SettingsError(f"bound of {name}: {low:g} to {high:g} is not finite")
+        if low > high:
+            raise SettingsError(f"bound of {name}: low {low:g} is above high {high:g}")
+        if low == high:
+            raise SettingsError(f"bound of {name}: low and high are both {low:g}; fix the parameter instead")
+        if structure.parameters[name].scale == "log" and low <= 0.0:
+            raise SettingsError(f"bound of {name}: low is {low:g}, but {name} is always positive")
+        out[name] = (low / factor, high / factor)
+    return out
+
+
+def fixed_si(structure: Structure, fixed: Mapping[str, float], units: Units) -> dict[str, float]:
+    """Give fixed values in SI; refuses unknown parameters and what a parameter can never be."""
+    out = {}
+    for name, value in fixed.items():
+        factor = _factor(structure, name, units)
+        if not math.isfinite(value):
+            raise SettingsError(f"{name} cannot be fixed at {value:g}")
+        if structure.parameters[name].scale == "log" and value <= 0.0:
+            raise SettingsError(f"{name} cannot be fixed at {value:g}: it is always positive")
+        out[name] = value / factor
+    return out
+
+
+def f_tanh_si(f_tanh: float, units: Units) -> float:
+    """Gain of the smoothed sign in s/rad (s/m)."""
+    text, factor = units.of(PER_SPEED)
+    if not 0.0 < f_tanh < math.inf:
+        raise SettingsError(f"f_tanh is {f_tanh:g}; wanted is a positive number in {text}")
+    return f_tanh / factor
+
+
+def start_si(
+    structure: Structure, start: Model | None, units: Units, constants: Mapping[str, float]
+) -> dict[str, float] | None:
+    """Values of the start model for the parameters that both structures have."""
+    if start is None:
+        return None
+    if _dimensions(start.units) != _dimensions(units):
+        raise SettingsError(
+            f"start model: its units are {start.units.input} and {start.units.motion}, "
+            f"the recording's {units.input} and {units.motion}"
+        )
+    values = start.values_si()
+    common = {n: values[n] for n in structure.parameters if n in values and n not in constants}
+    if not common:
+        raise SettingsError(
+            f"start model '{start.structure}' has no free parameter in common with '{structure}'"
+        )
+    return common
+
+
+def _dimensions(units: Units) -> tuple[object, object]:
+    return parse_unit(units.input).dimension, parse_unit(units.motion).dimension

@@ -1,0 +1,142 @@
+"""A model on a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from brightgrey import estimation
+from brightgrey.api.request import listed
+from brightgrey.errors import RecordingError
+from brightgrey.export.model import Model
+from brightgrey.export.parts import OutputFitPart
+from brightgrey.export.trace import Trace, pooled_fit
+from brightgrey.recordings import Recording, Signal, read_recording
+from brightgrey.recordings.unit_text import parse_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Simulation", "read_for", "simulate"]
+
+NO_UNITS: Mapping[str, str] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A model beside a recording.
+
+    Attributes
+    ----------
+    model : Model
+    trace : Trace
+        Time in s, input, measured and simulated outputs in the recording's units.
+    fit : mapping of str to OutputFitPart
+        ``rss``, ``rmse`` and ``fit_percent`` by output name, in the outputs' units; None where the simulation
+        diverged.
+    notes : tuple of str
+        Repairs of the recording, and assumptions about it.
+    """
+
+    model: Model
+    trace: Trace
+    fit: Mapping[str, OutputFitPart]
+    notes: tuple[str, ...] = ()
+
+    def plot(self) -> Figure:
+        """Measured against simulated, residual below."""
+        from brightgrey.report.figure import comparison
+
+        return comparison([self.trace])
+
+
+def simulate(model: Model, recording: Recording) -> Simulation:
+    """Simulate `model` with the input of `recording`, starting from the recording's first samples.
+
+    Parameters
+    ----------
+    model : Model
+    recording : Recording
+        With signals of the kinds the model was identified from; :func:`read_for` reads one.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    RecordingError
+        If the recording's signals are not those of the model.
+    """
+    trained, came = (model.input, *model.outputs), (recording.input, *recording.outputs)
+    if [_nature(s) for s in trained] != [_nature(s) for s in came]:
+        raise RecordingError(
+            f"{recording.name}: signals are {listed(came)}; the model was identified from {listed(trained)}"
+        )
+    settings = replace(model.settings_si(), hold=recording.hold)
+    simulated = estimation.predict(model.structure, model.values_si(), recording, settings)
+    trace = Trace.of(recording, simulated)
+    return Simulation(model, trace, pooled_fit([trace]), recording.notes)
+
+
+def _nature(signal: Signal) -> tuple[object, ...]:
+    return signal.kind, parse_unit(signal.unit).dimension
+
+
+def read_for(
+    model: Model,
+    path: str | Path,
+    *,
+    time: str | None = None,
+    dt: float | None = None,
+    units: Mapping[str, str] = NO_UNITS,
+) -> Recording:
+    """Read a recording with the columns, kinds, units, gain and hold that `model` was identified from.
+
+    Parameters
+    ----------
+    model : Model
+    path : str or Path
+    time, dt
+        As for :func:`read_recording`.
+    units : mapping of str to str
+        Units of columns that stand in other units than the model's.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    RecordingError
+        If a column is missing, its header says another unit than the model, or the file cannot be used.
+    """
+
+    def read(units: Mapping[str, str]) -> Recording:
+        return read_recording(
+            path,
+            input=model.input.name,
+            outputs=[(s.name, s.kind) for s in model.outputs],
+            time=time,
+            dt=dt,
+            input_gain=model.input.gain,
+            units=units,
+            hold=model.settings.hold,
+        )
+
+    signals = (model.input, *model.outputs)
+    recording = read({**{s.name: s.unit for s in signals}, **units})
+    try:
+        by_header = read(units)
+    except RecordingError:  # units that only the model can tell
+        return recording
+    for expected, came in zip(signals, (by_header.input, *by_header.outputs), strict=True):
+        if came.unit_given and came.unit != expected.unit and came.name not in units:
+            raise RecordingError(
+                f"{recording.name}: column '{came.name}' is in {came.unit}, the model was identified from "
+                f"{expected.unit}; say which one is right, for example --unit '{came.name}={came.unit}'"
+            )
+    return recording

@@ -1,0 +1,35 @@
+"""``brightgrey demo``: the paper's experiment on the recording that ships with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from brightgrey.cli.options import Json, Quiet, Seed, Workers
+
+__all__ = ["demo"]
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("demo"),
+    seed: Seed = 0,
+    workers: Workers = 1,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Identify the drive of the recording that ships with brightgrey.
+
+    Writes model.json, ranking.csv, report.html, fit.png and the recording itself, recording.csv, to DIR.
+    """
+    from brightgrey.cli import show
+    from brightgrey.export.files import check_folder
+
+    check_folder(out)
+    from brightgrey import api
+
+    with show.working("identifying the demo's drive", silent=quiet or json):
+        result = api.demo(seed=seed, workers=workers)
+        result.write(out)
+    show.result(result, out, quiet=quiet, json=json)

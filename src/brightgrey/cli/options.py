@@ -1,0 +1,106 @@
+"""Options that several commands share, and from their texts to values.
+
+Every refusal says what came and what is wanted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Annotated
+
+import typer
+
+from brightgrey.errors import SettingsError
+
+__all__ = [
+    "Json",
+    "Quiet",
+    "Seed",
+    "Step",
+    "Time",
+    "Unit",
+    "Workers",
+    "bounds",
+    "fixed",
+    "number",
+    "units",
+    "window",
+]
+
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Seed of all random draws.")]
+Workers = Annotated[int, typer.Option("--workers", min=1, metavar="N", help="Threads to simulate on.")]
+Time = Annotated[
+    str | None, typer.Option("--time", metavar="NAME", help="Column of time. Found where its name says it.")
+]
+Step = Annotated[
+    float | None, typer.Option("--dt", metavar="S", help="Sampling time in s, where no column has the time.")
+]
+Unit = Annotated[
+    list[str] | None,
+    typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column. May be repeated."),
+]
+
+BOUND = "NAME=LOW:HIGH, two numbers in the recording's units"
+FIX = "NAME=VALUE, a number in the recording's units"
+WINDOW = "A:B, two times in s"
+
+
+def number(option: str, text: str, wanted: str) -> float:
+    """Finite number; raises SettingsError that names `option` and what is `wanted`."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise SettingsError(f"{option}: '{text}' is not a number; wanted is {wanted}")
+    return value
+
+
+def _pairs(option: str, texts: Iterable[str], wanted: str) -> dict[str, str]:
+    """NAME=SOMETHING, each name once. The last = divides: names of columns may hold one."""
+    pairs: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.rpartition("="))
+        if not (equals and name and value):
+            raise SettingsError(f"{option} '{text}': wanted is {wanted}")
+        if name in pairs:
+            raise SettingsError(f"{option} names '{name}' more than once")
+        pairs[name] = value
+    return pairs
+
+
+def bounds(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """Read ``--bound NAME=LOW:HIGH``, in the recording's units."""
+    out = {}
+    for name, value in _pairs("--bound", texts, BOUND).items():
+        low, colon, high = value.partition(":")
+        if not colon:
+            raise SettingsError(f"--bound '{name}={value}': wanted is {BOUND}")
+        out[name] = (number(f"--bound {name}", low, BOUND), number(f"--bound {name}", high, BOUND))
+    return out
+
+
+def fixed(texts: Iterable[str]) -> dict[str, float]:
+    """Read ``--fix NAME=VALUE``, in the recording's units."""
+    return {name: number(f"--fix {name}", value, FIX) for name, value in _pairs("--fix", texts, FIX).items()}
+
+
+def units(texts: Iterable[str]) -> dict[str, str]:
+    """Read ``--unit COLUMN=UNIT``."""
+    return _pairs("--unit", texts, "COLUMN=UNIT, the unit written like mm/s")
+
+
+def window(text: str | None) -> tuple[float | None, float | None] | None:
+    """Read ``--window A:B`` in s; a missing end is the recording's."""
+    if text is None:
+        return None
+    start, colon, end = (part.strip() for part in text.partition(":"))
+    if not colon or not (start or end):
+        raise SettingsError(f"--window '{text}': wanted is {WINDOW}")
+    return (
+        number("--window", start, WINDOW) if start else None,
+        number("--window", end, WINDOW) if end else None,
+    )

@@ -1,0 +1,130 @@
+"""Results in the terminal: compact, and useful without colour, when piped and in a narrow window."""
+
+from __future__ import annotations
+
+import json as json_module
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from brightgrey.api import Result, Simulation
+    from brightgrey.report.tables import FitRow
+
+__all__ = ["as_json", "effects", "result", "simulation", "working"]
+
+PIPED_WIDTH = 120  # nobody's window: wide enough that no row is folded
+
+
+def _console(*, stderr: bool = False) -> Console:
+    """Make a console that prints names of columns as they are, brackets and all."""
+    stream = sys.stderr if stderr else sys.stdout
+    piped = not stream.isatty() and "COLUMNS" not in os.environ
+    return Console(
+        stderr=stderr, width=PIPED_WIDTH if piped else None, markup=False, emoji=False, highlight=False
+    )
+
+
+@contextmanager
+def working(what: str, *, silent: bool) -> Iterator[None]:
+    """Show on a terminal's stderr that something is going on."""
+    console = _console(stderr=True)
+    if silent or not console.is_terminal:
+        yield
+        return
+    with console.status(Text(f"{what} (the first run after installation compiles for some seconds)")):
+        yield
+
+
+def as_json(value: Any) -> None:
+    """Print `value` as JSON."""
+    print(json_module.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def result(found: Result, folder: Path, *, quiet: bool, json: bool) -> None:
+    """Print parameters, fit, remarks and where the files are."""
+    if quiet:
+        return
+    if json:
+        print(found.model.text(), end="")
+        return
+    from brightgrey.report.tables import FIXED, fit_rows, parameter_rows, remarks, sentence
+
+    console = _console()
+    console.print(Text(str(found.model.structure), style="bold"))
+    table = _table("parameter", "estimate >", "unit")
+    for row in parameter_rows(found.model):
+        doubtful = row.note and row.note != FIXED
+        table.add_row(row.name, row.estimate, row.unit, style="yellow" if doubtful else None)
+    console.print(table)
+    console.print()
+    _fits(console, fit_rows(found.model))
+    console.print()
+    for text in (sentence(found.model.outcome.text), *remarks(found.model), *found.notes):
+        _bullet(console, text)
+    names = ", ".join(found.names)
+    console.print(f"Results are in {folder}: {names}", soft_wrap=True)
+
+
+def simulation(done: Simulation, file: Path | None, *, quiet: bool, json: bool) -> None:
+    """Print the fit and where the samples are."""
+    if quiet:
+        return
+    if json:
+        as_json({name: fit.model_dump() for name, fit in done.fit.items()})
+        return
+    from brightgrey.report.tables import fit_row
+
+    console = _console()
+    console.print(Text(f"{done.model.structure} on {done.trace.name}", style="bold"))
+    units = {signal.name: signal.unit for signal in done.trace.outputs}
+    _fits(console, [fit_row(name, "", fit, units[name]) for name, fit in done.fit.items()])
+    for note in done.notes:
+        _bullet(console, note)
+    if file:
+        console.print(f"Samples are in {file}", soft_wrap=True)
+
+
+def effects(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print the function set."""
+    console = _console()
+    for row in rows:
+        console.print(Text.assemble((row["name"], "bold"), f"  {row['title']}"))
+        console.print(f"  {row['equation']}")
+        table = Table(box=None, show_header=False, padding=(0, 1, 0, 2))
+        for parameter in row["parameters"]:
+            table.add_row(parameter["name"], parameter["unit"], parameter["about"])
+        console.print(table)
+        console.print()
+
+
+def _table(*columns: str) -> Table:
+    """Table without a frame; a column whose name ends in > is aligned to the right."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
+    for column in columns:
+        right = column.endswith(">")
+        table.add_column(column.rstrip("> "), justify="right" if right else "left", overflow="fold")
+    return table
+
+
+def _fits(console: Console, rows: Sequence[FitRow]) -> None:
+    """One row per output; `on` is left out where it says nothing."""
+    several = any(row.on for row in rows)
+    table = _table("output", *(["on"] if several else []), "fit/% >", "RMSE >", "unit")
+    for row in rows:
+        table.add_row(row.output, *([row.on] if several else []), row.fit_percent, row.rmse, row.unit)
+    console.print(table)
+
+
+def _bullet(console: Console, text: str) -> None:
+    grid = Table.grid(padding=(0, 1))
+    grid.add_row("-", text)
+    console.print(grid)

@@ -1,0 +1,48 @@
+"""``brightgrey simulate``: a model on a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from brightgrey.cli.options import Json, Quiet, Step, Time, Unit, units
+
+__all__ = ["simulate"]
+
+
+def simulate(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json of an identification.")],
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV or MAT file.")],
+    time: Time = None,
+    dt: Step = None,
+    unit: Unit = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE", help="Write time, input, measured and simulated outputs as CSV."
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Simulate a model with the input of a recording and compare.
+
+    Names, kinds, units and gain of the columns are the model's.
+    """
+    given = units(unit or ())
+    from brightgrey.cli import show
+    from brightgrey.export.files import check_file, write_file
+    from brightgrey.export.model import Model
+
+    if out:
+        check_file(out)
+    loaded = Model.load(model)
+    from brightgrey import api
+
+    with show.working("simulating", silent=quiet or json):
+        simulation = api.simulate(loaded, api.read_for(loaded, recording, time=time, dt=dt, units=given))
+        if out:
+            write_file(out, simulation.trace.csv_text().encode())
+    show.simulation(simulation, out, quiet=quiet, json=json)

@@ -1,0 +1,254 @@
+"""A recording comes in once, is checked once, and becomes frozen data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.errors import RecordingError, nearest
+from brightgrey.recordings.checks import is_constant
+from brightgrey.recordings.choice import Output, choose
+from brightgrey.recordings.cut import Window, check_decimate, check_window, decimate
+from brightgrey.recordings.delimited import read_delimited
+from brightgrey.recordings.mat import is_mat, read_mat
+from brightgrey.recordings.recording import Recording, Signal, check_hold
+from brightgrey.recordings.sampling import Samples, sample
+from brightgrey.recordings.table import Column, Table
+
+__all__ = ["read_recording", "recording_from"]
+
+Array = NDArray[np.float64]
+NO_UNITS: Mapping[str, str] = MappingProxyType({})
+# A velocity with fewer levels than this between its extremes looks like counts per interval.
+COARSE = 500
+
+
+def read_recording(
+    path: str | Path,
+    *,
+    input: str,
+    outputs: str | Sequence[Output],
+    time: str | None = None,
+    dt: float | None = None,
+    input_gain: float = 1.0,
+    units: Mapping[str, str] = NO_UNITS,
+    window: Window | None = None,
+    decimate: int = 1,
+    hold: str = "linear",
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    header: bool | None = None,
+) -> Recording:
+    """Read a recording of a drive from a CSV or MAT (v5) file.
+
+    Delimiter, decimal mark, header, comments and units in the header are found out. Checks: time must rise in
+    steps that are equal within 10 %. Repairs and assumptions stand in `Recording.notes`: single missing
+    samples and values are interpolated, rows written twice are left out, time stamps rounded to a coarse last
+    digit are read as uniform; none for more than 1 % of the samples. A channel that never changes is noted,
+    not refused.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to read.
+    input : str
+        Column of the input: torque, force, voltage, current. Columns of a file without header are called
+        ``1``, ``2``, ...; a whole number that is no column's name counts the columns in any file.
+    outputs : str or sequence of str or of (name, kind)
+        Columns of the motion with their kind, ``name:kind``. Kinds are position, velocity,
+        velocity-differenced (made by differencing an encoder) and acceleration. Without a kind it is taken
+        from the unit or the name.
+    time : str, optional
+        Column of the time. If not given, the column called t, time, time_s, Time [ms] or the like.
+    dt : float, optional
+        Sampling interval in s, instead of a time column.
+    input_gain : float
+        Factor between the recorded input and its unit, e.g. the force constant in N/V with the unit N.
+    units : mapping of str to str
+        Units by column, e.g. ``{"torque": "mN m", "speed": "rpm"}``; they go before those in the header.
+        Without any, SI is assumed: N m and rad, or N and m if one of the others says so.
+    window : (float or None, float or None), optional
+        Start and end in s of the recording's time, both included. What lies outside is not checked.
+    decimate : int
+        Keep one sample in so many, see `cut.decimate`.
+    hold : {'linear', 'zoh'}
+        What the input does between two samples.
+    delimiter, decimal, header : optional
+        How a text file is written, where the reader is not to find out: delimiter (a space means any white
+        space), decimal mark, whether there is a header.
+
+    Returns
+    -------
+    Recording
+        In coherent SI.
+
+    Raises
+    ------
+    RecordingError
+        For a file that cannot be read or used. One line that names file, column and row.
+    SettingsError
+        For options that are out of range or contradict each other.
+    """
+    file = _existing(Path(path))
+    if is_mat(file):
+        table = read_mat(file, like=input)
+    else:
+        table = read_delimited(file, delimiter=delimiter, decimal=decimal, header=header)
+    return _record(
+        table,
+        input=input,
+        outputs=outputs,
+        time=time,
+        dt=dt,
+        input_gain=input_gain,
+        units=units,
+        limits=window,
+        every=decimate,
+        hold=hold,
+    )
+
+
+def recording_from(
+    columns: Mapping[str, Any],
+    *,
+    input: str,
+    outputs: str | Sequence[Output],
+    time: str | None = None,
+    dt: float | None = None,
+    input_gain: float = 1.0,
+    units: Mapping[str, str] = NO_UNITS,
+    window: Window | None = None,
+    decimate: int = 1,
+    hold: str = "linear",
+    name: str = "recording",
+) -> Recording:
+    """Make a recording of arrays in memory, with the same checks as a file's.
+
+    Parameters
+    ----------
+    columns : mapping of str to array_like, shape (samples,)
+        E.g. a dict of arrays or a data frame.
+    name : str
+        What it is called in messages and results.
+
+    The other parameters, the return value and the errors are those of `read_recording`.
+    """
+    arrays = []
+    for key in columns:
+        try:
+            array = np.asarray(columns[key], dtype=np.float64)
+        except (TypeError, ValueError):
+            array = np.empty((0, 0))
+        if array.ndim != 1:
+            raise RecordingError(f"{name}: column '{key}': expected numbers of shape (samples,)")
+        arrays.append(array)
+    lengths = {array.size for array in arrays}
+    if len(lengths) != 1:
+        raise RecordingError(f"{name}: columns must have one length, these have {sorted(lengths)}")
+    table = Table(
+        name,
+        tuple(Column(str(key), str(key)) for key in columns),
+        np.arange(1, lengths.pop() + 1),
+        lambda indices: np.array([arrays[i] for i in indices]),
+    )
+    return _record(
+        table,
+        input=input,
+        outputs=outputs,
+        time=time,
+        dt=dt,
+        input_gain=input_gain,
+        units=units,
+        limits=window,
+        every=decimate,
+        hold=hold,
+    )
+
+
+def _record(
+    table: Table,
+    *,
+    input: str,
+    outputs: str | Sequence[Output],
+    time: str | None,
+    dt: float | None,
+    input_gain: float,
+    units: Mapping[str, str],
+    limits: Window | None,
+    every: int,
+    hold: str,
+) -> Recording:
+    """Make a recording of a table; parameters as in `read_recording`."""
+    check_window(limits)
+    check_decimate(every)
+    checked_hold = check_hold(hold)
+    choice = choose(
+        table,
+        input=input,
+        outputs=[outputs] if isinstance(outputs, str) else outputs,
+        time=time,
+        dt=dt,
+        input_gain=input_gain,
+        units=units,
+    )
+    samples = sample(table, choice, dt, limits)
+    # Shown unit to SI, and for the input the gain before.
+    factors = np.array([signal.gain / signal.factor for signal in choice.signals])
+    values = samples.values * factors[:, None]
+    recording = Recording(
+        name=table.name,
+        t=samples.t,
+        u=values[0],
+        y=values[1:],
+        input=choice.signals[0],
+        outputs=choice.signals[1:],
+        hold=checked_hold,
+        notes=(*table.notes, *choice.notes, *samples.notes, *_remarks(choice.signals, samples)),
+        resolution=(samples.resolution * np.abs(factors))[1:],
+    )
+    return decimate(recording, every)
+
+
+def _remarks(signals: Sequence[Signal], samples: Samples) -> list[str]:
+    """Note channels that will not serve, or not as what they are said to be."""
+    remarks = []
+    for signal, values, step in zip(signals, samples.values, samples.resolution, strict=True):
+        role = "input" if signal.kind == "input" else "output"
+        if is_constant(values):
+            shown = f"{values[0] * signal.gain:.6g} {signal.unit}"
+            remarks.append(
+                f"{role} '{signal.name}' never changes ({shown}): nothing can be identified from it"
+            )
+        elif signal.kind == "velocity" and np.ptp(values) < COARSE * step:
+            remarks.append(
+                f"velocity '{signal.name}' moves in steps of {step:.6g} {signal.unit}: if it was made by"
+                f" differencing an encoder, say {signal.name}:velocity-differenced"
+            )
+    return remarks
+
+
+def _existing(path: Path) -> Path:
+    """Return the path if it is a file that can be read."""
+    name = path.name or str(path)
+    try:
+        if path.is_dir():
+            raise RecordingError(f"{name}: this is a folder, not a recording")
+        if not path.is_file():
+            folder = path.parent
+            files = [p.name for p in folder.iterdir() if p.is_file()] if folder.is_dir() else []
+            guess = nearest(name, files)
+            raise RecordingError(
+                f"{name}: there is no such file." + (f" Did you mean '{guess}'?" if guess else "")
+            )
+        with path.open("rb") as file:
+            start = file.read(4)
+    except OSError as error:
+        raise RecordingError(f"{name}: the file cannot be read ({error.strerror})") from error
+    if start == b"PK\x03\x04":
+        raise RecordingError(f"{name}: this is a workbook or an archive; save the sheet as CSV and read that")
+    return path

@@ -1,0 +1,180 @@
+"""Recording: what a sensor saw of a drive, checked once and frozen, in coherent SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from brightgrey.errors import RecordingError, SettingsError, unknown_name
+from brightgrey.recordings.checks import resolution
+from brightgrey.recordings.unit_text import parse_unit
+from brightgrey.recordings.units import Units, check_kind, motion_unit
+
+__all__ = ["FEWEST_SAMPLES", "HOLDS", "Hold", "Recording", "Signal", "check_hold", "interval"]
+
+Array = NDArray[np.float64]
+Hold = Literal["linear", "zoh"]
+HOLDS: tuple[Hold, ...] = ("linear", "zoh")
+# Fewer cannot tell even a single mass with friction from noise.
+FEWEST_SAMPLES = 20
+
+
+def check_hold(hold: str) -> Hold:
+    """Return `hold` if it is one of `HOLDS`.
+
+    Raises
+    ------
+    SettingsError
+        Names the nearest one.
+    """
+    for allowed in HOLDS:
+        if hold == allowed:
+            return allowed
+    raise SettingsError(unknown_name("hold", str(hold), HOLDS))
+
+
+def interval(first: float, last: float, steps: int, slack: float = 1e-3) -> float:
+    """Return the sampling interval in s of `steps` equal steps from `first` to `last`.
+
+    It is written with as few digits as put the last sample off by no more than `slack` of an interval, so
+    that two recordings of one logger get exactly the same one.
+    """
+    exact = (last - first) / steps
+    rounded = (float(f"{exact:.{digits}g}") for digits in range(1, 16))
+    return next((dt for dt in rounded if abs(dt - exact) * steps <= slack * exact), exact)
+
+
+@dataclass(frozen=True)
+class Signal:
+    """What one column of a recording means.
+
+    Attributes
+    ----------
+    name : str
+        Name of the column.
+    kind : str
+        ``input``, ``position``, ``velocity``, ``velocity-differenced`` or ``acceleration``. A velocity that
+        was made by differencing an encoder is ``velocity-differenced``: it lags half a sample.
+    unit : str
+        Unit that the values are shown in, e.g. ``N m``, ``mm/s``.
+    gain : float
+        Recorded column times gain stands in `unit`.
+    unit_given : bool
+        False where no unit was given and SI was assumed.
+
+    Raises
+    ------
+    RecordingError
+        For an unknown kind or unit.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    gain: float = 1.0
+    unit_given: bool = True
+
+    def __post_init__(self) -> None:
+        if self.kind != "input":
+            check_kind(self.kind)
+        object.__setattr__(self, "unit", parse_unit(self.unit).text)
+
+    @property
+    def factor(self) -> float:
+        """Factor from SI to `unit`: shown value = factor · value in SI."""
+        return 1.0 / parse_unit(self.unit).si
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Input and motion of a drive over time. Made by :func:`read_recording`; arrays cannot be written to.
+
+    Attributes
+    ----------
+    name : str
+        File name without folder.
+    t : ndarray, shape (samples,)
+        Time in s, uniform; starts where the file's time starts.
+    u : ndarray, shape (samples,)
+        Input in coherent SI (N m, N, V, ...), gain applied.
+    y : ndarray, shape (outputs, samples)
+        Motion in rad or m, per s as the kind says.
+    input : Signal
+    outputs : tuple of Signal
+    hold : {'linear', 'zoh'}
+        What the input does between two samples: straight line or zero-order hold.
+    notes : tuple of str
+        Repairs and assumptions that the user should know of.
+    resolution : ndarray, shape (outputs,)
+        Smallest step of each output in rad or m (per s): what a perfect model may still be off by. Found in
+        `y` if it is not given.
+
+    Raises
+    ------
+    RecordingError
+        For arrays that do not fit each other, numbers that are not finite, too few samples or a time that is
+        not uniform.
+    SettingsError
+        For an unknown hold.
+    """
+
+    name: str
+    t: Array
+    u: Array
+    y: Array
+    input: Signal
+    outputs: tuple[Signal, ...]
+    hold: Hold = "linear"
+    notes: tuple[str, ...] = ()
+    resolution: Array = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        check_hold(self.hold)
+        t, u, y = _frozen(self.t), _frozen(self.u), _frozen(np.atleast_2d(self.y))
+        if t.ndim != 1 or u.shape != t.shape or y.shape != (len(self.outputs), t.size) or not self.outputs:
+            raise RecordingError(
+                f"{self.name}: time {t.shape}, input {u.shape} and outputs {y.shape} do not fit together;"
+                f" expected (samples,), (samples,) and ({len(self.outputs)}, samples)"
+            )
+        check_samples(self.name, t.size)
+        if not (np.isfinite(t).all() and np.isfinite(u).all() and np.isfinite(y).all()):
+            raise RecordingError(f"{self.name}: a number is not finite")
+        dt = (t[-1] - t[0]) / (t.size - 1)
+        uneven = np.abs(t - (t[0] + dt * np.arange(t.size))).max()
+        if not dt > 0 or uneven > 0.01 * dt + 4 * np.spacing(np.abs(t).max()):
+            raise RecordingError(f"{self.name}: the time does not rise in equal steps")
+        steps = self.resolution if np.size(self.resolution) else np.array([resolution(row) for row in y])
+        for name, value in (("t", t), ("u", u), ("y", y), ("resolution", _frozen(steps))):
+            object.__setattr__(self, name, value)
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return int(self.t.size)
+
+    @property
+    def dt(self) -> float:
+        """Sampling interval in s."""
+        return interval(float(self.t[0]), float(self.t[-1]), self.samples - 1)
+
+    @property
+    def units(self) -> Units:
+        """Units that parameters of a model of this recording are shown in."""
+        return Units(self.input.unit, motion_unit(parse_unit(self.outputs[0].unit)))
+
+
+def check_samples(name: str, samples: int, remedy: str = "") -> None:
+    """Refuse fewer than `FEWEST_SAMPLES` samples; `remedy` is appended to the message."""
+    if samples < FEWEST_SAMPLES:
+        raise RecordingError(
+            f"{name}: {samples} samples are too few, at least {FEWEST_SAMPLES} are needed{remedy}"
+        )
+
+
+def _frozen(values: ArrayLike) -> Array:
+    array = np.array(values, dtype=np.float64, order="C")
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,102 @@
+"""Table: named columns of a file, whatever its format, as readers make it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.errors import RecordingError, nearest
+
+__all__ = ["Column", "Table", "tell_rows"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+# Column names listed in one error message.
+LISTED = 30
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its name, its name with the unit as the file writes it, and the unit if there is one."""
+
+    name: str
+    header: str
+    unit: str | None = None
+
+
+@dataclass(frozen=True)
+class Table:
+    """A file's columns, read on demand.
+
+    Attributes
+    ----------
+    name : str
+        File name without folder.
+    columns : tuple of Column
+    rows : ndarray of int, shape (samples,)
+        Row (line of the file, from 1) of every sample, for messages.
+    load : callable
+        ``load(indices) -> array, shape (len(indices), samples)``; missing values are NaN. Raises
+        RecordingError for what is not a number.
+    notes : tuple of str
+        What the reader had to find out or repair.
+    unread : str
+        What else the file holds that is no column, for messages.
+    """
+
+    name: str
+    columns: tuple[Column, ...]
+    rows: Indices
+    load: Callable[[Sequence[int]], Array]
+    notes: tuple[str, ...] = ()
+    unread: str = ""
+
+    def fault(self, text: str, *, column: str | None = None, row: int | None = None) -> RecordingError:
+        """Error that says file, row and column."""
+        place = [] if row is None else [f"row {row}"]
+        place += [] if column is None else [f"column '{column}'"]
+        return RecordingError(": ".join(part for part in (self.name, ", ".join(place), text) if part))
+
+    def names(self) -> str:
+        """All column names, for messages."""
+        names = [column.name for column in self.columns if column.name]
+        more = f", ... ({len(names)} in all)" if len(names) > LISTED else ""
+        return ", ".join(names[:LISTED]) + more + (f"; {self.unread}" if self.unread else "")
+
+    def matches(self, name: str) -> list[int]:
+        """Columns called `name`; by the full header or, if no name is just a number, counted from 1."""
+        for attribute in ("name", "header"):
+            found = [i for i, column in enumerate(self.columns) if getattr(column, attribute) == name]
+            if found:
+                return found
+        if name.isdecimal() and 1 <= int(name) <= len(self.columns):
+            return [int(name) - 1]
+        return []
+
+    def find(self, name: str) -> int:
+        """Index of the column called `name`.
+
+        Raises
+        ------
+        RecordingError
+            If there is none (names the nearest) or more than one.
+        """
+        found = self.matches(name)
+        if not found:
+            guess = nearest(name, [column.name for column in self.columns])
+            hint = f" Did you mean '{guess}'?" if guess else ""
+            raise self.fault(f"unknown column '{name}'.{hint} Columns: {self.names()}")
+        if len(found) > 1:
+            fields = ", ".join(str(i + 1) for i in found)
+            raise self.fault(f"{len(found)} columns are called '{name}' (fields {fields}); name them apart")
+        return found[0]
+
+
+def tell_rows(rows: Indices) -> str:
+    """Rows in words, the first few of them."""
+    first = ", ".join(str(row) for row in rows[:5])
+    more = f" and {rows.size - 5} more" if rows.size > 5 else ""
+    return f"row{'s' if rows.size > 1 else ''} {first}{more}"

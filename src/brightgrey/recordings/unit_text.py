@@ -1,0 +1,243 @@
+"""Units of signals and parameters. Inside brightgrey everything is coherent SI; this is the edge.
+
+Units are read by a small grammar of our own (``N m``, ``Nm``, ``mm/s``, ``rad s-2``, ``°/s``, ``rpm``) and
+valued by pint. The registry holds the units that signals of drives come in, and no others: pint's own list
+reads ``Nm`` as a yarn's number per metre, ``U/min`` as enzyme units and ``Grad`` as a billion radians. Angle
+is a dimension of its own here, so that rad/s and 1/s are not mixed up.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from brightgrey.errors import RecordingError, nearest
+
+if TYPE_CHECKING:
+    import pint
+
+__all__ = ["COMMON_UNITS", "Factors", "Unit", "is_unit", "parse_unit", "write_factors"]
+
+COMMON_UNITS = (
+    *("rad", "deg", "rev", "m", "mm", "rad/s", "deg/s", "rpm", "m/s", "mm/s", "rad/s²", "m/s²"),
+    *("N m", "N", "V", "A", "%", "s", "ms"),
+)
+
+DEFINITIONS = """
+nano- = 1e-9 = n-
+micro- = 1e-6 = µ- = μ- = u-
+milli- = 1e-3 = m-
+centi- = 1e-2 = c-
+kilo- = 1e3 = k-
+mega- = 1e6 = M-
+second = [time] = s = sec
+minute = 60 * second = min
+hour = 60 * minute = h
+meter = [length] = m = metre
+inch = 0.0254 * meter = in
+foot = 12 * inch = ft = feet
+radian = [angle] = rad
+degree = 0.017453292519943295 * radian = deg = ° = Grad
+arcminute = degree / 60 = arcmin
+arcsecond = degree / 3600 = arcsec
+gon = 0.9 * degree
+turn = 6.283185307179586 * radian = rev = revolution
+revolution_per_minute = turn / minute = rpm
+kilogram = [mass] = kg
+standard_gravity = 9.80665 * meter / second ** 2 = g
+newton = kilogram * meter / second ** 2 = N
+pound_force = 4.4482216152605 * newton = lbf = lb = pound
+ounce_force = pound_force / 16 = ozf = oz = ounce
+kilogram_force = 9.80665 * newton = kgf = kp
+pascal = newton / meter ** 2 = Pa
+bar = 1e5 * pascal
+ampere = [current] = A = amp
+volt = kilogram * meter ** 2 / ampere / second ** 3 = V
+watt = kilogram * meter ** 2 / second ** 3 = W
+percent = 0.01 = %
+count = [count] = count = inc = digit
+"""
+
+# Speeds as they are written on drives; a bare 1/min has no other meaning there.
+SPEEDS = {"1/min", "r/min", "u/min", "rev/min", "tr/min", "min-1", "min^-1", "min⁻¹", "upm", "rpm"}
+# Torques that are written without a space.
+TORQUES = tuple(
+    re.compile(pattern)
+    for pattern in (
+        r"([nuµμmkM]?N)([cm]?m)",
+        r"(ozf?|lbf?)(in|ft)",
+        r"(in|ft)(ozf?|lbf?)",
+        r"(kgf|kp)([cm]?m)",
+    )
+)
+SIGNS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
+TOKEN = re.compile(
+    r"(?P<name>[^\W\d_⁰¹²³⁴-⁹]+|[°%])(?P<power>(?:\*\*|\^)?[-−]?\d+|⁻?[⁰¹²³⁴-⁹]+)?"
+    r"|(?P<one>1)|(?P<sign>[()/])|(?P<times>\s*[*·⋅×.\s-]\s*)"
+)
+# One n per name: what a unit may look like.
+SHAPE = re.compile(r"(n+|\(n+\))(/(n+|\(n+\)))*")
+
+Factors = tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit that has been understood.
+
+    Attributes
+    ----------
+    text : str
+        How it is written everywhere, e.g. ``N m``, ``mm/s``; ``1`` without a dimension.
+    factors : tuple of (symbol, power)
+        In the order given.
+    si : float
+        Value of one unit in coherent SI (rad, m, kg, s, A).
+    dimension : tuple of (name, power)
+        Sorted, e.g. ``(("[angle]", 1), ("[time]", -1))``.
+    """
+
+    text: str
+    factors: Factors
+    si: float
+    dimension: tuple[tuple[str, int], ...]
+
+
+@cache
+def _registry() -> pint.UnitRegistry[float]:
+    """Create the registry on first use: importing pint takes longer than all other start-up here."""
+    import pint
+
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
+    registry.load_definitions(DEFINITIONS.strip().splitlines())
+    return registry
+
+
+def _lookup(name: str) -> list[str] | None:
+    """Full names of the units in one written name (two for ``Nm``), or None if it is unknown."""
+    found = _registry().parse_unit_name(name, case_sensitive=True)
+    if found:  # a name of its own goes before a prefix: min is not milli-inch, kg not kilo-g
+        prefix, unit, _ = min(found, key=lambda candidate: len(candidate[0]))
+        return [prefix + unit]
+    for torque in TORQUES:
+        if match := torque.fullmatch(name):
+            return [full for part in match.groups() for full in (_lookup(part) or [])]
+    return None
+
+
+def _unknown(name: str, text: str) -> RecordingError:
+    guess = nearest(
+        name, [*COMMON_UNITS, "min", "in", "ft", "lbf", "ozf", "kgf", "bar", "count", "gon", "arcmin"]
+    )
+    hint = f" Did you mean '{guess}'?" if guess else ""
+    where = "" if name == text else f" in '{text}'"
+    return RecordingError(
+        f"unknown unit '{name}'{where}.{hint} Units are written like {', '.join(COMMON_UNITS)}"
+    )
+
+
+def _tokens(text: str) -> list[re.Match[str]]:
+    """Cut a unit into names, slashes and brackets."""
+    tokens, at = [], 0
+    while at < len(text):
+        match = TOKEN.match(text, at)
+        if match is None:
+            raise _unknown(text, text)
+        tokens.append(match)
+        at = match.end()
+    tokens = [token for token in tokens if not token["times"]]
+    if not SHAPE.fullmatch("".join(token["sign"] or "n" for token in tokens)):
+        raise _unknown(text, text)
+    return tokens
+
+
+def _factors(text: str) -> Factors:
+    """Full names and powers in the order written. A denominator of several factors needs brackets."""
+    factors: list[tuple[str, int]] = []
+    below, open_bracket, denominators = False, False, 0
+    for token in _tokens(text):
+        if token["sign"] == "/":
+            below, denominators = True, 0
+        elif token["sign"] == "(":
+            open_bracket = True
+        elif token["sign"] == ")":
+            below, open_bracket = False, False
+        elif token["name"]:
+            denominators += below
+            if denominators > 1 and not open_bracket:
+                raise RecordingError(f"unit '{text}' can be read in two ways: write a/(b c) or a c/b")
+            names = _lookup(token["name"])
+            power = re.fullmatch(r"\W*?(-?\d)", (token["power"] or "1").translate(SIGNS))
+            if names is None or power is None:
+                raise _unknown(token["name"] if power else text, text)
+            factors += [(name, -int(power[1]) if below else int(power[1])) for name in names]
+    return tuple(factors)
+
+
+def write_factors(factors: Sequence[tuple[str, int]]) -> str:
+    """Write a unit, e.g. ``N m s²/rad``; ``1`` for no factors."""
+
+    def product(terms: list[tuple[str, int]]) -> str:
+        powers = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+        return " ".join(
+            symbol + (str(power).translate(powers) if power > 1 else "") for symbol, power in terms
+        )
+
+    above = product([(symbol, power) for symbol, power in factors if power > 0])
+    below = [(symbol, -power) for symbol, power in factors if power < 0]
+    if not below:
+        return above or "1"
+    bracketed = f"({product(below)})" if len(below) > 1 else product(below)
+    return f"{above or '1'}/{bracketed}"
+
+
+@cache
+def parse_unit(text: str) -> Unit:
+    """Understand a unit.
+
+    Parameters
+    ----------
+    text : str
+        E.g. ``N m``, ``Nm``, ``N*m``, ``mm/s``, ``°/s``, ``rad s^-2``, ``rpm`` (also ``1/min``), ``%``,
+        ``1``.
+
+    Returns
+    -------
+    Unit
+
+    Raises
+    ------
+    RecordingError
+        For a unit that is not known; names the nearest one.
+    """
+    plain = re.sub(r"[\s_]+per[\s_]+", "/", text.strip()).replace("º", "°")
+    compact = re.sub(r"\s+", "", plain)
+    if compact.casefold() in SPEEDS:
+        plain = "rpm"
+    elif compact == "dps":
+        plain = "deg/s"
+    elif compact == "-":
+        plain = "1"
+    if not compact:
+        raise RecordingError(f"a unit is empty; units are written like {', '.join(COMMON_UNITS)}")
+    registry = _registry()
+    factors = _factors(plain)
+    value = registry.Quantity(1.0, "dimensionless")
+    for name, power in factors:
+        value = value * registry.Quantity(1.0, name) ** power
+    value = value.to_root_units()
+    symbols = tuple((registry.get_symbol(name), power) for name, power in factors)
+    dimension = tuple(sorted((str(name), int(power)) for name, power in value.dimensionality.items()))
+    return Unit(write_factors(symbols), symbols, float(value.magnitude), dimension)
+
+
+def is_unit(text: str) -> bool:
+    """Whether `text` can be read as a unit."""
+    try:
+        parse_unit(text)
+    except RecordingError:
+        return False
+    return True

@@ -1,0 +1,121 @@
+"""Which units the signals of a recording and the parameters of its models stand in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from brightgrey.errors import RecordingError, unknown_name
+from brightgrey.recordings.unit_text import Unit, parse_unit, write_factors
+
+__all__ = ["KINDS", "Units", "assumed_unit", "check_kind", "motion_unit"]
+
+# How often the motion is differentiated by time.
+KINDS = {"position": 0, "velocity": 1, "velocity-differenced": 1, "acceleration": 2}
+BASES = {"[angle]": "rad", "[length]": "m"}
+FITTING = {
+    0: "an angle or a length, e.g. rad, deg, m, mm",
+    1: "an angle or a length per time, e.g. rad/s, rpm, m/s, mm/s",
+    2: "an angle or a length per time squared, e.g. rad/s², deg/s², m/s²",
+}
+# Where the composed unit has a name of its own that everybody expects.
+NAMED = {("N m", "rad", (1, -1, 2)): "kg m²", ("N", "m", (1, -1, 2)): "kg"}
+
+
+def check_kind(kind: str) -> None:
+    """Refuse a `kind` of output that is not in `KINDS`.
+
+    Raises
+    ------
+    RecordingError
+        Names the nearest kind.
+    """
+    if kind not in KINDS:
+        raise RecordingError(unknown_name("kind of output", kind, KINDS))
+
+
+def base_of(unit: Unit, kind: str) -> str | None:
+    """``rad`` or ``m`` if `unit` fits an output of this `kind`, else None."""
+    order = KINDS[kind]
+    for name, base in BASES.items():
+        if dict(unit.dimension) == ({name: 1, "[time]": -order} if order else {name: 1}):
+            return base
+    return None
+
+
+def kind_of(unit: Unit) -> str | None:
+    """Kind of output that has such a unit, or None."""
+    return next((kind for kind in KINDS if base_of(unit, kind)), None)
+
+
+def fits(kind: str) -> str:
+    """In words, the units that an output of this `kind` may have."""
+    return FITTING[KINDS[kind]]
+
+
+def assumed_unit(kind: str, base: str) -> str:
+    """Coherent SI unit of an output: `base` (``rad`` or ``m``) per time as often as `kind` says."""
+    return base + ("", "/s", "/s²")[KINDS[kind]]
+
+
+def motion_unit(unit: Unit) -> str:
+    """Length or angle in the unit of a motion; ``rad`` or ``m`` where it is hidden, as in rpm or g.
+
+    A speed in rpm thus gives parameters in rad and s, one in mm/s or m/min gives them in mm or m, and s.
+    """
+    bases = dict(unit.dimension)
+    for symbol, power in unit.factors:
+        if power == 1 and any(dict(parse_unit(symbol).dimension) == {name: 1} for name in BASES):
+            return symbol
+    return next(base for name, base in BASES.items() if name in bases)
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units that parameters, states and signals are shown in.
+
+    Attributes
+    ----------
+    input : str
+        Unit of the input, e.g. ``N m``, ``V``.
+    motion : str
+        Angle or length in the unit of the first output, e.g. ``rad``, ``mm``.
+
+    Raises
+    ------
+    RecordingError
+        For unknown units and for a motion that is neither angle nor length.
+    """
+
+    input: str = "N m"
+    motion: str = "rad"
+
+    def __post_init__(self) -> None:
+        motion = parse_unit(self.motion)
+        if base_of(motion, "position") is None:
+            raise RecordingError(f"unit '{self.motion}' of the motion is neither an angle nor a length")
+        object.__setattr__(self, "input", parse_unit(self.input).text)
+        object.__setattr__(self, "motion", motion.text)
+
+    def of(self, dimension: tuple[int, int, int]) -> tuple[str, float]:
+        """Tell the unit of a quantity and the factor from SI to it.
+
+        Parameters
+        ----------
+        dimension : tuple of int
+            Powers of input, motion and second, e.g. (1, -1, 2) for an inertia.
+
+        Returns
+        -------
+        text : str
+            E.g. ``N m s/rad``, ``V s²/mm``; ``kg m²`` and ``kg`` for inertias from N m and rad, N and m.
+        factor : float
+            Shown value = factor · value in coherent SI.
+        """
+        u, motion = parse_unit(self.input), parse_unit(self.motion)
+        a, b, c = dimension
+        text = NAMED.get((self.input, self.motion, (a, b, c)))
+        if text is None:
+            powers = [(symbol, power * a) for symbol, power in u.factors]
+            powers += [(symbol, power * b) for symbol, power in motion.factors] + [("s", c)]
+            text = write_factors(powers)
+        return text, 1.0 / (u.si**a * motion.si**b)

@@ -1,0 +1,204 @@
+"""The simulation loop: full steps for all lanes at once, the exceptional ones lane by lane."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brightgrey.simulation.compiled import cached, inner
+from brightgrey.simulation.events import drive_lane, mode_bits, refine, set_mode
+from brightgrey.simulation.kinks import fill_kinks
+from brightgrey.simulation.lanes import LANES, get, lanes_not_less, put, splat
+from brightgrey.simulation.laws import evaluate
+from brightgrey.simulation.layout import Plant
+from brightgrey.simulation.propagators import build_tables
+from brightgrey.simulation.step import leaves, step, watch
+
+__all__ = ["run"]
+
+_ALL = (1 << LANES) - 1
+
+
+@inner
+def _batch(plant: Any, b: Any) -> Any:
+    """Tables of one batch."""
+    return Plant(
+        plant.A[b], plant.B[b], plant.c[b], plant.G[b], plant.H[b], plant.K[b], plant.gain[b], plant.law,
+        plant.channel, plant.first, plant.p[b], plant.rate[b], plant.column[b], plant.low[b], plant.high[b],
+        plant.limited, plant.outputs, plant.delay[b], plant.x0[b],
+    )  # fmt: skip
+
+
+@inner
+def _use_table(shape: Any, work: Any, lane: Any) -> None:
+    """Make the base step's table of the lane's mode the current one."""
+    table = work.tables[mode_bits(shape, work, lane) * (shape.ticks + 1) + shape.ticks]
+    for r in range(table.shape[0]):
+        work.current[r, lane] = table[r, lane]
+
+
+@inner
+def _start(shape: Any, plant: Any, u: Any, dt: Any, work: Any) -> None:
+    """State, modes and forces at the first sample."""
+    for i in range(shape.n):
+        put(work.x, i, None, get(plant.x0, i, None))
+        put(work.end, i, None, get(plant.x0, i, None))
+    for lane in range(LANES):
+        for b in range(shape.limits):
+            low, high = get(plant.low, b, lane), get(plant.high, b, lane)
+            state = get(work.x, plant.limited[b], lane)
+            put(work.free, b, lane, 0.0)
+            rate = watch(shape, plant, work, b, work.x, lane)
+            mode = 0
+            if high <= low:
+                mode = 2
+            elif state >= high and rate >= 0.0:
+                mode = 1
+            elif state <= low and rate <= 0.0:
+                mode = -1
+            set_mode(plant, work, b, lane, mode)
+            put(work.event, b, lane, watch(shape, plant, work, b, work.x, lane))
+        _use_table(shape, work, lane)
+        drive_lane(shape, plant, u, 0, 0.0, 0.0, 1.0, dt, work, lane)
+        for k in range(shape.channels):
+            port = get(plant.K, k, lane) * get(work.drive, 0, lane)
+            for i in range(shape.n):
+                port += get(plant.H, k * shape.n + i, lane) * get(work.x, i, lane)
+            total = 0.0
+            for e in range(shape.elements):
+                if plant.channel[e] == k:
+                    phi, _ = evaluate(plant.law[e], plant.p, plant.first[e], lane, port)
+                    total += phi
+            put(work.force, k, lane, total)
+            put(work.slope, k, lane, 0.0)
+
+
+@inner
+def _record(shape: Any, plant: Any, u: Any, k: Any, samples: Any, dt: Any, delayed: Any, work: Any, y: Any) -> Any:
+    """Write the outputs at sample k; returns the mask of lanes whose state is not finite."""
+    n = shape.n
+    total = splat(0.0, None)
+    for i in range(n):
+        total = total + get(work.x, i, None) * 0.0
+    for out in range(shape.outputs):
+        row = plant.outputs[out]
+        if row < n:
+            put(y, out * samples + k, None, get(work.x, row, None))
+            continue
+        row -= n
+        if delayed:
+            for lane in range(LANES):
+                drive_lane(shape, plant, u, k, 0.0, 0.0, 1.0, dt, work, lane)
+        else:
+            put(work.drive, 0, None, splat(u[k], None))
+        value = get(plant.c, row, None) + get(plant.B, row, None) * get(work.drive, 0, None)
+        for i in range(n):
+            value = value + get(plant.A, row * n + i, None) * get(work.x, i, None)
+        for c in range(shape.channels):
+            value = value + get(plant.G, c * n + row, None) * get(work.force, c, None)
+        for b in range(shape.limits):
+            rate = splat(0.0, None)
+            for i in range(n):
+                rate = rate + get(plant.rate, b * n + i, None) * get(work.x, i, None)
+            value = value + get(plant.column, b * n + row, None) * rate * get(work.free, b, None)
+        put(y, out * samples + k, None, value)
+    return lanes_not_less(total, splat(1.0, None))
+
+
+@inner
+def _base_step(
+    shape: Any, plant: Any, control: Any, u: Any, k: Any, base: Any, dt: Any, delayed: Any, work: Any, dead: Any
+) -> None:
+    """Carry all lanes over one base step."""
+    h = dt / shape.base_steps
+    if delayed:
+        ticks = float(1 << shape.ticks)
+        for lane in range(LANES):
+            per_sample = ticks * shape.base_steps
+            drive_lane(shape, plant, u, k, base * ticks, ticks, per_sample, dt, work, lane)
+    else:
+        slope = (u[k + 1] - u[k]) / dt if shape.hold == 1 else 0.0
+        put(work.drive, 0, None, splat(u[k] + slope * (base * h), None))
+        put(work.drive, 1, None, splat(slope, None))
+        put(work.drive, 2, None, splat(0.0, None))
+    failed, coarse = step(shape, plant, control, work.current, h, work, None)
+    left = 0
+    for b in range(shape.limits):
+        ahead = watch(shape, plant, work, b, work.end, None)
+        left |= leaves(work, b, None, get(work.ahead, b, None), ahead)
+    exceptional = failed | left
+    if shape.frozen == 0:
+        exceptional |= coarse
+    elif (failed | coarse | left) & 1:
+        exceptional = _ALL
+    elif exceptional:
+        for tick in range(1 << shape.ticks):
+            work.plan[tick] = shape.ticks
+    exceptional &= ~dead
+    if exceptional:
+        for lane in range(LANES):
+            if (exceptional >> lane) & 1:
+                bits = mode_bits(shape, work, lane)
+                follow = shape.frozen == 1 and lane > 0
+                refine(shape, plant, control, u, k, base, dt, work, lane, follow)
+                for c in range(shape.channels):
+                    work.F2[c, lane] = work.force[c, lane]
+                    work.F1[c, lane] = work.force[c, lane] - work.slope[c, lane] * h / 1.5
+                if bits != mode_bits(shape, work, lane):
+                    _use_table(shape, work, lane)
+    for c in range(shape.channels):
+        f1, f2 = get(work.F1, c, None), get(work.F2, c, None)
+        put(work.force, c, None, f2)
+        put(work.slope, c, None, (f2 - f1) * (1.5 / h))
+    for b in range(shape.limits):
+        put(work.event, b, None, watch(shape, plant, work, b, work.end, None))
+    for i in range(shape.n):
+        put(work.x, i, None, get(work.end, i, None))
+
+
+@cached
+def run(
+    shape: Any, plants: Any, control: Any, u: Any, dt: Any, first: Any, last: Any, work: Any, y: Any, diverged: Any
+) -> None:
+    """Simulate the batches [first, last).
+
+    Parameters
+    ----------
+    shape : Shape
+    plants : Plant
+        Tables with a leading axis over batches.
+    control : tuple of two float
+        Tolerated error estimate of a step and tolerated last change of Newton, in units of speed.
+    u : ndarray, shape (samples,)
+    dt : float
+        Sampling interval in s.
+    first, last : int
+    work : Work
+        Memory that no other thread uses.
+    y : ndarray, shape (batches, outputs * samples, LANES)
+        Outputs, written here.
+    diverged : int ndarray, shape (batches, LANES)
+        First sample at which a lane's state is not finite, written here; -1 if there is none.
+    """
+    samples = u.shape[0]
+    for number in range(first, last):
+        plant = _batch(plants, number)
+        delayed = False
+        for lane in range(LANES):
+            delayed |= get(plant.delay, 0, lane) != 0.0 or get(plant.delay, 1, lane) != 0.0
+            diverged[number, lane] = -1
+        tick = dt / (shape.base_steps * (1 << shape.ticks))
+        build_tables(shape, plant, tick, work)
+        if delayed:
+            fill_kinks(shape, plant, tick, work)
+        _start(shape, plant, u, dt, work)
+        dead = 0
+        for k in range(samples):
+            if k > 0:
+                for base in range(shape.base_steps):
+                    _base_step(shape, plant, control, u, k - 1, base, dt, delayed, work, dead)
+            lost = _record(shape, plant, u, k, samples, dt, delayed, work, y[number]) & ~dead
+            if lost:
+                dead |= lost
+                for lane in range(LANES):
+                    if (lost >> lane) & 1:
+                        diverged[number, lane] = k

@@ -1,0 +1,95 @@
+"""Dead time: the knots of the delayed input fall between samples, at a place of their own in every lane."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brightgrey.simulation.compiled import inner
+from brightgrey.simulation.events import polynomial, reach
+from brightgrey.simulation.lanes import LANES, get, put
+from brightgrey.simulation.layout import Plant, Shape, Work, end_rows
+from brightgrey.simulation.propagators import mode_matrix, taylor_series
+
+__all__ = ["fill_kinks"]
+
+
+@inner
+def _response(shape: Any, plant: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any, p: Any) -> None:
+    """Effect p of a ramp of unit slope (held input: a unit jump) on the state, `span` seconds after its begin."""
+    n = shape.n
+    width = n + 4 + 2 * shape.channels
+    A = work.scratch
+    mode_matrix(shape, plant, mode, A, lane)
+    b0, b1 = work.scratch[n * n :], work.scratch[n * n + n :]
+    whole = int(span / tick)
+    rest = max(span - whole * tick, 0.0)
+    for i in range(n):
+        put(p, i, lane, 0.0)
+    time = 0.0
+    while rest - time > 1e-12 * tick:
+        for i in range(n):
+            drive = get(plant.B, i, lane)
+            put(b0, i, lane, drive * time if shape.hold == 1 else drive)
+            put(b1, i, lane, drive if shape.hold == 1 else 0.0)
+        taylor_series(n, A, b0, b1, p, lane, work.series)
+        s = reach(n, work.series, rest - time, lane)
+        for i in range(n):
+            put(p, i, lane, polynomial(n, work.series, A, 0, i, s, lane))
+        time += s
+    time = rest
+    q = work.scratch[n * n + 2 * n :]
+    for level in range(shape.ticks + 1):
+        if (whole >> level) & 1:
+            table = work.tables[mode * (shape.ticks + 1) + level]
+            for i in range(n):
+                total = get(table, i * width + n, lane)
+                if shape.hold == 1:
+                    total = total * time + get(table, i * width + n + 1, lane)
+                for j in range(n):
+                    total += get(table, i * width + j, lane) * get(p, j, lane)
+                put(q, i, lane, total)
+            for i in range(n):
+                put(p, i, lane, get(q, i, lane))
+            time += tick * (1 << level)
+
+
+@inner
+def _row(n: Any, table: Any, at: Any, p: Any, lane: Any) -> Any:
+    total = 0.0
+    for i in range(n):
+        total += get(table, at + i, lane) * get(p, i, lane)
+    return total
+
+
+@inner
+def fill_kinks(shape: Shape, plant: Plant, tick: Any, work: Work) -> None:
+    """Write the kink's weights to all step tables; in each level one step per sample has a knot inside."""
+    n, m = shape.n, shape.channels
+    width = n + 4 + 2 * m
+    ticks = 1 << shape.ticks
+    p = work.scratch[n * n + 3 * n :]
+    for lane in range(LANES):
+        knot = get(plant.delay, 1, lane) * ticks * shape.base_steps
+        if knot <= 0.0:
+            continue
+        knot -= int(knot / ticks) * ticks
+        for mode in range(1 << shape.limits):
+            for level in range(shape.ticks + 1):
+                size = 1 << level
+                table = work.tables[mode * (shape.ticks + 1) + level]
+                after = size - (knot - int(knot / size) * size)  # ticks from the knot to the end of the step
+                _response(shape, plant, mode, after * tick, tick, work, lane, p)
+                for i in range(n):
+                    put(table, i * width + n + 3 + 2 * m, lane, get(p, i, lane))
+                span = max(after - size * (2.0 / 3.0), 0.0) * tick
+                _response(shape, plant, mode, span, tick, work, lane, p)
+                at = end_rows(n, m) + n + 3 + 2 * m
+                for k in range(m):
+                    seen = get(plant.K, k, lane) * (span if shape.hold == 1 else 1.0 if span > 0.0 else 0.0)
+                    put(table, at + k * width, lane, _row(n, plant.H, k * n, p, lane) + seen)
+                for b in range(shape.limits):
+                    if (mode >> b) & 1:
+                        value = get(p, plant.limited[b], lane)
+                    else:
+                        value = _row(n, plant.rate, b * n, p, lane)
+                    put(table, at + (m + b) * width, lane, value)

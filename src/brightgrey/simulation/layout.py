@@ -1,0 +1,201 @@
+"""What the kernel knows of a model: numbers in tables, nothing of effects.
+
+All tables are ``[batch, row, lane]`` arrays of float64 with LANES columns; the row numbers are given below, so
+that a matrix entry (i, j) is row ``i * n + j``. The kernel's functions work on one batch, ``[row, lane]``.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import register_jitable
+
+from brightgrey.simulation.lanes import LANES
+
+__all__ = ["Plant", "Shape", "Work", "table_rows", "work_for"]
+
+
+class Shape(NamedTuple):
+    """Sizes and options that hold for all lanes of a call.
+
+    Attributes
+    ----------
+    n, channels, limits, elements, outputs : int
+        Numbers of states, channels (distinct port and column of smooth laws), limited states, laws, outputs.
+    ticks : int
+        Exponent: a base step is cut into at most 2^ticks pieces.
+    base_steps : int
+        Base steps per sampling interval.
+    newton : int
+        Newton iterations per step.
+    hold : int
+        1 if the input is linear between samples, 0 if it is held.
+    frozen : int
+        1 if lane 0 leads and the others use its sequence of steps.
+    """
+
+    n: int
+    channels: int
+    limits: int
+    elements: int
+    outputs: int
+    ticks: int
+    base_steps: int
+    newton: int
+    hold: int
+    frozen: int
+
+
+class Plant(NamedTuple):
+    """Systems in lanes: ``x' = A x + B u + c + sum_k G_k F_k(H_k x + K_k u)``, and limited states.
+
+    Attributes
+    ----------
+    A : n * n rows; B, c : n rows
+    G, H : channels * n rows; K, gain : channels rows
+        `gain` is the largest |G| of a channel: what a unit of F does to a speed per second.
+    law, channel, first : int arrays (elements,)
+        Law number of each element, its channel and the row of its first parameter in `p`.
+    p : parameters of all laws
+    rate, column : limits * n rows
+        Row w that gives the rate of a limited state between its limits, and the column it acts on.
+    low, high : limits rows
+    limited : int array (limits,)
+        Which state is limited.
+    outputs : int array (outputs,)
+        State number i for a row of x, n + i for a row of x'.
+    delay : 2 rows
+        Dead time in whole samples, and the rest in samples.
+    x0 : n rows
+    """
+
+    A: Any
+    B: Any
+    c: Any
+    G: Any
+    H: Any
+    K: Any
+    gain: Any
+    law: Any
+    channel: Any
+    first: Any
+    p: Any
+    rate: Any
+    column: Any
+    low: Any
+    high: Any
+    limited: Any
+    outputs: Any
+    delay: Any
+    x0: Any
+
+
+class Work(NamedTuple):
+    """Memory of one thread.
+
+    Attributes
+    ----------
+    tables : one step table per mode and level; see `table_rows`
+    current : the step table of each lane's mode at the base step
+    mode : int array (limits, lanes): 0 free, 1 at the upper limit, -1 at the lower, 2 closed (no width)
+    free, low, high : limits rows: 1 where mode is 0, and the interval in which the watched quantity (the state if
+        it is free, else its rate) has to stay
+    x, end : n rows: state before and after a step
+    force, slope : channels rows: F at the start of a step, and its rate of change in the step before
+    F1, F2 : channels rows: F at the stages h/3 and h
+    a1, a2, z1, z2 : channels rows: ports without and with F
+    M, rhs : Newton's equations
+    event, ahead : limits rows: watched quantity at the start and, of an attempted step, at h/3
+    error : error estimate of the last step, in units of speed
+    drive : 3 rows: input at the start of a step, its slope, and the change of slope (or jump) inside
+    plan : int array: level of the leader's step at each tick
+    series : Taylor coefficients; scratch : 6 n rows
+    build : matrices that tables are made of
+    """
+
+    tables: Any
+    current: Any
+    mode: Any
+    free: Any
+    low: Any
+    high: Any
+    x: Any
+    end: Any
+    force: Any
+    slope: Any
+    F1: Any
+    F2: Any
+    a1: Any
+    a2: Any
+    z1: Any
+    z2: Any
+    M: Any
+    rhs: Any
+    event: Any
+    ahead: Any
+    error: Any
+    drive: Any
+    plan: Any
+    series: Any
+    scratch: Any
+    build: Any
+
+
+SERIES_TERMS = 16
+
+
+@register_jitable
+def end_rows(n: Any, channels: Any) -> Any:
+    """Rows of the first part of a step table, per state i: from x (n), u, slope of u, 1, F1, F2 and the kink."""
+    return n * (n + 4 + 2 * channels)
+
+
+@register_jitable
+def table_rows(n: Any, channels: Any, limits: Any) -> Any:
+    """Rows of a step table.
+
+    First, for every state at the end of the step, the weights of: x (n), u and its slope, the constant, F1 and
+    F2 of each channel, the kink. Then the same for every port and watched quantity at the stage h/3. Last, for
+    every port, the effect of each F1 and F2 at the end of the step (those at h/3 stand in the second part).
+    """
+    width = n + 4 + 2 * channels
+    return (n + channels + limits) * width + 2 * channels * channels
+
+
+def work_for(shape: Shape) -> Work:
+    """Zeroed memory for one thread."""
+    n, m, b = shape.n, shape.channels, shape.limits
+    modes, levels = 2**b, shape.ticks + 1
+
+    def rows(count: int) -> Any:
+        return np.zeros((max(count, 1), LANES))
+
+    return Work(
+        tables=np.zeros((modes * levels, table_rows(n, m, b), LANES)),
+        current=rows(table_rows(n, m, b)),
+        mode=np.zeros((max(b, 1), LANES), np.int64),
+        free=rows(b),
+        low=rows(b),
+        high=rows(b),
+        x=rows(n),
+        end=rows(n),
+        force=rows(m),
+        slope=rows(m),
+        F1=rows(m),
+        F2=rows(m),
+        a1=rows(m),
+        a2=rows(m),
+        z1=rows(m),
+        z2=rows(m),
+        M=rows(4 * m * m),
+        rhs=rows(2 * m),
+        event=rows(b),
+        ahead=rows(b),
+        error=rows(1),
+        drive=rows(3),
+        plan=np.zeros(2**shape.ticks, np.int64),
+        series=rows(SERIES_TERMS * n),
+        scratch=rows(6 * n + n * n),
+        build=np.zeros((7, n * n + n * (3 + 2 * m), LANES)),
+    )

@@ -1,0 +1,264 @@
+"""Step tables: the linear part of a step, exact for any stiffness.
+
+Between two knots of the input a system is ``x' = A x + B (u0 + u1 t) + c + G (F0 + F1 t)``. Its solution is a
+matrix times x plus a column for each of the other terms (the phi functions of exponential integrators,
+doi:10.1017/S0962492910000048). A Taylor polynomial gives them for a tiny step, doubling for all larger ones.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brightgrey.simulation.compiled import inner
+from brightgrey.simulation.lanes import LANES, choose_less, get, put, splat
+from brightgrey.simulation.layout import SERIES_TERMS, Plant, Shape, Work, end_rows
+
+__all__ = ["build_tables", "taylor_series"]
+
+_DEGREE = 14
+
+
+@inner
+def mode_matrix(shape: Any, plant: Any, mode: Any, A: Any, who: Any) -> None:
+    """Write the system matrix of a mode to the first n * n rows of A: bit b set means limited state b is free."""
+    n = shape.n
+    for r in range(n * n):
+        put(A, r, who, get(plant.A, r, who))
+    for b in range(shape.limits):
+        if (mode >> b) & 1:
+            for i in range(n):
+                g = get(plant.column, b * n + i, who)
+                for j in range(n):
+                    put(A, i * n + j, who, get(A, i * n + j, who) + g * get(plant.rate, b * n + j, who))
+
+
+@inner
+def _multiply(n: Any, columns: Any, X: Any, Y: Any, at: Any, stride: Any, step: Any, out: Any) -> None:
+    """out = X Y for an n by n matrix X and `columns` columns of Y; entry (i, c) at `at + i stride + c step`."""
+    for i in range(n):
+        for c in range(columns):
+            total = get(X, i * n, None) * get(Y, at + c * step, None)
+            for j in range(1, n):
+                total = total + get(X, i * n + j, None) * get(Y, at + j * stride + c * step, None)
+            put(out, at + i * stride + c * step, None, total)
+
+
+@inner
+def _compose(shape: Any, first: Any, length: Any, second: Any, out: Any, skip: Any) -> None:
+    """Propagator over `first` (of `length`) and then `second`, kept as `first` in the lanes where skip > 0.
+
+    Propagators are stacked as matrix (n * n rows) and columns (n rows each): value and slope of u, the constant,
+    value and slope of every F.
+    """
+    n = shape.n
+    pairs = 1 + shape.channels
+    columns = 3 + 2 * shape.channels
+    _multiply(n, n, second, first, 0, n, 1, out)
+    _multiply(n, columns, second, first, n * n, 1, n, out)
+    for i in range(n):
+        r = n * n + 2 * n + i
+        put(out, r, None, get(out, r, None) + get(second, r, None))
+        for pair in range(pairs):
+            value = n * n + i + (0 if pair == 0 else (1 + 2 * pair) * n)
+            start = get(second, value, None)
+            put(out, value, None, get(out, value, None) + start)
+            put(out, value + n, None, get(out, value + n, None) + length * start + get(second, value + n, None))
+    for r in range(n * n + columns * n):
+        put(out, r, None, choose_less(0.0, skip, get(first, r, None), get(out, r, None)))
+
+
+@inner
+def _copy(rows: Any, source: Any, target: Any) -> None:
+    for r in range(rows):
+        put(target, r, None, get(source, r, None))
+
+
+@inner
+def _halvings(shape: Any, A: Any, length: Any, work: Any, halvings: Any) -> Any:
+    """How often `length` is halved until sqrt(|A^2|) length <= 1/2, per lane (in `halvings`); returns the most.
+
+    The square's norm sees through the different sizes of positions and speeds, |A| itself would not.
+    """
+    n = shape.n
+    _multiply(n, n, A, A, 0, n, 1, work)
+    most = 0
+    for lane in range(LANES):
+        norm = 0.0
+        for j in range(n):
+            total = 0.0
+            for i in range(n):
+                total += abs(get(work, i * n + j, lane))
+            norm = max(norm, total)
+        size = norm**0.5 * length
+        count = 0
+        while size > 0.5 and count < 60:
+            size *= 0.5
+            count += 1
+        put(halvings, 0, lane, float(count))
+        most = max(most, count)
+    return most
+
+
+@inner
+def _taylor(shape: Any, plant: Any, A: Any, length: Any, out: Any, work: Any) -> None:
+    """Propagator over `length` (a register) by the Taylor polynomial; |A length| is small."""
+    n = shape.n
+    # Matrix: Horner's scheme, I + A h (I + A h / 2 (I + ...)).
+    for i in range(n):
+        for j in range(n):
+            put(out, i * n + j, None, splat(1.0 if i == j else 0.0, None))
+    for degree in range(_DEGREE, 0, -1):
+        _multiply(n, n, A, out, 0, n, 1, work)
+        for i in range(n):
+            for j in range(n):
+                term = get(work, i * n + j, None) * (length * (1.0 / degree))
+                put(out, i * n + j, None, term + 1.0 if i == j else term)
+    # Columns: b h (I + A h / 2 (I + ...)) for a constant, b h^2 / 2 (I + A h / 3 (I + ...)) for a slope.
+    columns = 3 + 2 * shape.channels
+    for column in range(columns):
+        slope = column == 1 or (column > 2 and (column - 3) % 2 == 1)
+        at = n * n + column * n
+        order = 2 if slope else 1
+        factor = length * length * 0.5 if slope else length
+        for i in range(n):
+            put(work, i, None, factor * _source(shape, plant, column, i))
+            put(out, at + i, None, get(work, i, None))
+        for degree in range(1, _DEGREE):
+            for i in range(n):
+                total = get(A, i * n, None) * get(work, 0, None)
+                for j in range(1, n):
+                    total = total + get(A, i * n + j, None) * get(work, j, None)
+                put(work, n + i, None, total * (length * (1.0 / (degree + order))))
+            for i in range(n):
+                term = get(work, n + i, None)
+                put(work, i, None, term)
+                put(out, at + i, None, get(out, at + i, None) + term)
+
+
+@inner
+def _source(shape: Any, plant: Any, column: Any, i: Any) -> Any:
+    """Entry i of what drives x' in a column of the propagator."""
+    if column < 2:
+        return get(plant.B, i, None)
+    if column == 2:
+        return get(plant.c, i, None)
+    return get(plant.G, (column - 3) // 2 * shape.n + i, None)
+
+
+@inner
+def _row_weights(
+    shape: Any, P: Any, length: Any, stage: Any, row: Any, at: Any, table: Any, unit: Any, who: Any
+) -> None:
+    """Weights of ``row x`` after `length` into `table` from row `at` on.
+
+    `stage` is 1/3 or 1: the part of the step that the propagator P covers. F runs linearly through F1 at h/3 and
+    F2 at h, so its value at 0 is (3 F1 - F2) / 2 and its slope 3 (F2 - F1) / (2 h). `unit` >= 0 reads state
+    `unit` instead of `row`.
+    """
+    n = shape.n
+    per_h = stage / length  # 1 / h
+    for j in range(n):
+        put(table, at + j, who, _read(n, P, j, n, row, unit, who))
+    for extra in range(3):
+        put(table, at + n + extra, who, _read(n, P, n * n + extra * n, 1, row, unit, who))
+    for k in range(shape.channels):
+        base = n * n + (3 + 2 * k) * n
+        value = _read(n, P, base, 1, row, unit, who)
+        slope = _read(n, P, base + n, 1, row, unit, who) * (1.5 * per_h)
+        put(table, at + n + 3 + k, who, value * 1.5 - slope)
+        put(table, at + n + 3 + shape.channels + k, who, slope - value * 0.5)
+    put(table, at + n + 3 + 2 * shape.channels, who, splat(0.0, who))
+
+
+@inner
+def _read(n: Any, P: Any, at: Any, stride: Any, row: Any, unit: Any, who: Any) -> Any:
+    """Product of a row with column entries ``at + i stride`` of P."""
+    if unit >= 0:
+        return get(P, at + unit * stride, who)
+    total = splat(0.0, who)
+    for i in range(n):
+        total = total + get(row, i, who) * get(P, at + i * stride, who)
+    return total
+
+
+@inner
+def _fill(shape: Any, plant: Any, mode: Any, full: Any, third: Any, h: Any, table: Any) -> None:
+    """Step table of one mode and level from the propagators over the step and a third of it."""
+    n, m = shape.n, shape.channels
+    width = n + 4 + 2 * m
+    for i in range(n):
+        _row_weights(shape, full, h, 1.0, plant.H, i * width, table, i, None)
+    at = end_rows(n, m)
+    for k in range(m):
+        _row_weights(shape, third, h / 3.0, 1.0 / 3.0, plant.H[k * n :], at, table, -1, None)
+        # K reads the input at the stage
+        put(table, at + n, None, get(table, at + n, None) + get(plant.K, k, None))
+        put(table, at + n + 1, None, get(table, at + n + 1, None) + get(plant.K, k, None) * (h / 3.0))
+        at += width
+    for b in range(shape.limits):
+        if (mode >> b) & 1:
+            _row_weights(shape, third, h / 3.0, 1.0 / 3.0, plant.H, at, table, plant.limited[b], None)
+        else:
+            _row_weights(shape, third, h / 3.0, 1.0 / 3.0, plant.rate[b * n :], at, table, -1, None)
+        at += width
+    for k in range(m):
+        for j in range(m):
+            for stage in range(2):
+                total = splat(0.0, None)
+                for i in range(n):
+                    weight = get(table, i * width + n + 3 + stage * m + j, None)
+                    total = total + get(plant.H, k * n + i, None) * weight
+                put(table, at + k * 2 * m + stage * m + j, None, total)
+
+
+@inner
+def build_tables(shape: Shape, plant: Plant, tick: Any, work: Work) -> None:
+    """Fill ``work.tables`` for every mode and level; level l covers 2^l ticks of length `tick` in s."""
+    n = shape.n
+    rows = n * n + n * (3 + 2 * shape.channels)
+    A, third, full, spare, half = work.build[0], work.build[1], work.build[2], work.build[3], work.build[4]
+    skip = work.scratch
+    for mode in range(1 << shape.limits):
+        mode_matrix(shape, plant, mode, A, None)
+        most = _halvings(shape, A, tick / 3.0, spare, skip)
+        for lane in range(LANES):
+            put(skip, 1, lane, tick / 3.0 * 0.5 ** get(skip, 0, lane))
+        length = get(skip, 1, None)
+        _taylor(shape, plant, A, length, third, spare)
+        for doubling in range(most):
+            done = splat(doubling + 0.5, None) - get(skip, 0, None)
+            _compose(shape, third, length, third, spare, done)
+            length = choose_less(0.0, done, length, length + length)
+            _copy(rows, spare, third)
+        never = splat(-1.0, None)
+        _compose(shape, third, length, third, half, never)
+        _compose(shape, half, length + length, third, full, never)
+        h = tick
+        for level in range(shape.ticks + 1):
+            _fill(shape, plant, mode, full, third, h, work.tables[mode * (shape.ticks + 1) + level])
+            if level < shape.ticks:
+                _compose(shape, third, splat(h / 3.0, None), third, spare, never)
+                _copy(rows, spare, third)
+                _compose(shape, full, splat(h, None), full, spare, never)
+                _copy(rows, spare, full)
+            h *= 2.0
+
+
+@inner
+def taylor_series(n: Any, A: Any, b0: Any, b1: Any, x: Any, lane: Any, series: Any) -> None:
+    """Taylor coefficients of the solution of x' = A x + b0 + b1 t from x, in `series` (row k * n + i), one lane.
+
+    A, b0 and b1 are tables read at `lane`; b0 and b1 may be row offsets into one table.
+    """
+    for i in range(n):
+        put(series, i, lane, get(x, i, lane))
+    for k in range(1, SERIES_TERMS):
+        for i in range(n):
+            total = 0.0
+            if k == 1:
+                total += get(b0, i, lane)
+            elif k == 2:
+                total += get(b1, i, lane)
+            for j in range(n):
+                total += get(A, i * n + j, lane) * get(series, (k - 1) * n + j, lane)
+            put(series, k * n + i, lane, total / k)

@@ -1,0 +1,162 @@
+"""Response of assembled systems to a sampled input: the face of the kernel."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from brightgrey.kit import StateSpace
+from brightgrey.simulation.kernel import run
+from brightgrey.simulation.lanes import LANES
+from brightgrey.simulation.layout import Shape, work_for
+from brightgrey.simulation.lowering import Lowered, fill, lower, turning_rate
+from brightgrey.simulation.settings import Settings, tolerances
+
+__all__ = ["Response", "response"]
+
+Array = NDArray[np.float64]
+_MOST_BASE_STEPS = 64
+
+
+@dataclass(frozen=True)
+class Response:
+    """Outputs of K simulations.
+
+    Attributes
+    ----------
+    y : ndarray, shape (outputs, samples, K)
+        In SI units. From the sample on at which a simulation diverged it is not a number.
+    diverged : int ndarray, shape (K,)
+        First sample at which the state is not finite, -1 if there is none.
+    """
+
+    y: Array
+    diverged: NDArray[np.int64]
+
+
+def response(
+    system: StateSpace,
+    u: ArrayLike,
+    dt: float,
+    x0: ArrayLike,
+    settings: Settings,
+    *,
+    frozen: bool = False,
+    threads: int = 1,
+) -> Response:
+    """Simulate K systems of one structure side by side.
+
+    The result of a parameter set never depends on the others (unless `frozen` says so) nor on the number of
+    threads. No step has to be chosen: see :class:`Settings`.
+
+    Parameters
+    ----------
+    system : StateSpace
+        One system, or K of them (:func:`brightgrey.kit.assemble` with arrays).
+    u : array_like, shape (samples,)
+        Input in SI units; before the first sample it was ``u[0]``.
+    dt : float
+        Sampling interval in s.
+    x0 : array_like, shape (n,) or (n, K)
+        Initial state.
+    settings : Settings
+    frozen : bool
+        The first set chooses the steps and all others take the same ones, so that differences between them are
+        smooth: forward differences with a relative step of 1e-6 give derivatives.
+    threads : int
+
+    Returns
+    -------
+    Response
+    """
+    u = np.ascontiguousarray(u, float)
+    lowered = lower(system, dt)
+    sets = lowered.A.shape[-1]
+    n = lowered.A.shape[0]
+    start = np.asarray(x0, float)
+    start = np.broadcast_to(start[:, None] if start.ndim == 1 else start, (n, sets))
+    bases = _base_steps(system, lowered, dt, settings)
+    if frozen:
+        bases[:] = bases[0]
+    y = np.empty((len(lowered.outputs), len(u), sets))
+    diverged = np.empty(sets, np.int64)
+    for base in np.unique(bases):
+        members = np.flatnonzero(bases == base)
+        _simulate(lowered, u, dt, start, settings, frozen, threads, int(base), members, y, diverged)
+    for k in np.flatnonzero(diverged >= 0):
+        y[:, diverged[k] :, k] = np.nan
+    return Response(y, diverged)
+
+
+def _base_steps(system: StateSpace, lowered: Lowered, dt: float, settings: Settings) -> NDArray[np.int64]:
+    """Full steps per sample, a power of two: with limits, a fast oscillation must not swing unseen in a step."""
+    if not lowered.limited:
+        return np.ones(lowered.A.shape[-1], np.int64)
+    turns = turning_rate(system, lowered) * dt / tolerances(settings.level).turn
+    steps = 2 ** np.ceil(np.log2(np.maximum(np.nan_to_num(turns, nan=1.0), 1.0)))
+    return np.minimum(steps, _MOST_BASE_STEPS).astype(np.int64)
+
+
+def _simulate(
+    lowered: Lowered,
+    u: Array,
+    dt: float,
+    x0: Array,
+    settings: Settings,
+    frozen: bool,
+    threads: int,
+    base_steps: int,
+    members: NDArray[np.int64],
+    y: Array,
+    diverged: NDArray[np.int64],
+) -> None:
+    """Simulate the parameter sets `members`, which all take the same number of base steps."""
+    pick = _frozen_lanes(members) if frozen else _lanes(members)
+    level = tolerances(settings.level)
+    shape = Shape(
+        n=lowered.A.shape[0],
+        channels=lowered.G.shape[0],
+        limits=len(lowered.limited),
+        elements=len(lowered.smooth),
+        outputs=len(lowered.outputs),
+        ticks=level.ticks,
+        base_steps=base_steps,
+        newton=level.newton,
+        hold=int(settings.hold == "linear"),
+        frozen=int(frozen),
+    )
+    plants = fill(lowered, x0, pick)
+    control = (level.error * settings.speed_scale, level.change * settings.speed_scale)
+    results = np.empty((len(pick), shape.outputs * len(u), LANES))
+    lost = np.empty((len(pick), LANES), np.int64)
+    cuts = np.linspace(0, len(pick), min(threads, len(pick)) + 1).astype(int)
+
+    def part(first: int, last: int) -> None:
+        run(shape, plants, control, u, dt, first, last, work_for(shape), results, lost)
+
+    if len(cuts) == 2:
+        part(0, len(pick))
+    else:
+        with ThreadPoolExecutor(len(cuts) - 1) as pool:
+            list(pool.map(part, cuts[:-1], cuts[1:]))
+    y[:, :, pick.ravel()] = results.reshape(len(pick), shape.outputs, len(u), LANES).transpose(1, 2, 0, 3).reshape(
+        shape.outputs, len(u), -1
+    )
+    diverged[pick.ravel()] = lost.ravel()
+
+
+def _lanes(members: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Members in rows of LANES, the last one repeated to fill."""
+    missing = -len(members) % LANES
+    return np.append(members, np.repeat(members[-1:], missing)).reshape(-1, LANES)
+
+
+def _frozen_lanes(members: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Rows of LANES that each begin with the first member, which leads."""
+    rest = members[1:] if len(members) > 1 else members
+    missing = -len(rest) % (LANES - 1)
+    rest = np.append(rest, np.repeat(rest[-1:], missing)).reshape(-1, LANES - 1)
+    return np.hstack([np.full((len(rest), 1), members[0]), rest])

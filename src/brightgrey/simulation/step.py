@@ -1,0 +1,221 @@
+"""One step of the simulation: exponential Radau IIA with two stages.
+
+The linear part, the input and its kink are exact. The channels' forces F run linearly through the stages at h/3
+and h (order 3 and L-stable, which stiff friction near standstill needs); their values are found by Newton's
+method on the ports, with a fixed number of iterations so that no lane waits for another.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brightgrey.simulation.compiled import inner
+from brightgrey.simulation.lanes import choose_less, get, lanes_not_less, put, splat
+from brightgrey.simulation.laws import evaluate
+from brightgrey.simulation.layout import end_rows
+
+__all__ = ["leaves", "step", "watch"]
+
+
+@inner
+def _weigh(shape: Any, table: Any, at: Any, work: Any, who: Any) -> Any:
+    """Row of a step table times state and input, without F."""
+    n = shape.n
+    total = get(table, at + n + 2, who)
+    for j in range(n):
+        total = total + get(table, at + j, who) * get(work.x, j, who)
+    total = total + get(table, at + n, who) * get(work.drive, 0, who)
+    total = total + get(table, at + n + 1, who) * get(work.drive, 1, who)
+    return total + get(table, at + n + 3 + 2 * shape.channels, who) * get(work.drive, 2, who)
+
+
+@inner
+def _add_forces(shape: Any, table: Any, at: Any, work: Any, total: Any, who: Any) -> Any:
+    """Add the effect of F, weights from row `at` of the table on."""
+    m = shape.channels
+    for k in range(m):
+        total = total + get(table, at + k, who) * get(work.F1, k, who)
+        total = total + get(table, at + m + k, who) * get(work.F2, k, who)
+    return total
+
+
+@inner
+def _laws(shape: Any, plant: Any, z: Any, k: Any, who: Any) -> Any:
+    """Sum of all laws of channel k and its slope."""
+    port = get(z, k, who)
+    force, slope = splat(0.0, who), splat(0.0, who)
+    for e in range(shape.elements):
+        if plant.channel[e] == k:
+            phi, by_port = evaluate(plant.law[e], plant.p, plant.first[e], who, port)
+            force, slope = force + phi, slope + by_port
+    return force, slope
+
+
+@inner
+def _newton_one(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work: Any, who: Any) -> Any:
+    """One Newton iteration for a single channel; returns the larger change of the two ports."""
+    n = shape.n
+    s1, s2 = get(table, stage + n + 3, who), get(table, stage + n + 4, who)
+    e1, e2 = get(table, coupling, who), get(table, coupling + 1, who)
+    a1, a2 = get(work.a1, 0, who), get(work.a2, 0, who)
+    z1, z2 = get(work.z1, 0, who), get(work.z2, 0, who)
+    f1, d1 = _laws(shape, plant, work.z1, 0, who)
+    f2, d2 = _laws(shape, plant, work.z2, 0, who)
+    r1, r2 = f1 + d1 * (a1 - z1), f2 + d2 * (a2 - z2)
+    m11, m12 = 1.0 - d1 * s1, d1 * s2
+    m21, m22 = d2 * e1, 1.0 - d2 * e2
+    scale = 1.0 / (m11 * m22 - m12 * m21)
+    f1 = (r1 * m22 + r2 * m12) * scale
+    f2 = (r2 * m11 + r1 * m21) * scale
+    new1 = a1 + s1 * f1 + s2 * f2
+    new2 = a2 + e1 * f1 + e2 * f2
+    put(work.F1, 0, who, f1)
+    put(work.F2, 0, who, f2)
+    put(work.z1, 0, who, new1)
+    put(work.z2, 0, who, new2)
+    return _larger(_size(new1 - z1), _size(new2 - z2))
+
+
+@inner
+def _size(a: Any) -> Any:
+    return choose_less(a, 0.0, -a, a)
+
+
+@inner
+def _larger(a: Any, b: Any) -> Any:
+    """Larger of two; not-a-number if either is."""
+    return choose_less(a, b, b, choose_less(b, a, a, a + 0.0 * b))
+
+
+@inner
+def _newton(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work: Any, who: Any) -> Any:
+    """One Newton iteration for any number of channels: (I - D S) F = phi + D (a - z), then z = a + S F."""
+    n, m = shape.n, shape.channels
+    size = 2 * m
+    width = n + 4 + 2 * m
+    for half in range(2):
+        for k in range(m):
+            z, a = (work.z1, work.a1) if half == 0 else (work.z2, work.a2)
+            row = half * m + k
+            weights = stage + k * width + n + 3 if half == 0 else coupling + k * size
+            force, slope = _laws(shape, plant, z, k, who)
+            put(work.rhs, row, who, force + slope * (get(a, k, who) - get(z, k, who)))
+            for j in range(size):
+                entry = -(slope * get(table, weights + j, who))
+                put(work.M, row * size + j, who, entry + 1.0 if j == row else entry)
+    for i in range(size):
+        pivot = 1.0 / get(work.M, i * size + i, who)
+        for r in range(i + 1, size):
+            factor = get(work.M, r * size + i, who) * pivot
+            for j in range(i + 1, size):
+                put(work.M, r * size + j, who, get(work.M, r * size + j, who) - factor * get(work.M, i * size + j, who))
+            put(work.rhs, r, who, get(work.rhs, r, who) - factor * get(work.rhs, i, who))
+    for i in range(size - 1, -1, -1):
+        total = get(work.rhs, i, who)
+        for j in range(i + 1, size):
+            total = total - get(work.M, i * size + j, who) * get(work.rhs, j, who)
+        put(work.rhs, i, who, total / get(work.M, i * size + i, who))
+    for k in range(m):
+        put(work.F1, k, who, get(work.rhs, k, who))
+        put(work.F2, k, who, get(work.rhs, m + k, who))
+    change = splat(0.0, who)
+    for k in range(m):
+        z1 = _add_forces(shape, table, stage + k * width + n + 3, work, get(work.a1, k, who), who)
+        z2 = _add_forces(shape, table, coupling + k * size, work, get(work.a2, k, who), who)
+        change = _larger(change, _size(z1 - get(work.z1, k, who)))
+        change = _larger(change, _size(z2 - get(work.z2, k, who)))
+        put(work.z1, k, who, z1)
+        put(work.z2, k, who, z2)
+    return change
+
+
+@inner
+def watch(shape: Any, plant: Any, b: Any, mode: Any, state: Any, lane: Any) -> Any:
+    """Watched quantity of limited state b for one lane: the state itself if it is free, else its rate."""
+    if mode == 0:
+        return get(state, plant.limited[b], lane)
+    total = 0.0
+    for j in range(shape.n):
+        total += get(plant.rate, b * shape.n + j, lane) * get(state, j, lane)
+    return total
+
+
+@inner
+def leaves(work: Any, b: Any, who: Any, s1: Any, s2: Any) -> Any:
+    """Lanes in which the watched quantity of limited state b leaves its interval during a step.
+
+    Its values at h/3 and h are given; a parabola stands for its course, so that leaving and coming back within
+    the step is seen. The slack is rounding; a quantity that rests at its limit does not leave.
+    """
+    s0 = get(work.event, b, who)
+    slope = (s1 - s0) * 4.5 - (s2 - s0) * 0.5
+    bend = (s2 - s0) - slope
+    peak = slope * -0.5 / bend
+    extreme = s0 + peak * (slope + peak * bend)
+    extreme = choose_less(0.0, peak, choose_less(peak, 1.0, extreme, s2), s2)
+    slack = (_size(s0) + _size(s2)) * 1e-12 + 1e-300
+    low, high = get(work.low, b, who) - slack, get(work.high, b, who) + slack
+    out = lanes_not_less(s2, high) | lanes_not_less(low, s2)
+    return out | lanes_not_less(extreme, high) | lanes_not_less(low, extreme)
+
+
+@inner
+def watch(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> Any:
+    """Watched quantity of limited state b: the state itself where it is free, else its rate."""
+    total = splat(0.0, who)
+    for j in range(shape.n):
+        total = total + get(plant.rate, b * shape.n + j, who) * get(state, j, who)
+    return choose_less(0.5, get(work.free, b, who), get(state, plant.limited[b], who), total)
+
+
+@inner
+def step(shape: Any, plant: Any, control: Any, table: Any, h: Any, work: Any, who: Any) -> Any:
+    """Step from ``work.x`` to ``work.end``; returns (lanes in which Newton failed, lanes with too large an error).
+
+    `control` holds the tolerated error estimate and the tolerated last change of Newton, both in units of speed.
+    Watched quantities at h/3 are left in ``work.ahead``.
+    """
+    n, m = shape.n, shape.channels
+    width = n + 4 + 2 * m
+    stage = end_rows(n, m)
+    coupling = stage + (m + shape.limits) * width
+    for i in range(n):
+        put(work.end, i, who, _weigh(shape, table, i * width, work, who))
+    failed, coarse = 0, 0
+    if m > 0:
+        for k in range(m):
+            force, rate = get(work.force, k, who), get(work.slope, k, who) * h
+            put(work.F1, k, who, force + rate * (1.0 / 3.0))
+            put(work.F2, k, who, force + rate)
+        for k in range(m):
+            a1 = _weigh(shape, table, stage + k * width, work, who)
+            a2 = get(plant.K, k, who) * (get(work.drive, 0, who) + get(work.drive, 1, who) * h)
+            for i in range(n):
+                a2 = a2 + get(plant.H, k * n + i, who) * get(work.end, i, who)
+            put(work.a1, k, who, a1)
+            put(work.a2, k, who, a2)
+            put(work.z1, k, who, _add_forces(shape, table, stage + k * width + n + 3, work, a1, who))
+            put(work.z2, k, who, _add_forces(shape, table, coupling + k * 2 * m, work, a2, who))
+        change = splat(0.0, who)
+        for _ in range(shape.newton):
+            if m == 1:
+                change = _newton_one(shape, plant, table, stage, coupling, work, who)
+            else:
+                change = _newton(shape, plant, table, stage, coupling, work, who)
+        failed = lanes_not_less(change, splat(control[1], who))
+        error = splat(0.0, who)
+        for k in range(m):
+            # F at the start, as it was against as the stages see it: its curvature over the step.
+            bend = get(work.force, k, who) - (get(work.F1, k, who) * 1.5 - get(work.F2, k, who) * 0.5)
+            error = _larger(error, _size(bend) * get(plant.gain, k, who))
+        error = error * h
+        put(work.error, 0, who, error)
+        coarse = lanes_not_less(error, splat(control[0], who))
+        for i in range(n):
+            start = i * width + n + 3
+            put(work.end, i, who, _add_forces(shape, table, start, work, get(work.end, i, who), who))
+    for b in range(shape.limits):
+        at = stage + (m + b) * width
+        value = _weigh(shape, table, at, work, who)
+        put(work.ahead, b, who, _add_forces(shape, table, at + n + 3, work, value, who))
+    return failed, coarse
