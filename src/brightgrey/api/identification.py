@@ -43,6 +43,8 @@ class Result:
         Structures that were tried, best first.
     notes : tuple of str
         Repairs of the recordings, and assumptions about them.
+    fit : Fit
+        The estimation in detail: start points and where they ended, all in SI.
     files : mapping of str to bytes
         Further files that :meth:`write` puts beside the results.
     """
@@ -51,6 +53,7 @@ class Result:
     traces: tuple[Trace, ...]
     ranking: tuple[Row, ...]
     notes: tuple[str, ...]
+    fit: Fit
     files: Mapping[str, bytes] = field(default_factory=dict)
 
     def plot(self) -> Figure:
@@ -227,4 +230,4 @@ def _result(
     )
     read = several if test is None else (*several, test)
     notes = tuple(dict.fromkeys(f"{r.name}: {note}" for r in read for note in r.notes))
-    return Result(model, (*train, *unseen), (row,), notes)
+    return Result(model, (*train, *unseen), (row,), notes, fit)

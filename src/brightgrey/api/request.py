@@ -38,7 +38,7 @@ def check_alike(several: Sequence[Recording], test: Recording | None) -> None:
 def _factor(structure: Structure, name: str, units: Units) -> float:
     """Shown value over SI value of a parameter; refuses unknown names."""
     if name not in structure.parameters:
-        raise SettingsError(unknown_name(f"parameter of '{structure}'", name, structure.parameters))
+        raise SettingsError(f"'{structure}': {unknown_name('parameter', name, structure.parameters)}")
     return units.of(structure.parameters[name].dimension)[1]
 
 

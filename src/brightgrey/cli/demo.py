@@ -21,7 +21,7 @@ def demo(
 ) -> None:
     """Identify the drive of the recording that ships with brightgrey.
 
-    Writes model.json, ranking.csv, report.html, fit.png and the recording itself, recording.csv, to DIR.
+    Writes report.html, model.json, ranking.csv, fit.png and recording.csv to DIR.
     """
     from brightgrey.cli import show
     from brightgrey.export.files import check_folder

@@ -102,8 +102,9 @@ def identify(
 ) -> None:
     """Estimate the parameters of a structure from recordings.
 
-    Writes model.json, ranking.csv, report.html and fit.png to DIR. All values, in and out, stand in the
-    recording's units.
+    Writes report.html, model.json, ranking.csv and fit.png to DIR.
+
+    All values, in and out, stand in the recording's units.
     """
     ranges, constants = options.bounds(bound or ()), options.fixed(fix or ())
     units, part = options.units(unit or ()), options.window(window)

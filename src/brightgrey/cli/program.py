@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader has seen enough (``| head``). Python flushes once more at exit: to nowhere.
         with contextlib.suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        return 1
     except OSError as error:
         return _fail(f"{error.strerror or error}" + (f": '{error.filename}'" if error.filename else ""))
     except (KeyboardInterrupt, typer.Abort):
@@ -86,5 +86,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _fail(message: str) -> int:
     line = " ".join(message.split())
-    print(f"brightgrey: {line}", file=sys.stderr)
+    if line:  # none without arguments: the help has been shown
+        print(f"brightgrey: {line}", file=sys.stderr)
     return 2

@@ -1,0 +1,160 @@
+"""Measured recordings of real drives: the tables of docs/results.md and the README.
+
+    python bench/real_recordings.py [--starts N]
+
+Recordings are looked for in ../shared/data beside the repository, or in the folder named by BRIGHTGREY_DATA.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import sys
+import time
+from pathlib import Path
+
+from brightgrey import Result, identify, read_recording
+from brightgrey.report.numbers import significant, with_uncertainty
+
+DATA = Path(os.environ.get("BRIGHTGREY_DATA", Path(__file__).parents[2] / "shared" / "data"))
+EMPS = "one_mass+coulomb+viscous+gravity"
+MTE360 = "two_mass+coulomb+viscous+gravity"
+ONE_MASS = ("coulomb", "viscous", "stribeck", "gravity", "current_control", "delay")
+
+
+def table(header: list[str], rows: list[list[str]]) -> None:
+    """Print a Markdown table."""
+    print("| " + " | ".join(header) + " |")
+    print("|" + "---|" * len(header))
+    for row in rows:
+        print("| " + " | ".join(row) + " |", flush=True)
+    print()
+
+
+def estimate(result: Result, name: str) -> str:
+    part = result.model.parameters[name]
+    half_width = (part.ci95[1] - part.ci95[0]) / 2 if part.ci95 else None
+    value, shown = with_uncertainty(part.value, half_width)
+    return f"{value} ± {shown}" if shown else value
+
+
+def agreeing(result: Result) -> str:
+    """How many starts ended within 1 % of the best one's RSS."""
+    rss = [start.rss for start in result.fit.starts]
+    return f"{sum(value <= 1.01 * min(rss) for value in rss)} of {len(rss)}"
+
+
+def emps(starts: int) -> None:
+    """Position of the EMPS from its force: four settings of f_tanh."""
+    recording = read_recording(
+        DATA / "emps" / "DATA_EMPS.mat",
+        input="vir",
+        outputs=["qm:position"],
+        time="t",
+        input_gain=35.15065,
+        units={"vir": "N", "qm": "m"},
+    )
+    default = identify(recording, EMPS, starts=starts)
+    f_tanh = default.model.settings.f_tanh
+    runs = [(f"{f_tanh:.4g} (default)", default)]
+    for text, value in (
+        ("1000", 1000.0),
+        (f"{f_tanh / 3:.4g} (a third)", f_tanh / 3),
+        (f"{3 * f_tanh:.4g} (three times)", 3 * f_tanh),
+    ):
+        runs.append((text, identify(recording, EMPS, f_tanh=value, starts=starts)))
+    rows = []
+    for text, result in runs:
+        fit = result.model.fit.train["qm"]
+        values = [estimate(result, name) for name in ("J1", "f_v", "M_C", "M_G")]
+        rows.append(
+            [
+                text,
+                *values,
+                f"{1e3 * fit.rmse:.3f}",
+                f"{fit.fit_percent:.2f}",
+                agreeing(result),
+                result.model.outcome.kind,
+            ]
+        )
+    print(f"EMPS, `{EMPS}`, {recording.samples} samples:\n")
+    header = [
+        "f_tanh in s/m",
+        "mass J1 in kg",
+        "f_v in N s/m",
+        "M_C in N",
+        "M_G in N",
+        "RMSE in mm",
+        "fit in %",
+    ]
+    table([*header, "starts at the optimum", "outcome"], rows)
+
+
+def mte360(starts: int) -> None:
+    """Motor cart of the MTE360 drive from its voltage: two masses against every one-mass structure."""
+    recording = read_recording(
+        DATA / "mte360" / "velocity_response_1_5.mat",
+        input="u",
+        outputs=["v1:velocity-differenced"],
+        time="t",
+        units={"u": "V", "v1": "mm/s"},
+    )
+    two = identify(recording, MTE360, starts=starts)
+    names = [
+        "+".join(("one_mass", *chosen))
+        for size in range(len(ONE_MASS) + 1)
+        for chosen in itertools.combinations(ONE_MASS, size)
+    ]
+    ones = [identify(recording, name, starts=starts) for name in names]
+    ones.sort(key=lambda result: result.model.fit.train["v1"].rmse or float("inf"))
+    alike = next(r for r in ones if str(r.model.structure) == "one_mass+coulomb+viscous+gravity")
+    rows = []
+    for result, remark in (
+        (two, ""),
+        (ones[0], f"best of {len(ones)} one-mass structures"),
+        (alike, "same friction and offset"),
+    ):
+        fit = result.model.fit.train["v1"]
+        rows.append(
+            [
+                f"`{result.model.structure}`",
+                remark,
+                str(result.ranking[0].n_parameters),
+                significant(fit.rmse),
+                f"{fit.fit_percent:.2f}",
+                f"{result.ranking[0].criterion:.0f}",
+                agreeing(result),
+            ]
+        )
+    print(f"MTE360, velocity_response_1_5, {recording.samples} samples:\n")
+    table(["structure", "", "parameters", "RMSE in mm/s", "fit in %", "BIC", "starts at the optimum"], rows)
+    table(
+        ["parameter", "estimate", "unit"],
+        [[n, estimate(two, n), two.model.parameters[n].unit] for n in two.model.parameters],
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--starts", type=int, default=8, help="start points of each fit (default 8)")
+    parser.add_argument("--only", choices=("emps", "mte360"), help="one of the drives")
+    arguments = parser.parse_args()
+    if not DATA.is_dir():
+        print(
+            "no recordings: lay them to ../shared/data or name their folder in BRIGHTGREY_DATA",
+            file=sys.stderr,
+        )
+        return 2
+    for name, run in (("emps", emps), ("mte360", mte360)):
+        if arguments.only in (None, name):
+            began = time.perf_counter()
+            run(arguments.starts)
+            print(f"({time.perf_counter() - began:.0f} s)\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
