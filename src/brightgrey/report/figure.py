@@ -83,7 +83,8 @@ def _panel(top: Axes, bottom: Axes, trace: Trace, row: int) -> None:
     bottom.plot(t, residual, color=RESIDUAL, linewidth=0.8)
     bottom.set_ylabel(_plain(f"residual\nin {signal.unit}"))
     bottom.set_xlabel("time in s")
-    bottom.margins(x=0.01)
+    for axes in (top, bottom):
+        axes.margins(x=0.01)
 
 
 def quantity(kind: str) -> str:

@@ -55,7 +55,7 @@ def _settings(model: Model) -> list[tuple[str, str]]:
     s = model.settings
     rows = [
         ("f_tanh, gain of the smoothed sign", f"{significant(s.f_tanh)} {s.f_tanh_unit}"),
-        ("sampling time", f"{significant(s.sampling_time)} s"),
+        ("sampling time", f"{s.sampling_time:.6g} s"),
         ("input between samples", {"linear": "straight lines", "zoh": "held"}[s.hold]),
         ("integration level", s.level),
     ]
