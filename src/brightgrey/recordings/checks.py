@@ -49,7 +49,10 @@ def resolution(values: Array) -> float:
             return step
     if largest == 0.0:
         return float(np.finfo(np.float64).eps)
-    if np.array_equal(values, values.astype(np.float32)) and largest < np.finfo(np.float32).max:
+    with np.errstate(over="ignore"):
+        single = values.astype(np.float32)
+    # Nine digits are what single precision is printed with; they put a number off by 5e-9 of itself.
+    if np.isfinite(single).all() and (np.abs(values - single) <= 5.1e-9 * np.abs(values)).all():
         return float(np.spacing(np.float32(largest)))
     return float(np.spacing(largest))
 

@@ -102,9 +102,14 @@ def choose(
         found, why = (kind, "") if kind else _guess_kind(table.columns[i].name, given.get(i))
         kinds.append(found)
         notes += [f"output '{table.columns[i].name}' is taken as {found}{why}"] if why else []
-    signals, more = _signals(table, chosen, kinds, given, input_gain)
-    factor, assumed = (1.0, "") if t is None else _time_unit(table, t, given.get(t))
-    notes += [*more, assumed] if assumed else more
+    signals = _signals(table, chosen, kinds, given, input_gain)
+    assumed = [f"'{s.name}' in {s.unit}{_hint(s)}" for s in signals if not s.unit_given]
+    factor = 1.0
+    if t is not None:
+        factor, remark = _time_unit(table, t, given.get(t))
+        assumed += [remark] if remark else []
+    notes += [f"no unit is given; assumed: {', '.join(assumed)}"] if assumed else []
+    notes += _doubts(signals[0])
     unused = [name for name in units if table.find(name) not in everything]
     notes += [f"the unit of '{name}' is not used" for name in unused]
     return Choice(u, tuple(chosen[1:]), t, factor, signals, tuple(notes))
@@ -174,7 +179,7 @@ def _guess_kind(name: str, given: Unit | RecordingError | None) -> tuple[str, st
     """Kind of an output and why: its unit, its name, or that most drives are recorded by velocity."""
     unit = _unit(given)
     if unit is not None and (kind := kind_of(unit)):
-        return kind, f", for its unit is {unit.text}"
+        return kind, ""
     for kind, pattern in KIND_NAMES.items():
         if pattern.search(name):
             return kind, ", by its name"
@@ -182,18 +187,21 @@ def _guess_kind(name: str, given: Unit | RecordingError | None) -> tuple[str, st
 
 
 def _time_unit(table: Table, index: int, given: Unit | RecordingError | None) -> tuple[float, str]:
-    """Seconds per unit of the time's column, and a note if the unit is not given."""
+    """Seconds per unit of the time's column, and a remark if neither unit nor name says that it is in s."""
     column = table.columns[index]
     unit = _unit(given)
-    note = ""
-    if unit is None:
-        match = TIME_NAME.fullmatch(column.name)
-        text = (match and match["unit"]) or ""
-        unit = parse_unit("s" if text.lower() in ("", "seconds", "second") else text.lower())
-        note = f"time '{column.name}' is taken in {unit.text}" + (", by its name" if text else "")
-    if unit.dimension != (("[time]", 1),):
-        raise table.fault(f"unit '{unit.text}' is not one of time, e.g. s, ms, µs, min", column=column.name)
-    return unit.si, "" if note.endswith("by its name") and unit.text == "s" else note
+    if unit is not None:
+        if unit.dimension != (("[time]", 1),):
+            raise table.fault(
+                f"unit '{unit.text}' is not one of time, e.g. s, ms, µs, min", column=column.name
+            )
+        return unit.si, ""
+    match = TIME_NAME.fullmatch(column.name)
+    text = (match and match["unit"]) or ""
+    unit = parse_unit(text.lower() or "s")
+    if unit.si == 1.0:
+        return 1.0, "" if text else f"'{column.name}' in s"
+    return unit.si, f"'{column.name}' in {unit.text} (its name says so)"
 
 
 def _signals(
@@ -202,8 +210,8 @@ def _signals(
     kinds: Sequence[str],
     given: Mapping[int, Unit | RecordingError],
     input_gain: float,
-) -> tuple[tuple[Signal, ...], list[str]]:
-    """Signals of the chosen columns (input first), and notes on what was assumed."""
+) -> tuple[Signal, ...]:
+    """Signals of the chosen columns, input first."""
     names = [table.columns[i].name for i in chosen]
     u, *outputs = [_unit(given.get(i)) for i in chosen]
     bases: dict[str, str] = {}
@@ -222,19 +230,21 @@ def _signals(
         )
     base = next(iter(bases), "m" if u is not None and u.dimension == parse_unit("N").dimension else "rad")
     assumed = ["N" if base == "m" else "N m", *(assumed_unit(kind, base) for kind in kinds)]
-    signals = tuple(
+    return tuple(
         Signal(name, kind, unit.text if unit else guess, gain, unit is not None)
         for name, kind, unit, guess, gain in zip(
             names, ("input", *kinds), (u, *outputs), assumed, (input_gain, *[1.0] * len(kinds)), strict=True
         )
     )
-    missing = [f"'{s.name}' in {s.unit}{_hint(s)}" for s in signals if not s.unit_given]
-    notes = [f"no unit is given, SI is assumed: {', '.join(missing)}"] if missing else []
-    if u is not None and kind_of(u):
-        notes.append(
-            f"input '{names[0]}' in {u.text} is a motion; models expect {', '.join(DRIVING.values())}"
-        )
-    return signals, notes
+
+
+def _doubts(signal: Signal) -> list[str]:
+    """Note if the input is a motion."""
+    if kind_of(parse_unit(signal.unit)) is None:
+        return []
+    return [
+        f"input '{signal.name}' in {signal.unit} is a motion; models expect {', '.join(DRIVING.values())}"
+    ]
 
 
 def _hint(signal: Signal) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError
@@ -144,6 +143,8 @@ def coarse_input(u: Array, n: int, hold: Hold) -> Array:
     if hold == "zoh":
         starts = np.arange(0, u.size, n)
         return np.asarray(np.add.reduceat(u, starts) / np.diff(np.append(starts, u.size)), dtype=np.float64)
+    import scipy.linalg  # as slow to load as everything else here together
+
     kept = (u.size - 1) // n + 1
     u = u[: (kept - 1) * n + 1]
     # Normal equations of the projection onto hat functions of half width n: both sides are integrals of

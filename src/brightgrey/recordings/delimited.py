@@ -114,7 +114,15 @@ def _decode(data: bytes, name: str) -> str:
 def _lines(text: str) -> tuple[Lines, Lines]:
     """Lines that hold something, and the comments."""
     content, comments = Lines([], []), Lines([], [])
-    for row, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1):
+    physical = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    start = 0
+    while start < len(physical):
+        row, line, end = start + 1, physical[start], start + 1
+        if line.count('"') % 2:  # a quoted name may go on in the next lines
+            ends = (start + n for n in range(2, 5))
+            end = next((e for e in ends if "".join(physical[start:e]).count('"') % 2 == 0), end)
+            line = " ".join(physical[start:end])
+        start = end
         bare = line.lstrip(" \ufeff")
         if bare:
             kind = comments if bare.startswith(COMMENTS) else content
@@ -209,8 +217,11 @@ def _columns(
     if unit_row is not None:
         for i, unit in enumerate(field.strip("[]() ") for field in rows[unit_row]):
             columns[i] = replace(columns[i], unit=columns[i].unit or (None if unit in MISSING else unit))
-    skipped = np.array([row for i, row in enumerate(head.rows) if i not in (at, unit_row)])
-    notes = [f"{tell_rows(skipped)} above the numbers: skipped"] if skipped.size else []
+    skipped = [i for i in range(len(rows)) if i not in (at, unit_row)]
+    notes = []
+    if skipped:
+        places = tell_rows(np.array([head.rows[i] for i in skipped]))
+        notes = [f"{places} above the numbers is skipped, beginning '{head.text[skipped[0]][:40]}'"]
     return tuple(columns), tuple(notes)
 
 
@@ -223,11 +234,11 @@ def _are_units(fields: list[str], width: int) -> bool:
 def _column(header: str) -> Column:
     """Column with the unit that the header gives; an index (``axis[1]``) or a remark is part of the name."""
     if match := HEADER_UNIT.fullmatch(header):
-        square, other = match["square"], match["round"] or match["slash"]
-        if other is not None and is_unit(other.strip()) and not other.strip().isdecimal():
-            return Column(match["name"], header, other.strip())
-        if square is not None and square.strip() and not square.strip().isdecimal():
-            return Column(match["name"], header, square.strip())
+        unit = next(filter(None, match.groups()[1:]), "").strip()
+        unit = unit[1:-1].strip() if unit.startswith("(") and unit.endswith(")") else unit
+        # What stands in square brackets is meant as a unit even if it is misspelt.
+        if unit and not unit.isdecimal() and (match["square"] or is_unit(unit)):
+            return Column(match["name"], header, unit)
     return Column(header, header)
 
 

@@ -59,14 +59,13 @@ def sample(table: Table, choice: Choice, dt: float | None, limits: Window | None
     names = [table.columns[i].name for i in columns]
     data, rows = table.load(columns), table.rows
     _check_finite(data, names, table)
-    if choice.time is None:
-        t = (dt or 1.0) * np.arange(rows.size)
-    else:
+    notes: list[str] = []
+    t: Array = (dt or 1.0) * np.arange(rows.size, dtype=np.float64)
+    if choice.time is not None:
         data[-1], repaired, _ = fill_single(data[-1])
         t = data[-1] * choice.time_factor
-    notes: list[str] = []
-    if choice.time is not None and repaired.size:
-        notes.append(f"time is missing in {tell_rows(rows[repaired])}: interpolated")
+        if repaired.size:
+            notes.append(f"time is missing in {tell_rows(rows[repaired])}: interpolated")
     part = inside(t, limits) if limits is not None else np.ones(t.size, bool)
     span = (
         f"; the recording goes from {np.nanmin(t):.6g} to {np.nanmax(t):.6g} s" if limits and t.size else ""
@@ -84,7 +83,7 @@ def sample(table: Table, choice: Choice, dt: float | None, limits: Window | None
         grid = uniform(Stamps(t, twin, rows, table, names[-1]))
     values, more = _on_grid(data[: len(channels)], names, rows, grid, table)
     steps = np.array([resolution(row[np.isfinite(row)]) for row in data[: len(channels)]])
-    time = grid.start + grid.dt * np.arange(values.shape[1])
+    time: Array = grid.start + grid.dt * np.arange(values.shape[1], dtype=np.float64)
     return Samples(time, values, steps, (*notes, *grid.notes, *more))
 
 
@@ -99,7 +98,7 @@ def _check_finite(data: Array, names: list[str], table: Table) -> None:
 
 def _good_ends(data: Array, names: list[str], rows: Indices, table: Table) -> tuple[slice, list[str]]:
     """Cut off missing values at both ends, with a note."""
-    missing = np.isnan(data).any(axis=0)
+    missing = np.asarray(np.isnan(data).any(axis=0))
     if missing.all():
         raise table.fault("no row has a value in every column that is used")
     ends = trim(missing)

@@ -125,6 +125,9 @@ def _counted(stamps: Stamps, counts: Indices) -> Grid:
     if (counts == 0).any():
         twice = stamps.rows[1:][counts == 0]
         notes.append(f"{tell_rows(twice)} repeated the one before, time stamp and all: left out")
+    if (counts == 2).any():
+        after = stamps.rows[1:][counts == 2]
+        notes.append(f"a sample is missing before {tell_rows(after)}: interpolated")
     jitter = float(np.abs(np.diff(t) / dt - counts).max())
     if jitter > NOTABLE:
         notes.append(f"time steps jitter by up to {100 * jitter:.2g} % of the interval: read as uniform")

@@ -9,10 +9,11 @@ is a dimension of its own here, so that rad/s and 1/s are not mixed up.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from brightgrey.errors import RecordingError, nearest
 
@@ -76,7 +77,7 @@ TORQUES = tuple(
 SIGNS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
 TOKEN = re.compile(
     r"(?P<name>[^\W\d_⁰¹²³⁴-⁹]+|[°%])(?P<power>(?:\*\*|\^)?[-−]?\d+|⁻?[⁰¹²³⁴-⁹]+)?"
-    r"|(?P<one>1)|(?P<sign>[()/])|(?P<times>\s*[*·⋅×.\s-]\s*)"
+    r"|(?P<one>1)|(?P<sign>[()/])|(?P<times>\s*[*·⋅×._\s-]\s*)"
 )
 # One n per name: what a unit may look like.
 SHAPE = re.compile(r"(n+|\(n+\))(/(n+|\(n+\)))*")
@@ -225,13 +226,19 @@ def parse_unit(text: str) -> Unit:
         raise RecordingError(f"a unit is empty; units are written like {', '.join(COMMON_UNITS)}")
     registry = _registry()
     factors = _factors(plain)
-    value = registry.Quantity(1.0, "dimensionless")
+    si, powers = 1.0, Counter[str]()
     for name, power in factors:
-        value = value * registry.Quantity(1.0, name) ** power
-    value = value.to_root_units()
-    symbols = tuple((registry.get_symbol(name), power) for name, power in factors)
-    dimension = tuple(sorted((str(name), int(power)) for name, power in value.dimensionality.items()))
-    return Unit(write_factors(symbols), symbols, float(value.magnitude), dimension)
+        one = registry.Quantity(1.0, name).to_root_units()
+        si *= float(one.magnitude) ** power
+        for dimension, times in one.dimensionality.items():
+            powers[str(dimension)] += power * round(cast("float", times))
+    merged: dict[str, int] = {}  # rad/s/s is rad/s²
+    for name, power in factors:
+        symbol = registry.get_symbol(name)
+        merged[symbol] = merged.get(symbol, 0) + power
+    symbols = tuple(merged.items())
+    dimensions = tuple(sorted((name, power) for name, power in powers.items() if power))
+    return Unit(write_factors(symbols), symbols, si, dimensions)
 
 
 def is_unit(text: str) -> bool:

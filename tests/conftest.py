@@ -1,0 +1,25 @@
+"""What all tests share: where the measured recordings are."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def measured() -> Callable[[str], Path]:
+    """Path of a measured recording, e.g. ``measured("emps/DATA_EMPS.mat")``; skips where it is absent."""
+    folder = Path(os.environ.get("BRIGHTGREY_DATA") or ROOT.parent / "shared" / "data")
+
+    def find(name: str) -> Path:
+        path = folder / name
+        if not path.is_file():
+            pytest.skip(f"measured recording {name} is not there (../shared/data, or BRIGHTGREY_DATA)")
+        return path
+
+    return find

@@ -1,0 +1,165 @@
+"""Columns, kinds, units and gain: what the user says, what is taken from names, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from brightgrey.errors import BrightgreyError, RecordingError, SettingsError
+from brightgrey.recordings import Recording, Units, recording_from
+
+N = 40
+T = 0.01 * np.arange(N)
+U = np.sin(np.arange(N))
+Q = np.cumsum(U)
+
+
+def record(
+    outputs: object = "v:velocity", names: tuple[str, str, str] = ("u", "v", "w"), **options: object
+) -> Recording:
+    columns = dict(zip(("t", *names), (T, U, Q, Q + U), strict=True))
+    chosen = {"input": names[0], "outputs": outputs, **options}
+    return recording_from(columns, **chosen)  # type: ignore[arg-type]
+
+
+def test_gain_makes_the_unit() -> None:
+    recording = record(input_gain=35.15, units={"u": "kN", "v": "mm/s"})
+    np.testing.assert_allclose(recording.u, 35.15e3 * U, rtol=1e-14)
+    np.testing.assert_allclose(recording.y[0], 1e-3 * Q, rtol=1e-14)
+    assert recording.input.gain == 35.15
+    assert recording.input.factor == pytest.approx(1e-3)
+    assert recording.units == Units("kN", "mm")
+
+
+@pytest.mark.parametrize("gain", [0.0, np.nan, np.inf])
+def test_gain_must_be_a_number(gain: float) -> None:
+    with pytest.raises(SettingsError, match="input gain"):
+        record(input_gain=gain)
+
+
+def test_negative_gain_turns_the_sign() -> None:
+    np.testing.assert_array_equal(record(input_gain=-1).u, -U)
+
+
+@pytest.mark.parametrize(
+    ("units", "shown"),
+    [
+        ({}, ("N m", "rad/s", "rad")),
+        ({"v": "mm/s"}, ("N", "mm/s", "m")),
+        ({"w": "µm"}, ("N", "m/s", "µm")),
+        ({"u": "N"}, ("N", "m/s", "m")),
+        ({"u": "V"}, ("V", "rad/s", "rad")),
+        ({"v": "rpm"}, ("N m", "rpm", "rad")),
+        ({"u": "N", "v": "rpm"}, ("N", "rpm", "rad")),
+    ],
+)
+def test_what_is_assumed_and_told(units: dict[str, str], shown: tuple[str, str, str]) -> None:
+    recording = record(["v:velocity", "w:position"], units=units)
+    signals = (recording.input, *recording.outputs)
+    assert tuple(s.unit for s in signals) == shown
+    assert [s.name for s in signals if s.unit_given] == [name for name in ("u", "v", "w") if name in units]
+    note = next(note for note in recording.notes if "no unit is given" in note)
+    for signal in signals:
+        assert (f"'{signal.name}' in {signal.unit}" in note) == (not signal.unit_given)
+
+
+def test_name_that_ends_on_another_unit_is_told() -> None:
+    names = ("torque_mNm", "speed_deg_per_s", "position_mm")
+    recording = record(["speed_deg_per_s:velocity"], names)
+    note = next(note for note in recording.notes if "no unit is given" in note)
+    assert "torque_mNm=mN m" in note
+    assert "speed_deg_per_s=deg/s" in note
+    assert recording.outputs[0].unit == "rad/s"
+
+
+@pytest.mark.parametrize(
+    ("output", "units", "kind"),
+    [
+        ("v", {"v": "rad"}, "position"),
+        ("v", {"v": "mm/s"}, "velocity"),
+        ("v", {"v": "m/s²"}, "acceleration"),
+        ("v", {}, "velocity"),
+        (("v", "acceleration"), {}, "acceleration"),
+        ("v:velocity-differenced", {}, "velocity-differenced"),
+    ],
+)
+def test_kind(output: object, units: dict[str, str], kind: str) -> None:
+    recording = record([output], units=units)
+    assert recording.outputs[0].kind == kind
+    assert any("is taken as" in note for note in recording.notes) == (output == "v" and not units)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("axis_pos", "position"), ("motorSpeed", "velocity"), ("Acceleration", "acceleration")]
+)
+def test_kind_by_name_is_told(name: str, kind: str) -> None:
+    recording = record(name, ("u", name, "w"))
+    assert recording.outputs[0].kind == kind
+    assert f"output '{name}' is taken as {kind}, by its name" in recording.notes
+
+
+def test_colon_in_a_name() -> None:
+    recording = record(["axis: speed:velocity"], ("u", "axis: speed", "axis:position"))
+    assert recording.outputs[0].name == "axis: speed"
+    assert record("axis:position", ("u", "axis: speed", "axis:position")).outputs[0].name == "axis:position"
+
+
+REFUSED = {
+    "kind": ({"outputs": "v:velocty"}, "unknown kind of output 'velocty'. Did you mean 'velocity'?"),
+    "kind of a pair": ({"outputs": [("v", "speed")]}, "unknown kind of output 'speed'"),
+    "input": ({"input": "uu"}, "recording: unknown column 'uu'. Did you mean 'u'? Columns: t, u, v, w"),
+    "output": ({"outputs": "x:velocity"}, "unknown column 'x'"),
+    "time": ({"time": "T"}, "unknown column 'T'. Did you mean 't'?"),
+    "no output": ({"outputs": []}, "no output is named"),
+    "twice": ({"outputs": ["v:velocity", "v:position"]}, "column 'v' is named twice"),
+    "input as output": ({"outputs": ["u:velocity"]}, "column 'u' is named twice"),
+    "time as input": ({"input": "t", "time": "t"}, "column 't' is named twice"),
+    "unit": ({"units": {"v": "mm/sek"}}, "unknown unit 'sek' in 'mm/sek'"),
+    "column of a unit": ({"units": {"vv": "mm/s"}}, "unknown column 'vv'. Did you mean 'v'?"),
+    "unit for its kind": ({"units": {"v": "rad"}}, "unit 'rad' does not fit an output of kind velocity"),
+    "frequency": ({"units": {"v": "1/s"}}, "an angle or a length per time, e.g. rad/s"),
+    "angle and length": (
+        {"outputs": ["v:velocity", "w:position"], "units": {"v": "rad/s", "w": "mm"}},
+        "'v' is an angle and 'w' a length",
+    ),
+    "hold": ({"hold": "zero"}, "unknown hold 'zero'"),
+    "decimate": ({"decimate": 0}, "decimate 0 is not a whole number from 1"),
+    "half": ({"decimate": 1.5}, "decimate 1.5 is not a whole number from 1"),
+    "window": ({"window": (2, 1)}, "window 2:1 does not start before it ends"),
+}
+
+
+@pytest.mark.parametrize(("options", "message"), REFUSED.values(), ids=REFUSED)
+def test_refused(options: dict[str, object], message: str) -> None:
+    with pytest.raises(BrightgreyError) as error:
+        record(**options)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_notes_on_what_makes_no_sense() -> None:
+    assert any("unit of 'w' is not used" in note for note in record(units={"w": "mm"}).notes)
+    assert any("is a motion" in note for note in record(units={"u": "rad/s"}).notes)
+
+
+def test_constant_channels_are_noted_not_refused() -> None:
+    columns = {"t": T, "u": np.full(N, 1.5), "v": np.zeros(N)}
+    recording = recording_from(columns, input="u", outputs="v:velocity", units={"u": "V"})
+    assert "input 'u' never changes (1.5 V): nothing can be identified from it" in recording.notes
+    assert any("output 'v' never changes" in note for note in recording.notes)
+
+
+def test_coarse_velocity_is_suspected_to_be_a_difference() -> None:
+    columns = {"t": T, "u": U, "v": 4.66 * np.rint(Q)}
+    assert any(
+        "say v:velocity-differenced" in n
+        for n in recording_from(columns, input="u", outputs="v:velocity").notes
+    )
+    told = recording_from(columns, input="u", outputs="v:velocity-differenced").notes
+    assert not any("differencing" in n for n in told)
+
+
+@pytest.mark.parametrize("bad", [np.zeros((N, 2)), ["a"] * N, None, np.zeros(N - 1)])
+def test_arrays_must_be_columns(bad: object) -> None:
+    with pytest.raises(RecordingError, match=r"recording: column"):
+        recording_from({"t": T, "u": U, "v": bad}, input="u", outputs="v:velocity")

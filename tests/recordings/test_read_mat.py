@@ -1,0 +1,116 @@
+"""MATLAB files: vectors, matrices, structs; and those that cannot be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from brightgrey.errors import RecordingError
+from brightgrey.recordings import read_recording
+
+N = 50
+T = np.arange(N) * 1e-3
+U = np.sin(np.arange(N))
+V = np.cumsum(U)
+
+
+def save(folder: Path, **variables: object) -> Path:
+    path = folder / "run.mat"
+    scipy.io.savemat(path, variables, do_compression=True)
+    return path
+
+
+@pytest.mark.parametrize("shape", [(N,), (N, 1), (1, N)])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_vectors_are_columns(tmp_path: Path, shape: tuple[int, ...], dtype: type) -> None:
+    u, v = U.astype(dtype), V.astype(dtype)
+    path = save(tmp_path, t=T.reshape(shape), u=u.reshape(shape), v=v.reshape(shape), gain=3.5, note="text")
+    recording = read_recording(path, input="u", outputs="v:velocity")
+    np.testing.assert_array_equal(recording.u, u)
+    np.testing.assert_array_equal(recording.y, [v])
+    assert recording.dt == 1e-3
+    assert recording.name == "run.mat"
+
+
+def test_whole_numbers_and_old_format(tmp_path: Path) -> None:
+    path = tmp_path / "old.mat"
+    counts = np.arange(N, dtype=np.int16)
+    scipy.io.savemat(path, {"t": T, "u": U, "q": counts}, format="4")
+    recording = read_recording(path, input="u", outputs="q:position")
+    np.testing.assert_array_equal(recording.y, [counts])
+
+
+def test_matrices_and_structs(tmp_path: Path) -> None:
+    path = save(tmp_path, data=np.column_stack([T, U, V]), log={"time": T, "axis": {"u": U, "v": V}})
+    recording = read_recording(path, input="data(:,2)", outputs="data(:,3):velocity", time="data(:,1)")
+    np.testing.assert_array_equal(recording.u, U)
+    recording = read_recording(path, input="log.axis.u", outputs="log.axis.v:velocity", time="log.time")
+    np.testing.assert_array_equal(recording.y, [V])
+
+
+def test_missing_variable_names_the_nearest_and_what_else_there_is(tmp_path: Path) -> None:
+    path = save(tmp_path, t=T, vir=U, qm=V, gtau=35.15, long=np.zeros(2 * N))
+    with pytest.raises(RecordingError) as error:
+        read_recording(path, input="virr", outputs="qm:position")
+    message = str(error.value)
+    assert message.startswith("run.mat: unknown column 'virr'. Did you mean 'vir'?")
+    assert "of other length: long (100 samples)" in message
+    assert "not vectors: gtau" in message
+
+
+def test_the_input_says_which_length_counts(tmp_path: Path) -> None:
+    others = {f"x{i}": np.zeros(7) for i in range(9)}
+    path = save(tmp_path, t=T, u=U, v=V, **others)
+    assert read_recording(path, input="u", outputs="v:velocity").samples == N
+
+
+def test_row_of_a_bad_value(tmp_path: Path) -> None:
+    v = V.copy()
+    v[10:12] = np.nan
+    with pytest.raises(RecordingError, match=r"run\.mat: row 11, column 'v': no value here"):
+        read_recording(save(tmp_path, t=T, u=U, v=v), input="u", outputs="v:velocity")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(600), "version 7.3 .HDF5. are not read.*-v7"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(600), "version 7.3"),
+        (
+            b"MATLAB 5.0 MAT-file, Platform: PCWIN64" + b" " * 86 + b"\x00\x01IM" + b"\xff" * 64,
+            "may be damaged",
+        ),
+        (b"", "may be damaged"),
+    ],
+)
+def test_files_that_cannot_be_read(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "run.mat"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=message) as error:
+        read_recording(path, input="u", outputs="v:velocity")
+    assert "\n" not in str(error.value)
+    assert str(tmp_path) not in str(error.value)
+
+
+def test_truncated_file(tmp_path: Path) -> None:
+    path = save(tmp_path, t=T, u=U, v=V)
+    whole = path.read_bytes()
+    for part in (0.3, 0.6, 0.95):
+        path.write_bytes(whole[: int(part * len(whole))])
+        with pytest.raises(RecordingError, match=r"may be damaged|unknown column"):
+            read_recording(path, input="u", outputs="v:velocity")
+
+
+def test_file_without_vectors(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="no vector of numbers in it; it holds a"):
+        read_recording(save(tmp_path, a=1.0), input="u", outputs="v:velocity")
+    with pytest.raises(RecordingError, match="no vector of numbers"):
+        read_recording(save(tmp_path, z=U * 1j), input="z", outputs="z:velocity")
+
+
+def test_content_counts_not_the_suffix(tmp_path: Path) -> None:
+    path = save(tmp_path, t=T, u=U, v=V).rename(tmp_path / "run.dat")
+    assert read_recording(path, input="u", outputs="v:velocity").samples == N

@@ -1,0 +1,179 @@
+"""Time stamps: what is uniform, what is repaired and told, what is refused with its row."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from brightgrey.errors import RecordingError, SettingsError
+from brightgrey.recordings import Recording, recording_from
+
+N = 400
+RNG = np.random.default_rng(0)
+U = RNG.normal(size=N)
+V = np.cumsum(U)
+
+
+def record(t: np.ndarray, u: np.ndarray = U, v: np.ndarray = V, **options: object) -> Recording:
+    columns = {"t": t, "u": u, "v": v}
+    return recording_from(columns, input="u", outputs="v:velocity", **options)  # type: ignore[arg-type]
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    start=st.floats(-10, 1e4),
+    dt=st.sampled_from([1e-5, 2.5e-4, 1e-3, 4e-3, 0.1, 1.0]),
+    jitter=st.floats(0, 0.045),
+    seed=st.integers(0, 100),
+)
+def test_jitter_below_a_tenth_is_read_as_uniform(start: float, dt: float, jitter: float, seed: int) -> None:
+    shift = jitter * dt * np.random.default_rng(seed).uniform(-1, 1, N)
+    recording = record(start + dt * np.arange(N) + shift)
+    assert recording.samples == N
+    # Both ends are off by the jitter at most, and 1 % more for a round number.
+    assert recording.dt == pytest.approx(dt, rel=(2 * jitter + 0.02) / (N - 1))
+    np.testing.assert_array_equal(recording.u, U)
+    told = any("jitter" in note for note in recording.notes)
+    assert told == (
+        np.abs(np.diff(recording.t[0] + dt * np.arange(N) + shift) / recording.dt - 1).max() > 0.01
+    )
+
+
+def test_single_precision_time_is_no_jitter_to_speak_of() -> None:
+    recording = record((0.004 * np.arange(N)).astype(np.float32).astype(np.float64))
+    assert recording.dt == 0.004
+    assert not any("jitter" in note for note in recording.notes)
+
+
+def test_start_of_the_time_is_kept() -> None:
+    recording = record(5.0 + 0.001 * np.arange(N))
+    assert recording.t[0] == 5.0
+    assert recording.dt == 0.001
+
+
+@pytest.mark.parametrize("digits", [3, 4])
+@pytest.mark.parametrize("dt", [0.00125, 0.0005, 0.0017])
+def test_rounded_stamps_are_seen_through(dt: float, digits: int) -> None:
+    t = np.round(dt * np.arange(N), digits)
+    recording = record(t)
+    assert recording.samples == N
+    assert recording.dt == pytest.approx(dt, rel=0.5 * 10.0**-digits / dt / (N - 1))
+    if not np.allclose(np.diff(t), dt, rtol=0.1):
+        assert any("time is rounded to" in note for note in recording.notes)
+
+
+def test_lost_samples_are_interpolated_and_told() -> None:
+    t = 0.001 * np.arange(N)
+    kept = np.delete(np.arange(N), [100, 250])
+    recording = record(t[kept], U[kept], V[kept])
+    assert recording.samples == N
+    np.testing.assert_allclose(recording.t, t, atol=1e-12)
+    np.testing.assert_array_equal(recording.u[kept], U[kept])
+    assert recording.u[100] == pytest.approx((U[99] + U[101]) / 2)
+    assert "a sample is missing before rows 101, 250: interpolated" in recording.notes
+
+
+def test_row_written_twice_is_left_out_and_told() -> None:
+    t = 0.001 * np.arange(N)
+    twice = np.insert(np.arange(N), 100, 99)
+    recording = record(t[twice], U[twice], V[twice])
+    np.testing.assert_array_equal(recording.u, U)
+    assert any("row 101 repeated the one before" in note for note in recording.notes)
+
+
+REFUSED = {
+    "backwards": (
+        lambda t: np.r_[t[:200], t[:200]],
+        r"row 201, column 't': time runs backwards: 0 s after 0\.199 s",
+    ),
+    "repeated": (
+        lambda t: np.where(np.arange(N) == 100, t[99], t),
+        r"row 101, column 't': time 0\.099 s is repeated",
+    ),
+    "standstill": (lambda t: 0 * t, "column 't': time stands still"),
+    "gap": (
+        lambda t: t + 0.005 * (t > 0.15),
+        r"row 152, column 't': 5 samples in a row are missing before this one",
+    ),
+    "many lost": (
+        lambda t: t + 0.001 * np.cumsum(np.random.default_rng(2).random(N) < 0.05),
+        "row .*: [0-9]+ samples are missing, the first one before",
+    ),
+    "irregular": (
+        lambda t: t + 0.0004 * (t > 0.15),
+        r"row 152, column 't': time steps by 0\.0014 s where 0\.001 s",
+    ),
+    "variable step": (
+        lambda t: np.cumsum(1e-3 * (1 + np.sin(t * 50) ** 2)),
+        "steps must be equal within 10 %",
+    ),
+    "random": (
+        lambda t: np.sort(np.random.default_rng(1).uniform(0, 0.4, N)),
+        "steps must be equal within 10 %",
+    ),
+}
+
+
+@pytest.mark.parametrize(("bend", "message"), REFUSED.values(), ids=REFUSED)
+def test_refused_with_the_row(bend, message: str) -> None:
+    with pytest.raises(RecordingError, match=message) as error:
+        record(bend(0.001 * np.arange(N)))
+    assert "\n" not in str(error.value)
+
+
+def test_regular_gaps_are_a_rounded_time() -> None:
+    """One stamp in twenty left out is just what rounding an interval of 1.05 ms to 1 ms gives."""
+    recording = record(np.round(0.00105 * np.arange(N), 3))
+    assert recording.samples == N
+    assert recording.dt == pytest.approx(0.00105, rel=1e-3)
+    assert any("rounded to 0.001 s" in note for note in recording.notes)
+
+
+def test_a_window_leaves_out_what_is_wrong_elsewhere() -> None:
+    t = 0.001 * np.arange(N) + 0.005 * (np.arange(N) > 200)
+    recording = record(t, window=(None, 0.15))
+    assert recording.samples == 151
+    with pytest.raises(RecordingError, match=r"0 samples are too few.*goes from 0 to 0\.404 s"):
+        record(t, window=(1.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "scale"),
+    [
+        ("t", "ms", 1e3),
+        ("Time_ms", None, 1e3),
+        ("time_us", None, 1e6),
+        ("time_s", None, 1.0),
+        ("TIME", None, 1.0),
+    ],
+)
+def test_units_of_the_time(name: str, unit: str | None, scale: float) -> None:
+    columns = {name: scale * 0.001 * np.arange(N), "u": U, "v": V}
+    units = {} if unit is None else {name: unit}
+    recording = recording_from(columns, input="u", outputs="v:velocity", units=units)
+    assert recording.dt == 0.001
+    assert any("its name says so" in note for note in recording.notes) == (name in ("Time_ms", "time_us"))
+
+
+def test_interval_instead_of_time() -> None:
+    recording = record(np.zeros(N), dt=0.002)
+    np.testing.assert_allclose(recording.t, 0.002 * np.arange(N), rtol=1e-12)
+    assert any("the time in column 't' is not used" in note for note in recording.notes)
+    with pytest.raises(SettingsError, match="both the time's column 't' and a sampling interval"):
+        record(np.zeros(N), dt=0.002, time="t")
+    for dt in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(SettingsError, match="not a positive number"):
+            record(np.zeros(N), dt=dt)
+
+
+def test_missing_stamp() -> None:
+    t = 0.001 * np.arange(N)
+    t[50] = np.nan
+    recording = record(t)
+    assert recording.samples == N
+    assert any("time is missing in row 51: interpolated" in note for note in recording.notes)
+    t[51] = np.nan
+    with pytest.raises(RecordingError, match="row 51, column 't': no value"):
+        record(t)
