@@ -1,0 +1,6 @@
+"""Estimation: parameters of a given structure from recordings, with uncertainty and an outcome."""
+
+from brightgrey.estimation.fit import Estimate, Fit, Outcome, OutputFit, Start, fit, predict
+from brightgrey.estimation.scales import scales
+
+__all__ = ["Estimate", "Fit", "Outcome", "OutputFit", "Start", "fit", "predict", "scales"]

@@ -1,0 +1,119 @@
+"""Ranges and starts of all parameters, from the declarations and the recording, overridden by the user."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from brightgrey.effects import Scales
+from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.kit import Structure
+
+__all__ = ["Search", "search_space"]
+
+Array = NDArray[np.float64]
+_NEAR = 3.0  # a start near the declared one is within this factor of it
+_NEAR_SHARE = 0.6  # of the starts, in each parameter
+
+
+@dataclass(frozen=True)
+class Search:
+    """Free parameters in the scale they are searched in: logarithm, or value over the range's width.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Free parameters.
+    low, high, start : ndarray, shape (P,)
+        SI values.
+    log : bool ndarray, shape (P,)
+    fixed : mapping of str to float
+        The other parameters, SI.
+    """
+
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+    start: Array
+    log: NDArray[np.bool_]
+    fixed: Mapping[str, float]
+
+    @property
+    def width(self) -> Array:
+        """Unit of the searched scale for linear parameters, 1 for logarithmic ones."""
+        return np.where(self.log, 1.0, self.high - self.low)
+
+    def inward(self, values: Array) -> Array:
+        """From SI values, shape (P,) or (P, K), to the searched scale."""
+        log, width = (a.reshape(-1, *(1,) * (np.ndim(values) - 1)) for a in (self.log, self.width))
+        return np.where(log, np.log(np.where(log, values, 1.0)), values / width)
+
+    def outward(self, theta: Array) -> Array:
+        """From the searched scale to SI values; shapes as in `inward`."""
+        log, width = (a.reshape(-1, *(1,) * (np.ndim(theta) - 1)) for a in (self.log, self.width))
+        low, high = (a.reshape(-1, *(1,) * (np.ndim(theta) - 1)) for a in (self.low, self.high))
+        return np.clip(np.where(log, np.exp(np.where(log, theta, 0.0)), theta * width), low, high)
+
+    def candidates(self, count: int, seed: int) -> Array:
+        """Space-filling starts in SI, shape (P, count): in each parameter more often near the declared start."""
+        sampler = qmc.Sobol(len(self.names), rng=np.random.default_rng(seed))
+        share = sampler.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count].T
+        low, high, start = (self.inward(v) for v in (self.low, self.high, self.start))
+        reach = np.where(self.log, np.log(_NEAR), 0.5 * np.abs(start) + 0.02)
+        near = (np.maximum(start - reach, low), np.minimum(start + reach, high))
+        inner = share / _NEAR_SHARE
+        outer = (share - _NEAR_SHARE) / (1.0 - _NEAR_SHARE)
+        column = np.s_[:, None]
+        theta = np.where(
+            share < _NEAR_SHARE,
+            near[0][column] + inner * (near[1] - near[0])[column],
+            low[column] + outer * (high - low)[column],
+        )
+        return self.outward(theta)
+
+
+def search_space(
+    structure: Structure,
+    scales: Scales,
+    bounds: Mapping[str, tuple[float, float]],
+    fixed: Mapping[str, float],
+) -> Search:
+    """Ranges and starts of the free parameters of `structure`.
+
+    Parameters
+    ----------
+    structure : Structure
+    scales : Scales
+        Of the recordings.
+    bounds : mapping of str to (low, high)
+        SI; override the declared ranges.
+    fixed : mapping of str to float
+        SI; these are not searched.
+
+    Raises
+    ------
+    SettingsError
+        For unknown parameters, low > high, or a range that its parameter's scale does not allow.
+    """
+    declared = structure.parameters
+    for name in (*bounds, *fixed):
+        if name not in declared:
+            raise SettingsError(unknown_name(f"parameter of '{structure}'", name, declared))
+    names = tuple(name for name in declared if name not in fixed)
+    ranges, starts = [], []
+    for name in names:
+        parameter = declared[name]
+        low, high = bounds.get(name, parameter.bounds(scales))
+        if not low <= high:
+            raise SettingsError(f"bound of {name}: low {low:g} is above high {high:g}")
+        if parameter.scale == "log" and low <= 0.0:
+            raise SettingsError(f"bound of {name}: low {low:g} has to be positive")
+        ranges.append((low, high))
+        starts.append(float(np.clip(parameter.start(scales), low, high)))
+    table = np.array(ranges).reshape(-1, 2)
+    log = np.array([declared[name].scale == "log" for name in names], bool)
+    return Search(names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed))
