@@ -37,7 +37,7 @@ def random_values(
     """Draw a value for every parameter named, sized to the torque and speed of `experiment`.
 
     All draws are uniform in the logarithm, within the ranges at the top of this file. Every resonance of the
-    ladder lies in ``RESONANCE`` with a damping ratio in ``DAMPING`` (draws that break this are thrown away). A
+    ladder lies in ``RESONANCE`` with a damping ratio in ``DAMPING``: draws that break this are thrown away. A
     gap is small or large with even odds.
 
     Parameters
@@ -82,9 +82,9 @@ def random_values(
 
 
 def modes(J: Array, c: Array, d: Array) -> tuple[Array, Array]:
-    """Resonances of a ladder in Hz and their damping ratios, both shape (masses - 1,); NaN where overdamped.
+    """Resonances of a ladder in Hz and their damping ratios, both shape (masses - 1,); NaN if overdamped.
 
-    `J` are the moments of inertia, shape (masses,), `c` and `d` spring and damper constants, shape (masses - 1,).
+    `J` are moments of inertia, shape (masses,), `c` and `d` spring and damper constants, shape (masses - 1,).
     """
     n = len(J)
     between = np.eye(n)[:-1] - np.eye(n)[1:]  # twists of the shafts

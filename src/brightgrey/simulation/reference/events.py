@@ -26,14 +26,15 @@ _LOOKS = 17  # within a step
 
 @dataclass(frozen=True)
 class _Phase:
-    """What shaft 1 does: it presses at `gap` (side +1 at 0, -1 at -2 alpha) or is open (side 0).
+    """What shaft 1 does: it presses at lambda = `gap` (side +1 at 0, -1 at -2 alpha) or is open (side 0).
 
-    Open since tau = twist - lambda had the value `tau`. Without a gap that could open, side is None.
+    It is open since the `twist` was this, lambda `gap` and so tau = `twist` - `gap`. Without a gap that could
+    open, side is None.
     """
 
     side: int | None
     gap: float = 0.0
-    tau: float = 0.0
+    twist: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -95,9 +96,15 @@ class _Drive:
             _step(stepper)
         return np.asarray(stepper.y)
 
-    def tau(self, phase: _Phase, t: float) -> float:
-        """Tau after the time t in the gap, where tau' = -(c/d) tau."""
-        return phase.tau * math.exp(-self.plant.c[0] / self.plant.d[0] * t)
+    def gap(self, y: Array, t: float, phase: _Phase) -> float:
+        """Lambda the time t after the phase began; in the gap tau' = -(c/d) tau.
+
+        Written as a change, so that a side that has just been left is left by not even a rounding error.
+        """
+        if phase.side != 0:
+            return phase.gap
+        relaxing = (phase.twist - phase.gap) * math.expm1(-self.plant.c[0] / self.plant.d[0] * t)
+        return phase.gap + (float(y[1]) - phase.twist) - relaxing
 
     def guard(self, y: Array, t: float, phase: _Phase) -> float:
         """Falls below zero where the phase, begun the time t ago, ends."""
@@ -105,15 +112,15 @@ class _Drive:
             return 1.0
         if phase.side:
             return phase.side * self.pressing(y.tolist(), phase)
-        gap = float(y[1]) - self.tau(phase, t)
+        gap = self.gap(y, t, phase)
         return min(-gap, gap + 2.0 * (self.plant.alpha or 0.0))
 
     def following(self, y: Array, t: float, phase: _Phase) -> _Phase:
         """Phase that begins where the guard has fallen below zero."""
         if phase.side:
-            return _Phase(0, tau=float(y[1]) - phase.gap)
+            return _Phase(0, phase.gap, float(y[1]))
         alpha = self.plant.alpha or 0.0
-        return _Phase(1, 0.0) if y[1] - self.tau(phase, t) > -alpha else _Phase(-1, -2.0 * alpha)
+        return _Phase(1, 0.0) if self.gap(y, t, phase) > -alpha else _Phase(-1, -2.0 * alpha)
 
     def piece(self, y: Array, u: float, slope: float, length: float, phase: _Phase) -> tuple[Array, _Phase]:
         """Integrate over one straight piece of the input and through all events in it."""
@@ -128,7 +135,7 @@ class _Drive:
             phase = self.following(y, t, phase)
             if done >= length:
                 return y, phase
-        return y, _Phase(0, tau=self.tau(phase, t)) if phase.side == 0 else phase
+        return y, _Phase(0, self.gap(y, t, phase), float(y[1])) if phase.side == 0 else phase
 
     def until(
         self, y: Array, u: float, slope: float, length: float, phase: _Phase, *, watch: bool
@@ -201,7 +208,7 @@ def _begin(drive: _Drive, x: Array) -> tuple[Array, _Phase]:
     for contact in (_Phase(1, 0.0), _Phase(-1, -2.0 * plant.alpha)):
         if gap == contact.gap and drive.guard(y, 0.0, contact) >= 0.0:
             return y, contact
-    return y, _Phase(0, tau=float(y[1]) - gap)
+    return y, _Phase(0, gap, float(y[1]))
 
 
 def _scales(plant: Plant, segments: Segments, x: Array) -> Array:
@@ -254,7 +261,7 @@ def solve(
 
     def record(k: int) -> None:
         rows[k] = y
-        gaps[k] = y[1] - phase.tau if phase.side == 0 else phase.gap
+        gaps[k] = phase.gap
         acceleration[k] = drive.rates(y.tolist(), float(s.at_sample[k]), phase)[n]
 
     record(0)

@@ -17,8 +17,8 @@ __all__ = ["Agreement", "Method", "UnsettledError", "agreement", "reference"]
 
 Method = Literal["events", "fixed"]
 
-_HALVING = 1e-10  # change of position and velocity at which the fixed step is small enough
-_LOOSE = 1e-7  # above it a solution is not a reference
+_HALVING = 1e-9  # change of position and velocity at which the fixed step is small enough
+_LOOSE = 1e-6  # above it a solution is not a reference
 _PUSH = 1e-9
 _CHAOS = 1e-5
 
