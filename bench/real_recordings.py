@@ -40,8 +40,8 @@ def estimate(result: Result, name: str) -> str:
 
 
 def agreeing(result: Result) -> str:
-    """How many starts ended within 1 % of the best one's RSS."""
-    rss = [start.rss for start in result.fit.starts]
+    """How many starts ended within 1 % of the best one's weighted RSS."""
+    rss = [start.cost for start in result.fit.starts]
     return f"{sum(value <= 1.01 * min(rss) for value in rss)} of {len(rss)}"
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from brightgrey import estimation
+from brightgrey import __version__, estimation
 from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import Fit
@@ -176,6 +176,7 @@ def identify(
         starts=starts,
         seed=seed,
         level=level,
+        threads=workers,
     )
     values = {name: estimate.value for name, estimate in fit.estimates.items()}
     train = tuple(
@@ -218,6 +219,7 @@ def _result(
         criterion=None if value is None else CriterionPart(name="BIC", value=value),
         fixed=constants,
         seed=seed,
+        version=__version__,
     )
     row = Row(
         structure=str(fit.structure),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from brightgrey import __version__
 from brightgrey.estimation import Estimate, Fit
 from brightgrey.export.model import PER_SPEED, SCHEMA, SPEED, Model
 from brightgrey.export.parts import (
@@ -34,6 +33,7 @@ def model_of(
     criterion: CriterionPart | None,
     fixed: Mapping[str, float],
     seed: int,
+    version: str,
 ) -> Model:
     """Model of a fit.
 
@@ -49,6 +49,8 @@ def model_of(
     fixed : mapping of str to float
         Parameters that were not estimated, in SI.
     seed : int
+    version : str
+        Of brightgrey.
 
     Returns
     -------
@@ -73,7 +75,7 @@ def model_of(
         ties=None,
         outcome=OutcomePart(kind=fit.outcome.kind, text=fit.outcome.text),
         seed=seed,
-        version=__version__,
+        version=version,
     )
 
 

@@ -7,6 +7,7 @@ import math
 __all__ = ["significant", "with_uncertainty"]
 
 PLAIN = (1e-3, 1e6)  # magnitudes that are written without an exponent
+HOPELESS = 1e3  # times the value: an uncertainty beside which no digit of it would be left
 MOST_DIGITS = 9  # beyond that only the end of double precision would show
 
 
@@ -28,6 +29,8 @@ def with_uncertainty(value: float, half_width: float | None, digits: int = 5) ->
     """
     if half_width is None or not math.isfinite(half_width) or half_width <= 0.0 or not math.isfinite(value):
         return (f"{value:.{digits}g}" if math.isfinite(value) else "-"), ""
+    if half_width > HOPELESS * abs(value) > 0.0:
+        return significant(value, 2), significant(half_width, 2)
     last = _exponent(half_width, 2) - 1  # decimal place of the second digit
     exponent = max(_exponent(value, 6) if value else last, last)
     if exponent - last > MOST_DIGITS:
