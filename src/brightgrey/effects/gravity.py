@@ -40,7 +40,8 @@ EFFECT = Effect(
             Dimension(input=1, motion=0, time=0),
             "constant torque (force, in a linear axis) added to the mass",
             bounds=lambda s: (-2.0 * s.torque, 2.0 * s.torque),
-            start=lambda s: s.offset,
+            # The offset is the part of the input that only holds the load, so the load is its opposite.
+            start=lambda s: -s.offset,
             scale="linear",
         ),
     ),

@@ -1,15 +1,16 @@
 """What a recording says about the size of things: the scales that bounds and starts are declared in.
 
-The input is regressed on acceleration, speed, sign of speed and a constant. Differentiating a noisy signal would
-drown the inertia, so the balance is taken over windows: with ``box`` the mean over n samples and ``D`` the
-difference over n samples divided by their time, ``D`` of a signal is ``box`` of its derivative, exactly. Every
-term is filtered three times, and where a derivative is due, ``D`` takes the place of ``box``; all terms then have
-passed the same filter (the method of modulating functions, Shinbrot 1957, in its
-simplest form), and the noise of the difference falls with the window.
+The input is regressed on acceleration, speed, sign of speed and a constant. Differentiating a noisy signal
+would drown the inertia, so the balance is taken over windows: with ``box`` the mean over n samples and ``D``
+the difference over n samples divided by their time, ``D`` of a signal is ``box`` of its derivative, exactly.
+Every term is filtered three times, and where a derivative is due, ``D`` takes the place of ``box``; all terms then
+have passed the same filter (the method of modulating functions, Shinbrot 1957, in its simplest form), and the
+noise of the difference falls with the window.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,14 +20,14 @@ from scipy.optimize import lsq_linear
 from brightgrey.effects import Scales
 from brightgrey.recordings import Recording
 
-__all__ = ["scales"]
+__all__ = ["scales", "speed_of"]
 
 Array = NDArray[np.float64]
 
 FILTERS = 3
 SHORTEST = 3  # samples
 LONGEST = 1.0 / 20.0  # of the recording
-NEARLY_BEST = 0.02  # of explained variance: how much a shorter window may lose
+NOISY = 0.1  # of the speed: what smoothing may still change
 TURNED = 0.02  # of the largest speed: where the sign of speed has turned
 ROWS = 4000  # rows of the regression that are enough
 REWEIGHTINGS = 4
@@ -42,12 +43,12 @@ class _Balance:
     terms: Array
 
 
-def scales(*recordings: Recording) -> Scales:
+def scales(recordings: Recording | Sequence[Recording]) -> Scales:
     """Scales of one recording, or of several taken together.
 
     Parameters
     ----------
-    *recordings : Recording
+    recordings : Recording or sequence of Recording
 
     Returns
     -------
@@ -56,8 +57,10 @@ def scales(*recordings: Recording) -> Scales:
 
     Notes
     -----
-    The regression is good to some ten per cent: it knows nothing of elasticity, dead time and Stribeck friction.
+    The regression is good to some ten per cent: it knows nothing of elasticity, dead time and what
+    else friction may do.
     """
+    recordings = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
     torque = _size(max(float(np.abs(r.u).max()) for r in recordings), 1.0)
     interval = min(r.dt for r in recordings)
     duration = max((r.samples - 1) * r.dt for r in recordings)
@@ -78,6 +81,11 @@ def scales(*recordings: Recording) -> Scales:
         viscous=_within(viscous, torque / speed, 1.0),
         offset=float(np.clip(offset, -torque, torque)),
     )
+
+
+def speed_of(recording: Recording) -> Array:
+    """Speed in rad/s (m/s), shape (samples,), from the output that tells it best, smoothed where it is noisy."""
+    return _speed(recording, _window(recording))
 
 
 def _size(value: float, otherwise: float) -> float:
@@ -117,15 +125,14 @@ def _filtered(x: Array, n: int, dt: float, derivatives: int, times: int = FILTER
 
 
 def _window(recording: Recording) -> int:
-    """Samples to smooth speed over: where the noise of a difference has become small against the speed."""
+    """Find how many samples to smooth speed over: doubled until that no longer changes much."""
     n, longest = 1, max(int(LONGEST * recording.samples), 1)
-    if ORDER[recording.outputs[_best_output(recording)].kind] == 2:
-        return n
+    fine = _speed(recording, n)
     while 2 * n <= longest:
-        fine, coarse = _speed(recording, n), _speed(recording, 2 * n)
-        if np.std(np.diff(fine)[:: max(n, 1)]) < 0.05 * np.std(coarse):
+        coarse = _speed(recording, 2 * n)
+        if np.std(fine - coarse) <= NOISY * np.std(coarse):
             break
-        n *= 2
+        n, fine = 2 * n, coarse
     return n
 
 
@@ -146,11 +153,11 @@ def _speed(recording: Recording, n: int) -> Array:
 
 def _largest_speed(recording: Recording) -> float:
     """Largest speed; of a drive at rest, the smallest step that its sensor can tell, over the recording."""
-    largest = float(np.abs(_speed(recording, _window(recording))).max())
+    largest = float(np.abs(speed_of(recording)).max())
     out = _best_output(recording)
     time = (recording.samples - 1) * recording.dt
     step = float(recording.resolution[out]) * time ** (ORDER[recording.outputs[out].kind] - 1)
-    return max(_size(largest, 0.0), _size(step, np.finfo(float).tiny**0.25))
+    return max(_size(largest, 0.0), _size(step, np.finfo(float).tiny ** 0.25))
 
 
 def _travel(recording: Recording) -> float:
@@ -170,18 +177,36 @@ def _largest_acceleration(recording: Recording) -> float:
 
 
 def _regression(recordings: tuple[Recording, ...], speed: float) -> Array:
-    """Return inertia, friction, viscous and offset, from the shortest window that explains the input nearly best."""
+    """Return inertia, friction, viscous and offset, from the window that tells the inertia best.
+
+    A short window leaves noise in the acceleration, which pulls the inertia to zero; a long one averages
+    the motion away. The relative standard error of the inertia, for as many rows as the window leaves
+    independent, is least in between.
+    """
     fewest = min(r.samples for r in recordings)
     longest = max(int(LONGEST * fewest), SHORTEST)
-    windows = np.unique(np.geomspace(SHORTEST, longest, 8).astype(int))
+    samples = sum(r.samples for r in recordings)
     found = []
-    for n in windows:
+    for n in np.unique(np.geomspace(SHORTEST, longest, 8).astype(int)):
         balances = [_balance(r, int(n), speed) for r in recordings]
         torque = np.concatenate([b.torque for b in balances])
         terms = np.concatenate([b.terms for b in balances])
-        found.append(_robust(torque, terms))
-    best = max(explained for _, explained in found)
-    return next(values for values, explained in found if explained >= best - NEARLY_BEST)
+        values = _robust(torque, terms)
+        found.append((_uncertainty(torque, terms, values, n * FILTERS * len(torque) / samples), values))
+    return min(found, key=lambda pair: pair[0])[1]
+
+
+def _uncertainty(torque: Array, terms: Array, values: Array, memory: float) -> float:
+    """Relative standard error of the inertia if `memory` rows count as one; inf if they say nothing."""
+    size = np.abs(terms).max(axis=0)
+    size[size == 0.0] = 1.0
+    X = terms / size
+    alone = X[:, 0] - X[:, 1:] @ np.linalg.lstsq(X[:, 1:], X[:, 0])[0]
+    information = float(alone @ alone)
+    if values[0] <= 0.0 or information <= 0.0:
+        return float("inf")
+    rest = float(np.mean((torque - terms @ values) ** 2))
+    return float(np.sqrt(rest * memory / information) / size[0] / values[0])
 
 
 def _balance(recording: Recording, n: int, speed: float) -> _Balance:
@@ -194,15 +219,15 @@ def _balance(recording: Recording, n: int, speed: float) -> _Balance:
     else:
         acceleration = _filtered(y, n, dt, 2 - order)
         rate = _filtered(y, n, dt, 1 - order)
-    sign = _filtered(np.tanh(_speed(recording, _window(recording)) / (TURNED * speed)), n, dt, 0)
+    sign = _filtered(np.tanh(speed_of(recording) / (TURNED * speed)), n, dt, 0)
     torque = _filtered(recording.u, n, dt, 0)
     terms = np.stack([acceleration, sign, rate, np.ones_like(rate)], axis=1)
     keep = slice(None, None, max(1, len(torque) // ROWS))
     return _Balance(torque[keep], terms[keep])
 
 
-def _robust(torque: Array, terms: Array) -> tuple[Array, float]:
-    """Regression with Huber's weights; nothing but the offset may be negative. Also the share it explains."""
+def _robust(torque: Array, terms: Array) -> Array:
+    """Regression with Huber's weights; nothing but the offset may be negative."""
     size = np.abs(terms).max(axis=0)
     size[size == 0.0] = 1.0
     X = terms / size
@@ -215,8 +240,4 @@ def _robust(torque: Array, terms: Array) -> tuple[Array, float]:
         r = np.abs(torque - X @ x)
         spread = 1.345 * float(np.median(r)) / 0.6745
         weight = np.minimum(1.0, spread / np.maximum(r, np.finfo(float).tiny)) if spread > 0.0 else weight
-    rest = float(np.sum(weight * (torque - X @ x) ** 2))
-    total = float(np.sum(weight * (torque - np.average(torque, weights=weight)) ** 2))
-    # The constant input of a gravity-loaded, slow axis leaves nothing to explain: any window is as good.
-    explained = 1.0 - rest / total if total > 0.0 else 0.0
-    return np.asarray(x / size), explained
+    return np.asarray(x / size)
