@@ -95,11 +95,11 @@ def moves(
     here, begin = 0.0, before
     for target in targets:
         move = _move(here, target, limits)
-        during = t >= begin
-        clock = np.minimum(t[during] - begin, move.duration)
-        motion[:, during] = np.array([move.at_time(s) for s in clock]).reshape(-1, 3).T
-        here, end = target, begin + move.duration
-        begin = end + between
+        end = begin + move.duration
+        during = (t >= begin) & (t < end)
+        motion[:, during] = np.array([move.at_time(s) for s in t[during] - begin]).reshape(-1, 3).T
+        motion[:, t >= end] = [[target], [0.0], [0.0]]
+        here, begin = target, end + between
     if targets and end > t[-1]:
         raise SettingsError(f"the moves end at {end:.3f} s, the recording at {t[-1]:.3f} s")
     return Motion(t, motion[0], motion[1], motion[2])

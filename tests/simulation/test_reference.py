@@ -1,0 +1,282 @@
+"""The reference solvers against closed formulas, against each other and against the construction kit."""
+
+import numpy as np
+import pytest
+
+from brightgrey.errors import BrightgreyError, SettingsError, StructureError
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.excitation.plants import random_values
+from brightgrey.kit import PAPER, Structure, assemble
+from brightgrey.simulation.reference import UnsettledError, agreement, reference
+from brightgrey.simulation.reference.events import _Drive, _Phase
+from brightgrey.simulation.reference.plant import Plant
+
+DT = 1e-3
+T = np.arange(200) * DT
+ALL = list(PAPER.structures())
+METHODS = pytest.mark.parametrize("method", ["fixed", "events"])
+
+# What both methods reach on smooth, short problems: their tolerances, times a few.
+EXACT = {"rtol": 1e-8, "atol": 1e-9}
+
+
+def solve(structure, values, u, method, f_tanh=1.0, **options):
+    return reference(structure, values, u, DT, f_tanh=f_tanh, method=method, **options)
+
+
+@METHODS
+def test_one_mass_with_viscous_friction_answers_a_step(method):
+    values = {"J1": 0.3, "f_v": 2.0}
+    kinds = ("position", "velocity", "acceleration")
+    q, v, a = solve("one_mass+viscous", values, np.full(200, 5.0), method, outputs=kinds)
+    rate = 2.0 / 0.3
+    expected = 2.5 * (1.0 - np.exp(-rate * T))
+    np.testing.assert_allclose(v, expected, **EXACT)
+    np.testing.assert_allclose(q, 2.5 * T - expected / rate, **EXACT)
+    np.testing.assert_allclose(a, 2.5 * rate * np.exp(-rate * T), **EXACT)
+
+
+@METHODS
+def test_two_masses_swing_at_their_resonance(method):
+    J1, J2, c = 0.012, 0.008, 75.0
+    values = {"J1": J1, "J2": J2, "c1": c, "d1": 0.0}
+    omega = np.sqrt(c * (1 / J1 + 1 / J2))
+    x0 = np.array([0.02, -0.03, 0.0, 0.0])
+    q1, q2 = solve("two_mass", values, np.zeros(200), method, x0=x0, outputs=("q1", "q2"))
+    np.testing.assert_allclose(q1 - q2, 0.05 * np.cos(omega * T), atol=1e-9)
+    np.testing.assert_allclose(J1 * q1 + J2 * q2, 0.0, atol=1e-12)  # nothing pushes the whole
+
+
+@METHODS
+def test_current_loop_of_ten_microseconds(method):
+    u = np.where(T >= 0.05, 1.0, 0.0)
+    v, T_motor = solve(
+        "one_mass+current_control", {"J1": 1.0, "T_1": 1e-5}, u, method, hold="zoh", outputs=("v1", "T")
+    )
+    since = np.clip(T - 0.05, 0.0, None)
+    np.testing.assert_allclose(T_motor, -np.expm1(-since / 1e-5), **EXACT)
+    np.testing.assert_allclose(v, since + 1e-5 * np.expm1(-since / 1e-5), **EXACT)
+
+
+@METHODS
+def test_current_loop_starts_at_the_first_input(method):
+    (v,) = solve("one_mass+current_control", {"J1": 2.0, "T_1": 0.02}, np.full(200, 3.0), method)
+    np.testing.assert_allclose(v, 1.5 * T, **EXACT)
+
+
+@METHODS
+def test_coulomb_far_from_standstill_is_a_constant(method):
+    # tanh(10 v) is 1 to the last digit while v > 2
+    values = {"J1": 0.5, "M_C": 3.0, "M_G": 1.0}
+    (v,) = solve(
+        "one_mass+coulomb+gravity", values, np.zeros(200), method, f_tanh=10.0, x0=np.array([0.0, 8.0])
+    )
+    np.testing.assert_allclose(v, 8.0 - 2.0 / 0.5 * T, **EXACT)
+
+
+@METHODS
+def test_stuck_drive_creeps_as_tanh_says(method):
+    # Below breakaway the balance is M_C tanh(f v) = u, reached with the time constant J/(f M_C) = 0.5 ms.
+    (v,) = solve("one_mass+coulomb", {"J1": 0.01, "M_C": 2.0}, np.ones(200), method, f_tanh=10.0)
+    np.testing.assert_allclose(v[50:], np.arctanh(0.5) / 10.0, **EXACT)
+
+
+@METHODS
+def test_friction_is_odd(method):
+    values = {"J1": 0.02, "M_C": 0.5, "M_S": 0.4, "omega_S": 3.0, "f_v": 0.01}
+    u = 3.0 * np.sin(40.0 * T)
+    one, other = (
+        solve("one_mass+coulomb+viscous+stribeck", values, s * u, method, f_tanh=2.0) for s in (1, -1)
+    )
+    np.testing.assert_array_equal(one, -other)
+    assert np.min(one) < 0.0 < np.max(one)
+
+
+@METHODS
+@pytest.mark.parametrize("hold", ["linear", "zoh"])
+@pytest.mark.parametrize("samples", [3.0, 2.4, 0.3])
+def test_delay_shifts_the_input(method, hold, samples):
+    u = np.random.default_rng(2).normal(size=200)
+    T_d = samples * DT
+    (v,) = solve("one_mass+delay", {"J1": 0.5, "T_d": T_d}, u, method, hold=hold)
+    # v is the integral of the delayed input: exact on a grid of tenths of a sample that holds all knots.
+    fine = (np.arange(1990) + 0.5) * DT / 10 - T_d
+    if hold == "linear":
+        delayed = np.interp(fine, T, u)
+    else:
+        delayed = u[np.clip(np.floor(fine / DT).astype(int), 0, None)]
+    expected = np.append(0.0, np.cumsum(delayed)[9::10]) * DT / 10 / 0.5
+    np.testing.assert_allclose(v, expected, atol=1e-12)
+
+
+BACKLASH = {"J1": 0.02, "J2": 0.01, "c1": 40.0, "d1": 0.02, "alpha": 0.05}
+
+
+@METHODS
+def test_free_flight_in_the_gap(method):
+    # The twist differs from lambda: tau = 0.02 relaxes with c/d = 2000 1/s, and no mass feels any torque.
+    x0 = np.array([-0.02, 0.0, 0.3, 0.1, -0.04])
+    names = ("q1", "q2", "v1", "v2", "lambda1")
+    q1, q2, v1, v2, gap = solve("two_mass+backlash", BACKLASH, np.zeros(200), method, x0=x0, outputs=names)
+    free = -0.02 + 0.2 * T - 0.02 * np.exp(-2000.0 * T)
+    flying = free < -1e-9  # contact where lambda = 0, after 0.1 s
+    assert 100 <= flying.sum() <= 101
+    for found, expected in ((q1, -0.02 + 0.3 * T), (q2, 0.1 * T), (v1, 0.3), (v2, 0.1), (gap, free)):
+        np.testing.assert_allclose(found[flying], np.broadcast_to(expected, 200)[flying], atol=1e-10)
+
+
+@METHODS
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_impact_and_rebound(method, side):
+    """From the middle of the gap: contact lasts until c tau + d tau' = 0, the speeds after it are known."""
+    v = 0.4
+    x0 = np.array([0.0, 0.05, side * v, 0.0, -0.05])
+    v1, v2, gap = solve(
+        "two_mass+backlash", BACKLASH, np.zeros(400), method, x0=x0, outputs=("v1", "v2", "lambda1")
+    )
+    J1, J2, c, d = (BACKLASH[k] for k in ("J1", "J2", "c1", "d1"))
+    both = 1 / J1 + 1 / J2
+    sigma, omega0 = 0.5 * d * both, np.sqrt(c * both)
+    omega = np.sqrt(omega0**2 - sigma**2)
+    # tau = v/omega e^(-sigma t) sin(omega t); c tau + d tau' = 0 where tan(omega t) = -d omega/(c - d sigma)
+    until = (np.pi - np.arctan2(d * omega, c - d * sigma)) / omega
+    rate = v * np.exp(-sigma * until) * (np.cos(omega * until) - sigma / omega * np.sin(omega * until))
+    contact = 0.05 / v
+    t = np.arange(400) * DT
+    after = (t > contact + until) & (np.abs(gap + 0.05) < 0.0499)
+    assert after.sum() > 20
+    impulse = side * (v - rate) / both
+    np.testing.assert_allclose(v1[after], side * v - impulse / J1, atol=1e-9)
+    np.testing.assert_allclose(v2[after], impulse / J2, atol=1e-9)
+    resting = (t > contact) & (t < contact + until)
+    assert np.all(gap[resting] == (0.0 if side > 0 else -0.1))
+
+
+def test_gap_of_no_width_is_no_gap():
+    values = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036}
+    u = np.sin(60.0 * T)
+    for method in ("fixed", "events"):
+        one = solve("two_mass", values, u, method)
+        other = solve("two_mass+backlash", values | {"alpha": 0.0}, u, method)
+        np.testing.assert_array_equal(one, other)
+
+
+SAMPLE = [
+    *("one_mass+coulomb+viscous+stribeck+gravity+current_control+delay", "two_mass+coulomb+viscous+stribeck"),
+    *("two_mass+coulomb+viscous+backlash+current_control+delay", "three_mass+stribeck+delay"),
+    *("three_mass+coulomb+gravity+backlash", "four_mass+viscous+current_control"),
+    "four_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay",
+]
+
+
+@pytest.mark.parametrize("hold", ["linear", "zoh"])
+@pytest.mark.parametrize("name", SAMPLE)
+def test_methods_agree(name, hold):
+    values = random_values(Structure.parse(name).parameters, np.random.default_rng(len(name)))
+    found = agreement(name, values, E.torque()[:1000], E.dt, f_tanh=E.f_tanh, hold=hold)
+    assert not found.chaotic  # drawn so; the long test counts the chaotic ones
+    assert np.max(found.difference) < 1e-6
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("part", range(8))
+def test_methods_agree_on_every_structure(part):
+    chaotic = 0
+    for i, structure in list(enumerate(ALL))[part::8]:
+        values = random_values(structure.parameters, np.random.default_rng([11, i]))
+        found = agreement(structure, values, E.torque(), E.dt, f_tanh=E.f_tanh)
+        chaotic += found.chaotic
+        assert found.chaotic or np.max(found.difference[:2]) < 1e-6, f"{structure} {values}"
+    assert chaotic <= 0.2 * len(ALL[part::8])
+
+
+def test_implicit_solver_agrees_on_a_stiff_drive():
+    """Radau against both: a light motor whose friction is as steep as 6e4 1/s."""
+    from brightgrey.simulation.reference import events
+    from brightgrey.simulation.reference.plant import cut
+
+    name = "two_mass+coulomb+stribeck"
+    values = {"J1": 1e-4, "J2": 0.02, "c1": 20.0, "d1": 0.01, "M_C": 1.5, "M_S": 0.9, "omega_S": 4.0}
+    u = 4.0 * np.sin(25.0 * T[:120])
+    plant = Plant.of(name, values, 2.5)
+    segments = cut(u, DT, 0.0, "linear")
+    radau = events.solve(plant, segments, plant.initial(None, 0.0), rtol=1e-8, implicit=True).output("v1")
+    for method in ("fixed", "events"):
+        (v,) = solve(name, values, u, method, f_tanh=2.5)
+        assert np.max(np.abs(v - radau)) < 1e-6 * np.max(np.abs(v))
+
+
+CHAOTIC = "four_mass+stribeck+gravity+backlash+delay"
+
+
+def test_chaos_is_measured_and_refused():
+    index = sorted(map(str, ALL)).index(CHAOTIC)
+    values = random_values(Structure.parse(CHAOTIC).parameters, np.random.default_rng([7, index]))
+    found = agreement(CHAOTIC, values, E.torque(), E.dt, f_tanh=E.f_tanh, both=False)
+    assert found.chaotic
+    assert np.max(found.growth[:2]) > 1e-5
+    assert np.all(np.isnan(found.difference))
+    with pytest.raises(UnsettledError, match="still changes"):
+        reference(CHAOTIC, values, E.torque(), E.dt, f_tanh=E.f_tanh)
+
+
+@pytest.mark.parametrize("structure", ALL[::9], ids=str)
+def test_construction_kit_has_the_same_right_hand_side(structure):
+    """x' of the assembled state space equals Newton's law, in contact and in the gap."""
+    rng = np.random.default_rng(1)
+    values = random_values(structure.parameters, rng)
+    system = assemble(structure, values, 2.5, ("acceleration",))
+    plant = Plant.of(str(structure), values, 2.5)
+    assert system.state_names == plant.state_names
+    n = plant.masses
+    drive = _Drive(plant, None, 1e-9, np.zeros(1))
+    for _ in range(20):
+        x, u = rng.normal(size=len(system.states)), float(rng.normal())
+        phase = _Phase(None)
+        has_gap = plant.alpha is not None
+        y = np.concatenate([x[:1], x[: n - 1] - x[1:n], x[n : 2 * n], x[2 * n + has_gap :]])
+        if has_gap:
+            pick = rng.integers(3)
+            x[2 * n] = (0.0, -2.0 * plant.alpha, -plant.alpha)[pick]
+            phase = _Phase((1, -1, 0)[pick], x[2 * n])
+            if phase.side and drive.guard(y, 0.0, phase) < 0.0:
+                phase = _Phase(0, x[2 * n])
+        expected = np.array(drive.rates(y.tolist(), u, phase))
+        found = system.derivative(x, u)
+        scale = np.max(np.abs(system.A), axis=1) * 10.0 + np.abs(found)
+        rows = [*range(n, 2 * n), *([] if plant.T_1 is None else [len(x) - 1])]
+        assert np.all(np.abs(found[rows] - expected[n:]) <= 1e-11 * scale[rows])
+        np.testing.assert_allclose(system.output(x, u), found[n])
+
+
+@pytest.mark.parametrize(
+    ("structure", "values", "options", "error", "message"),
+    [
+        ("one_mass+colomb", {"J1": 1.0}, {}, StructureError, "coulomb"),
+        ("coulomb", {"M_C": 1.0}, {}, StructureError, "exactly one"),
+        ("one_mass+backlash", {"J1": 1.0, "alpha": 0.1}, {}, StructureError, "one mass"),
+        ("one_mass", {}, {}, SettingsError, "no value for parameter J1"),
+        ("one_mass", {"J1": 1.0, "M_C": 1.0}, {}, SettingsError, "unknown parameter"),
+        ("one_mass", {"J1": 0.0}, {}, SettingsError, "J1 = 0"),
+        ("one_mass", {"J1": 1.0}, {"x0": np.zeros(3)}, SettingsError, "2 finite numbers: q1, v1"),
+        ("one_mass", {"J1": 1.0}, {"hold": "foh"}, SettingsError, "zoh"),
+        ("one_mass", {"J1": 1.0}, {"method": "event"}, SettingsError, "events"),
+        ("one_mass", {"J1": 1.0}, {"outputs": ("speed",)}, SettingsError, "velocity"),
+        ("one_mass", {"J1": 1.0}, {"f_tanh": 0.0}, SettingsError, "f_tanh = 0"),
+        ("two_mass+backlash", BACKLASH | {"d1": 0.0}, {}, SettingsError, "d1 must be positive"),
+        ("two_mass+backlash", BACKLASH, {"x0": np.array([0, 0, 0, 0, 0.1])}, SettingsError, "outside"),
+        ("one_mass+viscous", {"J1": 1e-6, "f_v": -1.0}, {"x0": np.ones(2)}, UnsettledError, "finite"),
+    ],
+)
+def test_wrong_use_is_named(structure, values, options, error, message):
+    options = {"f_tanh": 1.0} | options
+    with pytest.raises(error, match=message) as caught:
+        reference(structure, values, np.zeros(20), DT, **options)
+    assert isinstance(caught.value, BrightgreyError)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("u", [np.zeros(1), np.array([0.0, np.nan]), np.zeros((2, 2))])
+def test_input_must_be_a_row_of_numbers(u):
+    with pytest.raises(SettingsError, match="row of at least two"):
+        reference("one_mass", {"J1": 1.0}, u, DT, f_tanh=1.0)
