@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.compiled import inner
-from brightgrey.simulation.lanes import get, put
+from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, whole
 from brightgrey.simulation.laws import evaluate
-from brightgrey.simulation.layout import SERIES_TERMS
+from brightgrey.simulation.layout import SERIES_TERMS, table_rows
 from brightgrey.simulation.propagators import mode_matrix, taylor_series
 from brightgrey.simulation.step import leaves, step, watch
 
@@ -22,13 +22,23 @@ _MOST_EVENTS = 200
 
 
 @inner
-def drive_lane(shape: Any, plant: Any, u: Any, k: Any, start: Any, size: Any, per_sample: Any, dt: Any, work: Any,
-               lane: Any) -> None:
+def drive_lane(
+    shape: Any,
+    plant: Any,
+    u: Any,
+    k: Any,
+    start: Any,
+    size: Any,
+    per_sample: Any,
+    dt: Any,
+    work: Any,
+    lane: Any,
+) -> None:
     """Delayed input of one lane on the ticks [start, start + size) after sample k: value, slope and kink.
 
     The kink is the change of slope (linear input) or the jump (held input) at a knot inside the step.
     """
-    last = u.shape[0] - 1
+    last = shape.samples - 1
     shift = get(plant.delay, 1, lane)
     index = k - int(get(plant.delay, 0, lane))
     part = start / per_sample - shift
@@ -38,9 +48,9 @@ def drive_lane(shape: Any, plant: Any, u: Any, k: Any, start: Any, size: Any, pe
         index -= 1
         inside = (start + size) / per_sample - shift > 1e-12
     part = max(part, 0.0)
-    here = u[min(max(index, 0), last)]
-    after = u[min(max(index + 1, 0), last)]
-    later = u[min(max(index + 2, 0), last)]
+    here = real(u, min(max(index, 0), last))
+    after = real(u, min(max(index + 1, 0), last))
+    later = real(u, min(max(index + 2, 0), last))
     if shape.hold == 1:
         put(work.drive, 0, lane, here + (after - here) * part)
         put(work.drive, 1, lane, (after - here) / dt)
@@ -55,7 +65,7 @@ def drive_lane(shape: Any, plant: Any, u: Any, k: Any, start: Any, size: Any, pe
 def set_mode(plant: Any, work: Any, b: Any, lane: Any, mode: Any) -> None:
     """Put limited state b of one lane into a mode: 0 free, 1 and -1 at the upper and lower limit, 2 closed."""
     infinite = float("inf")
-    work.mode[b, lane] = mode
+    set_whole(work.mode, b * LANES + lane, mode)
     low, high = -infinite, infinite
     if mode == 0:
         low, high = get(plant.low, b, lane), get(plant.high, b, lane)
@@ -73,7 +83,7 @@ def mode_bits(shape: Any, work: Any, lane: Any) -> Any:
     """Number of the lane's system matrix: bit b set where limited state b is free."""
     bits = 0
     for b in range(shape.limits):
-        if work.mode[b, lane] == 0:
+        if whole(work.mode, b * LANES + lane) == 0:
             bits |= 1 << b
     return bits
 
@@ -84,17 +94,17 @@ def _linearised(shape: Any, plant: Any, value: Any, slope: Any, work: Any, lane:
     n = shape.n
     A = work.scratch
     mode_matrix(shape, plant, mode_bits(shape, work, lane), A, lane)
-    b0, b1 = work.scratch[n * n :], work.scratch[n * n + n :]
+    b0, b1 = skip(work.scratch, n * n), skip(work.scratch, n * n + n)
     for i in range(n):
         put(b0, i, lane, get(plant.B, i, lane) * value + get(plant.c, i, lane))
         put(b1, i, lane, get(plant.B, i, lane) * slope)
     for e in range(shape.elements):
-        k = plant.channel[e]
+        k = whole(plant.channel, e)
         through = get(plant.K, k, lane)
         port = through * value
         for i in range(n):
             port += get(plant.H, k * n + i, lane) * get(work.end, i, lane)
-        phi, by_port = evaluate(plant.law[e], plant.p, plant.first[e], lane, port)
+        phi, by_port = evaluate(whole(plant.law, e), plant.p, whole(plant.first, e), lane, port)
         for i in range(n):
             g = get(plant.G, k * n + i, lane)
             put(b0, i, lane, get(b0, i, lane) + g * (phi + by_port * (through * value - port)))
@@ -142,7 +152,7 @@ def reach(n: Any, series: Any, s: Any, lane: Any) -> Any:
 def _crossing(shape: Any, plant: Any, work: Any, b: Any, s: Any, lane: Any) -> Any:
     """First moment in (0, s] at which limited state b reaches a limit or leaves it, or -1, and which limit."""
     n = shape.n
-    unit = plant.limited[b] if work.mode[b, lane] == 0 else -1
+    unit = whole(plant.limited, b) if whole(work.mode, b * LANES + lane) == 0 else -1
     low, high = get(work.low, b, lane), get(work.high, b, lane)
     at = b * n
     before, f_before = 0.0, polynomial(n, work.series, plant.rate, at, unit, 0.0, lane)
@@ -174,20 +184,28 @@ def _creep(shape: Any, plant: Any, length: Any, value: Any, slope: Any, work: An
     time = 0.0
     for _ in range(_MOST_EVENTS):
         _linearised(shape, plant, value + slope * time, slope, work, lane)
-        taylor_series(n, work.scratch, work.scratch[n * n :], work.scratch[n * n + n :], work.end, lane, work.series)
+        taylor_series(
+            n,
+            work.scratch,
+            skip(work.scratch, n * n),
+            skip(work.scratch, n * n + n),
+            work.end,
+            lane,
+            work.series,
+        )
         s = reach(n, work.series, length - time, lane)
         which, side = -1, 0
         for b in range(shape.limits):
-            if work.mode[b, lane] != 2:
+            if whole(work.mode, b * LANES + lane) != 2:
                 moment, at = _crossing(shape, plant, work, b, s, lane)
                 if moment >= 0.0:
                     s, which, side = moment, b, at
         for i in range(n):
             put(work.end, i, lane, polynomial(n, work.series, plant.rate, 0, i, s, lane))
         if which >= 0:
-            if work.mode[which, lane] == 0:
+            if whole(work.mode, which * LANES + lane) == 0:
                 limit = get(plant.high, which, lane) if side > 0 else get(plant.low, which, lane)
-                put(work.end, plant.limited[which], lane, limit)
+                put(work.end, whole(plant.limited, which), lane, limit)
                 set_mode(plant, work, which, lane, side)
             else:
                 set_mode(plant, work, which, lane, 0)
@@ -232,8 +250,8 @@ def _set_force(shape: Any, plant: Any, value: Any, work: Any, lane: Any) -> None
             port += get(plant.H, k * n + i, lane) * get(work.end, i, lane)
         total = 0.0
         for e in range(shape.elements):
-            if plant.channel[e] == k:
-                phi, _ = evaluate(plant.law[e], plant.p, plant.first[e], lane, port)
+            if whole(plant.channel, e) == k:
+                phi, _ = evaluate(whole(plant.law, e), plant.p, whole(plant.first, e), lane, port)
                 total += phi
         put(work.force, k, lane, total)
         put(work.slope, k, lane, 0.0)
@@ -241,7 +259,16 @@ def _set_force(shape: Any, plant: Any, value: Any, work: Any, lane: Any) -> None
 
 @inner
 def refine(
-    shape: Any, plant: Any, control: Any, u: Any, k: Any, base: Any, dt: Any, work: Any, lane: Any, follow: Any
+    shape: Any,
+    plant: Any,
+    control: Any,
+    u: Any,
+    k: Any,
+    base: Any,
+    dt: Any,
+    work: Any,
+    lane: Any,
+    follow: Any,
 ) -> None:
     """Base step `base` after sample k for one lane, in halved steps: from ``work.x`` to ``work.end``.
 
@@ -252,19 +279,22 @@ def refine(
     per_sample = float(ticks * shape.base_steps)
     tick = dt / per_sample
     position, level = 0, shape.ticks
+    rows = table_rows(shape.n, shape.channels, shape.limits)
     while position < ticks:
         if follow:
-            level = min(level, work.plan[position])
+            level = min(level, whole(work.plan, position))
             while position & ((1 << level) - 1):
                 level -= 1
         size = 1 << level
         start = base * ticks + position
         drive_lane(shape, plant, u, k, float(start), float(size), per_sample, dt, work, lane)
-        table = work.tables[mode_bits(shape, work, lane) * (shape.ticks + 1) + level]
+        table = skip(work.tables, (mode_bits(shape, work, lane) * (shape.ticks + 1) + level) * rows)
         failed, coarse = step(shape, plant, control, table, size * tick, work, lane)
         out = 0
         for b in range(shape.limits):
-            out |= leaves(work, b, lane, get(work.ahead, b, lane), watch(shape, plant, work, b, work.end, lane))
+            out |= leaves(
+                work, b, lane, get(work.ahead, b, lane), watch(shape, plant, work, b, work.end, lane)
+            )
         if level > 0 and (failed or out or (coarse and not follow)):
             level -= 1
             continue
@@ -281,7 +311,7 @@ def refine(
             put(work.event, b, lane, watch(shape, plant, work, b, work.x, lane))
         if not follow:
             for i in range(position, position + size):
-                work.plan[i] = level
+                set_whole(work.plan, i, level)
         position += size
         if follow:
             level = shape.ticks

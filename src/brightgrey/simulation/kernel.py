@@ -7,9 +7,9 @@ from typing import Any
 from brightgrey.simulation.compiled import cached, inner
 from brightgrey.simulation.events import drive_lane, mode_bits, refine, set_mode
 from brightgrey.simulation.kinks import fill_kinks
-from brightgrey.simulation.lanes import LANES, get, lanes_not_less, put, splat
+from brightgrey.simulation.lanes import LANES, get, lanes_not_less, put, real, set_whole, skip, splat, whole
 from brightgrey.simulation.laws import evaluate
-from brightgrey.simulation.layout import Plant
+from brightgrey.simulation.layout import Plant, table_rows
 from brightgrey.simulation.propagators import build_tables
 from brightgrey.simulation.step import leaves, step, watch
 
@@ -19,21 +19,24 @@ _ALL = (1 << LANES) - 1
 
 
 @inner
-def _batch(plant: Any, b: Any) -> Any:
-    """Tables of one batch."""
+def _batch(plant: Any, size: Any, b: Any) -> Any:
+    """Addresses of one batch's tables; `size` holds how many bytes of each belong to a batch."""
     return Plant(
-        plant.A[b], plant.B[b], plant.c[b], plant.G[b], plant.H[b], plant.K[b], plant.gain[b], plant.law,
-        plant.channel, plant.first, plant.p[b], plant.rate[b], plant.column[b], plant.low[b], plant.high[b],
-        plant.limited, plant.outputs, plant.delay[b], plant.x0[b],
+        plant.A + b * size.A, plant.B + b * size.B, plant.c + b * size.c, plant.G + b * size.G,
+        plant.H + b * size.H, plant.K + b * size.K, plant.gain + b * size.gain, plant.law, plant.channel,
+        plant.first, plant.p + b * size.p, plant.rate + b * size.rate, plant.column + b * size.column,
+        plant.low + b * size.low, plant.high + b * size.high, plant.limited, plant.outputs,
+        plant.delay + b * size.delay, plant.x0 + b * size.x0,
     )  # fmt: skip
 
 
 @inner
 def _use_table(shape: Any, work: Any, lane: Any) -> None:
     """Make the base step's table of the lane's mode the current one."""
-    table = work.tables[mode_bits(shape, work, lane) * (shape.ticks + 1) + shape.ticks]
-    for r in range(table.shape[0]):
-        work.current[r, lane] = table[r, lane]
+    rows = table_rows(shape.n, shape.channels, shape.limits)
+    table = skip(work.tables, (mode_bits(shape, work, lane) * (shape.ticks + 1) + shape.ticks) * rows)
+    for r in range(rows):
+        put(work.current, r, lane, get(table, r, lane))
 
 
 @inner
@@ -45,7 +48,7 @@ def _start(shape: Any, plant: Any, u: Any, dt: Any, work: Any) -> None:
     for lane in range(LANES):
         for b in range(shape.limits):
             low, high = get(plant.low, b, lane), get(plant.high, b, lane)
-            state = get(work.x, plant.limited[b], lane)
+            state = get(work.x, whole(plant.limited, b), lane)
             put(work.free, b, lane, 0.0)
             rate = watch(shape, plant, work, b, work.x, lane)
             mode = 0
@@ -65,22 +68,24 @@ def _start(shape: Any, plant: Any, u: Any, dt: Any, work: Any) -> None:
                 port += get(plant.H, k * shape.n + i, lane) * get(work.x, i, lane)
             total = 0.0
             for e in range(shape.elements):
-                if plant.channel[e] == k:
-                    phi, _ = evaluate(plant.law[e], plant.p, plant.first[e], lane, port)
+                if whole(plant.channel, e) == k:
+                    phi, _ = evaluate(whole(plant.law, e), plant.p, whole(plant.first, e), lane, port)
                     total += phi
             put(work.force, k, lane, total)
             put(work.slope, k, lane, 0.0)
 
 
 @inner
-def _record(shape: Any, plant: Any, u: Any, k: Any, samples: Any, dt: Any, delayed: Any, work: Any, y: Any) -> Any:
+def _record(
+    shape: Any, plant: Any, u: Any, k: Any, samples: Any, dt: Any, delayed: Any, work: Any, y: Any
+) -> Any:
     """Write the outputs at sample k; returns the mask of lanes whose state is not finite."""
     n = shape.n
     total = splat(0.0, None)
     for i in range(n):
         total = total + get(work.x, i, None) * 0.0
     for out in range(shape.outputs):
-        row = plant.outputs[out]
+        row = whole(plant.outputs, out)
         if row < n:
             put(y, out * samples + k, None, get(work.x, row, None))
             continue
@@ -89,7 +94,7 @@ def _record(shape: Any, plant: Any, u: Any, k: Any, samples: Any, dt: Any, delay
             for lane in range(LANES):
                 drive_lane(shape, plant, u, k, 0.0, 0.0, 1.0, dt, work, lane)
         else:
-            put(work.drive, 0, None, splat(u[k], None))
+            put(work.drive, 0, None, splat(real(u, k), None))
         value = get(plant.c, row, None) + get(plant.B, row, None) * get(work.drive, 0, None)
         for i in range(n):
             value = value + get(plant.A, row * n + i, None) * get(work.x, i, None)
@@ -106,7 +111,16 @@ def _record(shape: Any, plant: Any, u: Any, k: Any, samples: Any, dt: Any, delay
 
 @inner
 def _base_step(
-    shape: Any, plant: Any, control: Any, u: Any, k: Any, base: Any, dt: Any, delayed: Any, work: Any, dead: Any
+    shape: Any,
+    plant: Any,
+    control: Any,
+    u: Any,
+    k: Any,
+    base: Any,
+    dt: Any,
+    delayed: Any,
+    work: Any,
+    dead: Any,
 ) -> None:
     """Carry all lanes over one base step."""
     h = dt / shape.base_steps
@@ -116,8 +130,8 @@ def _base_step(
             per_sample = ticks * shape.base_steps
             drive_lane(shape, plant, u, k, base * ticks, ticks, per_sample, dt, work, lane)
     else:
-        slope = (u[k + 1] - u[k]) / dt if shape.hold == 1 else 0.0
-        put(work.drive, 0, None, splat(u[k] + slope * (base * h), None))
+        slope = (real(u, k + 1) - real(u, k)) / dt if shape.hold == 1 else 0.0
+        put(work.drive, 0, None, splat(real(u, k) + slope * (base * h), None))
         put(work.drive, 1, None, splat(slope, None))
         put(work.drive, 2, None, splat(0.0, None))
     failed, coarse = step(shape, plant, control, work.current, h, work, None)
@@ -132,7 +146,7 @@ def _base_step(
         exceptional = _ALL
     elif exceptional:
         for tick in range(1 << shape.ticks):
-            work.plan[tick] = shape.ticks
+            set_whole(work.plan, tick, shape.ticks)
     exceptional &= ~dead
     if exceptional:
         for lane in range(LANES):
@@ -141,8 +155,9 @@ def _base_step(
                 follow = shape.frozen == 1 and lane > 0
                 refine(shape, plant, control, u, k, base, dt, work, lane, follow)
                 for c in range(shape.channels):
-                    work.F2[c, lane] = work.force[c, lane]
-                    work.F1[c, lane] = work.force[c, lane] - work.slope[c, lane] * h / 1.5
+                    force = get(work.force, c, lane)
+                    put(work.F2, c, lane, force)
+                    put(work.F1, c, lane, force - get(work.slope, c, lane) * h / 1.5)
                 if bits != mode_bits(shape, work, lane):
                     _use_table(shape, work, lane)
     for c in range(shape.channels):
@@ -157,35 +172,39 @@ def _base_step(
 
 @cached
 def run(
-    shape: Any, plants: Any, control: Any, u: Any, dt: Any, first: Any, last: Any, work: Any, y: Any, diverged: Any
-) -> None:
+    shape: Any, plants: Any, sizes: Any, control: Any, u: Any, dt: Any, first: Any, last: Any, work: Any, y: Any,
+    diverged: Any,
+) -> None:  # fmt: skip
     """Simulate the batches [first, last).
 
     Parameters
     ----------
     shape : Shape
-    plants : Plant
-        Tables with a leading axis over batches.
+    plants, sizes : Plant
+        Addresses of tables with a leading axis over batches, and the bytes of one batch.
     control : tuple of two float
         Tolerated error estimate of a step and tolerated last change of Newton, in units of speed.
-    u : ndarray, shape (samples,)
+    u : int
+        Address of the input, shape (samples,).
     dt : float
         Sampling interval in s.
     first, last : int
     work : Work
-        Memory that no other thread uses.
-    y : ndarray, shape (batches, outputs * samples, LANES)
-        Outputs, written here.
-    diverged : int ndarray, shape (batches, LANES)
-        First sample at which a lane's state is not finite, written here; -1 if there is none.
+        Addresses of memory that no other thread uses.
+    y : int
+        Address of the outputs, shape (batches, outputs * samples, LANES), written here.
+    diverged : int
+        Address of int64, shape (batches, LANES): first sample at which a lane's state is not finite, -1 if there
+        is none; written here.
     """
-    samples = u.shape[0]
+    samples = shape.samples
     for number in range(first, last):
-        plant = _batch(plants, number)
+        plant = _batch(plants, sizes, number)
+        out = skip(y, number * shape.outputs * samples)
         delayed = False
         for lane in range(LANES):
             delayed |= get(plant.delay, 0, lane) != 0.0 or get(plant.delay, 1, lane) != 0.0
-            diverged[number, lane] = -1
+            set_whole(diverged, number * LANES + lane, -1)
         tick = dt / (shape.base_steps * (1 << shape.ticks))
         build_tables(shape, plant, tick, work)
         if delayed:
@@ -196,9 +215,9 @@ def run(
             if k > 0:
                 for base in range(shape.base_steps):
                     _base_step(shape, plant, control, u, k - 1, base, dt, delayed, work, dead)
-            lost = _record(shape, plant, u, k, samples, dt, delayed, work, y[number]) & ~dead
+            lost = _record(shape, plant, u, k, samples, dt, delayed, work, out) & ~dead
             if lost:
                 dead |= lost
                 for lane in range(LANES):
                     if (lost >> lane) & 1:
-                        diverged[number, lane] = k
+                        set_whole(diverged, number * LANES + lane, k)

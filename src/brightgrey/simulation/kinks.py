@@ -6,8 +6,8 @@ from typing import Any
 
 from brightgrey.simulation.compiled import inner
 from brightgrey.simulation.events import polynomial, reach
-from brightgrey.simulation.lanes import LANES, get, put
-from brightgrey.simulation.layout import Plant, Shape, Work, end_rows
+from brightgrey.simulation.lanes import LANES, get, put, skip, whole
+from brightgrey.simulation.layout import Plant, Shape, Work, end_rows, table_rows
 from brightgrey.simulation.propagators import mode_matrix, taylor_series
 
 __all__ = ["fill_kinks"]
@@ -20,7 +20,7 @@ def _response(shape: Any, plant: Any, mode: Any, span: Any, tick: Any, work: Any
     width = n + 4 + 2 * shape.channels
     A = work.scratch
     mode_matrix(shape, plant, mode, A, lane)
-    b0, b1 = work.scratch[n * n :], work.scratch[n * n + n :]
+    b0, b1 = skip(work.scratch, n * n), skip(work.scratch, n * n + n)
     whole = int(span / tick)
     rest = max(span - whole * tick, 0.0)
     for i in range(n):
@@ -37,10 +37,11 @@ def _response(shape: Any, plant: Any, mode: Any, span: Any, tick: Any, work: Any
             put(p, i, lane, polynomial(n, work.series, A, 0, i, s, lane))
         time += s
     time = rest
-    q = work.scratch[n * n + 2 * n :]
+    q = skip(work.scratch, n * n + 2 * n)
+    rows = table_rows(n, shape.channels, shape.limits)
     for level in range(shape.ticks + 1):
         if (whole >> level) & 1:
-            table = work.tables[mode * (shape.ticks + 1) + level]
+            table = skip(work.tables, (mode * (shape.ticks + 1) + level) * rows)
             for i in range(n):
                 total = get(table, i * width + n, lane)
                 if shape.hold == 1:
@@ -67,7 +68,8 @@ def fill_kinks(shape: Shape, plant: Plant, tick: Any, work: Work) -> None:
     n, m = shape.n, shape.channels
     width = n + 4 + 2 * m
     ticks = 1 << shape.ticks
-    p = work.scratch[n * n + 3 * n :]
+    p = skip(work.scratch, n * n + 3 * n)
+    rows = table_rows(n, m, shape.limits)
     for lane in range(LANES):
         knot = get(plant.delay, 1, lane) * ticks * shape.base_steps
         if knot <= 0.0:
@@ -76,7 +78,7 @@ def fill_kinks(shape: Shape, plant: Plant, tick: Any, work: Work) -> None:
         for mode in range(1 << shape.limits):
             for level in range(shape.ticks + 1):
                 size = 1 << level
-                table = work.tables[mode * (shape.ticks + 1) + level]
+                table = skip(work.tables, (mode * (shape.ticks + 1) + level) * rows)
                 after = size - (knot - int(knot / size) * size)  # ticks from the knot to the end of the step
                 _response(shape, plant, mode, after * tick, tick, work, lane, p)
                 for i in range(n):
@@ -89,7 +91,7 @@ def fill_kinks(shape: Shape, plant: Plant, tick: Any, work: Work) -> None:
                     put(table, at + k * width, lane, _row(n, plant.H, k * n, p, lane) + seen)
                 for b in range(shape.limits):
                     if (mode >> b) & 1:
-                        value = get(p, plant.limited[b], lane)
+                        value = get(p, whole(plant.limited, b), lane)
                     else:
                         value = _row(n, plant.rate, b * n, p, lane)
                     put(table, at + (m + b) * width, lane, value)

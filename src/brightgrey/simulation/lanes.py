@@ -1,5 +1,8 @@
 """Parameter sets side by side: a vector type for numba, and one way to read and write tables with it.
 
+Tables are handed to compiled functions as addresses: numba would count references to arrays at every call, which
+costs more than the arithmetic.
+
 The kernel is written once. Its functions take ``who``: ``None`` works on all lanes of a vector register at once,
 a whole number works on that lane alone with plain floats. Tables are two-dimensional, one row per quantity and
 one column per lane. numba compiles each function for both by the types of its arguments.
@@ -16,12 +19,23 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import types
 from numba.extending import intrinsic, models, overload, register_jitable, register_model
 
 from brightgrey.effects import arithmetic
 
-__all__ = ["LANES", "choose_less", "get", "lanes_not_less", "put", "splat"]
+__all__ = [
+    "LANES",
+    "choose_less",
+    "get",
+    "lanes_not_less",
+    "put",
+    "real",
+    "set_whole",
+    "skip",
+    "splat",
+    "whole",
+]
 
 LANES = 8
 """Parameter sets in one register: 8 doubles fill 512 bits; narrower processors take two or four instructions."""
@@ -60,7 +74,9 @@ def _spread(builder: Any, value: Any) -> Any:
     first = ir.Constant(ir.IntType(32), 0)
     undefined = ir.Constant(_VECTOR, ir.Undefined)
     lane0 = builder.insert_element(undefined, value, first)
-    return builder.shuffle_vector(lane0, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES))
+    return builder.shuffle_vector(
+        lane0, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    )
 
 
 def _as_lanes(context: Any, builder: Any, kind: Any, value: Any) -> Any:
@@ -102,11 +118,11 @@ def _negative(a: Any) -> Any:
     return None
 
 
-def _address(context: Any, builder: Any, kind: Any, array: Any, row: Any, lane: Any) -> Any:
+def _address(builder: Any, table: Any, row: Any, lane: Any) -> Any:
     """Address of one entry of a C-contiguous table with LANES columns."""
-    data = cgutils.create_struct_proxy(kind)(context, builder, array).data
     flat = builder.mul(row, ir.Constant(row.type, LANES))
-    return builder.gep(data, [flat if lane is None else builder.add(flat, lane)])
+    pointer = builder.inttoptr(table, _DOUBLE.as_pointer())
+    return builder.gep(pointer, [flat if lane is None else builder.add(flat, lane)])
 
 
 @intrinsic
@@ -117,7 +133,7 @@ def get(typing: Any, table: Any, row: Any, who: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         lane = context.cast(builder, args[2], signature.args[2], types.intp) if one else None
         index = context.cast(builder, args[1], signature.args[1], types.intp)
-        address = _address(context, builder, signature.args[0], args[0], index, lane)
+        address = _address(builder, args[0], index, lane)
         if one:
             return builder.load(address)
         return builder.load(builder.bitcast(address, _VECTOR.as_pointer()), align=8)
@@ -133,7 +149,7 @@ def put(typing: Any, table: Any, row: Any, who: Any, value: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         lane = context.cast(builder, args[2], signature.args[2], types.intp) if one else None
         index = context.cast(builder, args[1], signature.args[1], types.intp)
-        address = _address(context, builder, signature.args[0], args[0], index, lane)
+        address = _address(builder, args[0], index, lane)
         if one:
             builder.store(context.cast(builder, args[3], signature.args[3], types.float64), address)
         else:
@@ -142,6 +158,47 @@ def put(typing: Any, table: Any, row: Any, who: Any, value: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(table, row, who, value), generate
+
+
+def _entry(kind: Any) -> Any:
+    @intrinsic
+    def load(typing: Any, table: Any, index: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            i = context.cast(builder, args[1], signature.args[1], types.intp)
+            pointer = builder.inttoptr(args[0], context.get_value_type(kind).as_pointer())
+            return builder.load(builder.gep(pointer, [i]))
+
+        return kind(table, index), generate
+
+    return load
+
+
+whole = _entry(types.int64)
+"""``whole(address, i)``: entry i of a flat array of int64."""
+
+real = _entry(types.float64)
+"""``real(address, i)``: entry i of a flat array of float64."""
+
+
+@intrinsic
+def set_whole(typing: Any, table: Any, index: Any, value: Any) -> Any:
+    """``set_whole(address, i, value)``: write entry i of a flat array of int64."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        i = context.cast(builder, args[1], signature.args[1], types.intp)
+        pointer = builder.inttoptr(args[0], _WORD.as_pointer())
+        builder.store(
+            context.cast(builder, args[2], signature.args[2], types.int64), builder.gep(pointer, [i])
+        )
+        return context.get_dummy_value()
+
+    return types.void(table, index, value), generate
+
+
+@register_jitable
+def skip(table: Any, rows: Any) -> Any:
+    """Address of the table that begins `rows` rows further on."""
+    return table + rows * (8 * LANES)
 
 
 @intrinsic

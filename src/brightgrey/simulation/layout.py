@@ -1,19 +1,20 @@
 """What the kernel knows of a model: numbers in tables, nothing of effects.
 
 All tables are ``[batch, row, lane]`` arrays of float64 with LANES columns; the row numbers are given below, so
-that a matrix entry (i, j) is row ``i * n + j``. The kernel's functions work on one batch, ``[row, lane]``.
+that a matrix entry (i, j) is row ``i * n + j``. The kernel's functions work on one batch, ``[row, lane]``, and
+take the tables' addresses: :func:`addresses` makes them, the arrays have to be kept alive meanwhile.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numba.extending import register_jitable
 
 from brightgrey.simulation.lanes import LANES
 
-__all__ = ["Plant", "Shape", "Work", "table_rows", "work_for"]
+__all__ = ["Plant", "Shape", "Work", "addresses", "table_rows", "work_for"]
 
 
 class Shape(NamedTuple):
@@ -33,6 +34,8 @@ class Shape(NamedTuple):
         1 if the input is linear between samples, 0 if it is held.
     frozen : int
         1 if lane 0 leads and the others use its sequence of steps.
+    samples : int
+        Length of the input.
     """
 
     n: int
@@ -45,6 +48,7 @@ class Shape(NamedTuple):
     newton: int
     hold: int
     frozen: int
+    samples: int
 
 
 class Plant(NamedTuple):
@@ -143,6 +147,18 @@ class Work(NamedTuple):
 
 
 SERIES_TERMS = 16
+
+Tables = TypeVar("Tables", Plant, Work)
+
+
+def addresses(arrays: Tables) -> Tables:
+    """Addresses in place of arrays."""
+    return cast(Tables, type(arrays)(*(array.ctypes.data for array in arrays)))
+
+
+def batch_bytes(plant: Plant) -> Plant:
+    """Bytes of each table that belong to one batch."""
+    return Plant(*(array.strides[0] for array in plant))
 
 
 @register_jitable

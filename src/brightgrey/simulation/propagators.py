@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.compiled import inner
-from brightgrey.simulation.lanes import LANES, choose_less, get, put, splat
-from brightgrey.simulation.layout import SERIES_TERMS, Plant, Shape, Work, end_rows
+from brightgrey.simulation.lanes import LANES, choose_less, get, put, skip, splat, whole
+from brightgrey.simulation.layout import SERIES_TERMS, Plant, Shape, Work, end_rows, table_rows
 
 __all__ = ["build_tables", "taylor_series"]
 
@@ -62,7 +62,12 @@ def _compose(shape: Any, first: Any, length: Any, second: Any, out: Any, skip: A
             value = n * n + i + (0 if pair == 0 else (1 + 2 * pair) * n)
             start = get(second, value, None)
             put(out, value, None, get(out, value, None) + start)
-            put(out, value + n, None, get(out, value + n, None) + length * start + get(second, value + n, None))
+            put(
+                out,
+                value + n,
+                None,
+                get(out, value + n, None) + length * start + get(second, value + n, None),
+            )
     for r in range(n * n + columns * n):
         put(out, r, None, choose_less(0.0, skip, get(first, r, None), get(out, r, None)))
 
@@ -190,16 +195,16 @@ def _fill(shape: Any, plant: Any, mode: Any, full: Any, third: Any, h: Any, tabl
         _row_weights(shape, full, h, 1.0, plant.H, i * width, table, i, None)
     at = end_rows(n, m)
     for k in range(m):
-        _row_weights(shape, third, h / 3.0, 1.0 / 3.0, plant.H[k * n :], at, table, -1, None)
+        _row_weights(shape, third, h / 3.0, 1.0 / 3.0, skip(plant.H, k * n), at, table, -1, None)
         # K reads the input at the stage
         put(table, at + n, None, get(table, at + n, None) + get(plant.K, k, None))
         put(table, at + n + 1, None, get(table, at + n + 1, None) + get(plant.K, k, None) * (h / 3.0))
         at += width
     for b in range(shape.limits):
         if (mode >> b) & 1:
-            _row_weights(shape, third, h / 3.0, 1.0 / 3.0, plant.H, at, table, plant.limited[b], None)
+            _row_weights(shape, third, h / 3.0, 1.0 / 3.0, plant.H, at, table, whole(plant.limited, b), None)
         else:
-            _row_weights(shape, third, h / 3.0, 1.0 / 3.0, plant.rate[b * n :], at, table, -1, None)
+            _row_weights(shape, third, h / 3.0, 1.0 / 3.0, skip(plant.rate, b * n), at, table, -1, None)
         at += width
     for k in range(m):
         for j in range(m):
@@ -216,17 +221,19 @@ def build_tables(shape: Shape, plant: Plant, tick: Any, work: Work) -> None:
     """Fill ``work.tables`` for every mode and level; level l covers 2^l ticks of length `tick` in s."""
     n = shape.n
     rows = n * n + n * (3 + 2 * shape.channels)
-    A, third, full, spare, half = work.build[0], work.build[1], work.build[2], work.build[3], work.build[4]
-    skip = work.scratch
+    A, third, full = work.build, skip(work.build, rows), skip(work.build, 2 * rows)
+    spare, half = skip(work.build, 3 * rows), skip(work.build, 4 * rows)
+    scaling = work.scratch
+    size = table_rows(n, shape.channels, shape.limits)
     for mode in range(1 << shape.limits):
         mode_matrix(shape, plant, mode, A, None)
-        most = _halvings(shape, A, tick / 3.0, spare, skip)
+        most = _halvings(shape, A, tick / 3.0, spare, scaling)
         for lane in range(LANES):
-            put(skip, 1, lane, tick / 3.0 * 0.5 ** get(skip, 0, lane))
-        length = get(skip, 1, None)
+            put(scaling, 1, lane, tick / 3.0 * 0.5 ** get(scaling, 0, lane))
+        length = get(scaling, 1, None)
         _taylor(shape, plant, A, length, third, spare)
         for doubling in range(most):
-            done = splat(doubling + 0.5, None) - get(skip, 0, None)
+            done = splat(doubling + 0.5, None) - get(scaling, 0, None)
             _compose(shape, third, length, third, spare, done)
             length = choose_less(0.0, done, length, length + length)
             _copy(rows, spare, third)
@@ -235,7 +242,8 @@ def build_tables(shape: Shape, plant: Plant, tick: Any, work: Work) -> None:
         _compose(shape, half, length + length, third, full, never)
         h = tick
         for level in range(shape.ticks + 1):
-            _fill(shape, plant, mode, full, third, h, work.tables[mode * (shape.ticks + 1) + level])
+            table = skip(work.tables, (mode * (shape.ticks + 1) + level) * size)
+            _fill(shape, plant, mode, full, third, h, table)
             if level < shape.ticks:
                 _compose(shape, third, splat(h / 3.0, None), third, spare, never)
                 _copy(rows, spare, third)

@@ -80,4 +80,4 @@ def tolerances(level: Level) -> Tolerances:
     """Numbers behind ``accurate`` and ``fast``; measured by bench/accuracy.py."""
     if level == "fast":
         return Tolerances(error=1e-4, newton=1, change=1e-3, ticks=5, turn=2.0)
-    return Tolerances(error=1e-7, newton=2, change=1e-4, ticks=8, turn=1.0)
+    return Tolerances(error=1e-6, newton=2, change=1e-4, ticks=7, turn=1.0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.compiled import inner
-from brightgrey.simulation.lanes import choose_less, get, lanes_not_less, put, splat
+from brightgrey.simulation.lanes import choose_less, get, lanes_not_less, put, splat, whole
 from brightgrey.simulation.laws import evaluate
 from brightgrey.simulation.layout import end_rows
 
@@ -45,8 +45,8 @@ def _laws(shape: Any, plant: Any, z: Any, k: Any, who: Any) -> Any:
     port = get(z, k, who)
     force, slope = splat(0.0, who), splat(0.0, who)
     for e in range(shape.elements):
-        if plant.channel[e] == k:
-            phi, by_port = evaluate(plant.law[e], plant.p, plant.first[e], who, port)
+        if whole(plant.channel, e) == k:
+            phi, by_port = evaluate(whole(plant.law, e), plant.p, whole(plant.first, e), who, port)
             force, slope = force + phi, slope + by_port
     return force, slope
 
@@ -108,7 +108,12 @@ def _newton(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work:
         for r in range(i + 1, size):
             factor = get(work.M, r * size + i, who) * pivot
             for j in range(i + 1, size):
-                put(work.M, r * size + j, who, get(work.M, r * size + j, who) - factor * get(work.M, i * size + j, who))
+                put(
+                    work.M,
+                    r * size + j,
+                    who,
+                    get(work.M, r * size + j, who) - factor * get(work.M, i * size + j, who),
+                )
             put(work.rhs, r, who, get(work.rhs, r, who) - factor * get(work.rhs, i, who))
     for i in range(size - 1, -1, -1):
         total = get(work.rhs, i, who)
@@ -133,7 +138,7 @@ def _newton(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work:
 def watch(shape: Any, plant: Any, b: Any, mode: Any, state: Any, lane: Any) -> Any:
     """Watched quantity of limited state b for one lane: the state itself if it is free, else its rate."""
     if mode == 0:
-        return get(state, plant.limited[b], lane)
+        return get(state, whole(plant.limited, b), lane)
     total = 0.0
     for j in range(shape.n):
         total += get(plant.rate, b * shape.n + j, lane) * get(state, j, lane)
@@ -165,7 +170,7 @@ def watch(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> An
     total = splat(0.0, who)
     for j in range(shape.n):
         total = total + get(plant.rate, b * shape.n + j, who) * get(state, j, who)
-    return choose_less(0.5, get(work.free, b, who), get(state, plant.limited[b], who), total)
+    return choose_less(0.5, get(work.free, b, who), get(state, whole(plant.limited, b), who), total)
 
 
 @inner

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.kernel import run
 from brightgrey.simulation.lanes import LANES
-from brightgrey.simulation.layout import Shape, work_for
+from brightgrey.simulation.layout import Shape, addresses, batch_bytes, work_for
 from brightgrey.simulation.lowering import Lowered, fill, lower, turning_rate
 from brightgrey.simulation.settings import Settings, tolerances
 
@@ -127,6 +127,7 @@ def _simulate(
         newton=level.newton,
         hold=int(settings.hold == "linear"),
         frozen=int(frozen),
+        samples=len(u),
     )
     plants = fill(lowered, x0, pick)
     control = (level.error * settings.speed_scale, level.change * settings.speed_scale)
@@ -135,15 +136,30 @@ def _simulate(
     cuts = np.linspace(0, len(pick), min(threads, len(pick)) + 1).astype(int)
 
     def part(first: int, last: int) -> None:
-        run(shape, plants, control, u, dt, first, last, work_for(shape), results, lost)
+        work = work_for(shape)
+        run(
+            shape,
+            addresses(plants),
+            batch_bytes(plants),
+            control,
+            u.ctypes.data,
+            dt,
+            int(first),
+            int(last),
+            addresses(work),
+            results.ctypes.data,
+            lost.ctypes.data,
+        )
 
     if len(cuts) == 2:
         part(0, len(pick))
     else:
         with ThreadPoolExecutor(len(cuts) - 1) as pool:
             list(pool.map(part, cuts[:-1], cuts[1:]))
-    y[:, :, pick.ravel()] = results.reshape(len(pick), shape.outputs, len(u), LANES).transpose(1, 2, 0, 3).reshape(
-        shape.outputs, len(u), -1
+    y[:, :, pick.ravel()] = (
+        results.reshape(len(pick), shape.outputs, len(u), LANES)
+        .transpose(1, 2, 0, 3)
+        .reshape(shape.outputs, len(u), -1)
     )
     diverged[pick.ravel()] = lost.ravel()
 
