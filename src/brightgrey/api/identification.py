@@ -50,11 +50,11 @@ class Result:
     """
 
     model: Model
-    traces: tuple[Trace, ...]
+    traces: tuple[Trace, ...] = field(repr=False)
     ranking: tuple[Row, ...]
     notes: tuple[str, ...]
-    fit: Fit
-    files: Mapping[str, bytes] = field(default_factory=dict)
+    fit: Fit = field(repr=False)
+    files: Mapping[str, bytes] = field(default_factory=dict, repr=False)
 
     def plot(self) -> Figure:
         """Measured against simulated, residual below, one panel per recording and output."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -42,7 +42,7 @@ class Simulation:
     """
 
     model: Model
-    trace: Trace
+    trace: Trace = field(repr=False)
     fit: Mapping[str, OutputFitPart]
     notes: tuple[str, ...] = ()
 
