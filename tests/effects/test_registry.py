@@ -1,4 +1,4 @@
-"""What every effect of the registry has to keep. Nothing here names an effect, so a new one is tested at once."""
+"""What every effect of the registry has to keep. Nothing here names one, so a new effect is tested at once."""
 
 import re
 from dataclasses import replace
@@ -12,9 +12,10 @@ from brightgrey.effects import Draft, Scales, registry
 
 EFFECTS = list(registry().values())
 LAWS = [e for e in EFFECTS if e.law is not None]
-FIXED_SYMBOLS = set(
-    ["J1", "J2", "J3", "J4", "c1", "c2", "c3", "d1", "d2", "d3", "f_v", "M_C", "M_S", "omega_S", "M_G", "alpha", "T_1", "T_d"]
-)  # DESIGN §2
+FIXED_SYMBOLS = {  # DESIGN §2
+    *("J1", "J2", "J3", "J4", "c1", "c2", "c3", "d1", "d2", "d3"),
+    *("f_v", "M_C", "M_S", "omega_S", "M_G", "alpha", "T_1", "T_d"),
+}
 each = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 each_law = pytest.mark.parametrize("effect", LAWS, ids=lambda e: e.name)
 quick = settings(max_examples=40, deadline=None, derandomize=True)
