@@ -15,10 +15,11 @@ from brightgrey.simulation.layout import Shape, addresses, batch_bytes, work_for
 from brightgrey.simulation.lowering import Lowered, fill, lower, turning_rate
 from brightgrey.simulation.settings import Settings, tolerances
 
-__all__ = ["Response", "response"]
+__all__ = ["Response", "base_steps", "response"]
 
 Array = NDArray[np.float64]
 _MOST_BASE_STEPS = 64
+_LOST = 1e9  # states this many times larger than input, speed and start are no motion any more
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Response:
     y : ndarray, shape (outputs, samples, K)
         In SI units. From the sample on at which a simulation diverged it is not a number.
     diverged : int ndarray, shape (K,)
-        First sample at which the state is not finite, -1 if there is none.
+        First sample at which the state is not finite or beyond all measure, -1 if there is none.
     """
 
     y: Array
@@ -78,7 +79,7 @@ def response(
     n = lowered.A.shape[0]
     start = np.asarray(x0, float)
     start = np.broadcast_to(start[:, None] if start.ndim == 1 else start, (n, sets))
-    bases = _base_steps(system, lowered, dt, settings)
+    bases = base_steps(system, lowered, dt, settings)
     if frozen:
         bases[:] = bases[0]
     y = np.empty((len(lowered.outputs), len(u), sets))
@@ -91,8 +92,10 @@ def response(
     return Response(y, diverged)
 
 
-def _base_steps(system: StateSpace, lowered: Lowered, dt: float, settings: Settings) -> NDArray[np.int64]:
+def base_steps(system: StateSpace, lowered: Lowered, dt: float, settings: Settings) -> NDArray[np.int64]:
     """Full steps per sample, a power of two: with limits, a fast oscillation must not swing unseen in a step."""
+    if settings.level == "euler":
+        return np.full(lowered.A.shape[-1], settings.substeps, np.int64)
     if not lowered.limited:
         return np.ones(lowered.A.shape[-1], np.int64)
     turns = turning_rate(system, lowered) * dt / tolerances(settings.level).turn
@@ -108,7 +111,7 @@ def _simulate(
     settings: Settings,
     frozen: bool,
     threads: int,
-    base_steps: int,
+    steps: int,
     members: NDArray[np.int64],
     y: Array,
     diverged: NDArray[np.int64],
@@ -123,14 +126,17 @@ def _simulate(
         elements=len(lowered.smooth),
         outputs=len(lowered.outputs),
         ticks=level.ticks,
-        base_steps=base_steps,
+        base_steps=steps,
         newton=level.newton,
         hold=int(settings.hold == "linear"),
         frozen=int(frozen),
         samples=len(u),
+        euler=int(settings.level == "euler"),
     )
     plants = fill(lowered, x0, pick)
-    control = (level.error * settings.speed_scale, level.change * settings.speed_scale)
+    scale = settings.speed_scale
+    limit = _LOST * max(scale, float(np.abs(u).max()), float(np.abs(x0).max()))
+    control = (level.error * scale, level.change * scale, limit)
     results = np.empty((len(pick), shape.outputs * len(u), LANES))
     lost = np.empty((len(pick), LANES), np.int64)
     cuts = np.linspace(0, len(pick), min(threads, len(pick)) + 1).astype(int)

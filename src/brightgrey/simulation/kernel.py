@@ -5,9 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.compiled import cached, inner
+from brightgrey.simulation.euler import euler_step
 from brightgrey.simulation.events import drive_lane, mode_bits, refine, set_mode
 from brightgrey.simulation.kinks import fill_kinks
-from brightgrey.simulation.lanes import LANES, get, lanes_not_less, put, real, set_whole, skip, splat, whole
+from brightgrey.simulation.lanes import (
+    LANES,
+    choose_less,
+    get,
+    lanes_not_less,
+    put,
+    real,
+    set_whole,
+    skip,
+    splat,
+    whole,
+)
 from brightgrey.simulation.laws import evaluate
 from brightgrey.simulation.layout import Plant, table_rows
 from brightgrey.simulation.propagators import build_tables
@@ -77,13 +89,14 @@ def _start(shape: Any, plant: Any, u: Any, dt: Any, work: Any) -> None:
 
 @inner
 def _record(
-    shape: Any, plant: Any, u: Any, k: Any, samples: Any, dt: Any, delayed: Any, work: Any, y: Any
+    shape: Any, plant: Any, limit: Any, u: Any, k: Any, dt: Any, delayed: Any, work: Any, y: Any
 ) -> Any:
-    """Write the outputs at sample k; returns the mask of lanes whose state is not finite."""
-    n = shape.n
+    """Write the outputs at sample k; returns the mask of lanes whose state is not finite or beyond `limit`."""
+    n, samples = shape.n, shape.samples
     total = splat(0.0, None)
     for i in range(n):
-        total = total + get(work.x, i, None) * 0.0
+        x = get(work.x, i, None)
+        total = total + choose_less(x, 0.0, -x, x)
     for out in range(shape.outputs):
         row = whole(plant.outputs, out)
         if row < n:
@@ -106,7 +119,23 @@ def _record(
                 rate = rate + get(plant.rate, b * n + i, None) * get(work.x, i, None)
             value = value + get(plant.column, b * n + row, None) * rate * get(work.free, b, None)
         put(y, out * samples + k, None, value)
-    return lanes_not_less(total, splat(1.0, None))
+    return lanes_not_less(total, splat(limit, None))
+
+
+@inner
+def _drive(shape: Any, plant: Any, u: Any, k: Any, base: Any, dt: Any, delayed: Any, work: Any) -> None:
+    """Input of all lanes during base step `base` after sample k."""
+    h = dt / shape.base_steps
+    if delayed:
+        ticks = float(1 << shape.ticks)
+        for lane in range(LANES):
+            per_sample = ticks * shape.base_steps
+            drive_lane(shape, plant, u, k, base * ticks, ticks, per_sample, dt, work, lane)
+    else:
+        slope = (real(u, k + 1) - real(u, k)) / dt if shape.hold == 1 else 0.0
+        put(work.drive, 0, None, splat(real(u, k) + slope * (base * h), None))
+        put(work.drive, 1, None, splat(slope, None))
+        put(work.drive, 2, None, splat(0.0, None))
 
 
 @inner
@@ -124,16 +153,7 @@ def _base_step(
 ) -> None:
     """Carry all lanes over one base step."""
     h = dt / shape.base_steps
-    if delayed:
-        ticks = float(1 << shape.ticks)
-        for lane in range(LANES):
-            per_sample = ticks * shape.base_steps
-            drive_lane(shape, plant, u, k, base * ticks, ticks, per_sample, dt, work, lane)
-    else:
-        slope = (real(u, k + 1) - real(u, k)) / dt if shape.hold == 1 else 0.0
-        put(work.drive, 0, None, splat(real(u, k) + slope * (base * h), None))
-        put(work.drive, 1, None, splat(slope, None))
-        put(work.drive, 2, None, splat(0.0, None))
+    _drive(shape, plant, u, k, base, dt, delayed, work)
     failed, coarse = step(shape, plant, control, work.current, h, work, None)
     left = 0
     for b in range(shape.limits):
@@ -182,8 +202,9 @@ def run(
     shape : Shape
     plants, sizes : Plant
         Addresses of tables with a leading axis over batches, and the bytes of one batch.
-    control : tuple of two float
-        Tolerated error estimate of a step and tolerated last change of Newton, in units of speed.
+    control : tuple of three float
+        Tolerated error estimate of a step and tolerated last change of Newton, in units of speed; sum of all
+        states from which on a simulation counts as diverged.
     u : int
         Address of the input, shape (samples,).
     dt : float
@@ -197,25 +218,29 @@ def run(
         Address of int64, shape (batches, LANES): first sample at which a lane's state is not finite, -1 if there
         is none; written here.
     """
-    samples = shape.samples
     for number in range(first, last):
         plant = _batch(plants, sizes, number)
-        out = skip(y, number * shape.outputs * samples)
+        out = skip(y, number * shape.outputs * shape.samples)
         delayed = False
         for lane in range(LANES):
             delayed |= get(plant.delay, 0, lane) != 0.0 or get(plant.delay, 1, lane) != 0.0
             set_whole(diverged, number * LANES + lane, -1)
         tick = dt / (shape.base_steps * (1 << shape.ticks))
-        build_tables(shape, plant, tick, work)
-        if delayed:
-            fill_kinks(shape, plant, tick, work)
+        if shape.euler == 0:
+            build_tables(shape, plant, tick, work)
+            if delayed:
+                fill_kinks(shape, plant, tick, work)
         _start(shape, plant, u, dt, work)
         dead = 0
-        for k in range(samples):
+        for k in range(shape.samples):
             if k > 0:
                 for base in range(shape.base_steps):
-                    _base_step(shape, plant, control, u, k - 1, base, dt, delayed, work, dead)
-            lost = _record(shape, plant, u, k, samples, dt, delayed, work, out) & ~dead
+                    if shape.euler == 1:
+                        _drive(shape, plant, u, k - 1, base, dt, delayed, work)
+                        euler_step(shape, plant, dt / shape.base_steps, work)
+                    else:
+                        _base_step(shape, plant, control, u, k - 1, base, dt, delayed, work, dead)
+            lost = _record(shape, plant, control[2], u, k, dt, delayed, work, out) & ~dead
             if lost:
                 dead |= lost
                 for lane in range(LANES):

@@ -36,6 +36,8 @@ class Shape(NamedTuple):
         1 if lane 0 leads and the others use its sequence of steps.
     samples : int
         Length of the input.
+    euler : int
+        1 for the paper's explicit Euler method, of which a base step is one step.
     """
 
     n: int
@@ -49,6 +51,7 @@ class Shape(NamedTuple):
     hold: int
     frozen: int
     samples: int
+    euler: int
 
 
 class Plant(NamedTuple):

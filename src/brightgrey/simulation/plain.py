@@ -1,0 +1,306 @@
+"""Plain twin of the kernel: the same scheme for one system, in numpy, slow and easy to read.
+
+Tests hold the compiled kernel against it. Matrix exponentials come from scipy, events from a root finder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from brightgrey.kit import StateSpace
+from brightgrey.simulation.batch import base_steps
+from brightgrey.simulation.lowering import Lowered, lower
+from brightgrey.simulation.settings import Settings, Tolerances, tolerances
+
+__all__ = ["plain_response"]
+
+Array = NDArray[np.float64]
+FREE, UPPER, LOWER, CLOSED = 0, 1, -1, 2
+
+
+@dataclass
+class _Run:
+    """One simulation under way. The only object of the package that changes: it is a simulator's memory."""
+
+    low: Lowered
+    tolerance: Tolerances
+    scale: float
+    hold: str
+    tick: float
+    ticks: int
+    x: Array
+    force: Array
+    slope: Array
+    modes: list[int] = field(default_factory=list)
+    propagators: dict[tuple[tuple[bool, ...], float], Array] = field(default_factory=dict)
+
+    def matrix(self) -> Array:
+        """System matrix of the present mode: free limited states move with their rate."""
+        A = self.low.A[:, :, 0].copy()
+        for element, mode in zip(self.low.limited, self.modes, strict=True):
+            if mode == FREE:
+                A += np.outer(element.G.reshape(-1), element.H[0].reshape(-1))
+        return A
+
+    def propagator(self, span: float) -> Array:
+        """Top rows of the exponential: weights of x, u, its slope, 1, F at the start, its slope."""
+        key = (tuple(mode == FREE for mode in self.modes), span)
+        if key not in self.propagators:
+            n, m = len(self.x), len(self.force)
+            M = np.zeros((n + 3 + 2 * m, n + 3 + 2 * m))
+            M[:n, :n] = self.matrix()
+            M[:n, n], M[n, n + 1], M[:n, n + 2] = self.low.B[:, 0], 1.0, self.low.c[:, 0]
+            M[:n, n + 3 : n + 3 + m] = self.low.G[:, :, 0].T
+            M[n + 3 : n + 3 + m, n + 3 + m :] = np.eye(m)
+            self.propagators[key] = expm(M * span)[:n]
+        return self.propagators[key]
+
+    def kink(self, span: float) -> Array:
+        """State after a ramp of unit slope (held input: a unit jump) that began `span` ago."""
+        column = len(self.x) + (1 if self.hold == "linear" else 0)
+        return self.propagator(span)[:, column] if span > 0.0 else np.zeros_like(self.x)
+
+    def laws(self, z: Array) -> tuple[Array, Array]:
+        """Force and slope of every channel at its port."""
+        force, slope = np.zeros_like(z), np.zeros_like(z)
+        for element, k in self.low.smooth:
+            phi, slopes = element.law.value((z[k],), tuple(float(np.ravel(p)[0]) for p in element.p))
+            force[k] += phi
+            slope[k] += slopes[0]
+        return force, slope
+
+    def watched(self, b: int, x: Array) -> float:
+        """Limited state b if it is free, else its rate."""
+        element = self.low.limited[b]
+        assert element.limits is not None
+        row = element.H[0].reshape(-1)
+        return float(x[element.limits.state] if self.modes[b] == FREE else row @ x)
+
+    def interval(self, b: int) -> tuple[float, float]:
+        """Where the watched quantity has to stay."""
+        limits = self.low.limited[b].limits
+        assert limits is not None
+        return {
+            FREE: (float(np.ravel(limits.lower)[0]), float(np.ravel(limits.upper)[0])),
+            UPPER: (0.0, np.inf),
+            LOWER: (-np.inf, 0.0),
+            CLOSED: (-np.inf, np.inf),
+        }[self.modes[b]]
+
+
+def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, settings: Settings) -> Array:
+    """Outputs, shape (outputs, samples), of one system at level ``accurate`` or ``fast``.
+
+    Parameters and units as for :func:`brightgrey.simulation.response`.
+    """
+    u = np.asarray(u, float)
+    low = lower(system, dt)
+    tolerance = tolerances(settings.level)
+    bases = int(base_steps(system, low, dt, settings)[0])
+    ticks = 2**tolerance.ticks
+    run = _Run(
+        low,
+        tolerance,
+        settings.speed_scale,
+        settings.hold,
+        dt / (bases * ticks),
+        ticks,
+        np.array(x0, float),
+        np.zeros(len(low.G)),
+        np.zeros(len(low.G)),
+    )
+    drive = _drive(u, dt, float(np.ravel(low.delay)[0]), settings.hold)
+    for b, element in enumerate(low.limited):
+        assert element.limits is not None
+        run.modes.append(FREE)
+        lower_end, upper_end = run.interval(b)
+        state, rate = run.x[element.limits.state], element.H[0].reshape(-1) @ run.x
+        at_upper, at_lower = state >= upper_end and rate >= 0.0, state <= lower_end and rate <= 0.0
+        run.modes[b] = (
+            CLOSED if upper_end <= lower_end else UPPER if at_upper else LOWER if at_lower else FREE
+        )
+    run.force = run.laws(low.H[:, :, 0] @ run.x + low.through[:, 0] * drive(0.0, 0.0)[0])[0]
+    y = np.empty((len(low.outputs), len(u)))
+    for k in range(len(u)):
+        if k:
+            for base in range(bases):
+                _base_step(run, drive, (k - 1) * dt, base)
+        rates = run.matrix() @ run.x + low.B[:, 0] * drive(k * dt, 0.0)[0] + low.c[:, 0]
+        rates += low.G[:, :, 0].T @ run.force
+        y[:, k] = np.concatenate([run.x, rates])[list(low.outputs)]
+    return y
+
+
+def _drive(
+    u: Array, dt: float, delay: float, hold: str
+) -> Callable[[float, float], tuple[float, float, float, float]]:
+    """Delayed input on [t, t + h): value, slope, kink (or jump) inside, and how long after t the kink comes."""
+
+    def at(i: int) -> float:
+        return float(u[min(max(i, 0), len(u) - 1)])
+
+    def drive(t: float, h: float) -> tuple[float, float, float, float]:
+        place = t / dt - delay
+        i = int(np.floor(place + 1e-9))
+        part = max(place - i, 0.0)
+        until = (1.0 - part) * dt
+        here, after, later = at(i), at(i + 1), at(i + 2)
+        inside = h - until > 1e-9 * dt
+        if hold == "linear":
+            kink = (later - 2.0 * after + here) / dt if inside else 0.0
+            return here + (after - here) * part, (after - here) / dt, kink, until
+        return here, 0.0, after - here if inside else 0.0, until
+
+    return drive
+
+
+def _base_step(
+    run: _Run, drive: Callable[[float, float], tuple[float, float, float, float]], t: float, base: int
+) -> None:
+    """One base step, halved where it has to be."""
+    position, size = 0, run.ticks
+    while position < run.ticks:
+        begin, h = t + (base * run.ticks + position) * run.tick, size * run.tick
+        value, slope, kink, until = drive(begin, h)
+        end, F1, F2, change, error, middle = _attempt(run, h, value, slope, kink, until)
+        failed = not change < run.tolerance.change * run.scale
+        coarse = not error < run.tolerance.error * run.scale
+        out = any(_leaves(run, b, middle, end) for b in range(len(run.modes)))
+        if size > 1 and (failed or out or coarse):
+            size //= 2
+            continue
+        if out or failed:
+            pieces = [(h, value, slope)]
+            if kink:
+                after = value + slope * until + (kink if run.hold == "zoh" else 0.0)
+                pieces = [
+                    (until, value, slope),
+                    (h - until, after, slope + (kink if run.hold == "linear" else 0.0)),
+                ]
+            for span, at, rate in pieces:
+                _creep(run, span, at, rate)
+            last = pieces[-1][1] + pieces[-1][2] * pieces[-1][0]
+            run.force = run.laws(run.low.H[:, :, 0] @ run.x + run.low.through[:, 0] * last)[0]
+            run.slope = np.zeros_like(run.force)
+        else:
+            run.x, run.force, run.slope = end, F2, 1.5 * (F2 - F1) / h
+        position += size
+        if size < run.ticks and position % (2 * size) == 0 and 8.0 * error < run.tolerance.error * run.scale:
+            size *= 2
+
+
+def _attempt(
+    run: _Run, h: float, value: float, slope: float, kink: float, until: float
+) -> tuple[Array, Array, Array, float, float, Array]:
+    """Two-stage Radau IIA step: end, F at both stages, last change of Newton, error estimate, state at h/3."""
+    n, m = len(run.x), len(run.force)
+    H, K = run.low.H[:, :, 0], run.low.through[:, 0]
+    free, per_force, states = [], [], []
+    for span in (h / 3.0, h):
+        P = run.propagator(span)
+        state = P[:, : n + 3] @ np.concatenate([run.x, [value, slope, 1.0]]) + kink * run.kink(
+            span - until if kink else 0.0
+        )
+        start, rate = P[:, n + 3 : n + 3 + m], P[:, n + 3 + m :] * 1.5 / h
+        states.append(state)
+        per_force.append(np.hstack([1.5 * start - rate, rate - 0.5 * start]))
+        seen = (
+            value
+            + slope * span
+            + (kink * (max(span - until, 0.0) if run.hold == "linear" else span > until) if kink else 0.0)
+        )
+        free.append(H @ state + K * seen)
+    a = np.concatenate(free)
+    S = np.vstack([H @ w for w in per_force])
+    F = np.concatenate([run.force + run.slope * h / 3.0, run.force + run.slope * h])
+    z, change = a + S @ F, 0.0
+    if m:
+        for _ in range(run.tolerance.newton):
+            phi, by_port = (
+                np.concatenate(pair) for pair in zip(run.laws(z[:m]), run.laws(z[m:]), strict=True)
+            )
+            F = np.linalg.solve(np.eye(2 * m) - by_port[:, None] * S, phi + by_port * (a - z))
+            change = float(np.abs(a + S @ F - z).max())
+            z = a + S @ F
+    bend = np.abs(run.force - (1.5 * F[:m] - 0.5 * F[m:])) * np.abs(run.low.G[:, :, 0]).max(
+        axis=1, initial=0.0
+    )
+    error = float(bend.max(initial=0.0) * h)
+    change = change if m else -1.0
+    return (
+        states[1] + per_force[1] @ F,
+        F[:m],
+        F[m:],
+        change,
+        error if m else -1.0,
+        states[0] + per_force[0] @ F,
+    )
+
+
+def _leaves(run: _Run, b: int, middle: Array, end: Array) -> bool:
+    """Whether the watched quantity leaves its interval, by a parabola through 0, h/3 and h."""
+    s0, s1, s2 = (run.watched(b, x) for x in (run.x, middle, end))
+    low, high = run.interval(b)
+    slope = 4.5 * (s1 - s0) - 0.5 * (s2 - s0)
+    bend = s2 - s0 - slope
+    peak = -0.5 * slope / bend if bend else -1.0
+    extreme = s0 + peak * (slope + peak * bend) if 0.0 < peak < 1.0 else s2
+    slack = 1e-12 * (abs(s0) + abs(s2)) + 1e-300
+    return not all(low - slack < s < high + slack for s in (s2, extreme))
+
+
+def _creep(run: _Run, span: float, value: float, slope: float) -> None:
+    """Through all events of a short span, friction linearised at each of them."""
+    n, left = len(run.x), span
+    for _ in range(200):
+        H, K, G = run.low.H[:, :, 0], run.low.through[:, 0], run.low.G[:, :, 0]
+        z = H @ run.x + K * value
+        phi, by_port = run.laws(z)
+        M = np.zeros((n + 3, n + 3))  # x, 1, t, 1
+        M[:n, :n] = run.matrix() + G.T @ (by_port[:, None] * H)
+        M[:n, n] = run.low.B[:, 0] * value + run.low.c[:, 0] + G.T @ (phi + by_port * (K * value - z))
+        M[:n, n + 1] = (run.low.B[:, 0] + G.T @ (by_port * K)) * slope
+        M[n + 1, n + 2] = 1.0
+        start = np.concatenate([run.x, [1.0, 0.0, 1.0]])
+
+        def state(s: float, M: Array = M, start: Array = start) -> Array:
+            return np.asarray((expm(M * s) @ start)[:n])
+
+        moment, which, side = left, -1, 0
+        for b in range(len(run.modes)):
+            low, high = run.interval(b)
+            grid = np.linspace(0.0, moment, 5)
+            for s, e in pairwise(grid):
+                at = run.watched(b, state(e))
+                slack = 1e-13 * abs(at) + 1e-300
+                if at > high + slack or at < low - slack:
+                    limit, side_b = (high, 1) if at > high + slack else (low, -1)
+
+                    def miss(s: float, b: int = b, limit: float = limit) -> float:
+                        return run.watched(b, state(s)) - limit
+
+                    begin = miss(s)
+                    moment = s if begin * side_b >= 0.0 else brentq(miss, s, e, xtol=1e-18, rtol=1e-14)
+                    which, side = b, side_b
+                    break
+        run.x = state(moment)
+        if which >= 0:
+            limits = run.low.limited[which].limits
+            assert limits is not None
+            if run.modes[which] == FREE:
+                run.x[limits.state] = run.interval(which)[1 if side > 0 else 0]
+                run.modes[which] = side
+            else:
+                run.modes[which] = FREE
+        left -= moment
+        value += slope * moment
+        if left <= 1e-12 * span:
+            return
+    run.x = np.full(n, np.nan)
