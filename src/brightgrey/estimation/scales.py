@@ -3,9 +3,9 @@
 The input is regressed on acceleration, speed, sign of speed and a constant. Differentiating a noisy signal
 would drown the inertia, so the balance is taken over windows: with ``box`` the mean over n samples and ``D``
 the difference over n samples divided by their time, ``D`` of a signal is ``box`` of its derivative, exactly.
-Every term is filtered three times, and where a derivative is due, ``D`` takes the place of ``box``; all terms then
-have passed the same filter (the method of modulating functions, Shinbrot 1957, in its simplest form), and the
-noise of the difference falls with the window.
+Every term is filtered three times, and where a derivative is due, ``D`` takes the place of ``box``; all terms
+then have passed the same filter (modulating functions, Shinbrot 1957, in their simplest form), and
+the noise of the difference falls with the window.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 FILTERS = 3
 SHORTEST = 3  # samples
 LONGEST = 1.0 / 20.0  # of the recording
-NOISY = 0.1  # of the speed: what smoothing may still change
+NOISY = 0.03  # of the speed: what smoothing may still change
 TURNED = 0.02  # of the largest speed: where the sign of speed has turned
 ROWS = 4000  # rows of the regression that are enough
 REWEIGHTINGS = 4
@@ -84,7 +84,7 @@ def scales(recordings: Recording | Sequence[Recording]) -> Scales:
 
 
 def speed_of(recording: Recording) -> Array:
-    """Speed in rad/s (m/s), shape (samples,), from the output that tells it best, smoothed where it is noisy."""
+    """Speed in rad/s (m/s), shape (samples,), from the output that tells it best, smoothed if noisy."""
     return _speed(recording, _window(recording))
 
 

@@ -1,0 +1,120 @@
+"""Scales: what the regression must find, and what no recording may break."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from brightgrey.estimation import scales
+from brightgrey.estimation.scales import speed_of
+from brightgrey.recordings import Recording, Signal, read_recording
+
+INERTIA, FRICTION, VISCOUS, OFFSET = 0.02, 0.8, 0.03, 0.5
+DT = 1e-3
+
+
+def motion(samples=4000):
+    """Position, velocity and acceleration that reverse, and the input that a rigid drive needs for them."""
+    t = DT * np.arange(samples)
+    q = 3.0 * np.sin(2 * np.pi * t) + 1.0 * np.cos(2 * np.pi * 2.3 * t)
+    v = 6 * np.pi * np.cos(2 * np.pi * t) - 4.6 * np.pi * np.sin(2 * np.pi * 2.3 * t)
+    a = -12 * np.pi**2 * np.sin(2 * np.pi * t) - (4.6 * np.pi) ** 2 * np.cos(2 * np.pi * 2.3 * t)
+    u = INERTIA * a + FRICTION * np.sign(v) + VISCOUS * v + OFFSET
+    return t, u, {"position": q, "velocity": v, "velocity-differenced": v, "acceleration": a}
+
+
+def record(t, u, y, kind):
+    unit = {"position": "rad", "acceleration": "rad/s²"}.get(kind, "rad/s")
+    return Recording("made", t, u, y, Signal("u", "input", "N m"), (Signal("y", kind, unit),))
+
+
+@pytest.mark.parametrize("kind", ["position", "velocity"])
+@pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-3])
+def test_rigid_drive_is_found_through_noise(kind, noise):
+    t, u, course = motion()
+    y = course[kind] + noise * np.abs(course[kind]).max() * np.random.default_rng(1).standard_normal(t.size)
+    found = scales(record(t, u, y, kind))
+    # "Good to some ten per cent" is what the docstring promises; bounds are wider by far.
+    assert found.inertia == pytest.approx(INERTIA, rel=0.1)
+    assert found.friction == pytest.approx(FRICTION, rel=0.1)
+    assert found.offset == pytest.approx(OFFSET, rel=0.1)
+    assert found.speed == pytest.approx(np.abs(course["velocity"]).max(), rel=0.1)
+
+
+def test_acceleration_tells_the_inertia():
+    t, u, course = motion()
+    assert scales(record(t, u, course["acceleration"], "acceleration")).inertia == pytest.approx(INERTIA, rel=0.1)
+
+
+def test_outliers_do_not_matter():
+    t, u, course = motion()
+    y = course["velocity"].copy()
+    y[[500, 1700, 3000]] += 5.0
+    assert scales(record(t, u, y, "velocity")).inertia == pytest.approx(INERTIA, rel=0.1)
+
+
+def test_units_only_scale():
+    t, u, course = motion()
+    plain = scales(record(t, u, course["velocity"], "velocity"))
+    other = scales(record(t, 10 * u, 1e-3 * course["velocity"], "velocity"))
+    assert other.inertia == pytest.approx(1e4 * plain.inertia, rel=1e-6)
+    assert other.friction == pytest.approx(10 * plain.friction, rel=1e-6)
+    assert other.viscous == pytest.approx(1e4 * plain.viscous, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["position", "velocity", "velocity-differenced", "acceleration"])
+@pytest.mark.parametrize("course", ["standstill", "constant speed", "no input", "noise"])
+def test_every_scale_can_serve(kind, course):
+    samples = 400
+    t = DT * np.arange(samples)
+    noise = np.random.default_rng(2).standard_normal(samples)
+    u = np.zeros(samples) if course == "no input" else np.ones(samples)
+    y = {"standstill": 0 * t, "constant speed": 1 + t, "no input": 0 * t, "noise": noise}[course]
+    found = dataclasses.asdict(scales(record(t, u, y, kind)))
+    assert all(math.isfinite(value) for value in found.values()), found
+    assert all(value > 0.0 for name, value in found.items() if name != "offset"), found
+
+
+def test_several_recordings_share_one_regression():
+    t, u, course = motion()
+    r = record(t, u, course["velocity"], "velocity")
+    alone, twice = scales(r), scales([r, r])
+    assert twice.inertia == pytest.approx(alone.inertia, rel=1e-6)
+    assert twice.duration == alone.duration
+
+
+def test_speed_has_the_length_of_the_recording():
+    t, u, course = motion()
+    for kind, y in course.items():
+        assert speed_of(record(t, u, y, kind)).shape == t.shape
+
+
+def test_emps_regression_comes_close_to_the_published_one(measured):
+    path = measured("emps/DATA_EMPS.mat")
+    r = read_recording(
+        path,
+        input="vir",
+        outputs=["qm:position"],
+        time="t",
+        input_gain=35.15065,
+        units={"vir": "N", "qm": "m"},
+    )
+    found = scales(r)
+    # Published: 95.109 kg, 20.394 N, 203.50 N s/m, -3.165 N (Janot, Gautier, Brunot 2019).
+    assert found.inertia == pytest.approx(95.1, rel=0.05)
+    assert found.friction == pytest.approx(20.4, rel=0.1)
+    assert found.viscous == pytest.approx(203.5, rel=0.1)
+    assert found.offset == pytest.approx(-3.165, rel=0.1)
+
+
+def test_quantised_velocity_does_not_lose_the_inertia(measured):
+    r = read_recording(
+        measured("mte360/single_axis_square_1_5.mat"),
+        input="u",
+        outputs=["v:velocity-differenced"],
+        time="t",
+        units={"u": "V", "v": "mm/s"},
+    )
+    # Students' gain 94.7 mm/s/V and time constant 0.071 s: J = 0.071 / 0.0947 V s²/m.
+    assert scales(r).inertia == pytest.approx(0.75, rel=0.15)
