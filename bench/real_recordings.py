@@ -136,9 +136,7 @@ def mte360(starts: int) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--starts", type=int, default=8, help="start points of each fit (default 8)")
     parser.add_argument("--only", choices=("emps", "mte360"), help="one of the drives")
     arguments = parser.parse_args()

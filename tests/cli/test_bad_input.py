@@ -18,9 +18,7 @@ def place(drive, tmp_path, monkeypatch):
     (tmp_path / "empty.csv").write_text("")
     (tmp_path / "text.csv").write_text("".join([*lines[:99], "0.196,1.0,fast\n", *lines[100:]]))
     (tmp_path / "back.csv").write_text("".join([*lines[:199], "0.100,1.0,1.0\n", *lines[200:]]))
-    (tmp_path / "model.json").write_text(
-        (drive.out / "model.json").read_text(encoding="utf-8"), encoding="utf-8"
-    )
+    (tmp_path / "model.json").write_text((drive.out / "model.json").read_text(encoding="utf-8"), encoding="utf-8")
     (tmp_path / "file").write_text("mine")
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -51,9 +51,7 @@ def test_terminal_shows_parameters_fit_and_files(drive):
 
 
 def test_same_seed_gives_same_bytes(drive, tmp_path, call):
-    done = call(
-        "identify", drive.folder / "a.csv", *drive.options, "--workers", 2, "--out", tmp_path, "--quiet"
-    )
+    done = call("identify", drive.folder / "a.csv", *drive.options, "--workers", 2, "--out", tmp_path, "--quiet")
     assert (done.code, done.out, done.err) == (0, "", "")
     for name in RESULTS:
         assert (tmp_path / name).read_bytes() == (drive.out / name).read_bytes()
@@ -197,9 +195,7 @@ def test_narrow_window_cuts_nothing(drive, tmp_path, monkeypatch, command, call)
 
 def test_version_and_module(call):
     assert call("--version").out == f"brightgrey {brightgrey.__version__}\n"
-    done = subprocess.run(
-        [sys.executable, "-m", "brightgrey", "--version"], capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-m", "brightgrey", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout == f"brightgrey {brightgrey.__version__}\n"
 
 

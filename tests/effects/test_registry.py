@@ -1,4 +1,4 @@
-"""What every effect of the registry has to keep. Nothing here names one, so a new effect is tested at once."""
+"""What every effect of the registry has to keep. Nothing here names one, so a new one is tested at once."""
 
 import re
 from dataclasses import replace

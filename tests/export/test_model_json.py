@@ -39,9 +39,7 @@ def test_example_of_the_documentation_is_a_model(example):
 
 
 def test_fields_are_those_of_the_documentation_in_its_order(example):
-    table = re.findall(
-        r"^\| `(\w+)` \| ", DOC.read_text(encoding="utf-8").partition("## ranking")[0], re.MULTILINE
-    )
+    table = re.findall(r"^\| `(\w+)` \| ", DOC.read_text(encoding="utf-8").partition("## ranking")[0], re.MULTILINE)
     assert table == list(example) == list(json.loads(Model.check(example).text()))
 
 

@@ -117,9 +117,7 @@ def test_linearisation_is_the_derivative(number):
     rng = np.random.default_rng(number)
     s = assemble(structure, random_values(structure.parameters, rng), 2.5, OUTPUTS)
     x, u = rng.normal(size=len(s.states)), float(rng.normal())
-    x[
-        [name.startswith("lambda") for name in s.state_names]
-    ] = -1e-4  # inside any gap drawn: f_lambda is smooth
+    x[[name.startswith("lambda") for name in s.state_names]] = -1e-4  # inside any gap drawn: f_lambda is smooth
     linear = s.linearise(x, u)
     for j, step in enumerate(1e-6 * np.eye(len(x))):
         h = 2.0 * step[j]
@@ -170,7 +168,5 @@ def test_wrong_values_and_outputs_are_refused():
 
 
 def test_every_effect_of_the_registry_is_assembled_somewhere():
-    seen = {
-        e.name.split("@")[0] for s in ALL for e in assemble(s, dict.fromkeys(s.parameters, 1.0), 1.0).elements
-    }
+    seen = {e.name.split("@")[0] for s in ALL for e in assemble(s, dict.fromkeys(s.parameters, 1.0), 1.0).elements}
     assert seen == {name for name, effect in registry().items() if effect.law is not None}

@@ -152,8 +152,7 @@ def test_constant_channels_are_noted_not_refused() -> None:
 def test_coarse_velocity_is_suspected_to_be_a_difference() -> None:
     columns = {"t": T, "u": U, "v": 4.66 * np.rint(Q)}
     assert any(
-        "say v:velocity-differenced" in n
-        for n in recording_from(columns, input="u", outputs="v:velocity").notes
+        "say v:velocity-differenced" in n for n in recording_from(columns, input="u", outputs="v:velocity").notes
     )
     told = recording_from(columns, input="u", outputs="v:velocity-differenced").notes
     assert not any("differencing" in n for n in told)

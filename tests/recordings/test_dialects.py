@@ -41,9 +41,7 @@ def test_every_dialect_comes_back(
 ) -> None:
     if delimiter == decimal:
         delimiter = ";"
-    values = np.array(
-        data.draw(st.lists(st.lists(FIELD, min_size=width, max_size=width), min_size=20, max_size=30))
-    )
+    values = np.array(data.draw(st.lists(st.lists(FIELD, min_size=width, max_size=width), min_size=20, max_size=30)))
     names = [f"c{i}" for i in range(width)]
     lines = [[form.format(x).replace(".", decimal) for x in row] for row in values.tolist()]
     written = np.array([[float(x.replace(",", ".")) for x in row] for row in lines])
@@ -56,9 +54,7 @@ def test_every_dialect_comes_back(
     path.write_bytes((end.join(delimiter.join(line) + tail for line in lines) + end).encode())
     columns = names if header else [str(i + 1) for i in range(width)]
     try:
-        recording = read_recording(
-            path, input=columns[0], outputs=[(c, "position") for c in columns[1:]], dt=1.0
-        )
+        recording = read_recording(path, input=columns[0], outputs=[(c, "position") for c in columns[1:]], dt=1.0)
     except BrightgreyError as error:  # pragma: no cover
         raise AssertionError(f"{error}\n{path.read_text()}") from error
     np.testing.assert_array_equal(recording.u, written[:, 0])

@@ -28,9 +28,7 @@ def test_emps(measured: Measured) -> None:
     assert recording.units.of((1, -1, 2)) == ("kg", 1.0)
 
 
-@pytest.mark.parametrize(
-    "name", ["velocity_response_1_5", "velocity_response_sine_1", "velocity_response_sine_3"]
-)
+@pytest.mark.parametrize("name", ["velocity_response_1_5", "velocity_response_sine_1", "velocity_response_sine_3"])
 def test_flexible_drive(measured: Measured, name: str) -> None:
     recording = read_recording(
         measured(f"mte360/{name}.mat"),

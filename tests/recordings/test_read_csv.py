@@ -254,9 +254,7 @@ def test_text_in_the_first_row_is_no_header(tmp_path: Path, first: str) -> None:
 def test_file_that_was_cut_off(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("\n".join(["t,torque,velocity", *rows()]) + "\n0.4,1")
-    with pytest.raises(
-        RecordingError, match="row 42: 2 fields where 3 are expected; the file seems to be cut off"
-    ):
+    with pytest.raises(RecordingError, match="row 42: 2 fields where 3 are expected; the file seems to be cut off"):
         read(path)
 
 
@@ -328,9 +326,7 @@ def test_files_that_are_no_text(tmp_path: Path, content: bytes, message: str) ->
 
 def test_file_that_is_not_there(tmp_path: Path) -> None:
     write(tmp_path, rows())
-    with pytest.raises(
-        RecordingError, match=r"^rum\.csv: there is no such file\. Did you mean 'run\.csv'\?$"
-    ):
+    with pytest.raises(RecordingError, match=r"^rum\.csv: there is no such file\. Did you mean 'run\.csv'\?$"):
         read(tmp_path / "rum.csv")
     with pytest.raises(RecordingError, match="this is a folder"):
         read(tmp_path)

@@ -20,9 +20,7 @@ N = 1001
 DT = 1e-3
 
 
-def make(
-    u: np.ndarray, *rows: np.ndarray, kind: str = "velocity", hold: str = "linear", dt: float = DT
-) -> Recording:
+def make(u: np.ndarray, *rows: np.ndarray, kind: str = "velocity", hold: str = "linear", dt: float = DT) -> Recording:
     rows = rows or (np.cumsum(u) * dt,)
     outputs = tuple(Signal(f"v{i}", kind, "rad/s") for i in range(len(rows)))
     t = dt * np.arange(u.size)

@@ -36,9 +36,7 @@ def test_jitter_below_a_tenth_is_read_as_uniform(start: float, dt: float, jitter
     assert recording.dt == pytest.approx(dt, rel=(2 * jitter + 0.02) / (N - 1))
     np.testing.assert_array_equal(recording.u, U)
     told = any("jitter" in note for note in recording.notes)
-    assert told == (
-        np.abs(np.diff(recording.t[0] + dt * np.arange(N) + shift) / recording.dt - 1).max() > 0.01
-    )
+    assert told == (np.abs(np.diff(recording.t[0] + dt * np.arange(N) + shift) / recording.dt - 1).max() > 0.01)
 
 
 def test_single_precision_time_is_no_jitter_to_speak_of() -> None:

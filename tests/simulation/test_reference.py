@@ -50,9 +50,7 @@ def test_two_masses_swing_at_their_resonance(method):
 @METHODS
 def test_current_loop_of_ten_microseconds(method):
     u = np.where(T >= 0.05, 1.0, 0.0)
-    v, T_motor = solve(
-        "one_mass+current_control", {"J1": 1.0, "T_1": 1e-5}, u, method, hold="zoh", outputs=("v1", "T")
-    )
+    v, T_motor = solve("one_mass+current_control", {"J1": 1.0, "T_1": 1e-5}, u, method, hold="zoh", outputs=("v1", "T"))
     since = np.clip(T - 0.05, 0.0, None)
     np.testing.assert_allclose(T_motor, -np.expm1(-since / 1e-5), **EXACT)
     np.testing.assert_allclose(v, since + 1e-5 * np.expm1(-since / 1e-5), **EXACT)
@@ -68,9 +66,7 @@ def test_current_loop_starts_at_the_first_input(method):
 def test_coulomb_far_from_standstill_is_a_constant(method):
     # tanh(10 v) is 1 to the last digit while v > 2
     values = {"J1": 0.5, "M_C": 3.0, "M_G": 1.0}
-    (v,) = solve(
-        "one_mass+coulomb+gravity", values, np.zeros(200), method, f_tanh=10.0, x0=np.array([0.0, 8.0])
-    )
+    (v,) = solve("one_mass+coulomb+gravity", values, np.zeros(200), method, f_tanh=10.0, x0=np.array([0.0, 8.0]))
     np.testing.assert_allclose(v, 8.0 - 2.0 / 0.5 * T, **EXACT)
 
 
@@ -85,9 +81,7 @@ def test_stuck_drive_creeps_as_tanh_says(method):
 def test_friction_is_odd(method):
     values = {"J1": 0.02, "M_C": 0.5, "M_S": 0.4, "omega_S": 3.0, "f_v": 0.01}
     u = 3.0 * np.sin(40.0 * T)
-    one, other = (
-        solve("one_mass+coulomb+viscous+stribeck", values, s * u, method, f_tanh=2.0) for s in (1, -1)
-    )
+    one, other = (solve("one_mass+coulomb+viscous+stribeck", values, s * u, method, f_tanh=2.0) for s in (1, -1))
     np.testing.assert_array_equal(one, -other)
     assert np.min(one) < 0.0 < np.max(one)
 
@@ -101,10 +95,8 @@ def test_delay_shifts_the_input(method, hold, samples):
     (v,) = solve("one_mass+delay", {"J1": 0.5, "T_d": T_d}, u, method, hold=hold)
     # v is the integral of the delayed input: exact on a grid of tenths of a sample that holds all knots.
     fine = (np.arange(1990) + 0.5) * DT / 10 - T_d
-    if hold == "linear":
-        delayed = np.interp(fine, T, u)
-    else:
-        delayed = u[np.clip(np.floor(fine / DT).astype(int), 0, None)]
+    held = u[np.clip(np.floor(fine / DT).astype(int), 0, None)]
+    delayed = np.interp(fine, T, u) if hold == "linear" else held
     expected = np.append(0.0, np.cumsum(delayed)[9::10]) * DT / 10 / 0.5
     np.testing.assert_allclose(v, expected, atol=1e-12)
 
@@ -131,9 +123,7 @@ def test_impact_and_rebound(method, side):
     """From the middle of the gap: contact lasts until c tau + d tau' = 0, the speeds after it are known."""
     v = 0.4
     x0 = np.array([0.0, 0.05, side * v, 0.0, -0.05])
-    v1, v2, gap = solve(
-        "two_mass+backlash", BACKLASH, np.zeros(400), method, x0=x0, outputs=("v1", "v2", "lambda1")
-    )
+    v1, v2, gap = solve("two_mass+backlash", BACKLASH, np.zeros(400), method, x0=x0, outputs=("v1", "v2", "lambda1"))
     J1, J2, c, d = (BACKLASH[k] for k in ("J1", "J2", "c1", "d1"))
     both = 1 / J1 + 1 / J2
     sigma, omega0 = 0.5 * d * both, np.sqrt(c * both)

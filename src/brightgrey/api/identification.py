@@ -225,9 +225,7 @@ def _result(
         structure=str(fit.structure),
         n_parameters=free,
         rss=sum(f.rss if f.rss is not None else np.nan for f in fits.values()),
-        fit_percent=float(
-            np.mean([np.nan if f.fit_percent is None else f.fit_percent for f in fits.values()])
-        ),
+        fit_percent=float(np.mean([np.nan if f.fit_percent is None else f.fit_percent for f in fits.values()])),
         criterion=value,
     )
     read = several if test is None else (*several, test)

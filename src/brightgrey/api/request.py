@@ -94,9 +94,7 @@ def start_si(
     values = start.values_si()
     common = {n: values[n] for n in structure.parameters if n in values and n not in constants}
     if not common:
-        raise SettingsError(
-            f"start model '{start.structure}' has no free parameter in common with '{structure}'"
-        )
+        raise SettingsError(f"start model '{start.structure}' has no free parameter in common with '{structure}'")
     return common
 
 

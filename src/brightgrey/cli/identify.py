@@ -13,12 +13,8 @@ from brightgrey.errors import SettingsError
 
 __all__ = ["identify"]
 
-Recordings = Annotated[
-    list[Path], typer.Argument(metavar="RECORDING…", help="CSV or MAT files, one or more.")
-]
-Input = Annotated[
-    str, typer.Option("--input", metavar="NAME", help="Column of the input: torque, force, voltage …")
-]
+Recordings = Annotated[list[Path], typer.Argument(metavar="RECORDING…", help="CSV or MAT files, one or more.")]
+Input = Annotated[str, typer.Option("--input", metavar="NAME", help="Column of the input: torque, force, voltage …")]
 Output = Annotated[
     list[str],
     typer.Option(
@@ -30,17 +26,13 @@ Output = Annotated[
 ]
 StructureOption = Annotated[
     str | None,
-    typer.Option(
-        "--structure", metavar="EFFECT+…", help="Effects in the model; 'brightgrey effects' lists them."
-    ),
+    typer.Option("--structure", metavar="EFFECT+…", help="Effects in the model; 'brightgrey effects' lists them."),
 ]
 Gain = Annotated[
     float,
     typer.Option("--input-gain", metavar="X", help="Recorded input times X stands in the input's unit."),
 ]
-Window = Annotated[
-    str | None, typer.Option("--window", metavar="A:B", help="Use only the time from A to B in s.")
-]
+Window = Annotated[str | None, typer.Option("--window", metavar="A:B", help="Use only the time from A to B in s.")]
 Decimate = Annotated[int, typer.Option("--decimate", min=1, metavar="N", help="Use every Nth sample.")]
 Hold = Annotated[
     str, typer.Option("--hold", metavar="linear|zoh", help="Input between samples: straight lines, or held.")
@@ -154,7 +146,6 @@ def _structure(text: str | None) -> str:
     if text is None:
         smallest = next(PAPER.structures())
         raise SettingsError(
-            f"option --structure is needed, for example --structure {smallest}; "
-            "'brightgrey effects' lists the effects"
+            f"option --structure is needed, for example --structure {smallest}; 'brightgrey effects' lists the effects"
         )
     return str(PAPER.parse(text))

@@ -28,9 +28,7 @@ def _console(*, stderr: bool = False) -> Console:
     """Make a console that prints names of columns as they are, brackets and all."""
     stream = sys.stderr if stderr else sys.stdout
     piped = not stream.isatty() and "COLUMNS" not in os.environ
-    return Console(
-        stderr=stderr, width=PIPED_WIDTH if piped else None, markup=False, emoji=False, highlight=False
-    )
+    return Console(stderr=stderr, width=PIPED_WIDTH if piped else None, markup=False, emoji=False, highlight=False)
 
 
 @contextmanager

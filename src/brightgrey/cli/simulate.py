@@ -20,9 +20,7 @@ def simulate(
     unit: Unit = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", metavar="FILE", help="Write time, input, measured and simulated outputs as CSV."
-        ),
+        typer.Option("--out", metavar="FILE", help="Write time, input, measured and simulated outputs as CSV."),
     ] = None,
     quiet: Quiet = False,
     json: Json = False,

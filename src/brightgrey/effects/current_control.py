@@ -26,7 +26,10 @@ EFFECT = Effect(
     name="current_control",
     number=10,
     title="Current control loop",
-    about="First-order lag between commanded and real torque. Below one sampling interval it cannot be told from sampling.",
+    about=(
+        "First-order lag between commanded and real torque. "
+        "Below one sampling interval it cannot be told from sampling."
+    ),
     equation="T_1 T' + T = u",
     source="paper eq. (16)",
     stage="current control",

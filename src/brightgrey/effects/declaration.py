@@ -232,9 +232,7 @@ class Draft:
 
         elements = tuple(replace(e, H=grow(e.H, (1,)), G=grow(e.G, (0,))) for e in self.elements)
         A = self.A if n else np.zeros((0, 0, *self.batch))
-        return replace(
-            self, states=(*self.states, state), A=grow(A, (0, 1)), B=grow(self.B, (0,)), elements=elements
-        )
+        return replace(self, states=(*self.states, state), A=grow(A, (0, 1)), B=grow(self.B, (0,)), elements=elements)
 
     def with_element(
         self,

@@ -16,7 +16,9 @@ EFFECT = Effect(
     name="delay",
     number=11,
     title="Dead time",
-    about="Bus cycles and filters between command and torque. Half a sample of it may come from how the data was taken.",
+    about=(
+        "Bus cycles and filters between command and torque. Half a sample of it may come from how the data was taken."
+    ),
     equation="G(s) = exp(-T_d s)",
     source="paper eq. (6)",
     stage="delay",

@@ -176,8 +176,7 @@ def fit(
     best = min(finished, key=lambda d: d.cost)
     evaluations = _CANDIDATES + sum(d.evaluations for d in (*ends, *finished))
     tried = tuple(
-        Start(_named(search, begins[i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged)
-        for i in order
+        Start(_named(search, begins[i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged) for i in order
     )
     estimates = _estimates(search, best, recordings)
     return Fit(
@@ -303,7 +302,7 @@ def _train(problem: Problem, residual: Array) -> dict[str, OutputFit]:
 
 def _outcome(search: Search, best: Descent, estimates: Mapping[str, Estimate]) -> Outcome:
     """What there is to say about the end of the fit, the gravest first."""
-    if not np.isfinite(best.cost) or not np.any(best.jacobian) and search.names:
+    if not np.isfinite(best.cost) or (not np.any(best.jacobian) and search.names):
         return Outcome("diverged", "no parameter set gave a finite simulation that depends on the parameters")
     inside = [i for i, name in enumerate(search.names) if estimates[name].at_bound is None]
     condition, direction = weakest(best.jacobian[:, inside])

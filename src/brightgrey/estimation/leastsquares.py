@@ -55,8 +55,12 @@ def evaluate(problem: Problem, search: Search, settings: Settings, theta: Array)
     steps = np.where((steps < 0) & (theta - _STEP < low), _STEP, steps)
     sets = np.repeat(theta[:, None], len(theta) + 1, axis=1)
     sets[:, 1:] += np.diag(steps)
-    outward = np.where(search.log[:, None], np.exp(np.where(search.log[:, None], sets, 0.0)), sets * search.width[:, None])
-    values = dict(zip(search.names, outward, strict=True)) | {k: np.full(sets.shape[1], v) for k, v in search.fixed.items()}
+    outward = np.where(
+        search.log[:, None], np.exp(np.where(search.log[:, None], sets, 0.0)), sets * search.width[:, None]
+    )
+    values = dict(zip(search.names, outward, strict=True)) | {
+        k: np.full(sets.shape[1], v) for k, v in search.fixed.items()
+    }
     r = problem.residuals(values, settings, frozen=True)
     return r[:, 0], (r[:, 1:] - r[:, :1]) / steps
 

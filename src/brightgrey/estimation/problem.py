@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.estimation.scales import speed_of
+from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 
@@ -41,7 +41,8 @@ def noise_of(recording: Recording) -> Array:
     """Noise of each output, shape (outputs,), SI: from second differences, at least the resolution's."""
     bend = np.diff(recording.y, n=2, axis=1)
     spread = 1.4826 * np.median(np.abs(bend), axis=1) / np.sqrt(6.0)
-    return np.maximum(np.maximum(spread, recording.resolution / np.sqrt(12.0)), 1e-12 * recording.y.std(axis=1))
+    least = np.maximum(recording.resolution / np.sqrt(12.0), 1e-12 * recording.y.std(axis=1))
+    return np.asarray(np.maximum(spread, least))
 
 
 def predict_many(
@@ -105,9 +106,7 @@ class Problem:
         """Weighted residuals, shape (residuals, K): simulated minus measured; large but finite if diverged."""
         parts = []
         for r in self.recordings:
-            y = predict_many(
-                self.structure, values, r, settings, frozen=frozen, threads=self.threads
-            )
+            y = predict_many(self.structure, values, r, settings, frozen=frozen, threads=self.threads)
             apart = (y - r.y[:, :, None]) * self.weights[:, None, None]
             lost = _LOST * (r.y.std(axis=1) * self.weights)[:, None, None]
             apart = np.where(np.isfinite(apart), np.clip(apart, -1e6, 1e6), np.maximum(lost, 1.0))

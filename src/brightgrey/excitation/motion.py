@@ -105,9 +105,7 @@ def moves(
     return Motion(t, motion[0], motion[1], motion[2])
 
 
-def reversing(
-    distance: float, limits: Limits, *, dt: float, samples: int, before: float, between: float
-) -> Motion:
+def reversing(distance: float, limits: Limits, *, dt: float, samples: int, before: float, between: float) -> Motion:
     """Forth by `distance` (rad) and back; see :func:`moves` for the rest, errors included."""
     return moves((distance, 0.0), limits, dt=dt, samples=samples, before=before, between=between)
 

@@ -106,9 +106,7 @@ def _signals(recording: Recording) -> tuple[SignalPart, ...]:
     )
 
 
-def _settings(
-    fit: Fit, recording: Recording, factors: Mapping[str, float], fixed: Mapping[str, float]
-) -> SettingsPart:
+def _settings(fit: Fit, recording: Recording, factors: Mapping[str, float], fixed: Mapping[str, float]) -> SettingsPart:
     speed_unit, speed = recording.units.of(SPEED)
     gain_unit, gain = recording.units.of(PER_SPEED)
     s = fit.settings

@@ -90,9 +90,7 @@ def pooled_fit(traces: Sequence[Trace]) -> Mapping[str, OutputFitPart]:
     fits = {}
     for row, signal in enumerate(traces[0].outputs):
         rss = sum(float(np.sum(trace.residual[row] ** 2)) for trace in traces)
-        spread = sum(
-            float(np.sum((trace.measured[row] - trace.measured[row].mean()) ** 2)) for trace in traces
-        )
+        spread = sum(float(np.sum((trace.measured[row] - trace.measured[row].mean()) ** 2)) for trace in traces)
         samples = sum(trace.t.size for trace in traces)
         if np.isfinite(rss) and spread > 0.0:
             fit = OutputFitPart(

@@ -62,9 +62,7 @@ def assemble(
     for output in outputs:
         if output not in OUTPUTS:
             raise SettingsError(unknown_name("output", output, OUTPUTS))
-    arrays = dict(
-        zip(names, np.broadcast_arrays(*(np.asarray(values[n], float) for n in names)), strict=True)
-    )
+    arrays = dict(zip(names, np.broadcast_arrays(*(np.asarray(values[n], float) for n in names)), strict=True))
 
     draft = Draft()
     for stage, placed in sorted(

@@ -82,12 +82,12 @@ class Grammar:
 
 PAPER = Grammar(
     "paper",
-    {
-        name: (1,)
-        for name in (
+    dict.fromkeys(
+        (
             *("one_mass", "two_mass", "three_mass", "four_mass"),
             *("coulomb", "viscous", "stribeck", "gravity", "backlash", "current_control", "delay"),
-        )
-    },
+        ),
+        (1,),
+    ),
 )
 """The paper's construction rules: 448 structures."""

@@ -39,9 +39,7 @@ def resolution(values: Array) -> float:
     steps = steps[steps > SAME * largest]
     if steps.size:
         step = float(steps.min())
-        for _ in range(
-            2
-        ):  # the smallest step carries the rounding of two values; all of them together do not
+        for _ in range(2):  # the smallest step carries the rounding of two values; all of them together do not
             counts = np.rint(steps / step)
             step = float(steps.sum() / counts.sum())
         # A lattice of n steps can only be seen if rounding leaves its points apart.

@@ -94,9 +94,7 @@ def choose(
     everything = [*chosen, t]
     for i in everything:
         if i is not None and everything.count(i) > 1:
-            raise table.fault(
-                f"column '{table.columns[i].name}' is named twice among input, outputs and time"
-            )
+            raise table.fault(f"column '{table.columns[i].name}' is named twice among input, outputs and time")
     kinds = []
     for i, kind in named:
         found, why = (kind, "") if kind else _guess_kind(table.columns[i].name, given.get(i))
@@ -149,14 +147,10 @@ def _unit(given: Unit | RecordingError | None) -> Unit | None:
     return given
 
 
-def _time(
-    table: Table, time: str | None, dt: float | None, chosen: Sequence[int]
-) -> tuple[int | None, list[str]]:
+def _time(table: Table, time: str | None, dt: float | None, chosen: Sequence[int]) -> tuple[int | None, list[str]]:
     """Column of the time, by its name if it is not given; None where the interval is given."""
     if time is not None and dt is not None:
-        raise SettingsError(
-            f"both the time's column '{time}' and a sampling interval of {dt:g} s are given; give one"
-        )
+        raise SettingsError(f"both the time's column '{time}' and a sampling interval of {dt:g} s are given; give one")
     if time is not None:
         return table.find(time), []
     names = [column.name for column in table.columns]
@@ -166,9 +160,7 @@ def _time(
             raise SettingsError(f"sampling interval {dt:g} s is not a positive number")
         return None, [f"the interval is given, the time in column '{names[i]}' is not used" for i in found]
     if not found:
-        raise table.fault(
-            f"no column is called t or time; name the time's column or give dt. Columns: {table.names()}"
-        )
+        raise table.fault(f"no column is called t or time; name the time's column or give dt. Columns: {table.names()}")
     if len(found) > 1:
         candidates = ", ".join(f"'{names[i]}' (field {i + 1})" for i in found)
         raise table.fault(f"columns {candidates} can all be the time; name the right one")
@@ -192,9 +184,7 @@ def _time_unit(table: Table, index: int, given: Unit | RecordingError | None) ->
     unit = _unit(given)
     if unit is not None:
         if unit.dimension != (("[time]", 1),):
-            raise table.fault(
-                f"unit '{unit.text}' is not one of time, e.g. s, ms, µs, min", column=column.name
-            )
+            raise table.fault(f"unit '{unit.text}' is not one of time, e.g. s, ms, µs, min", column=column.name)
         return unit.si, ""
     match = TIME_NAME.fullmatch(column.name)
     text = (match and match["unit"]) or ""
@@ -225,9 +215,7 @@ def _signals(
                 )
             bases.setdefault(base, name)
     if len(bases) > 1:
-        raise table.fault(
-            f"'{bases['rad']}' is an angle and '{bases['m']}' a length; outputs must all be one of them"
-        )
+        raise table.fault(f"'{bases['rad']}' is an angle and '{bases['m']}' a length; outputs must all be one of them")
     base = next(iter(bases), "m" if u is not None and u.dimension == parse_unit("N").dimension else "rad")
     assumed = ["N" if base == "m" else "N m", *(assumed_unit(kind, base) for kind in kinds)]
     return tuple(
@@ -242,9 +230,7 @@ def _doubts(signal: Signal) -> list[str]:
     """Note if the input is a motion."""
     if kind_of(parse_unit(signal.unit)) is None:
         return []
-    return [
-        f"input '{signal.name}' in {signal.unit} is a motion; models expect {', '.join(DRIVING.values())}"
-    ]
+    return [f"input '{signal.name}' in {signal.unit} is a motion; models expect {', '.join(DRIVING.values())}"]
 
 
 def _hint(signal: Signal) -> str:

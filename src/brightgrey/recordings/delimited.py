@@ -27,9 +27,7 @@ Array = NDArray[np.float64]
 COMMENTS = ("#", "%", "//")
 # Lines looked at to find out delimiter, decimal mark and which columns hold numbers.
 SAMPLE = 200
-HEADER_UNIT = re.compile(
-    r"(?P<name>.*?\S)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>.*)\)|\s*/\s*(?P<slash>\S.*))"
-)
+HEADER_UNIT = re.compile(r"(?P<name>.*?\S)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>.*)\)|\s*/\s*(?P<slash>\S.*))")
 # Fields of a header whose columns are parted by white space: quoted, name with unit in brackets, or plain.
 HEADER_FIELD = re.compile(r'"[^"]*"|[^\s\[(]+\s*(?:\[[^\]]*\]|\([^)]*\))|\S+')
 
@@ -159,9 +157,7 @@ def _first_numbers(text: list[str], dialect: Dialect, header: bool | None, name:
         return 0
     tail = [dialect.split(line) for line in (text[1:] or text)[-SAMPLE:]]
     width = max(len(fields) for fields in tail)
-    shares = [
-        sum(dialect.is_number(row[i]) for row in tail if i < len(row)) / len(tail) for i in range(width)
-    ]
+    shares = [sum(dialect.is_number(row[i]) for row in tail if i < len(row)) / len(tail) for i in range(width)]
     numeric = [i for i, share in enumerate(shares) if share >= 0.5]
     for index, line in enumerate(text):
         if header and index == 0:
@@ -175,9 +171,7 @@ def _first_numbers(text: list[str], dialect: Dialect, header: bool | None, name:
 
 def _header_comment(comments: Lines, lines: Lines, dialect: Dialect) -> Lines:
     """Header in the last comment above the numbers, as numpy writes it; none if it does not fit them."""
-    above = [
-        (text, row) for text, row in zip(comments.text, comments.rows, strict=True) if row < lines.rows[0]
-    ]
+    above = [(text, row) for text, row in zip(comments.text, comments.rows, strict=True) if row < lines.rows[0]]
     if not above:
         return Lines([], [])
     text = above[-1][0].lstrip(" #%/")
@@ -199,9 +193,7 @@ def _split_header(line: str, dialect: Dialect, width: int) -> list[str]:
     return fields
 
 
-def _columns(
-    head: Lines, body: Lines, dialect: Dialect, name: str
-) -> tuple[tuple[Column, ...], tuple[str, ...]]:
+def _columns(head: Lines, body: Lines, dialect: Dialect, name: str) -> tuple[tuple[Column, ...], tuple[str, ...]]:
     """Columns named by the lines above the numbers, and notes on what was skipped."""
     if not head.text:
         return (), ()

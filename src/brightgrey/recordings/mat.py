@@ -55,9 +55,7 @@ def read_mat(path: Path, like: str = "") -> Table:
         raise RecordingError(f"{name}: there is no vector of numbers in it" + _tell("; it holds", others))
     lengths = [values.size for values in vectors.values()]
     samples = (
-        vectors[like].size
-        if like in vectors
-        else max(set(lengths), key=lambda length: (lengths.count(length), length))
+        vectors[like].size if like in vectors else max(set(lengths), key=lambda length: (lengths.count(length), length))
     )
     columns = {key: values for key, values in vectors.items() if values.size == samples}
     odd = [f"{key} ({values.size} samples)" for key, values in vectors.items() if values.size != samples]
@@ -67,9 +65,7 @@ def read_mat(path: Path, like: str = "") -> Table:
         tuple(Column(key, key) for key in columns),
         np.arange(1, samples + 1),
         lambda indices: np.array([data[i] for i in indices], dtype=np.float64),
-        unread="; ".join(
-            part for part in (_tell("of other length:", odd), _tell("not vectors:", others)) if part
-        ),
+        unread="; ".join(part for part in (_tell("of other length:", odd), _tell("not vectors:", others)) if part),
     )
 
 
@@ -84,8 +80,7 @@ def _load(path: Path) -> Mapping[str, Any]:
     with path.open("rb") as file:
         if file.read(4) == b"\x89HDF" or b"MATLAB 7.3" in path.read_bytes()[:16]:
             raise RecordingError(
-                f"{path.name}: MAT files of version 7.3 (HDF5) are not read; save it in MATLAB with"
-                " save(..., '-v7')"
+                f"{path.name}: MAT files of version 7.3 (HDF5) are not read; save it in MATLAB with save(..., '-v7')"
             )
     try:
         with warnings.catch_warnings():
@@ -95,9 +90,7 @@ def _load(path: Path) -> Mapping[str, Any]:
     except Exception as error:
         # What scipy raises for a damaged file is not documented, and ranges from ValueError to zlib.error.
         first = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise RecordingError(
-            f"{path.name}: the MAT file cannot be read, it may be damaged ({first})"
-        ) from error
+        raise RecordingError(f"{path.name}: the MAT file cannot be read, it may be damaged ({first})") from error
     return {key: value for key, value in content.items() if not key.startswith("__")}
 
 

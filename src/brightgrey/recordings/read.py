@@ -221,9 +221,7 @@ def _remarks(signals: Sequence[Signal], samples: Samples) -> list[str]:
         role = "input" if signal.kind == "input" else "output"
         if is_constant(values):
             shown = f"{values[0] * signal.gain:.6g} {signal.unit}"
-            remarks.append(
-                f"{role} '{signal.name}' never changes ({shown}): nothing can be identified from it"
-            )
+            remarks.append(f"{role} '{signal.name}' never changes ({shown}): nothing can be identified from it")
         elif signal.kind == "velocity" and np.ptp(values) < COARSE * step:
             remarks.append(
                 f"velocity '{signal.name}' moves in steps of {step:.6g} {signal.unit}: if it was made by"
@@ -242,9 +240,7 @@ def _existing(path: Path) -> Path:
             folder = path.parent
             files = [p.name for p in folder.iterdir() if p.is_file()] if folder.is_dir() else []
             guess = nearest(name, files)
-            raise RecordingError(
-                f"{name}: there is no such file." + (f" Did you mean '{guess}'?" if guess else "")
-            )
+            raise RecordingError(f"{name}: there is no such file." + (f" Did you mean '{guess}'?" if guess else ""))
         with path.open("rb") as file:
             start = file.read(4)
     except OSError as error:

@@ -169,9 +169,7 @@ class Recording:
 def check_samples(name: str, samples: int, remedy: str = "") -> None:
     """Refuse fewer than `FEWEST_SAMPLES` samples; `remedy` is appended to the message."""
     if samples < FEWEST_SAMPLES:
-        raise RecordingError(
-            f"{name}: {samples} samples are too few, at least {FEWEST_SAMPLES} are needed{remedy}"
-        )
+        raise RecordingError(f"{name}: {samples} samples are too few, at least {FEWEST_SAMPLES} are needed{remedy}")
 
 
 def _frozen(values: ArrayLike) -> Array:

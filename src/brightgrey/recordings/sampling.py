@@ -67,9 +67,7 @@ def sample(table: Table, choice: Choice, dt: float | None, limits: Window | None
         if repaired.size:
             notes.append(f"time is missing in {tell_rows(rows[repaired])}: interpolated")
     part = inside(t, limits) if limits is not None else np.ones(t.size, bool)
-    span = (
-        f"; the recording goes from {np.nanmin(t):.6g} to {np.nanmax(t):.6g} s" if limits and t.size else ""
-    )
+    span = f"; the recording goes from {np.nanmin(t):.6g} to {np.nanmax(t):.6g} s" if limits and t.size else ""
     check_samples(table.name, int(part.sum()), span)
     t, data, rows = t[part], data[:, part], rows[part]
     ends, more = _good_ends(data, names, rows, table)
@@ -116,9 +114,7 @@ def _good_ends(data: Array, names: list[str], rows: Indices, table: Table) -> tu
     return ends, [f"values are missing in {tell_rows(cut)} at the ends: left out"]
 
 
-def _on_grid(
-    data: Array, names: list[str], rows: Indices, grid: Grid, table: Table
-) -> tuple[Array, list[str]]:
+def _on_grid(data: Array, names: list[str], rows: Indices, grid: Grid, table: Table) -> tuple[Array, list[str]]:
     """Put the channels on the points of a grid and fill single gaps."""
     points = int(grid.index[-1]) + 1
     values = np.full((len(data), points), np.nan)

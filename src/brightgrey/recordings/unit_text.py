@@ -130,14 +130,10 @@ def _lookup(name: str) -> list[str] | None:
 
 
 def _unknown(name: str, text: str) -> RecordingError:
-    guess = nearest(
-        name, [*COMMON_UNITS, "min", "in", "ft", "lbf", "ozf", "kgf", "bar", "count", "gon", "arcmin"]
-    )
+    guess = nearest(name, [*COMMON_UNITS, "min", "in", "ft", "lbf", "ozf", "kgf", "bar", "count", "gon", "arcmin"])
     hint = f" Did you mean '{guess}'?" if guess else ""
     where = "" if name == text else f" in '{text}'"
-    return RecordingError(
-        f"unknown unit '{name}'{where}.{hint} Units are written like {', '.join(COMMON_UNITS)}"
-    )
+    return RecordingError(f"unknown unit '{name}'{where}.{hint} Units are written like {', '.join(COMMON_UNITS)}")
 
 
 def _tokens(text: str) -> list[re.Match[str]]:
@@ -183,9 +179,7 @@ def write_factors(factors: Sequence[tuple[str, int]]) -> str:
 
     def product(terms: list[tuple[str, int]]) -> str:
         powers = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
-        return " ".join(
-            symbol + (str(power).translate(powers) if power > 1 else "") for symbol, power in terms
-        )
+        return " ".join(symbol + (str(power).translate(powers) if power > 1 else "") for symbol, power in terms)
 
     above = product([(symbol, power) for symbol, power in factors if power > 0])
     below = [(symbol, -power) for symbol, power in factors if power < 0]

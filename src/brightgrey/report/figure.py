@@ -58,9 +58,9 @@ def comparison(traces: Sequence[Trace]) -> Figure:
     panels = [(trace, row) for trace in traces for row in range(len(trace.outputs))]
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(PANEL[0], PANEL[1] * len(panels)), layout="constrained")
-        axes = figure.subplots(
-            2 * len(panels), 1, squeeze=False, gridspec_kw={"height_ratios": [3, 1] * len(panels)}
-        )[:, 0]
+        axes = figure.subplots(2 * len(panels), 1, squeeze=False, gridspec_kw={"height_ratios": [3, 1] * len(panels)})[
+            :, 0
+        ]
         for number, (trace, row) in enumerate(panels):
             _panel(axes[2 * number], axes[2 * number + 1], trace, row)
         figure.align_ylabels()

@@ -100,7 +100,7 @@ def base_steps(system: StateSpace, lowered: Lowered, dt: float, settings: Settin
         return np.ones(lowered.A.shape[-1], np.int64)
     turns = turning_rate(system, lowered) * dt / tolerances(settings.level).turn
     steps = 2 ** np.ceil(np.log2(np.maximum(np.nan_to_num(turns, nan=1.0), 1.0)))
-    return np.minimum(steps, _MOST_BASE_STEPS).astype(np.int64)
+    return np.asarray(np.minimum(steps, _MOST_BASE_STEPS).astype(np.int64))
 
 
 def _simulate(

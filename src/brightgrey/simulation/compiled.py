@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numba.core.config
 
 __all__ = ["cached", "inner"]
 
+_CONFIG: Any = numba.core.config
 _OPTIONS: dict[str, Any] = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
 
 inner: Callable[[Callable[..., Any]], Any] = numba.njit(**_OPTIONS)
@@ -32,7 +34,7 @@ def cache_folder() -> Path:
         for file in sorted((package / room).glob("*.py")):
             digest.update(file.read_bytes())
     home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    base = numba.config.CACHE_DIR or str(Path(home) / "brightgrey")
+    base = _CONFIG.CACHE_DIR or str(Path(home) / "brightgrey")
     return Path(base) / f"kernel-{digest.hexdigest()[:16]}"
 
 
@@ -41,12 +43,12 @@ def cached(function: Callable[..., Any]) -> Any:
 
     numba takes the folder from its configuration at decoration, and from nowhere else; it is put back at once.
     """
-    before = numba.config.CACHE_DIR
+    before = _CONFIG.CACHE_DIR
     try:
         cache_folder().mkdir(parents=True, exist_ok=True)
-        numba.config.CACHE_DIR = str(cache_folder())
+        _CONFIG.CACHE_DIR = str(cache_folder())
         return numba.njit(cache=True, **_OPTIONS)(function)
     except (OSError, RuntimeError):
         return numba.njit(**_OPTIONS)(function)
     finally:
-        numba.config.CACHE_DIR = before
+        _CONFIG.CACHE_DIR = before

@@ -292,9 +292,7 @@ def refine(
         failed, coarse = step(shape, plant, control, table, size * tick, work, lane)
         out = 0
         for b in range(shape.limits):
-            out |= leaves(
-                work, b, lane, get(work.ahead, b, lane), watch(shape, plant, work, b, work.end, lane)
-            )
+            out |= leaves(work, b, lane, get(work.ahead, b, lane), watch(shape, plant, work, b, work.end, lane))
         if level > 0 and (failed or out or (coarse and not follow)):
             level -= 1
             continue

@@ -88,9 +88,7 @@ def _start(shape: Any, plant: Any, u: Any, dt: Any, work: Any) -> None:
 
 
 @inner
-def _record(
-    shape: Any, plant: Any, limit: Any, u: Any, k: Any, dt: Any, delayed: Any, work: Any, y: Any
-) -> Any:
+def _record(shape: Any, plant: Any, limit: Any, u: Any, k: Any, dt: Any, delayed: Any, work: Any, y: Any) -> Any:
     """Write the outputs at sample k; returns the mask of lanes whose state is not finite or beyond `limit`."""
     n, samples = shape.n, shape.samples
     total = splat(0.0, None)

@@ -19,8 +19,9 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
+from numba import extending
 from numba.core import types
-from numba.extending import intrinsic, models, overload, register_jitable, register_model
+from numba.extending import models, overload, register_model
 
 from brightgrey.effects import arithmetic
 
@@ -36,6 +37,10 @@ __all__ = [
     "splat",
     "whole",
 ]
+
+# numba describes these to a type checker by their Python signature, not by what compiled code sees.
+intrinsic: Any = extending.intrinsic
+register_jitable: Any = extending.register_jitable
 
 LANES = 8
 """Parameter sets in one register: 8 doubles fill 512 bits; narrower processors take two or four instructions."""
@@ -54,7 +59,7 @@ class Lanes(types.Type):
         super().__init__(name=f"lanes{LANES}")
 
 
-lanes = Lanes()
+lanes: Any = Lanes()
 
 
 @register_model(Lanes)
@@ -62,7 +67,7 @@ class _LanesModel(models.PrimitiveModel):
     """A register is held as an LLVM vector."""
 
     def __init__(self, manager: Any, fe_type: Any) -> None:
-        super().__init__(manager, fe_type, _VECTOR)
+        super().__init__(manager, fe_type, _VECTOR)  # type: ignore[no-untyped-call]
 
 
 def _is_number(kind: Any) -> bool:
@@ -74,9 +79,7 @@ def _spread(builder: Any, value: Any) -> Any:
     first = ir.Constant(ir.IntType(32), 0)
     undefined = ir.Constant(_VECTOR, ir.Undefined)
     lane0 = builder.insert_element(undefined, value, first)
-    return builder.shuffle_vector(
-        lane0, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-    )
+    return builder.shuffle_vector(lane0, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES))
 
 
 def _as_lanes(context: Any, builder: Any, kind: Any, value: Any) -> Any:
@@ -187,9 +190,7 @@ def set_whole(typing: Any, table: Any, index: Any, value: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         i = context.cast(builder, args[1], signature.args[1], types.intp)
         pointer = builder.inttoptr(args[0], _WORD.as_pointer())
-        builder.store(
-            context.cast(builder, args[2], signature.args[2], types.int64), builder.gep(pointer, [i])
-        )
+        builder.store(context.cast(builder, args[2], signature.args[2], types.int64), builder.gep(pointer, [i]))
         return context.get_dummy_value()
 
     return types.void(table, index, value), generate
@@ -244,7 +245,7 @@ def lanes_not_less(typing: Any, a: Any, b: Any) -> Any:
 
 @intrinsic
 def _add_exponent(typing: Any, p: Any, t: Any) -> Any:
-    """p times 2^k, where k stands in the last bits of t = k + 1.5 * 2^52."""
+    """P times 2^k, where k stands in the last bits of t = k + 1.5 * 2^52."""
     wide = p == lanes
     word = _WORDS if wide else _WORD
 

@@ -7,12 +7,11 @@ take the tables' addresses: :func:`addresses` makes them, the arrays have to be 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numba.extending import register_jitable
 
-from brightgrey.simulation.lanes import LANES
+from brightgrey.simulation.lanes import LANES, register_jitable
 
 __all__ = ["Plant", "Shape", "Work", "addresses", "table_rows", "work_for"]
 
@@ -156,7 +155,7 @@ Tables = TypeVar("Tables", Plant, Work)
 
 def addresses(arrays: Tables) -> Tables:
     """Addresses in place of arrays."""
-    return cast(Tables, type(arrays)(*(array.ctypes.data for array in arrays)))
+    return type(arrays)(*(array.ctypes.data for array in arrays))
 
 
 def batch_bytes(plant: Plant) -> Plant:

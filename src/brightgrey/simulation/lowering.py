@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from brightgrey.effects import Element
 from brightgrey.kit import StateSpace
-from brightgrey.simulation.lanes import LANES
 from brightgrey.simulation.laws import smooth_laws
 from brightgrey.simulation.layout import Plant
 
@@ -77,9 +76,7 @@ def lower(system: StateSpace, dt: float) -> Lowered:
             if k == len(channels):
                 channels.append(wiring)
             smooth.append((element, k))
-    G, H, through = (
-        (np.stack(part) for part in zip(*channels, strict=True)) if channels else _nothing(n, sets)
-    )
+    G, H, through = (np.stack(part) for part in zip(*channels, strict=True)) if channels else _nothing(n, sets)
     outputs = tuple(
         n + row if row >= 0 else int(np.argmax(batched(system.C, 2)[out, :, 0]))
         for out, row in enumerate(system.derivative_rows)
@@ -130,9 +127,7 @@ def fill(lowered: Lowered, x0: Array, pick: NDArray[np.int64]) -> Plant:
 
     def stack(arrays: list[Any]) -> Array:
         n = lowered.A.shape[0]
-        full = [
-            np.broadcast_to(np.asarray(a, float).reshape((*np.shape(a)[:1], -1)), (n, sets)) for a in arrays
-        ]
+        full = [np.broadcast_to(np.asarray(a, float).reshape((*np.shape(a)[:1], -1)), (n, sets)) for a in arrays]
         return np.stack(full) if full else np.zeros((0, n, sets))
 
     def bounds(values: list[Any]) -> Array:

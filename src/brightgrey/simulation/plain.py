@@ -123,9 +123,7 @@ def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, s
         lower_end, upper_end = run.interval(b)
         state, rate = run.x[element.limits.state], element.H[0].reshape(-1) @ run.x
         at_upper, at_lower = state >= upper_end and rate >= 0.0, state <= lower_end and rate <= 0.0
-        run.modes[b] = (
-            CLOSED if upper_end <= lower_end else UPPER if at_upper else LOWER if at_lower else FREE
-        )
+        run.modes[b] = CLOSED if upper_end <= lower_end else UPPER if at_upper else LOWER if at_lower else FREE
     run.force = run.laws(low.H[:, :, 0] @ run.x + low.through[:, 0] * drive(0.0, 0.0)[0])[0]
     y = np.empty((len(low.outputs), len(u)))
     for k in range(len(u)):
@@ -138,9 +136,7 @@ def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, s
     return y
 
 
-def _drive(
-    u: Array, dt: float, delay: float, hold: str
-) -> Callable[[float, float], tuple[float, float, float, float]]:
+def _drive(u: Array, dt: float, delay: float, hold: str) -> Callable[[float, float], tuple[float, float, float, float]]:
     """Delayed input on [t, t + h): value, slope, kink (or jump) inside, and how long after t the kink comes."""
 
     def at(i: int) -> float:
@@ -223,15 +219,11 @@ def _attempt(
     z, change = a + S @ F, 0.0
     if m:
         for _ in range(run.tolerance.newton):
-            phi, by_port = (
-                np.concatenate(pair) for pair in zip(run.laws(z[:m]), run.laws(z[m:]), strict=True)
-            )
+            phi, by_port = (np.concatenate(pair) for pair in zip(run.laws(z[:m]), run.laws(z[m:]), strict=True))
             F = np.linalg.solve(np.eye(2 * m) - by_port[:, None] * S, phi + by_port * (a - z))
             change = float(np.abs(a + S @ F - z).max())
             z = a + S @ F
-    bend = np.abs(run.force - (1.5 * F[:m] - 0.5 * F[m:])) * np.abs(run.low.G[:, :, 0]).max(
-        axis=1, initial=0.0
-    )
+    bend = np.abs(run.force - (1.5 * F[:m] - 0.5 * F[m:])) * np.abs(run.low.G[:, :, 0]).max(axis=1, initial=0.0)
     error = float(bend.max(initial=0.0) * h)
     change = change if m else -1.0
     return (

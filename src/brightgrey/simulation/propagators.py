@@ -34,7 +34,7 @@ def mode_matrix(shape: Any, plant: Any, mode: Any, A: Any, who: Any) -> None:
 
 @inner
 def _multiply(n: Any, columns: Any, X: Any, Y: Any, at: Any, stride: Any, step: Any, out: Any) -> None:
-    """out = X Y for an n by n matrix X and `columns` columns of Y; entry (i, c) at `at + i stride + c step`."""
+    """Out = X Y for an n by n matrix X and `columns` columns of Y; entry (i, c) at `at + i stride + c step`."""
     for i in range(n):
         for c in range(columns):
             total = get(X, i * n, None) * get(Y, at + c * step, None)

@@ -135,17 +135,6 @@ def _newton(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work:
 
 
 @inner
-def watch(shape: Any, plant: Any, b: Any, mode: Any, state: Any, lane: Any) -> Any:
-    """Watched quantity of limited state b for one lane: the state itself if it is free, else its rate."""
-    if mode == 0:
-        return get(state, whole(plant.limited, b), lane)
-    total = 0.0
-    for j in range(shape.n):
-        total += get(plant.rate, b * shape.n + j, lane) * get(state, j, lane)
-    return total
-
-
-@inner
 def leaves(work: Any, b: Any, who: Any, s1: Any, s2: Any) -> Any:
     """Lanes in which the watched quantity of limited state b leaves its interval during a step.
 

@@ -126,9 +126,7 @@ class _Drive:
         """Integrate over one straight piece of the input and through all events in it."""
         done = 0.0
         for attempt in range(_SWITCHES):
-            t, y, ended = self.until(
-                y, u + slope * done, slope, length - done, phase, watch=attempt < _SWITCHES - 1
-            )
+            t, y, ended = self.until(y, u + slope * done, slope, length - done, phase, watch=attempt < _SWITCHES - 1)
             done += t
             if not ended:
                 break
@@ -217,22 +215,17 @@ def _scales(plant: Plant, segments: Segments, x: Array) -> Array:
     torque = float(np.max(np.abs(np.append(segments.start, segments.end)))) + abs(plant.M_G)
     impulse = np.cumsum(0.5 * (segments.start + segments.end) * segments.length) / sum(plant.J)
     twist0 = np.abs(x[: n - 1] - x[1:n])
-    swing = max(
-        (t * math.sqrt(c / J) for t, c, J in zip(twist0, plant.c, plant.J, strict=False)), default=0.0
-    )
+    swing = max((t * math.sqrt(c / J) for t, c, J in zip(twist0, plant.c, plant.J, strict=False)), default=0.0)
     speed = max(float(np.max(np.abs(impulse))), float(np.max(np.abs(x[n : 2 * n]))), swing)
     speed = speed or torque / sum(plant.J) * float(segments.length.sum()) or 1.0
     twists = [
-        torque / c + t + 1e-3 * speed * math.sqrt(J / c)
-        for t, c, J in zip(twist0, plant.c, plant.J, strict=False)
+        torque / c + t + 1e-3 * speed * math.sqrt(J / c) for t, c, J in zip(twist0, plant.c, plant.J, strict=False)
     ]
     current = [] if plant.T_1 is None else [torque or 1.0]
     return np.array([speed * float(segments.length.sum()), *twists, *[speed] * n, *current])
 
 
-def solve(
-    plant: Plant, segments: Segments, x0: Array, *, rtol: float = 1e-11, implicit: bool = False
-) -> Trajectory:
+def solve(plant: Plant, segments: Segments, x0: Array, *, rtol: float = 1e-11, implicit: bool = False) -> Trajectory:
     """Integrate piece by piece.
 
     Parameters
