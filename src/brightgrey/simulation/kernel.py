@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from brightgrey.simulation.compiled import cached, inner
 from brightgrey.simulation.euler import euler_step
 from brightgrey.simulation.events import drive_lane, mode_bits, refine, set_mode
@@ -188,6 +190,15 @@ def _base_step(
         put(work.x, i, None, get(work.end, i, None))
 
 
+@inner
+def _is_delayed(plant: Any) -> Any:
+    """Whether any lane has dead time."""
+    for lane in range(LANES):
+        if get(plant.delay, 0, lane) != 0.0 or get(plant.delay, 1, lane) != 0.0:
+            return True
+    return False
+
+
 @cached
 def run(
     shape: Any, plants: Any, sizes: Any, control: Any, u: Any, dt: Any, first: Any, last: Any, work: Any, y: Any,
@@ -219,9 +230,8 @@ def run(
     for number in range(first, last):
         plant = _batch(plants, sizes, number)
         out = skip(y, number * shape.outputs * shape.samples)
-        delayed = False
+        delayed = _is_delayed(plant)
         for lane in range(LANES):
-            delayed |= get(plant.delay, 0, lane) != 0.0 or get(plant.delay, 1, lane) != 0.0
             set_whole(diverged, number * LANES + lane, -1)
         tick = dt / (shape.base_steps * (1 << shape.ticks))
         if shape.euler == 0:
@@ -229,7 +239,7 @@ def run(
             if delayed:
                 fill_kinks(shape, plant, tick, work)
         _start(shape, plant, u, dt, work)
-        dead = 0
+        dead = np.int64(0)  # a literal would compile all below once more
         for k in range(shape.samples):
             if k > 0:
                 for base in range(shape.base_steps):
