@@ -193,10 +193,11 @@ def _base_step(
 @inner
 def _is_delayed(plant: Any) -> Any:
     """Whether any lane has dead time."""
-    for lane in range(LANES):
-        if get(plant.delay, 0, lane) != 0.0 or get(plant.delay, 1, lane) != 0.0:
-            return True
-    return False
+    total = 0.0
+    for row in range(2):
+        for lane in range(LANES):
+            total += get(plant.delay, row, lane)
+    return total > 0.0
 
 
 @cached
