@@ -1,0 +1,71 @@
+"""Ranges and starts over the registry, and what the user may not ask for."""
+
+import numpy as np
+import pytest
+
+from brightgrey.effects import Scales
+from brightgrey.errors import SettingsError
+from brightgrey.estimation.bounds import search_space
+from brightgrey.kit import PAPER
+
+SCALES = Scales(8.0, 40.0, 600.0, 14.0, 1e-3, 1.8, 0.02, 1.1, 0.007, 0.1)
+EVERYTHING = "four_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
+
+
+@pytest.mark.parametrize("ladder", ["one_mass", "two_mass", "three_mass", "four_mass"])
+@pytest.mark.parametrize("offset", [0.1, -0.1, 0.0])
+def test_declared_start_lies_within_declared_bounds(ladder, offset):
+    text = EVERYTHING.replace("four_mass", ladder)
+    structure = PAPER.parse(text.replace("+backlash", "") if ladder == "one_mass" else text)
+    scales = Scales(**{**vars(SCALES), "offset": offset})
+    for name, parameter in structure.parameters.items():
+        low, high = parameter.bounds(scales)
+        assert low <= parameter.start(scales) <= high, name
+        assert low < high, name
+        assert parameter.scale == "linear" or low > 0.0, name
+
+
+def test_load_starts_as_the_opposite_of_the_holding_input():
+    # u = ... + offset holds the load, so the torque added to the mass is -offset.
+    search = search_space(PAPER.parse("one_mass+gravity"), SCALES, {}, {})
+    assert search.start[search.names.index("M_G")] == pytest.approx(-SCALES.offset)
+
+
+def test_scale_and_back():
+    search = search_space(PAPER.parse(EVERYTHING), SCALES, {}, {})
+    candidates = search.candidates(64, seed=3)
+    assert np.all(candidates >= search.low[:, None])
+    assert np.all(candidates <= search.high[:, None])
+    np.testing.assert_allclose(search.outward(search.inward(candidates)), candidates, rtol=1e-12)
+
+
+def test_candidates_depend_on_the_seed_only():
+    search = search_space(PAPER.parse(EVERYTHING), SCALES, {}, {})
+    assert np.array_equal(search.candidates(16, 1), search.candidates(16, 1))
+    assert not np.array_equal(search.candidates(16, 1), search.candidates(16, 2))
+
+
+def test_override_and_fix():
+    structure = PAPER.parse("one_mass+viscous+gravity")
+    search = search_space(structure, SCALES, {"J1": (1e-4, 2e-4)}, {"f_v": 0.5})
+    assert search.names == ("J1", "M_G")
+    assert (search.low[0], search.high[0]) == (1e-4, 2e-4)
+    assert 1e-4 <= search.start[0] <= 2e-4
+    assert search.fixed == {"f_v": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("bounds", "fixed", "says"),
+    [
+        ({"J1": (3.0, 2.0)}, {}, ["J1", "3", "2"]),
+        ({"J1": (-1.0, 2.0)}, {}, ["J1", "-1", "positive"]),
+        ({"f_w": (1.0, 2.0)}, {}, ["f_w", "Did you mean 'f_v'"]),
+        ({}, {"m_g": 1.0}, ["m_g", "Did you mean 'M_G'"]),
+    ],
+)
+def test_wrong_wishes_are_refused_in_one_line(bounds, fixed, says):
+    with pytest.raises(SettingsError) as raised:
+        search_space(PAPER.parse("one_mass+viscous+gravity"), SCALES, bounds, fixed)
+    text = str(raised.value)
+    assert "\n" not in text
+    assert all(word in text for word in says), text

@@ -1,0 +1,126 @@
+"""Whole fits: what must be found again, and what must be said where it cannot be."""
+
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from brightgrey.errors import SettingsError
+from brightgrey.estimation import fit, predict
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.kit import PAPER
+from brightgrey.recordings import Recording, Signal, read_recording
+
+RIGID = PAPER.parse("one_mass+coulomb+viscous+gravity")
+
+
+@pytest.fixture(scope="module")
+def demo():
+    path = files("brightgrey.excitation").joinpath("data/demo.csv")
+    return read_recording(str(path), input="torque", outputs=["velocity:velocity"], time="t")
+
+
+@pytest.fixture(scope="module")
+def demo_fit(demo):
+    structure = PAPER.parse(PAPER_EXPERIMENT.structure)
+    return fit(structure, [demo], f_tanh=PAPER_EXPERIMENT.f_tanh, starts=4, level="fast")
+
+
+def still(u):
+    t = 1e-3 * np.arange(300)
+    outputs = (Signal("v", "velocity", "rad/s"),)
+    return Recording("still", t, u * np.ones(300), np.zeros((1, 300)), Signal("u", "input", "N m"), outputs)
+
+
+def test_demo_is_recovered(demo, demo_fit):
+    # The recording is one draw of noise: its parameters scatter as the Cramér-Rao bounds in excitation.experiment
+    # say (0.06 to 1.8 %). Four of them is beyond one draw in 15,000 per parameter.
+    bound = {"J1": 0.06, "J2": 0.09, "c1": 0.03, "d1": 0.3, "M_C": 0.4, "f_v": 0.7, "M_S": 0.5, "omega_S": 1.8}
+    for name, true in PAPER_EXPERIMENT.values.items():
+        assert demo_fit.estimates[name].value == pytest.approx(true, rel=4e-2 * bound[name]), name
+    # Noise of 0.1 % of the peak and rounding to 0.01 rad/s.
+    noise = np.hypot(1e-3 * np.abs(demo.y).max(), 0.01 / np.sqrt(12))
+    assert demo_fit.train["velocity"].rmse == pytest.approx(noise, rel=0.05)
+    assert demo_fit.outcome.kind == "converged"
+
+
+def test_intervals_are_as_wide_as_the_noise_makes_them(demo_fit):
+    bound = {"J1": 0.06, "J2": 0.09, "c1": 0.03, "d1": 0.3}
+    for name, percent in bound.items():
+        e = demo_fit.estimates[name]
+        assert e.std / e.value == pytest.approx(percent / 100, rel=0.35), name
+        assert e.ci95[0] < e.value < e.ci95[1]
+
+
+def test_fit_and_prediction_agree(demo, demo_fit):
+    values = {name: e.value for name, e in demo_fit.estimates.items()}
+    (initial,) = demo_fit.initial_states
+    y = predict(demo_fit.structure, values, demo, demo_fit.settings, initial)
+    assert np.sum((y - demo.y) ** 2) == pytest.approx(demo_fit.train["velocity"].rss, rel=1e-6)
+
+
+def test_same_seed_same_numbers(demo):
+    structure = PAPER.parse("one_mass+coulomb")
+    one, two = (fit(structure, [demo], seed=5, starts=3, level="fast") for _ in range(2))
+    assert one == two
+    threads = fit(structure, [demo], seed=5, starts=3, level="fast", threads=2)
+    assert threads == one
+
+
+def test_fixed_and_bounded_parameters_stay(demo):
+    f = fit(RIGID, [demo], bounds={"J1": (0.05, 0.06)}, fixed={"M_G": 0.0}, starts=2, level="fast")
+    assert f.estimates["M_G"].value == 0.0
+    assert f.estimates["M_G"].std == 0.0
+    assert 0.05 <= f.estimates["J1"].value <= 0.06  # the drive has 0.02, so it runs to its low bound
+    assert f.estimates["J1"].at_bound == "low"
+    assert f.outcome.kind in ("at bound", "not identifiable")
+    assert "M_G" not in f.bounds
+
+
+def test_wrong_names_are_refused(demo):
+    with pytest.raises(SettingsError, match="Did you mean 'M_C'"):
+        fit(RIGID, [demo], bounds={"m_c": (1.0, 2.0)})
+
+
+@pytest.mark.parametrize("u", [0.0, 1.0])
+def test_standstill_ends_in_an_outcome(u):
+    f = fit(RIGID, [still(u)], starts=2, level="fast")
+    assert f.outcome.kind != "converged"
+    assert f.outcome.text
+    assert set(f.estimates) == set(RIGID.parameters)
+
+
+def test_emps(measured):
+    r = read_recording(
+        measured("emps/DATA_EMPS.mat"),
+        input="vir",
+        outputs=["qm:position"],
+        time="t",
+        input_gain=35.15065,
+        units={"vir": "N", "qm": "m"},
+    )
+    f = fit(RIGID, [r], f_tanh=1000.0, starts=2, level="fast")
+    found = {name: e.value for name, e in f.estimates.items()}
+    assert found["J1"] == pytest.approx(91.0, abs=1.5)
+    assert found["f_v"] == pytest.approx(190.0, abs=6.0)
+    assert found["M_C"] == pytest.approx(22.2, abs=0.5)
+    assert found["M_G"] == pytest.approx(3.36, abs=0.1)
+    assert f.train["qm"].rmse <= 2.65e-3
+    assert f.initial_states[0]["v1"] == 0.0
+
+
+def test_mte360_needs_the_second_mass(measured):
+    r = read_recording(
+        measured("mte360/velocity_response_1_5.mat"),
+        input="u",
+        outputs=["v1:velocity-differenced"],
+        time="t",
+        units={"u": "V", "v1": "mm/s"},
+    )
+    # `rigid` is the best of all 64 one-mass structures here. The elastic one has two optima, 88.65 and 87.89 %;
+    # few starts reach the better one, so this needs the default number of them.
+    rigid = PAPER.parse("one_mass+viscous+stribeck+gravity+current_control+delay")
+    elastic = PAPER.parse("two_mass+coulomb+viscous+gravity")
+    one, two = (fit(s, [r], level="fast").train["v1"].fit_percent for s in (rigid, elastic))
+    assert two > one + 0.3
+    assert two > 88.0

@@ -1,0 +1,105 @@
+"""Residuals and their derivatives."""
+
+import numpy as np
+import pytest
+
+from brightgrey.estimation import predict, scales
+from brightgrey.estimation.bounds import search_space
+from brightgrey.estimation.leastsquares import evaluate
+from brightgrey.estimation.problem import Problem
+from brightgrey.kit import PAPER
+from brightgrey.recordings import Recording, Signal
+from brightgrey.simulation import Settings
+
+STRUCTURE = PAPER.parse("two_mass+coulomb+viscous+gravity")
+VALUES = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "M_C": 0.9, "f_v": 0.015, "M_G": 0.2}
+SETTINGS = Settings(f_tanh=2.5, speed_scale=40.0, level="accurate")
+DT, SAMPLES = 1e-3, 500
+UNITS = {"position": "rad", "acceleration": "rad/s²"}
+
+
+def recording(*kinds, y=None):
+    t = DT * np.arange(SAMPLES)
+    u = 6.0 * np.sign(np.sin(2 * np.pi * 4 * t)) * np.minimum(1.0, t / 0.05)
+    y = np.zeros((len(kinds), SAMPLES)) if y is None else y
+    outputs = tuple(Signal(f"y{i}", kind, UNITS.get(kind, "rad/s")) for i, kind in enumerate(kinds))
+    return Recording("made", t, u, y, Signal("u", "input", "N m"), outputs)
+
+
+def test_differenced_velocity_is_the_backward_difference_of_position():
+    both = predict(STRUCTURE, VALUES, recording("position", "velocity-differenced"), SETTINGS)
+    np.testing.assert_allclose(both[1, 1:], np.diff(both[0]) / DT, rtol=1e-9, atol=1e-9)
+    assert both[1, 0] == 0.0  # at rest before the first sample
+
+
+def test_differenced_velocity_lags_half_a_sample():
+    r = recording("velocity", "velocity-differenced")
+    y = predict(STRUCTURE, VALUES, r, SETTINGS)
+    between = 0.5 * (y[0, 1:] + y[0, :-1])
+    # Where acceleration changes by da within a sample, the trapezoid is off by dt da / 12. It does so where the
+    # input steps and friction turns at once; the spring and damper change little in a sample.
+    jump = (np.abs(np.diff(r.u)).max() + 2 * VALUES["M_C"]) / VALUES["J1"]
+    assert np.abs(y[1, 1:] - between).max() < 1.1 * DT * jump / 12
+    assert np.abs(y[1, 1:] - y[0, 1:]).max() > 3 * DT * jump / 12  # half a sample more is another matter
+
+
+def test_truth_leaves_no_residual():
+    kinds = ("position", "velocity", "velocity-differenced", "acceleration")
+    y = predict(STRUCTURE, VALUES, recording(*kinds), SETTINGS)
+    problem = Problem.of(STRUCTURE, [recording(*kinds, y=y)])
+    residuals = problem.residuals({n: np.array([v]) for n, v in VALUES.items()}, SETTINGS)
+    assert np.abs(residuals).max() < 1e-6
+
+
+def test_derivatives_equal_central_differences():
+    y = predict(STRUCTURE, VALUES, recording("velocity"), SETTINGS)
+    r = recording("velocity", y=y + 0.1)
+    search = search_space(STRUCTURE, scales(r), {}, {})
+    problem = Problem.of(STRUCTURE, [r])
+    theta = search.inward(np.array([VALUES[name] for name in search.names]))
+    _, J = evaluate(problem, search, SETTINGS, theta)
+    for i, name in enumerate(search.names):
+        errors = []
+        # The plain central difference lets each side choose its own steps, and where they differ it carries
+        # the level's error over the difference. That happens at one distance or the other, seldom at both.
+        for step in (1e-4, 1e-3):
+            ends = np.stack([theta, theta], axis=1)
+            ends[i] += [step, -step]
+            values = dict(zip(search.names, search.outward(ends), strict=True))
+            residuals = problem.residuals(values, SETTINGS)
+            central = (residuals[:, 0] - residuals[:, 1]) / (2 * step)
+            errors.append(np.linalg.norm(J[:, i] - central) / np.linalg.norm(central))
+        assert min(errors) < 2e-3, (name, errors)  # issue A
+
+
+def test_diverged_simulation_has_a_large_finite_residual():
+    r = recording("velocity", y=predict(STRUCTURE, VALUES, recording("velocity"), SETTINGS))
+    problem = Problem.of(STRUCTURE, [r])
+    absurd = {"f_v": -1e4, "J1": 1e-9, "J2": 1e-9}  # friction that feeds energy
+    sets = {n: np.array([v, absurd.get(n, v)]) for n, v in VALUES.items()}
+    residuals = problem.residuals(sets, SETTINGS)
+    assert np.all(np.isfinite(residuals))
+    good, bad = np.square(residuals).sum(axis=0)
+    assert good < 1e-6
+    at_rest = float(np.sum((r.y * problem.weights[:, None]) ** 2))
+    assert bad > at_rest  # worse than a model that never moves
+
+
+def test_several_recordings_and_outputs_are_stacked_and_weighted():
+    one, two = recording("position", "velocity"), recording("position", "velocity")
+    y = predict(STRUCTURE, VALUES, one, SETTINGS)
+    one, two = recording("position", "velocity", y=y), recording("position", "velocity", y=2 * y)
+    problem = Problem.of(STRUCTURE, [one, two])
+    residuals = problem.residuals({n: np.array([v]) for n, v in VALUES.items()}, SETTINGS)[:, 0]
+    assert residuals.shape == (problem.samples,) == (4 * SAMPLES,)
+    np.testing.assert_allclose(residuals[: 2 * SAMPLES], 0.0, atol=1e-6)
+    expected = (-y * problem.weights[:, None]).ravel()
+    np.testing.assert_allclose(residuals[2 * SAMPLES :], expected, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("speed", [0.0, 12.0])
+def test_prediction_starts_from_the_first_samples(speed):
+    r = recording("velocity")
+    y = predict(STRUCTURE, VALUES, r, SETTINGS, initial={"q1": 0, "q2": 0, "v1": speed, "v2": speed})
+    again = predict(STRUCTURE, VALUES, recording("velocity", y=y), SETTINGS)
+    assert again[0, 0] == pytest.approx(speed, rel=0.1)
