@@ -1,0 +1,153 @@
+"""Speed of the simulator, as ratios measured in one run: against scalar C and against scipy, with the errors beside.
+
+The drive is that of the paper's experiment (two masses, Coulomb, viscous and Stribeck friction; 1,800 samples at
+1 kHz); many parameter sets at once, one thread. Rounds of all contestants alternate and medians are quoted, so that
+the ratios hold when the machine's speed drifts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.kit import PAPER, assemble
+from brightgrey.simulation import Settings, response
+from brightgrey.simulation.reference import reference
+from brightgrey.simulation.settings import tolerances
+
+NAMES = ("J1", "J2", "c1", "d1", "M_C", "f_v", "M_S", "omega_S")
+E = PAPER_EXPERIMENT
+U = E.torque()
+
+
+def compiled_c(folder: Path) -> ctypes.CDLL:
+    """Compile one_drive.c."""
+    library = folder / "one_drive.so"
+    source = Path(__file__).with_name("one_drive.c")
+    options = ["-O3", "-march=native", "-ffast-math", "-shared", "-fPIC"]
+    subprocess.run(["gcc", *options, str(source), "-o", str(library), "-lm"], check=True)
+    return ctypes.CDLL(str(library))
+
+
+def by_c(library: ctypes.CDLL, sets: np.ndarray) -> np.ndarray:
+    """Velocities, shape (samples, K), of the scalar C program."""
+    y = np.empty((sets.shape[1], len(U)))
+    level = tolerances("fast")
+    pointer = ctypes.POINTER(ctypes.c_double)
+    table = np.ascontiguousarray(sets.T)
+    library.simulate(
+        table.ctypes.data_as(pointer),
+        ctypes.c_int(sets.shape[1]),
+        U.ctypes.data_as(pointer),
+        ctypes.c_int(len(U)),
+        *(ctypes.c_double(v) for v in (E.dt, E.f_tanh, level.error * E.speed, level.change * E.speed)),
+        y.ctypes.data_as(pointer),
+    )
+    return y.T
+
+
+def by_kernel(sets: np.ndarray, level: str) -> np.ndarray:
+    """Velocities, shape (samples, K), of our simulator, assembly of the systems included."""
+    system = assemble(PAPER.parse(E.structure), dict(zip(NAMES, sets, strict=True)), E.f_tanh)
+    x0 = np.zeros(len(system.states))
+    return response(system, U, E.dt, x0, Settings(E.f_tanh, E.speed, level)).y[0]  # type: ignore[arg-type]
+
+
+def by_scipy(values: np.ndarray) -> np.ndarray:
+    """Velocity, shape (samples,), by LSODA with a right-hand side in plain floats."""
+    from math import exp, tanh
+
+    J1, J2, c, d, M_C, f_v, M_S, omega_S = values.tolist()
+    u, dt, f_tanh, last = U.tolist(), E.dt, E.f_tanh, len(U) - 2
+
+    def rates(t: float, x: np.ndarray) -> list[float]:
+        q1, q2, v1, v2 = x.tolist()
+        i = min(int(t / dt), last)
+        torque = u[i] + (u[i + 1] - u[i]) * (t / dt - i)
+        shaft = c * (q1 - q2) + d * (v1 - v2)
+        friction = f_v * v1 + tanh(f_tanh * v1) * (M_C + M_S * exp(-abs(v1) / omega_S))
+        return [v1, v2, (torque - shaft - friction) / J1, shaft / J2]
+
+    t = E.dt * np.arange(len(U))
+    return solve_ivp(rates, (0, t[-1]), np.zeros(4), "LSODA", t, rtol=1e-6, max_step=1e-3).y[2]
+
+
+def seconds(run: Callable[[], object]) -> float:
+    """Wall time of one call."""
+    begin = time.perf_counter()
+    run()
+    return time.perf_counter() - begin
+
+
+def fresh(code: str, folder: str) -> float:
+    """Wall time of a fresh Python process with the kernel's cache in `folder`."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
+    return seconds(lambda: subprocess.run([sys.executable, "-c", code], check=True, env=environment))
+
+
+FIRST = (
+    "from brightgrey.excitation import PAPER_EXPERIMENT as E; from brightgrey.kit import PAPER, assemble;"
+    "from brightgrey.simulation import Settings, response; s = assemble(PAPER.parse(E.structure), E.values, E.f_tanh);"
+    "response(s, E.torque(), E.dt, s.rest(), Settings(E.f_tanh, E.speed))"
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sets", type=int, default=512)
+    parser.add_argument("--rounds", type=int, default=7)
+    options = parser.parse_args()
+    rng = np.random.default_rng(1)
+    true = np.array([E.values[name] for name in NAMES])
+    sets = true[:, None] * np.exp(rng.uniform(-0.2, 0.2, (len(NAMES), options.sets)))
+    sets[:, 0] = true
+    known = reference(E.structure, E.values, U, E.dt, f_tanh=E.f_tanh)[0]
+    peak = np.abs(known).max()
+    with tempfile.TemporaryDirectory() as folder:
+        c = compiled_c(Path(folder))
+        same = float(np.abs(by_c(c, sets) - by_kernel(sets, "fast")).max() / peak)
+        contestants: dict[str, tuple[Callable[[], np.ndarray], int]] = {
+            "fast": (lambda: by_kernel(sets, "fast"), options.sets),
+            "accurate": (lambda: by_kernel(sets, "accurate"), options.sets),
+            "scalar C": (lambda: by_c(c, sets), options.sets),
+            "LSODA": (lambda: by_scipy(true)[:, None], 1),
+        }
+        errors = {name: float(np.abs(run()[:, 0] - known).max() / peak) for name, (run, _) in contestants.items()}
+        times: dict[str, list[float]] = {name: [] for name in contestants}
+        for _ in range(options.rounds):
+            for name, (run, count) in contestants.items():
+                times[name].append(seconds(run) / count)
+        first = fresh(FIRST, folder)
+        later = min(fresh(FIRST, folder) for _ in range(3))
+    print(f"{E.structure}, {len(U)} samples, {options.sets} sets at once, {os.cpu_count()} cores, one thread\n")
+    for name, taken in times.items():
+        median = statistics.median(taken)
+        print(f"{name:9} {1e9 * median / len(U):10.1f} ns per sample and set   error {errors[name]:.1e} of peak")
+    print(f"\nscalar C and fast differ by {same:.1e} of peak: the same scheme and steps\n")
+
+    def ratio(slow: str, quick: str) -> float:
+        return statistics.median(a / b for a, b in zip(times[slow], times[quick], strict=True))
+
+    print(f"fast against scalar C    {ratio('scalar C', 'fast'):8.1f} x  (at least 3)")
+    print(f"accurate against LSODA   {ratio('LSODA', 'accurate'):8.0f} x  (at least 500)")
+    print(f"fast against LSODA       {ratio('LSODA', 'fast'):8.0f} x  (at least 5000)")
+    help_time = min(seconds(lambda: subprocess.run([sys.executable, "-m", "brightgrey", "--help"], check=True, stdout=subprocess.DEVNULL)) for _ in range(5))  # fmt: skip
+    print(f"\nfirst compile to first simulation {first:5.1f} s (at most 20)")
+    print(f"later start to first simulation   {later:5.2f} s (at most 2)")
+    print(f"brightgrey --help                 {help_time:5.2f} s (at most 0.5)")
+
+
+if __name__ == "__main__":
+    main()
