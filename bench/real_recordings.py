@@ -35,8 +35,9 @@ def table(header: list[str], rows: list[list[str]]) -> None:
 def estimate(result: Result, name: str) -> str:
     part = result.model.parameters[name]
     half_width = (part.ci95[1] - part.ci95[0]) / 2 if part.ci95 else None
-    value, shown = with_uncertainty(part.value, half_width)
-    return f"{value} ± {shown}" if shown else value
+    value, shown = with_uncertainty(part.value, half_width, digits=3)
+    remark = f" (at its {part.at_bound} bound)" if part.at_bound else ""
+    return (f"{value} ± {shown}" if shown else value) + remark
 
 
 def agreeing(result: Result) -> str:
@@ -125,10 +126,11 @@ def mte360(starts: int) -> None:
                 f"{fit.fit_percent:.2f}",
                 f"{result.ranking[0].criterion:.0f}",
                 agreeing(result),
+                result.model.outcome.kind,
             ]
         )
     print(f"MTE360, velocity_response_1_5, {recording.samples} samples:\n")
-    table(["structure", "", "parameters", "RMSE in mm/s", "fit in %", "BIC", "starts at the optimum"], rows)
+    table(["structure", "", "parameters", "RMSE in mm/s", "fit in %", "BIC", "starts at the optimum", "outcome"], rows)
     table(
         ["parameter", "estimate", "unit"],
         [[n, estimate(two, n), two.model.parameters[n].unit] for n in two.model.parameters],
