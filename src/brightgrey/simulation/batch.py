@@ -162,11 +162,8 @@ def _simulate(
     else:
         with ThreadPoolExecutor(len(cuts) - 1) as pool:
             list(pool.map(part, cuts[:-1], cuts[1:]))
-    y[:, :, pick.ravel()] = (
-        results.reshape(len(pick), shape.outputs, len(u), LANES)
-        .transpose(1, 2, 0, 3)
-        .reshape(shape.outputs, len(u), -1)
-    )
+    for sets, batch in zip(pick, results.reshape(len(pick), shape.outputs, len(u), LANES), strict=True):
+        y[:, :, sets] = batch  # a set that fills several lanes has the same result in all of them
     diverged[pick.ravel()] = lost.ravel()
 
 
