@@ -228,6 +228,14 @@ def _result(
         fit_percent=float(np.mean([np.nan if f.fit_percent is None else f.fit_percent for f in fits.values()])),
         criterion=value,
     )
-    read = several if test is None else (*several, test)
-    notes = tuple(dict.fromkeys(f"{r.name}: {note}" for r in read for note in r.notes))
+    notes = _notes(several if test is None else (*several, test))
     return Result(model, (*train, *unseen), (row,), notes, fit)
+
+
+def _notes(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Notes of all recordings, each said once with the names of those it holds for."""
+    names: dict[str, list[str]] = {}
+    for recording in recordings:
+        for note in recording.notes:
+            names.setdefault(note, []).append(recording.name)
+    return tuple(f"{', '.join(dict.fromkeys(who))}: {note}" for note, who in names.items())
