@@ -16,7 +16,7 @@ from brightgrey.simulation.layout import SERIES_TERMS, table_rows
 from brightgrey.simulation.propagators import mode_matrix, taylor_series
 from brightgrey.simulation.step import leaves, step, watch
 
-__all__ = ["drive_lane", "mode_bits", "polynomial", "reach", "refine", "set_mode"]
+__all__ = ["drive_lane", "mode_bits", "polynomial", "reach", "refine", "set_force", "set_mode"]
 
 _MOST_EVENTS = 200
 
@@ -237,11 +237,11 @@ def _creep_tick(shape: Any, plant: Any, start: Any, per_sample: Any, tick: Any, 
     else:
         _creep(shape, plant, tick, value, slope, work, lane)
         value += slope * tick
-    _set_force(shape, plant, value, work, lane)
+    set_force(shape, plant, value, work, lane)
 
 
 @inner
-def _set_force(shape: Any, plant: Any, value: Any, work: Any, lane: Any) -> None:
+def set_force(shape: Any, plant: Any, value: Any, work: Any, lane: Any) -> None:
     """F of all channels at ``work.end`` for one lane; its rate of change is not known and taken as zero."""
     n = shape.n
     for k in range(shape.channels):

@@ -8,7 +8,7 @@ import numpy as np
 
 from brightgrey.simulation.compiled import cached, inner
 from brightgrey.simulation.euler import euler_step
-from brightgrey.simulation.events import drive_lane, mode_bits, refine, set_mode
+from brightgrey.simulation.events import drive_lane, mode_bits, refine, set_force, set_mode
 from brightgrey.simulation.kinks import fill_kinks
 from brightgrey.simulation.lanes import (
     LANES,
@@ -22,7 +22,6 @@ from brightgrey.simulation.lanes import (
     splat,
     whole,
 )
-from brightgrey.simulation.laws import evaluate
 from brightgrey.simulation.layout import Plant, table_rows
 from brightgrey.simulation.propagators import build_tables
 from brightgrey.simulation.step import leaves, step, watch
@@ -76,17 +75,7 @@ def _start(shape: Any, plant: Any, u: Any, dt: Any, work: Any) -> None:
             put(work.event, b, lane, watch(shape, plant, work, b, work.x, lane))
         _use_table(shape, work, lane)
         drive_lane(shape, plant, u, 0, 0.0, 0.0, 1.0, dt, work, lane)
-        for k in range(shape.channels):
-            port = get(plant.K, k, lane) * get(work.drive, 0, lane)
-            for i in range(shape.n):
-                port += get(plant.H, k * shape.n + i, lane) * get(work.x, i, lane)
-            total = 0.0
-            for e in range(shape.elements):
-                if whole(plant.channel, e) == k:
-                    phi, _ = evaluate(whole(plant.law, e), plant.p, whole(plant.first, e), lane, port)
-                    total += phi
-            put(work.force, k, lane, total)
-            put(work.slope, k, lane, 0.0)
+        set_force(shape, plant, get(work.drive, 0, lane), work, lane)
 
 
 @inner
