@@ -9,11 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brightgrey.kit import StateSpace
+from brightgrey.simulation.creep import creep
+from brightgrey.simulation.euler import euler
+from brightgrey.simulation.events import refine
 from brightgrey.simulation.kernel import run
+from brightgrey.simulation.kinks import kinks
 from brightgrey.simulation.lanes import LANES
-from brightgrey.simulation.layout import Shape, addresses, batch_bytes, work_for
+from brightgrey.simulation.layout import Call, Shape, block_for, work_for
 from brightgrey.simulation.lowering import Lowered, fill, lower, turning_rate
+from brightgrey.simulation.propagators import tables
 from brightgrey.simulation.settings import Settings, tolerances
+from brightgrey.simulation.start import start
 
 __all__ = ["Response", "base_steps", "response"]
 
@@ -82,11 +88,19 @@ def response(
     bases = base_steps(system, lowered, dt, settings)
     if frozen:
         bases[:] = bases[0]
-    y = np.empty((len(lowered.outputs), len(u), sets))
-    diverged = np.empty(sets, np.int64)
+    parts = []
     for base in np.unique(bases):
         members = np.flatnonzero(bases == base)
-        _simulate(lowered, u, dt, start, settings, frozen, threads, int(base), members, y, diverged)
+        pick = _frozen_lanes(members) if frozen else _lanes(members)
+        parts.append((pick.ravel(), *_simulate(lowered, u, dt, start, settings, frozen, threads, int(base), pick)))
+    order, y, diverged = parts[0]
+    if len(parts) == 1 and np.array_equal(order[:sets], np.arange(sets)):
+        y, diverged = y[:, :, :sets], diverged[:sets]  # the usual case needs no copy
+    else:
+        y, diverged = np.empty((*y.shape[:2], sets)), np.empty(sets, np.int64)
+        for order, columns, lost in parts:
+            y[:, :, order] = columns  # a set that fills several lanes has the same result in all of them
+            diverged[order] = lost
     for k in np.flatnonzero(diverged >= 0):
         y[:, diverged[k] :, k] = np.nan
     return Response(y, diverged)
@@ -112,12 +126,12 @@ def _simulate(
     frozen: bool,
     threads: int,
     steps: int,
-    members: NDArray[np.int64],
-    y: Array,
-    diverged: NDArray[np.int64],
-) -> None:
-    """Simulate the parameter sets `members`, which all take the same number of base steps."""
-    pick = _frozen_lanes(members) if frozen else _lanes(members)
+    pick: NDArray[np.int64],
+) -> tuple[Array, NDArray[np.int64]]:
+    """Simulate the parameter sets `pick`, shape (batches, LANES), which all take the same number of base steps.
+
+    Returns outputs, shape (outputs, samples, pick.size), and where each diverged.
+    """
     level = tolerances(settings.level)
     shape = Shape(
         n=lowered.A.shape[0],
@@ -136,35 +150,34 @@ def _simulate(
     plants = fill(lowered, x0, pick)
     scale = settings.speed_scale
     limit = _LOST * max(scale, float(np.abs(u).max()), float(np.abs(x0).max()))
-    control = (level.error * scale, level.change * scale, limit)
-    results = np.empty((len(pick), shape.outputs * len(u), LANES))
-    lost = np.empty((len(pick), LANES), np.int64)
+    stepping = shape.euler == 0
+    call = Call(
+        numbers=np.array([dt, level.error * scale, level.change * scale, limit]),
+        u=u,
+        y=np.empty((shape.outputs, len(u), pick.size)),
+        stride=pick.size,
+        diverged=np.empty(pick.shape, np.int64),
+        delayed=0,
+        tables=tables.address() if stepping else 0,
+        kinks=kinks.address() if stepping and np.any(lowered.delay) else 0,
+        start=start.address(),
+        refine=refine.address() if stepping else 0,
+        creep=creep.address() if stepping else 0,
+        euler=0 if stepping else euler.address(),
+    )
     cuts = np.linspace(0, len(pick), min(threads, len(pick)) + 1).astype(int)
 
     def part(first: int, last: int) -> None:
         work = work_for(shape)
-        run(
-            shape,
-            addresses(plants),
-            batch_bytes(plants),
-            control,
-            u.ctypes.data,
-            dt,
-            int(first),
-            int(last),
-            addresses(work),
-            results.ctypes.data,
-            lost.ctypes.data,
-        )
+        block = block_for(shape, plants, work, call)
+        run(block.ctypes.data, int(first), int(last))
 
     if len(cuts) == 2:
         part(0, len(pick))
     else:
         with ThreadPoolExecutor(len(cuts) - 1) as pool:
             list(pool.map(part, cuts[:-1], cuts[1:]))
-    for sets, batch in zip(pick, results.reshape(len(pick), shape.outputs, len(u), LANES), strict=True):
-        y[:, :, sets] = batch  # a set that fills several lanes has the same result in all of them
-    diverged[pick.ravel()] = lost.ravel()
+    return call.y, call.diverged.ravel()
 
 
 def _lanes(members: NDArray[np.int64]) -> NDArray[np.int64]:

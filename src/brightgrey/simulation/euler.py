@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import inner
-from brightgrey.simulation.lanes import choose_less, get, put, splat, whole
+from brightgrey.simulation.compiled import Entry, inner
+from brightgrey.simulation.lanes import choose_less, get, put, real, splat, whole
 from brightgrey.simulation.laws import evaluate
+from brightgrey.simulation.layout import call_of, plant_of, shape_of, work_of
 
-__all__ = ["euler_step"]
+__all__ = ["euler"]
 
 
 @inner
@@ -43,9 +44,11 @@ def _rates(shape: Any, plant: Any, work: Any) -> None:
         put(work.free, b, None, choose_less(difference * difference, 1e-300, 1.0 + 0.0 * rate, 0.0 * rate))
 
 
-@inner
-def euler_step(shape: Any, plant: Any, h: Any, work: Any) -> None:
-    """Carry all lanes over one step of length h from ``work.x``, input in ``work.drive``."""
+@Entry
+def euler(block: Any) -> None:
+    """Carry all lanes over one base step from ``work.x``, input in ``work.drive``."""
+    shape, plant, work = shape_of(block), plant_of(block), work_of(block)
+    h = real(call_of(block).numbers, 0) / shape.base_steps
     n = shape.n
     _forces(shape, plant, work)
     _rates(shape, plant, work)

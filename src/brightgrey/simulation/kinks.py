@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import inner
-from brightgrey.simulation.events import polynomial, reach
-from brightgrey.simulation.lanes import LANES, get, put, skip, whole
-from brightgrey.simulation.layout import Plant, Shape, Work, end_rows, table_rows
+from brightgrey.simulation.compiled import Entry, inner
+from brightgrey.simulation.creep import polynomial, reach
+from brightgrey.simulation.lanes import LANES, get, put, real, skip, whole
+from brightgrey.simulation.layout import call_of, end_rows, plant_of, shape_of, table_rows, work_of
 from brightgrey.simulation.propagators import mode_matrix, taylor_series
 
-__all__ = ["fill_kinks"]
+__all__ = ["kinks"]
 
 
 @inner
@@ -62,9 +62,11 @@ def _row(n: Any, table: Any, at: Any, p: Any, lane: Any) -> Any:
     return total
 
 
-@inner
-def fill_kinks(shape: Shape, plant: Plant, tick: Any, work: Work) -> None:
+@Entry
+def kinks(block: Any) -> None:
     """Write the kink's weights to all step tables; in each level one step per sample has a knot inside."""
+    shape, plant, work = shape_of(block), plant_of(block), work_of(block)
+    tick = real(call_of(block).numbers, 0) / (shape.base_steps * (1 << shape.ticks))
     n, m = shape.n, shape.channels
     width = n + 4 + 2 * m
     ticks = 1 << shape.ticks

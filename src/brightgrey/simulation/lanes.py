@@ -27,14 +27,17 @@ from brightgrey.effects import arithmetic
 
 __all__ = [
     "LANES",
+    "call",
     "choose_less",
     "get",
+    "group",
     "lanes_not_less",
     "put",
     "real",
     "set_whole",
     "skip",
     "splat",
+    "store",
     "whole",
 ]
 
@@ -195,6 +198,51 @@ def set_whole(typing: Any, table: Any, index: Any, value: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(table, index, value), generate
+
+
+def group(kind: Any, at: int) -> Any:
+    """Make ``f(address)``: a NamedTuple `kind` of the whole numbers from entry `at` on."""
+    result = types.NamedUniTuple(types.int64, len(kind._fields), kind)  # type: ignore[no-untyped-call]
+
+    @intrinsic
+    def load(typing: Any, table: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            pointer = builder.inttoptr(args[0], _WORD.as_pointer())
+            places = [ir.Constant(_WORD, at + i) for i in range(len(kind._fields))]
+            values = [builder.load(builder.gep(pointer, [place])) for place in places]
+            return context.make_tuple(builder, signature.return_type, values)
+
+        return result(table), generate
+
+    return load
+
+
+@intrinsic
+def call(typing: Any, address: Any, numbers: Any) -> Any:
+    """``call(address, (a, b, ...))``: call an entry of the kernel with whole numbers."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = ir.FunctionType(ir.VoidType(), [_WORD] * len(numbers))
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        values = [builder.extract_value(args[1], i) for i in range(len(numbers))]
+        whole_numbers = [context.cast(builder, v, k, types.int64) for v, k in zip(values, numbers, strict=True)]
+        builder.call(function, whole_numbers)
+        return context.get_dummy_value()
+
+    return types.void(address, numbers), generate
+
+
+@intrinsic
+def store(typing: Any, array: Any, index: Any, value: Any) -> Any:
+    """``store(address, i, value)``: write a register to the entries of a flat array from i on."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        i = context.cast(builder, args[1], signature.args[1], types.intp)
+        pointer = builder.gep(builder.inttoptr(args[0], _DOUBLE.as_pointer()), [i])
+        builder.store(args[2], builder.bitcast(pointer, _VECTOR.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, index, value), generate
 
 
 @register_jitable

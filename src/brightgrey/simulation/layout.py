@@ -2,18 +2,33 @@
 
 All tables are ``[batch, row, lane]`` arrays of float64 with LANES columns; the row numbers are given below, so
 that a matrix entry (i, j) is row ``i * n + j``. The kernel's functions work on one batch, ``[row, lane]``, and
-take the tables' addresses: :func:`addresses` makes them, the arrays have to be kept alive meanwhile.
+take the tables' addresses. One *block* of whole numbers holds them all, with sizes and options: entries of the
+kernel take its address and nothing else (:func:`block_for`).
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from brightgrey.simulation.lanes import LANES, register_jitable
+from brightgrey.simulation.lanes import LANES, group, real, register_jitable, set_whole, whole
 
-__all__ = ["Plant", "Shape", "Work", "addresses", "table_rows", "work_for"]
+__all__ = [
+    "Call",
+    "Plant",
+    "Shape",
+    "Work",
+    "block_for",
+    "call_of",
+    "plant_of",
+    "shape_of",
+    "table_rows",
+    "use_batch",
+    "work_for",
+    "work_of",
+]
 
 
 class Shape(NamedTuple):
@@ -148,19 +163,99 @@ class Work(NamedTuple):
     build: Any
 
 
+class Call(NamedTuple):
+    """What a call is about, beside plants and sizes.
+
+    Attributes
+    ----------
+    numbers : float array (4,)
+        Sampling interval in s; tolerated error estimate of a step and tolerated last change of Newton, in units of
+        speed; sum of all states from which on a simulation counts as diverged.
+    u : float array (samples,)
+    y : float array (outputs, samples, stride)
+        Outputs, one column per lane of every batch; written by the kernel.
+    stride : int
+        Columns of `y`.
+    diverged : int array (batches, LANES)
+        First sample at which a lane's state is not finite, -1 if there is none; written by the kernel.
+    delayed : int
+        1 if any lane of the batch at work has dead time.
+    tables, kinks, start, refine, creep, euler : int
+        Addresses of the entries of these names; 0 for what the call does not need.
+    """
+
+    numbers: Any
+    u: Any
+    y: Any
+    stride: Any
+    diverged: Any
+    delayed: Any
+    tables: Any
+    kinks: Any
+    start: Any
+    refine: Any
+    creep: Any
+    euler: Any
+
+
 SERIES_TERMS = 16
 
-Tables = TypeVar("Tables", Plant, Work)
+_WORK = len(Shape._fields)
+_CALL = _WORK + len(Work._fields)
+_PLANT = _CALL + len(Call._fields)  # of the batch at work
+_FIRST = _PLANT + len(Plant._fields)  # of batch 0
+_BYTES = _FIRST + len(Plant._fields)  # from one batch to the next
+
+shape_of = group(Shape, 0)
+"""``shape_of(block) -> Shape``"""
+work_of = group(Work, _WORK)
+"""``work_of(block) -> Work`` of addresses"""
+call_of = group(Call, _CALL)
+"""``call_of(block) -> Call`` of addresses"""
+plant_of = group(Plant, _PLANT)
+"""``plant_of(block) -> Plant`` of addresses, of the batch at work"""
+
+_FIELDS = len(Plant._fields)
+_DELAYED = _CALL + Call._fields.index("delayed")
+_DELAY = _PLANT + Plant._fields.index("delay")
 
 
-def addresses(arrays: Tables) -> Tables:
-    """Addresses in place of arrays."""
-    return type(arrays)(*(array.ctypes.data for array in arrays))
+@register_jitable
+def use_batch(block: Any, number: Any) -> Any:
+    """Make batch `number` the one at work; returns whether it has dead time."""
+    for i in range(_FIELDS):
+        set_whole(block, _PLANT + i, whole(block, _FIRST + i) + number * whole(block, _BYTES + i))
+    delay = whole(block, _DELAY)
+    total = 0.0
+    for entry in range(2 * LANES):
+        total += real(delay, entry)
+    set_whole(block, _DELAYED, 1 if total > 0.0 else 0)
+    return total > 0.0
 
 
-def batch_bytes(plant: Plant) -> Plant:
-    """Bytes of each table that belong to one batch."""
-    return Plant(*(array.strides[0] for array in plant))
+def block_for(shape: Shape, plants: Plant, work: Work, call: Call) -> NDArray[np.int64]:
+    """Block of one thread. All arrays whose addresses it holds have to be kept alive by the caller.
+
+    Parameters
+    ----------
+    shape : Shape
+    plants : Plant
+        Arrays with a leading axis over batches; those without rows and lanes hold for all batches.
+    work : Work
+    call : Call
+        Arrays and whole numbers.
+    """
+
+    def address(value: Any) -> int:
+        return int(value.ctypes.data if isinstance(value, np.ndarray) else value)
+
+    first = [address(array) for array in plants]
+    strides = [array.strides[0] if array.ndim == _TABLE else 0 for array in plants]
+    block = [*shape, *map(address, work), *map(address, call), *first, *first, *strides]
+    return np.array(block, np.int64)
+
+
+_TABLE = 3  # axes of a table: batch, row, lane
 
 
 @register_jitable

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import inner
-from brightgrey.simulation.lanes import LANES, choose_less, get, put, skip, splat, whole
-from brightgrey.simulation.layout import SERIES_TERMS, Plant, Shape, Work, end_rows, table_rows
+from brightgrey.simulation.compiled import Entry, inner
+from brightgrey.simulation.lanes import LANES, choose_less, get, put, real, skip, splat, whole
+from brightgrey.simulation.layout import SERIES_TERMS, call_of, end_rows, plant_of, shape_of, table_rows, work_of
 
-__all__ = ["build_tables", "taylor_series"]
+__all__ = ["mode_matrix", "tables", "taylor_series"]
 
 _DEGREE = 14
 
@@ -216,9 +216,11 @@ def _fill(shape: Any, plant: Any, mode: Any, full: Any, third: Any, h: Any, tabl
                 put(table, at + k * 2 * m + stage * m + j, None, total)
 
 
-@inner
-def build_tables(shape: Shape, plant: Plant, tick: Any, work: Work) -> None:
-    """Fill ``work.tables`` for every mode and level; level l covers 2^l ticks of length `tick` in s."""
+@Entry
+def tables(block: Any) -> None:
+    """Fill ``work.tables`` for every mode and level; level l covers 2^l ticks."""
+    shape, plant, work = shape_of(block), plant_of(block), work_of(block)
+    tick = real(call_of(block).numbers, 0) / (shape.base_steps * (1 << shape.ticks))
     n = shape.n
     rows = n * n + n * (3 + 2 * shape.channels)
     A, third, full = work.build, skip(work.build, rows), skip(work.build, 2 * rows)

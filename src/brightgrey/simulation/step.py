@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import inner
-from brightgrey.simulation.lanes import choose_less, get, lanes_not_less, put, splat, whole
+from brightgrey.simulation.compiled import inlined, inner
+from brightgrey.simulation.lanes import choose_less, get, lanes_not_less, put, real, splat, whole
 from brightgrey.simulation.laws import evaluate
 from brightgrey.simulation.layout import end_rows
 
 __all__ = ["leaves", "step", "watch"]
 
 
-@inner
+@inlined
 def _weigh(shape: Any, table: Any, at: Any, work: Any, who: Any) -> Any:
     """Row of a step table times state and input, without F."""
     n = shape.n
@@ -29,7 +29,7 @@ def _weigh(shape: Any, table: Any, at: Any, work: Any, who: Any) -> Any:
     return total + get(table, at + n + 3 + 2 * shape.channels, who) * get(work.drive, 2, who)
 
 
-@inner
+@inlined
 def _add_forces(shape: Any, table: Any, at: Any, work: Any, total: Any, who: Any) -> Any:
     """Add the effect of F, weights from row `at` of the table on."""
     m = shape.channels
@@ -39,7 +39,7 @@ def _add_forces(shape: Any, table: Any, at: Any, work: Any, total: Any, who: Any
     return total
 
 
-@inner
+@inlined
 def _laws(shape: Any, plant: Any, z: Any, k: Any, who: Any) -> Any:
     """Sum of all laws of channel k and its slope."""
     port = get(z, k, who)
@@ -51,7 +51,7 @@ def _laws(shape: Any, plant: Any, z: Any, k: Any, who: Any) -> Any:
     return force, slope
 
 
-@inner
+@inlined
 def _newton_one(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work: Any, who: Any) -> Any:
     """One Newton iteration for a single channel; returns the larger change of the two ports."""
     n = shape.n
@@ -134,7 +134,7 @@ def _newton(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work:
     return change
 
 
-@inner
+@inlined
 def leaves(work: Any, b: Any, who: Any, s1: Any, s2: Any) -> Any:
     """Lanes in which the watched quantity of limited state b leaves its interval during a step.
 
@@ -153,7 +153,7 @@ def leaves(work: Any, b: Any, who: Any, s1: Any, s2: Any) -> Any:
     return out | lanes_not_less(extreme, high) | lanes_not_less(low, extreme)
 
 
-@inner
+@inlined
 def watch(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> Any:
     """Watched quantity of limited state b: the state itself where it is free, else its rate."""
     total = splat(0.0, who)
@@ -162,11 +162,11 @@ def watch(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> An
     return choose_less(0.5, get(work.free, b, who), get(state, whole(plant.limited, b), who), total)
 
 
-@inner
-def step(shape: Any, plant: Any, control: Any, table: Any, h: Any, work: Any, who: Any) -> Any:
+@inlined
+def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, work: Any, who: Any) -> Any:
     """Step from ``work.x`` to ``work.end``; returns (lanes in which Newton failed, lanes with too large an error).
 
-    `control` holds the tolerated error estimate and the tolerated last change of Newton, both in units of speed.
+    ``call.numbers`` holds the tolerated error estimate and the tolerated last change of Newton.
     Watched quantities at h/3 are left in ``work.ahead``.
     """
     n, m = shape.n, shape.channels
@@ -196,7 +196,7 @@ def step(shape: Any, plant: Any, control: Any, table: Any, h: Any, work: Any, wh
                 change = _newton_one(shape, plant, table, stage, coupling, work, who)
             else:
                 change = _newton(shape, plant, table, stage, coupling, work, who)
-        failed = lanes_not_less(change, splat(control[1], who))
+        failed = lanes_not_less(change, splat(real(call.numbers, 2), who))
         error = splat(0.0, who)
         for k in range(m):
             # F at the start, as it was against as the stages see it: its curvature over the step.
@@ -204,7 +204,7 @@ def step(shape: Any, plant: Any, control: Any, table: Any, h: Any, work: Any, wh
             error = _larger(error, _size(bend) * get(plant.gain, k, who))
         error = error * h
         put(work.error, 0, who, error)
-        coarse = lanes_not_less(error, splat(control[0], who))
+        coarse = lanes_not_less(error, splat(real(call.numbers, 1), who))
         for i in range(n):
             start = i * width + n + 3
             put(work.end, i, who, _add_forces(shape, table, start, work, get(work.end, i, who), who))

@@ -1,0 +1,105 @@
+"""What belongs to one lane: its delayed input, the modes of its limited states, the forces of its laws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brightgrey.simulation.compiled import inner
+from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, whole
+from brightgrey.simulation.laws import evaluate
+from brightgrey.simulation.layout import table_rows
+
+__all__ = ["drive_lane", "mode_bits", "set_force", "set_mode", "use_table"]
+
+
+@inner
+def drive_lane(
+    shape: Any,
+    plant: Any,
+    u: Any,
+    k: Any,
+    start: Any,
+    size: Any,
+    per_sample: Any,
+    dt: Any,
+    work: Any,
+    lane: Any,
+) -> None:
+    """Delayed input of one lane on the ticks [start, start + size) after sample k: value, slope and kink.
+
+    The kink is the change of slope (linear input) or the jump (held input) at a knot inside the step.
+    """
+    last = shape.samples - 1
+    shift = get(plant.delay, 1, lane)
+    index = k - int(get(plant.delay, 0, lane))
+    part = start / per_sample - shift
+    inside = False
+    if part < -1e-12:
+        part += 1.0
+        index -= 1
+        inside = (start + size) / per_sample - shift > 1e-12
+    part = max(part, 0.0)
+    here = real(u, min(max(index, 0), last))
+    after = real(u, min(max(index + 1, 0), last))
+    later = real(u, min(max(index + 2, 0), last))
+    if shape.hold == 1:
+        put(work.drive, 0, lane, here + (after - here) * part)
+        put(work.drive, 1, lane, (after - here) / dt)
+        put(work.drive, 2, lane, ((later - after) - (after - here)) / dt if inside else 0.0)
+    else:
+        put(work.drive, 0, lane, here)
+        put(work.drive, 1, lane, 0.0)
+        put(work.drive, 2, lane, after - here if inside else 0.0)
+
+
+@inner
+def set_mode(plant: Any, work: Any, b: Any, lane: Any, mode: Any) -> None:
+    """Put limited state b of one lane into a mode: 0 free, 1 and -1 at the upper and lower limit, 2 closed."""
+    infinite = float("inf")
+    set_whole(work.mode, b * LANES + lane, mode)
+    low, high = -infinite, infinite
+    if mode == 0:
+        low, high = get(plant.low, b, lane), get(plant.high, b, lane)
+    elif mode == 1:
+        low = 0.0
+    elif mode == -1:
+        high = 0.0
+    put(work.free, b, lane, 1.0 if mode == 0 else 0.0)
+    put(work.low, b, lane, low)
+    put(work.high, b, lane, high)
+
+
+@inner
+def mode_bits(shape: Any, work: Any, lane: Any) -> Any:
+    """Number of the lane's system matrix: bit b set where limited state b is free."""
+    bits = 0
+    for b in range(shape.limits):
+        if whole(work.mode, b * LANES + lane) == 0:
+            bits |= 1 << b
+    return bits
+
+
+@inner
+def use_table(shape: Any, work: Any, lane: Any) -> None:
+    """Make the base step's table of the lane's mode the current one."""
+    rows = table_rows(shape.n, shape.channels, shape.limits)
+    table = skip(work.tables, (mode_bits(shape, work, lane) * (shape.ticks + 1) + shape.ticks) * rows)
+    for r in range(rows):
+        put(work.current, r, lane, get(table, r, lane))
+
+
+@inner
+def set_force(shape: Any, plant: Any, value: Any, work: Any, lane: Any) -> None:
+    """F of all channels at ``work.end`` for one lane; its rate of change is not known and taken as zero."""
+    n = shape.n
+    for k in range(shape.channels):
+        port = get(plant.K, k, lane) * value
+        for i in range(n):
+            port += get(plant.H, k * n + i, lane) * get(work.end, i, lane)
+        total = 0.0
+        for e in range(shape.elements):
+            if whole(plant.channel, e) == k:
+                phi, _ = evaluate(whole(plant.law, e), plant.p, whole(plant.first, e), lane, port)
+                total += phi
+        put(work.force, k, lane, total)
+        put(work.slope, k, lane, 0.0)
