@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.plants import random_values
@@ -19,12 +21,12 @@ TORQUE = E.torque()
 DT = E.dt
 ACCURATE = 1e-4
 SETTINGS = Settings(E.f_tanh, E.speed)
-FEW = range(3, 448, 31)
 GAPS = [i for i, s in enumerate(ALL) if "backlash" in s.names]
-
-
-def rubs(structure):
-    return any(p.effect.law is not None and p.effect.law.dissipative for p in structure.placed)
+RUBBING = [i for i, s in enumerate(ALL) if any(p.effect.law and p.effect.law.dissipative for p in s.placed)]
+DELAYED = [i for i, s in enumerate(ALL) if "delay" in s.names]
+ANY = st.integers(0, len(ALL) - 1)
+SEEDS = st.integers(0, 2**32 - 1)  # of the parameter values
+drawn = settings(max_examples=15, deadline=None, derandomize=True)
 
 
 def drive(number, seed=0, **fixed):
@@ -92,9 +94,10 @@ def moving(structure, s, values, rng):
     return x
 
 
-@pytest.mark.parametrize("number", FEW)
-def test_no_energy_is_gained_without_input(number):
-    structure, values, rng = drive(number)
+@drawn
+@given(number=ANY, seed=SEEDS)
+def test_no_energy_is_gained_without_input(number, seed):
+    structure, values, rng = drive(number, seed)
     s = all_states(structure, values)
     x0 = moving(structure, s, values, rng)
     fine = 1e-4
@@ -116,10 +119,11 @@ def test_no_energy_is_gained_without_input(number):
     assert (total - np.minimum.accumulate(total)).max() <= 2 * ACCURATE * peak + slack
 
 
-@pytest.mark.parametrize("number", [i for i in FEW if rubs(ALL[i])])
-def test_friction_takes_energy_only(number):
+@drawn
+@given(number=st.sampled_from(RUBBING), seed=SEEDS)
+def test_friction_takes_energy_only(number, seed):
     """Power balance at mass 1: what friction takes is what is left of all other torques."""
-    structure, values, _ = drive(number)
+    structure, values, _ = drive(number, seed)
     s = all_states(structure, values)
     y = run(s, TORQUE, s.rest(u=TORQUE[0]))
     v1 = y["v1"]
@@ -132,9 +136,10 @@ def test_friction_takes_energy_only(number):
     assert power.max() <= ACCURATE * np.abs(power).max()
 
 
-@pytest.mark.parametrize("number", GAPS[::16])
-def test_torque_through_the_gap_pushes_only_at_its_ends(number):
-    structure, values, _ = drive(number)
+@drawn
+@given(number=st.sampled_from(GAPS), seed=SEEDS)
+def test_torque_through_the_gap_pushes_only_at_its_ends(number, seed):
+    structure, values, _ = drive(number, seed)
     s = all_states(structure, values)
     y = run(s, TORQUE, s.rest(u=TORQUE[0]))
     gap, width = y["lambda1"], 2.0 * values["alpha"]
@@ -147,16 +152,13 @@ def test_torque_through_the_gap_pushes_only_at_its_ends(number):
     assert torque[at_top].min(initial=0.0) >= -slack
     assert torque[at_bottom].max(initial=0.0) <= slack
     assert np.abs(torque[inside]).max(initial=0.0) <= slack
-    assert at_top.any()
+    assume(at_top.any())  # else friction held the drive
 
 
-def mirrored(s, values, y):
-    return {k: (-2.0 * values["alpha"] - v if k == "lambda1" else -v) for k, v in y.items()}
-
-
-@pytest.mark.parametrize("number", range(5, 448, 37))
-def test_motion_is_odd_about_the_middle_of_the_gap(number):
-    structure, values, _ = drive(number)
+@drawn
+@given(number=ANY, seed=SEEDS)
+def test_motion_is_odd_about_the_middle_of_the_gap(number, seed):
+    structure, values, _ = drive(number, seed)
     s = all_states(structure, values)
     x0 = s.rest(u=TORQUE[0])
     opposite = {**values, "M_G": -values["M_G"]} if "M_G" in values else values
@@ -170,16 +172,20 @@ def test_motion_is_odd_about_the_middle_of_the_gap(number):
         x0[0] += x0[i]
         x1[0] = -x0[0] - 2.0 * values["alpha"]  # q1 takes the shift, so q2.. stay mirrored about 0
     y = run(s, TORQUE[:900], x0)
+    pushed = run(s, TORQUE[:900] * (1.0 + 1e-9), x0)
+    # Mirror images are computed by the same operations up to rounding, which contacts amplify.
+    growth = max(np.abs(pushed[name] - y[name]).max() / (np.abs(y[name]).max() or 1.0) for name in s.state_names)
+    assume(growth <= 1e-5)
     z = run(other, -TORQUE[:900], x1)
     for name in s.state_names:
         shift = -2.0 * values["alpha"] if name in ("lambda1", "q1") and "alpha" in values else 0.0
-        # Mirror images are computed by the same operations up to rounding, which contacts amplify.
-        close(z[name], shift - y[name], 1e-6)
+        close(z[name], shift - y[name])
 
 
-@pytest.mark.parametrize("number", GAPS[5::31])
-def test_gap_of_no_width_equals_no_backlash(number):
-    structure, values, _ = drive(number, alpha=0.0)
+@drawn
+@given(number=st.sampled_from(GAPS), seed=SEEDS)
+def test_gap_of_no_width_equals_no_backlash(number, seed):
+    structure, values, _ = drive(number, seed, alpha=0.0)
     without = Structure(tuple(p for p in structure.placed if p.name != "backlash"))
     plain = all_states(without, {k: v for k, v in values.items() if k != "alpha"})
     y = run(plain, TORQUE, plain.rest(u=TORQUE[0]))
@@ -231,10 +237,10 @@ def test_resonance_and_antiresonance_of_two_masses():
     assert np.abs(still["v1"]).max() <= (ACCURATE + bend) * np.abs(still["v2"]).max()
 
 
-@pytest.mark.parametrize("number", [i for i, s in enumerate(ALL) if "delay" in s.names][::21])
-@pytest.mark.parametrize("hold", ["linear", "zoh"])
-def test_dead_time_shifts_the_input(number, hold):
-    structure, values, _ = drive(number)
+@drawn
+@given(number=st.sampled_from(DELAYED), seed=SEEDS, hold=st.sampled_from(["linear", "zoh"]))
+def test_dead_time_shifts_the_input(number, seed, hold):
+    structure, values, _ = drive(number, seed)
     how = replace(SETTINGS, hold=hold)
     without = Structure(tuple(p for p in structure.placed if p.name != "delay"))
     rest = {k: v for k, v in values.items() if k != "T_d"}
@@ -256,9 +262,10 @@ def test_dead_time_shifts_the_input(number, hold):
         close(z[name], y[name][::4], 2 * ACCURATE)
 
 
-@pytest.mark.parametrize("number", FEW)
-def test_acceleration_is_the_derivative_of_velocity(number):
-    structure, values, _ = drive(number)
+@drawn
+@given(number=ANY, seed=SEEDS)
+def test_acceleration_is_the_derivative_of_velocity(number, seed):
+    structure, values, _ = drive(number, seed)
     s = assemble(structure, values, E.f_tanh, ("velocity", "acceleration"))
     fine = 1e-5
     u = np.interp(np.arange(3000) * fine, np.arange(30) * DT, 5.0 * np.sin(np.arange(30) * 0.4))
@@ -270,10 +277,11 @@ def test_acceleration_is_the_derivative_of_velocity(number):
     np.testing.assert_allclose(area, v - v[0], rtol=0, atol=ACCURATE * np.abs(v).max() + jumps)
 
 
-@pytest.mark.parametrize("number", range(11, 448, 55))
-def test_neighbours_and_threads_change_no_bit(number):
+@drawn
+@given(number=ANY, seed=SEEDS)
+def test_neighbours_and_threads_change_no_bit(number, seed):
     structure = ALL[number]
-    sets = [random_values(structure.parameters, np.random.default_rng([number, k])) for k in range(17)]
+    sets = [random_values(structure.parameters, np.random.default_rng([seed, k])) for k in range(17)]
     u = TORQUE[:300]
 
     def outputs(members, threads=1):

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.arithmetic import tanh
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Parameter, Values
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values, friction_law
 
 
-def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
-    """Torque and its slope over speed."""
-    side = tanh(p[1] * z[0])
-    return -p[0] * side, (-p[0] * p[1] * (1.0 - side * side),)
+def amplitude(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
+    """Torque against the motion and its slope over speed."""
+    return p[0] + 0.0 * v, 0.0 * v
 
 
-def gradient(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Derivatives by M_C and f_tanh."""
-    side = tanh(p[1] * z[0])
-    return -side, -p[0] * z[0] * (1.0 - side * side)
+def gradient(v: Any, p: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Derivative of the amplitude by M_C."""
+    return (1.0,)
 
 
-LAW = Law(("M_C", "f_tanh"), value, gradient, odd=True, dissipative=True)
+LAW = friction_law(("M_C",), amplitude, gradient)
 
 
 def stamp(draft: Draft, place: int, values: Values) -> Draft:

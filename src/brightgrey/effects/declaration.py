@@ -14,6 +14,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.effects.arithmetic import tanh
+
 __all__ = [
     "Dimension",
     "Draft",
@@ -25,6 +27,7 @@ __all__ = [
     "Scales",
     "Stage",
     "State",
+    "friction_law",
 ]
 
 Array = NDArray[np.float64]
@@ -129,6 +132,9 @@ class Law:
         phi(-z) = -phi(z).
     dissipative : bool
         z phi(z) <= 0: takes energy only.
+    amplitude : callable or None
+        Of a law made by :func:`friction_law`; the kernel sums amplitudes before it turns them, and compiles this
+        instead of `value`.
     """
 
     parameters: tuple[str, ...]
@@ -138,6 +144,37 @@ class Law:
     affine: bool = False
     odd: bool = False
     dissipative: bool = False
+    amplitude: Callable[[Any, tuple[Any, ...]], tuple[Any, Any]] | None = None
+
+
+def friction_law(
+    parameters: tuple[str, ...],
+    amplitude: Callable[[Any, tuple[Any, ...]], tuple[Any, Any]],
+    gradient: Callable[[Any, tuple[Any, ...]], tuple[Any, ...]],
+) -> Law:
+    """Law of friction that turns with the motion: ``phi(v) = -tanh(f_tanh v) a(v)`` (eq. 2).
+
+    Parameters
+    ----------
+    parameters : tuple of str
+        Names of those of the amplitude; ``f_tanh`` is added behind them.
+    amplitude : callable
+        ``amplitude(v, p) -> (a, slope)``: a >= 0, even in v, and its derivative by v.
+    gradient : callable
+        ``gradient(v, p) -> tuple`` of the derivatives of a by each parameter.
+    """
+
+    def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+        f_tanh, side = p[-1], tanh(p[-1] * z[0])
+        a, slope = amplitude(z[0], p[:-1])
+        return -side * a, (-f_tanh * (1.0 - side * side) * a - side * slope,)
+
+    def by_parameters(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, ...]:
+        side = tanh(p[-1] * z[0])
+        a, _ = amplitude(z[0], p[:-1])
+        return (*(-side * g for g in gradient(z[0], p[:-1])), -z[0] * (1.0 - side * side) * a)
+
+    return Law((*parameters, "f_tanh"), value, by_parameters, odd=True, dissipative=True, amplitude=amplitude)
 
 
 @dataclass(frozen=True)

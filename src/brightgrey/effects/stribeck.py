@@ -4,34 +4,26 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.arithmetic import exp, magnitude, sign, tanh
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Parameter, Values
+from brightgrey.effects.arithmetic import exp, magnitude, sign
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values, friction_law
 
 
-def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
-    """Torque and its slope over speed. |v| makes the law odd: without it (2) grows without limit for v < 0."""
-    M_S, omega_S, f_tanh = p
-    v = z[0]
-    side = tanh(f_tanh * v)
-    fading = M_S * exp(-magnitude(v) / omega_S)
-    slope = f_tanh * (1.0 - side * side) - side * sign(v) / omega_S
-    return -side * fading, (-fading * slope,)
+def amplitude(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
+    """Torque against the motion and its slope. |v| makes the law odd: without it (2) grows without limit for v < 0."""
+    M_S, omega_S = p
+    rate = 1.0 / omega_S
+    a = M_S * exp(-magnitude(v) * rate)
+    return a, -a * sign(v) * rate
 
 
-def gradient(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Derivatives by M_S, omega_S and f_tanh."""
-    M_S, omega_S, f_tanh = p
-    v = z[0]
-    side = tanh(f_tanh * v)
+def gradient(v: Any, p: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Derivatives of the amplitude by M_S and omega_S."""
+    M_S, omega_S = p
     fading = exp(-magnitude(v) / omega_S)
-    return (
-        -side * fading,
-        -side * M_S * fading * magnitude(v) / (omega_S * omega_S),
-        -M_S * fading * v * (1.0 - side * side),
-    )
+    return fading, M_S * fading * magnitude(v) / (omega_S * omega_S)
 
 
-LAW = Law(("M_S", "omega_S", "f_tanh"), value, gradient, odd=True, dissipative=True)
+LAW = friction_law(("M_S", "omega_S"), amplitude, gradient)
 
 
 def stamp(draft: Draft, place: int, values: Values) -> Draft:

@@ -112,7 +112,7 @@ def base_steps(system: StateSpace, lowered: Lowered, dt: float, settings: Settin
         return np.full(lowered.A.shape[-1], settings.substeps, np.int64)
     if not lowered.limited:
         return np.ones(lowered.A.shape[-1], np.int64)
-    turns = turning_rate(system, lowered) * dt / tolerances(settings.level).turn
+    turns = turning_rate(system, lowered) * dt / tolerances(settings.level, limits=True).turn
     steps = 2 ** np.ceil(np.log2(np.maximum(np.nan_to_num(turns, nan=1.0), 1.0)))
     return np.asarray(np.minimum(steps, _MOST_BASE_STEPS).astype(np.int64))
 
@@ -132,7 +132,7 @@ def _simulate(
 
     Returns outputs, shape (outputs, samples, pick.size), and where each diverged.
     """
-    level = tolerances(settings.level)
+    level = tolerances(settings.level, bool(lowered.limited))
     shape = Shape(
         n=lowered.A.shape[0],
         channels=lowered.G.shape[0],

@@ -9,7 +9,7 @@ from typing import Any
 
 from brightgrey.simulation.compiled import Entry, inner
 from brightgrey.simulation.lanes import LANES, get, put, real, skip, whole
-from brightgrey.simulation.laws import evaluate
+from brightgrey.simulation.laws import channel_force
 from brightgrey.simulation.layout import SERIES_TERMS, call_of, plant_of, shape_of, work_of
 from brightgrey.simulation.modes import mode_bits, set_force, set_mode
 from brightgrey.simulation.propagators import mode_matrix, taylor_series
@@ -29,13 +29,12 @@ def _linearised(shape: Any, plant: Any, value: Any, slope: Any, work: Any, lane:
     for i in range(n):
         put(b0, i, lane, get(plant.B, i, lane) * value + get(plant.c, i, lane))
         put(b1, i, lane, get(plant.B, i, lane) * slope)
-    for e in range(shape.elements):
-        k = whole(plant.channel, e)
+    for k in range(shape.channels):
         through = get(plant.K, k, lane)
         port = through * value
         for i in range(n):
             port += get(plant.H, k * n + i, lane) * get(work.end, i, lane)
-        phi, by_port = evaluate(whole(plant.law, e), plant.p, whole(plant.first, e), lane, port)
+        phi, by_port = channel_force(shape, plant, k, port, lane)
         for i in range(n):
             g = get(plant.G, k * n + i, lane)
             put(b0, i, lane, get(b0, i, lane) + g * (phi + by_port * (through * value - port)))

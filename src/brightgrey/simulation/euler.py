@@ -6,7 +6,7 @@ from typing import Any
 
 from brightgrey.simulation.compiled import Entry, inner
 from brightgrey.simulation.lanes import choose_less, get, put, real, splat, whole
-from brightgrey.simulation.laws import evaluate
+from brightgrey.simulation.laws import channel_force
 from brightgrey.simulation.layout import call_of, plant_of, shape_of, work_of
 
 __all__ = ["euler"]
@@ -19,12 +19,7 @@ def _forces(shape: Any, plant: Any, work: Any) -> None:
         port = get(plant.K, k, None) * get(work.drive, 0, None)
         for i in range(shape.n):
             port = port + get(plant.H, k * shape.n + i, None) * get(work.x, i, None)
-        total = splat(0.0, None)
-        for e in range(shape.elements):
-            if whole(plant.channel, e) == k:
-                phi, _ = evaluate(whole(plant.law, e), plant.p, whole(plant.first, e), None, port)
-                total = total + phi
-        put(work.force, k, None, total)
+        put(work.force, k, None, channel_force(shape, plant, k, port, None)[0])
 
 
 @inner

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from brightgrey.effects import Law, registry
-from brightgrey.simulation.compiled import inner
-from brightgrey.simulation.lanes import get, splat
+from brightgrey.effects.arithmetic import tanh
+from brightgrey.simulation.compiled import inlined, inner
+from brightgrey.simulation.lanes import get, splat, whole
 
-__all__ = ["evaluate", "smooth_laws"]
+__all__ = ["channel_force", "channel_forces", "smooth_laws"]
 
 
 def smooth_laws() -> tuple[Law, ...]:
@@ -17,63 +19,100 @@ def smooth_laws() -> tuple[Law, ...]:
     return tuple(law for law in laws if law is not None and law.ports == 1 and not law.affine)
 
 
-def _link(number: int, law: Law, rest: Any) -> Any:
-    """Function that evaluates `law` for its number and asks `rest` for any other."""
-    value = inner(law.value)
-    count = len(law.parameters)
-
-    if count == 1:
-
-        def one(which: Any, p: Any, first: Any, who: Any, z: Any) -> Any:
-            if which == number:
-                phi, slopes = value((z,), (get(p, first, who),))
-                return phi, slopes[0]
-            return rest(which, p, first, who, z)
-
-        return inner(one)
-    if count == 2:
-
-        def two(which: Any, p: Any, first: Any, who: Any, z: Any) -> Any:
-            if which == number:
-                phi, slopes = value((z,), (get(p, first, who), get(p, first + 1, who)))
-                return phi, slopes[0]
-            return rest(which, p, first, who, z)
-
-        return inner(two)
-    if count == 3:
-
-        def three(which: Any, p: Any, first: Any, who: Any, z: Any) -> Any:
-            if which == number:
-                parameters = (get(p, first, who), get(p, first + 1, who), get(p, first + 2, who))
-                phi, slopes = value((z,), parameters)
-                return phi, slopes[0]
-            return rest(which, p, first, who, z)
-
-        return inner(three)
-
-    def four(which: Any, p: Any, first: Any, who: Any, z: Any) -> Any:
-        if which == number:
-            pair = (get(p, first, who), get(p, first + 1, who))
-            phi, slopes = value((z,), (*pair, get(p, first + 2, who), get(p, first + 3, who)))
-            return phi, slopes[0]
-        return rest(which, p, first, who, z)
-
-    return inner(four)
+@inner
+def _one(p: Any, first: Any, who: Any) -> Any:
+    return (get(p, first, who),)
 
 
 @inner
-def _none(which: Any, p: Any, first: Any, who: Any, z: Any) -> Any:
-    return splat(0.0, who), splat(0.0, who)
+def _two(p: Any, first: Any, who: Any) -> Any:
+    return get(p, first, who), get(p, first + 1, who)
 
 
-def _chain() -> Any:
+@inner
+def _three(p: Any, first: Any, who: Any) -> Any:
+    return get(p, first, who), get(p, first + 1, who), get(p, first + 2, who)
+
+
+@inner
+def _four(p: Any, first: Any, who: Any) -> Any:
+    return get(p, first, who), get(p, first + 1, who), get(p, first + 2, who), get(p, first + 3, who)
+
+
+_TAKE = {1: _one, 2: _two, 3: _three, 4: _four}
+
+
+@inner
+def _none(which: Any, p: Any, first: Any, who: Any, z1: Any, z2: Any) -> Any:
+    return splat(0.0, who), splat(0.0, who), splat(0.0, who), splat(0.0, who)
+
+
+def _link(number: int, value: Any, parameters: int, rest: Any) -> Any:
+    """Function that evaluates ``value(z, p)`` for its number and asks `rest` for any other.
+
+    It does so at both stages of a step in one go: two independent chains keep the processor busy.
+    """
+    if parameters not in _TAKE:
+        raise TypeError(f"a law of {parameters} parameters: the kernel takes one to four")
+    take = _TAKE[parameters]
+
+    def link(which: Any, p: Any, first: Any, who: Any, z1: Any, z2: Any) -> Any:
+        if which == number:
+            own = take(p, first, who)
+            value1, slope1 = value(z1, own)
+            value2, slope2 = value(z2, own)
+            return value1, slope1, value2, slope2
+        return rest(which, p, first, who, z1, z2)
+
+    return inner(link)
+
+
+def _of_one_port(law: Law) -> Any:
+    value = inner(law.value)
+
+    def of_one_port(z: Any, p: Any) -> Any:
+        phi, slopes = value((z,), p)
+        return phi, slopes[0]
+
+    return inner(of_one_port)
+
+
+def _chain(pick: Callable[[Law], tuple[Any, int] | None]) -> Any:
+    """``f(number, p, first, who, z1, z2) -> (value1, slope1, value2, slope2)``: of picked laws, else 0."""
     function: Any = _none
     for number, law in enumerate(smooth_laws()):
-        if not 1 <= len(law.parameters) <= 4:
-            raise TypeError(f"law of {law.parameters}: the kernel takes one to four parameters")
-        function = _link(number, law, function)
+        picked = pick(law)
+        if picked is not None:
+            function = _link(number, *picked, function)
     return function
 
 
-evaluate = _chain()
-"""``evaluate(number, p, first, who, z) -> (phi, slope)``, parameters from row `first` of table `p` on."""
+_amplitudes = _chain(lambda law: (inner(law.amplitude), len(law.parameters) - 1) if law.amplitude else None)
+_values = _chain(lambda law: None if law.amplitude else (_of_one_port(law), len(law.parameters)))
+
+
+@inlined
+def channel_forces(shape: Any, plant: Any, k: Any, z1: Any, z2: Any, who: Any) -> Any:
+    """Sum of all laws of channel k and its slope, at two ports: (F1, slope1, F2, slope2)."""
+    a1, a2, rise1, rise2 = splat(0.0, who), splat(0.0, who), splat(0.0, who), splat(0.0, who)
+    f1, f2, d1, d2 = splat(0.0, who), splat(0.0, who), splat(0.0, who), splat(0.0, who)
+    for e in range(shape.elements):
+        if whole(plant.channel, e) == k:
+            law, first = whole(plant.law, e), whole(plant.first, e)
+            v1, s1, v2, s2 = _amplitudes(law, plant.p, first, who, z1, z2)
+            a1, rise1, a2, rise2 = a1 + v1, rise1 + s1, a2 + v2, rise2 + s2
+            v1, s1, v2, s2 = _values(law, plant.p, first, who, z1, z2)
+            f1, d1, f2, d2 = f1 + v1, d1 + s1, f2 + v2, d2 + s2
+    if whole(plant.turning, k) >= 0:
+        f_tanh = get(plant.p, whole(plant.turning, k), who)
+        side1, side2 = tanh(f_tanh * z1), tanh(f_tanh * z2)
+        f1, d1 = f1 - side1 * a1, d1 - (f_tanh * (1.0 - side1 * side1) * a1 + side1 * rise1)
+        f2, d2 = f2 - side2 * a2, d2 - (f_tanh * (1.0 - side2 * side2) * a2 + side2 * rise2)
+    return f1, d1, f2, d2
+
+
+@inner
+def channel_force(shape: Any, plant: Any, k: Any, z: Any, who: Any) -> Any:
+    """Sum of all laws of channel k and its slope at one port."""
+    force, slope, _, _ = channel_forces(shape, plant, k, z, z, who)
+    return force, slope

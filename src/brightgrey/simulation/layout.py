@@ -79,6 +79,8 @@ class Plant(NamedTuple):
     law, channel, first : int arrays (elements,)
         Law number of each element, its channel and the row of its first parameter in `p`.
     p : parameters of all laws
+    turning : int array (channels,)
+        Row of f_tanh in `p` where a channel has friction that turns with the motion, else -1.
     rate, column : limits * n rows
         Row w that gives the rate of a limited state between its limits, and the column it acts on.
     low, high : limits rows
@@ -102,6 +104,7 @@ class Plant(NamedTuple):
     channel: Any
     first: Any
     p: Any
+    turning: Any
     rate: Any
     column: Any
     low: Any

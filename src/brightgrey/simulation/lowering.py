@@ -120,8 +120,11 @@ def fill(lowered: Lowered, x0: Array, pick: NDArray[np.int64]) -> Plant:
     laws = smooth_laws()
     parameters: list[Array] = []
     first = []
-    for element, _ in lowered.smooth:
+    turning = np.full(len(lowered.G), -1, np.int64)
+    for element, k in lowered.smooth:
         first.append(len(parameters))
+        if element.law.amplitude is not None:
+            turning[k] = len(parameters) + len(element.p) - 1
         parameters += [np.broadcast_to(np.asarray(value, float), (sets,)) for value in element.p]
     limits = [e.limits for e in lowered.limited if e.limits is not None]
 
@@ -146,6 +149,7 @@ def fill(lowered: Lowered, x0: Array, pick: NDArray[np.int64]) -> Plant:
         channel=np.array([k for _, k in lowered.smooth], np.int64),
         first=np.array(first, np.int64),
         p=table(np.array(parameters).reshape(-1, sets)),
+        turning=turning,
         rate=table(stack([e.H[0] for e in lowered.limited])),
         column=table(stack([e.G for e in lowered.limited])),
         low=table(bounds([limit.lower for limit in limits])),

@@ -6,7 +6,7 @@ from typing import Any
 
 from brightgrey.simulation.compiled import inner
 from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, whole
-from brightgrey.simulation.laws import evaluate
+from brightgrey.simulation.laws import channel_force
 from brightgrey.simulation.layout import table_rows
 
 __all__ = ["drive_lane", "mode_bits", "set_force", "set_mode", "use_table"]
@@ -96,10 +96,5 @@ def set_force(shape: Any, plant: Any, value: Any, work: Any, lane: Any) -> None:
         port = get(plant.K, k, lane) * value
         for i in range(n):
             port += get(plant.H, k * n + i, lane) * get(work.end, i, lane)
-        total = 0.0
-        for e in range(shape.elements):
-            if whole(plant.channel, e) == k:
-                phi, _ = evaluate(whole(plant.law, e), plant.p, whole(plant.first, e), lane, port)
-                total += phi
-        put(work.force, k, lane, total)
+        put(work.force, k, lane, channel_force(shape, plant, k, port, lane)[0])
         put(work.slope, k, lane, 0.0)

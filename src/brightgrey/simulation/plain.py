@@ -102,7 +102,7 @@ def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, s
     """
     u = np.asarray(u, float)
     low = lower(system, dt)
-    tolerance = tolerances(settings.level)
+    tolerance = tolerances(settings.level, bool(low.limited))
     bases = int(base_steps(system, low, dt, settings)[0])
     ticks = 2**tolerance.ticks
     run = _Run(

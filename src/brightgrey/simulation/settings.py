@@ -76,8 +76,12 @@ class Tolerances(NamedTuple):
     turn: float
 
 
-def tolerances(level: Level) -> Tolerances:
-    """Numbers behind ``accurate`` and ``fast``; measured by bench/accuracy.py."""
+def tolerances(level: Level, limits: bool = False) -> Tolerances:
+    """Numbers behind ``accurate`` and ``fast``; measured by bench/accuracy.py.
+
+    Each contact multiplies the error made before it, and two contacts that graze within one base step look like none:
+    with `limits` both step finer.
+    """
     if level == "fast":
-        return Tolerances(error=1e-4, newton=1, change=1e-3, ticks=5, turn=2.0)
-    return Tolerances(error=1e-6, newton=2, change=1e-4, ticks=7, turn=1.0)
+        return Tolerances(error=1e-5 if limits else 1e-4, newton=1, change=1e-3, ticks=5, turn=1.0)
+    return Tolerances(error=1e-7 if limits else 5e-7, newton=2, change=1e-4, ticks=7, turn=0.5)

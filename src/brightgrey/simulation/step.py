@@ -11,14 +11,14 @@ from typing import Any
 
 from brightgrey.simulation.compiled import inlined, inner
 from brightgrey.simulation.lanes import choose_less, get, lanes_not_less, put, real, splat, whole
-from brightgrey.simulation.laws import evaluate
+from brightgrey.simulation.laws import channel_forces
 from brightgrey.simulation.layout import end_rows
 
 __all__ = ["leaves", "step", "watch"]
 
 
 @inlined
-def _weigh(shape: Any, table: Any, at: Any, work: Any, who: Any) -> Any:
+def _weigh(shape: Any, delayed: Any, table: Any, at: Any, work: Any, who: Any) -> Any:
     """Row of a step table times state and input, without F."""
     n = shape.n
     total = get(table, at + n + 2, who)
@@ -26,7 +26,9 @@ def _weigh(shape: Any, table: Any, at: Any, work: Any, who: Any) -> Any:
         total = total + get(table, at + j, who) * get(work.x, j, who)
     total = total + get(table, at + n, who) * get(work.drive, 0, who)
     total = total + get(table, at + n + 1, who) * get(work.drive, 1, who)
-    return total + get(table, at + n + 3 + 2 * shape.channels, who) * get(work.drive, 2, who)
+    if delayed == 1:  # only then the input has a kink within a step
+        total = total + get(table, at + n + 3 + 2 * shape.channels, who) * get(work.drive, 2, who)
+    return total
 
 
 @inlined
@@ -40,18 +42,6 @@ def _add_forces(shape: Any, table: Any, at: Any, work: Any, total: Any, who: Any
 
 
 @inlined
-def _laws(shape: Any, plant: Any, z: Any, k: Any, who: Any) -> Any:
-    """Sum of all laws of channel k and its slope."""
-    port = get(z, k, who)
-    force, slope = splat(0.0, who), splat(0.0, who)
-    for e in range(shape.elements):
-        if whole(plant.channel, e) == k:
-            phi, by_port = evaluate(whole(plant.law, e), plant.p, whole(plant.first, e), who, port)
-            force, slope = force + phi, slope + by_port
-    return force, slope
-
-
-@inlined
 def _newton_one(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work: Any, who: Any) -> Any:
     """One Newton iteration for a single channel; returns the larger change of the two ports."""
     n = shape.n
@@ -59,8 +49,7 @@ def _newton_one(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, w
     e1, e2 = get(table, coupling, who), get(table, coupling + 1, who)
     a1, a2 = get(work.a1, 0, who), get(work.a2, 0, who)
     z1, z2 = get(work.z1, 0, who), get(work.z2, 0, who)
-    f1, d1 = _laws(shape, plant, work.z1, 0, who)
-    f2, d2 = _laws(shape, plant, work.z2, 0, who)
+    f1, d1, f2, d2 = channel_forces(shape, plant, 0, z1, z2, who)
     r1, r2 = f1 + d1 * (a1 - z1), f2 + d2 * (a2 - z2)
     m11, m12 = 1.0 - d1 * s1, d1 * s2
     m21, m22 = d2 * e1, 1.0 - d2 * e2
@@ -93,12 +82,15 @@ def _newton(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work:
     n, m = shape.n, shape.channels
     size = 2 * m
     width = n + 4 + 2 * m
-    for half in range(2):
-        for k in range(m):
+    for k in range(m):
+        force1, slope1, force2, slope2 = channel_forces(
+            shape, plant, k, get(work.z1, k, who), get(work.z2, k, who), who
+        )
+        for half in range(2):
             z, a = (work.z1, work.a1) if half == 0 else (work.z2, work.a2)
             row = half * m + k
             weights = stage + k * width + n + 3 if half == 0 else coupling + k * size
-            force, slope = _laws(shape, plant, z, k, who)
+            force, slope = (force1, slope1) if half == 0 else (force2, slope2)
             put(work.rhs, row, who, force + slope * (get(a, k, who) - get(z, k, who)))
             for j in range(size):
                 entry = -(slope * get(table, weights + j, who))
@@ -174,7 +166,7 @@ def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, work: Any, who: 
     stage = end_rows(n, m)
     coupling = stage + (m + shape.limits) * width
     for i in range(n):
-        put(work.end, i, who, _weigh(shape, table, i * width, work, who))
+        put(work.end, i, who, _weigh(shape, call.delayed, table, i * width, work, who))
     failed, coarse = 0, 0
     if m > 0:
         for k in range(m):
@@ -182,7 +174,7 @@ def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, work: Any, who: 
             put(work.F1, k, who, force + rate * (1.0 / 3.0))
             put(work.F2, k, who, force + rate)
         for k in range(m):
-            a1 = _weigh(shape, table, stage + k * width, work, who)
+            a1 = _weigh(shape, call.delayed, table, stage + k * width, work, who)
             a2 = get(plant.K, k, who) * (get(work.drive, 0, who) + get(work.drive, 1, who) * h)
             for i in range(n):
                 a2 = a2 + get(plant.H, k * n + i, who) * get(work.end, i, who)
@@ -210,6 +202,6 @@ def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, work: Any, who: 
             put(work.end, i, who, _add_forces(shape, table, start, work, get(work.end, i, who), who))
     for b in range(shape.limits):
         at = stage + (m + b) * width
-        value = _weigh(shape, table, at, work, who)
+        value = _weigh(shape, call.delayed, table, at, work, who)
         put(work.ahead, b, who, _add_forces(shape, table, at + n + 3, work, value, who))
     return failed, coarse
