@@ -321,6 +321,10 @@ class Effect:
         Number of masses it brings; every structure has exactly one effect that brings any.
     memory : bool
         Has states of its own.
+    spread : callable or None
+        ``spread(scales, share) -> values``: plausible values of all parameters, shape (parameters, K), from points of
+        the unit cube of that shape. For effects whose parameters are plausible only together; without it, each
+        is drawn from its own range.
     """
 
     name: str
@@ -336,3 +340,4 @@ class Effect:
     law: Law | None = None
     masses: int = 0
     memory: bool = False
+    spread: Callable[[Scales, Array], Array] | None = None

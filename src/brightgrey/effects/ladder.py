@@ -8,16 +8,24 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Scales, State, Values
 
 __all__ = ["ladder"]
+
+Array = NDArray[np.float64]
 
 INERTIA = Dimension(input=1, motion=-1, time=2)
 STIFFNESS = Dimension(input=1, motion=-1, time=0)
 DAMPING = Dimension(input=1, motion=-1, time=1)
 POSITION = Dimension(input=0, motion=1, time=0)
 SPEED = Dimension(input=0, motion=1, time=-1)
+
+
+_TOTAL = 1.5  # either way: how far the torque balance may be off
+_DIVISION = 30.0  # either way: a mass against all behind it
+_LEAST_DAMPED = 5e-3  # damping ratio; up to 1
 
 
 def slowest(scales: Scales) -> float:
@@ -83,6 +91,23 @@ def _stamp(draft: Draft, masses: int, values: Values) -> Draft:
     return Draft(states, masses, A, B, draft.elements, draft.dead_time)
 
 
+def _spread(scales: Scales, share: Array, masses: int) -> Array:
+    """Plausible ladders: what a recording shows are total inertia, resonances and their damping, not each constant.
+
+    The total inertia comes from the torque balance; it is divided mass by mass; each shaft's resonance is that of
+    all inertia before it against all behind it, uniform in the logarithm over the visible frequencies.
+    """
+    total = scales.inertia * _TOTAL ** (2.0 * share[0] - 1.0)
+    part = 1.0 / (1.0 + _DIVISION ** (1.0 - 2.0 * share[1:masses]))
+    left = np.cumprod(np.concatenate([np.ones_like(share[:1]), 1.0 - part]), axis=0)
+    J = total * left * np.concatenate([part, np.ones_like(share[:1])])
+    behind = total * left[1:]
+    reduced = (total - behind) * behind / total
+    turning = slowest(scales) * (fastest(scales) / slowest(scales)) ** share[masses : 2 * masses - 1]
+    ratio = _LEAST_DAMPED * (1.0 / _LEAST_DAMPED) ** share[2 * masses - 1 :]
+    return np.concatenate([J, reduced * turning**2, 2.0 * ratio * reduced * turning])
+
+
 def ladder(name: str, masses: int) -> Effect:
     """Multiple-mass effect with `masses` masses."""
 
@@ -109,4 +134,5 @@ def ladder(name: str, masses: int) -> Effect:
         stamp=stamp,
         masses=masses,
         memory=True,
+        spread=lambda scales, share: _spread(scales, share, masses),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from brightgrey.kit import Structure
 __all__ = ["Search", "search_space"]
 
 Array = NDArray[np.float64]
+Spread = Callable[[Scales, Array], Array]
 _NEAR = 3.0  # a start near the declared one is within this factor of it
 _NEAR_SHARE = 0.6  # of the starts, in each parameter
 
@@ -33,6 +34,10 @@ class Search:
     log : bool ndarray, shape (P,)
     fixed : mapping of str to float
         The other parameters, SI.
+    scales : Scales
+        Of the recordings.
+    spreads : tuple of (rows, callable)
+        Parameters that are drawn together, and how; see `Effect`.
     """
 
     names: tuple[str, ...]
@@ -41,6 +46,8 @@ class Search:
     start: Array
     log: NDArray[np.bool_]
     fixed: Mapping[str, float]
+    scales: Scales
+    spreads: tuple[tuple[tuple[int, ...], Spread], ...] = ()
 
     @property
     def width(self) -> Array:
@@ -58,10 +65,13 @@ class Search:
         low, high = (a.reshape(-1, *(1,) * (np.ndim(theta) - 1)) for a in (self.low, self.high))
         return np.clip(np.where(log, np.exp(np.where(log, theta, 0.0)), theta * width), low, high)
 
-    def candidates(self, count: int, seed: int) -> Array:
-        """Space-filling starts in SI, shape (P, count): in each parameter more often near the declared start."""
-        sampler = qmc.Sobol(len(self.names), rng=np.random.default_rng(seed))
-        share = sampler.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count].T
+    def named(self, values: Array) -> dict[str, Array]:
+        """By name, free parameters of shape (P, K) and fixed ones, each of shape (K,)."""
+        rest = {name: np.full(values.shape[1], value) for name, value in self.fixed.items()}
+        return dict(zip(self.names, values, strict=True)) | rest
+
+    def _alone(self, share: Array) -> Array:
+        """Starts from points of the unit cube, each parameter on its own: more often near the declared start."""
         low, high, start = (self.inward(v) for v in (self.low, self.high, self.start))
         reach = np.where(self.log, np.log(_NEAR), 0.5 * np.abs(start) + 0.02)
         near = (np.maximum(start - reach, low), np.minimum(start + reach, high))
@@ -74,6 +84,16 @@ class Search:
             low[column] + outer * (high - low)[column],
         )
         return self.outward(theta)
+
+    def candidates(self, count: int, seed: int) -> Array:
+        """Space-filling starts in SI, shape (P, count), where effects declare them plausible."""
+        sampler = qmc.Sobol(len(self.names), rng=np.random.default_rng(seed))
+        share = sampler.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count].T
+        values = self._alone(share)
+        for rows, spread in self.spreads:
+            drawn = spread(self.scales, share[list(rows)])
+            values[list(rows)] = np.clip(drawn, self.low[list(rows), None], self.high[list(rows), None])
+        return values
 
 
 def search_space(
@@ -116,4 +136,15 @@ def search_space(
         starts.append(float(np.clip(parameter.start(scales), low, high)))
     table = np.array(ranges).reshape(-1, 2)
     log = np.array([declared[name].scale == "log" for name in names], bool)
-    return Search(names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed))
+    spreads = tuple(_together(structure, names, bounds))
+    return Search(names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, spreads)
+
+
+def _together(
+    structure: Structure, names: tuple[str, ...], bounds: Mapping[str, tuple[float, float]]
+) -> Iterator[tuple[tuple[int, ...], Spread]]:
+    """Parameters that are drawn together: those of an effect that says how, unless the user decides on one."""
+    for placed in structure.placed:
+        own = [placed.parameter(q.symbol) for q in placed.effect.parameters]
+        if placed.effect.spread is not None and all(name in names and name not in bounds for name in own):
+            yield tuple(names.index(name) for name in own), placed.effect.spread

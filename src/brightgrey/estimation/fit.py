@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -12,9 +11,10 @@ from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.bounds import Search, search_space
-from brightgrey.estimation.leastsquares import Descent, descend
+from brightgrey.estimation.leastsquares import Descent, descend, descend_many
 from brightgrey.estimation.problem import Problem, initial_state, predict_many
 from brightgrey.estimation.scales import scales
+from brightgrey.estimation.starts import starting_points
 from brightgrey.estimation.uncertainty import covariance, weakest
 from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording
@@ -24,11 +24,11 @@ from brightgrey.simulation.settings import Level
 __all__ = ["Estimate", "Fit", "Outcome", "OutputFit", "Start", "fit", "predict"]
 
 Array = NDArray[np.float64]
-_CANDIDATES = 64
 _SHARPNESS = 100.0  # default f_tanh times the largest speed
 _AT_BOUND = 1e-4  # of the searched range
 _BLIND = 1e7  # condition number from which a combination of parameters cannot be seen
-_FINISHED = 3  # descents that are finished at the accurate level
+_FINISHED = 2  # descents that are finished at the accurate level
+_RIVAL = 1.01  # ... if their cost is not larger than the least by this factor, which is what `fast` may be off
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def fit(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     fixed: Mapping[str, float] | None = None,
     f_tanh: float | None = None,
-    start: Mapping[str, float] | None = None,
+    start: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
     starts: int = 8,
     seed: int = 0,
     level: Level = "accurate",
@@ -133,10 +133,10 @@ def fit(
         SI.
     f_tanh : float, optional
         s/rad (s/m); 100 over the largest speed by default.
-    start : mapping of str to float, optional
-        One more start, SI.
+    start : mapping of str to float or sequence of them, optional
+        Starts to descend from, SI; parameters that are not named take their declared start.
     starts : int
-        Descents.
+        Descents. What `start` and the torque balance leave of them is filled up with candidates.
     seed : int
         Of the candidates.
     level : {'accurate', 'fast', 'euler'}
@@ -162,21 +162,22 @@ def fit(
         level="euler" if level == "euler" else "fast",
         hold=recordings[0].hold,
     )
-    problem = Problem.of(structure, recordings)
-    begins = _begins(problem, search, settings, start, starts, seed)
-
-    def from_one(begin: Array) -> Descent:
-        return descend(problem, search, settings, begin)
-
-    with ThreadPoolExecutor(threads) as pool:
-        ends = list(pool.map(from_one, begins))
+    problem = Problem.of(structure, recordings, threads)
+    given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
+    begins = starting_points(problem, search, settings, given, starts, seed)
+    ends = descend_many(problem, search, settings, begins)
     order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
     final = replace(settings, level=level)
-    finished = [descend(problem, search, final, ends[i].values) for i in order[:_FINISHED]]
+    finished = [
+        descend(problem, search, final, ends[i].values)
+        for i in order[:_FINISHED]
+        if ends[i].cost <= _RIVAL * ends[order[0]].cost
+    ]
     best = min(finished, key=lambda d: d.cost)
-    evaluations = _CANDIDATES + sum(d.evaluations for d in (*ends, *finished))
+    evaluations = 1 + max(end.evaluations for end in ends) + sum(d.evaluations for d in finished)
     tried = tuple(
-        Start(_named(search, begins[i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged) for i in order
+        Start(_named(search, begins[:, i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged)
+        for i in order
     )
     estimates = _estimates(search, best, recordings)
     return Fit(
@@ -220,24 +221,6 @@ def predict(
     """
     arrays = {name: np.array([value]) for name, value in values.items()}
     return predict_many(structure, arrays, recording, settings, initial=initial)[:, :, 0]
-
-
-def _begins(
-    problem: Problem, search: Search, settings: Settings, start: Mapping[str, float] | None, starts: int, seed: int
-) -> list[Array]:
-    """Starts: the torque balance's, the user's, and the best of the candidates."""
-    begins = [search.start]
-    if start is not None:
-        named = [start.get(name, value) for name, value in zip(search.names, search.start, strict=True)]
-        begins.append(np.clip(named, search.low, search.high))
-    if search.names and len(begins) < starts:
-        candidates = search.candidates(_CANDIDATES, seed)
-        values = dict(zip(search.names, candidates, strict=True))
-        values |= {name: np.full(candidates.shape[1], value) for name, value in search.fixed.items()}
-        cost = np.square(problem.residuals(values, settings)).sum(axis=0)
-        chosen = np.argsort(cost, kind="stable")[: starts - len(begins)]
-        begins += [candidates[:, i] for i in chosen]
-    return begins
 
 
 def _named(search: Search, values: Array) -> dict[str, float]:

@@ -1,22 +1,33 @@
-"""Bounded least squares on the simulation error, all derivatives from one batch of simulations."""
+"""Bounded least squares on the simulation error: all starts side by side, derivatives in the same simulation."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from brightgrey.estimation.bounds import Search
+from brightgrey.estimation.marquardt import Normal, damping, step
 from brightgrey.estimation.problem import Problem
 from brightgrey.simulation import Settings
+from brightgrey.simulation.lanes import LANES
 
-__all__ = ["Descent", "descend", "evaluate"]
+__all__ = ["Descent", "End", "descend", "descend_many", "evaluate", "normal"]
 
 Array = NDArray[np.float64]
 _STEP = 1e-6  # of a forward difference, in the searched scale
+_FIRST_DAMPING = 1e-2
+_LAST_DIGITS = 1e-7  # tolerance of the final descent
+_STUCK = 1e9  # damping from which no descent can be found
+_CAP_LOG, _CAP_LINEAR = 2.0, 0.5  # longest step of a parameter: e^2 times, half of the range
+_QUIET = 2  # rounds in which the cost may fall by less than the tolerance
+_PATIENCE = 8  # rounds that every start is given
+_WATCHED = 4  # rounds whose descent is counted on to go on
+_AHEAD = 10  # rounds of such descent within which a start has to reach the best one
+_EVERY = 4  # rounds between two looks for starts that have met
+_SAME_COST, _SAME_PLACE = 1e-2, 1e-3  # relative to the cost: two starts that have met
 
 
 class Descent(NamedTuple):
@@ -44,52 +55,208 @@ class Descent(NamedTuple):
     jacobian: Array
 
 
-def evaluate(problem: Problem, search: Search, settings: Settings, theta: Array) -> tuple[Array, Array]:
-    """Residuals, shape (residuals,), and Jacobian, shape (residuals, P), at `theta` (searched scale).
+class End(NamedTuple):
+    """Where one of many descents ended: values (P,) in SI, cost, whether it converged, and rounds it took."""
 
-    The parameter set itself leads, its neighbours take the same steps (`frozen`), all in one call. Steps go away
-    from the nearer bound.
+    values: Array
+    cost: float
+    converged: bool
+    evaluations: int
+
+
+def _neighbours(theta: Array, search: Search) -> tuple[Array, Array]:
+    """Steps of the forward differences, away from the nearer bound, and SI values of start and neighbours.
+
+    For `theta` of shape (S, P): shapes (S, P) and (P, S, 1 + P).
     """
     low, high = search.inward(search.low), search.inward(search.high)
     steps = np.where(theta + _STEP <= high, _STEP, -_STEP)
     steps = np.where((steps < 0) & (theta - _STEP < low), _STEP, steps)
-    sets = np.repeat(theta[:, None], len(theta) + 1, axis=1)
-    sets[:, 1:] += np.diag(steps)
-    outward = np.where(
-        search.log[:, None], np.exp(np.where(search.log[:, None], sets, 0.0)), sets * search.width[:, None]
+    count = theta.shape[1]
+    sets = np.repeat(theta.T[:, :, None], 1 + count, axis=2)
+    for i in range(count):
+        sets[i, :, 1 + i] += steps[:, i]
+    log = search.log[:, None, None]
+    return steps, np.where(log, np.exp(np.where(log, sets, 0.0)), sets * search.width[:, None, None])
+
+
+def evaluate(problem: Problem, search: Search, settings: Settings, theta: Array) -> tuple[Array, Array]:
+    """Residuals, shape (residuals,), and Jacobian, shape (residuals, P), at `theta` (searched scale).
+
+    The parameter set itself leads, its neighbours take the same steps, all in one call.
+    """
+    steps, sets = _neighbours(theta[None, :], search)
+    r = problem.residuals(search.named(sets[:, 0, :]), settings, group=1 + len(theta))
+    return r[:, 0], (r[:, 1:] - r[:, :1]) / steps[0]
+
+
+def normal(problem: Problem, search: Search, settings: Settings, theta: Array) -> Normal:
+    """Cost, gradient and J' J at `theta`, shape (S, P), of all starts in one call of the simulation.
+
+    A start and its neighbours take the next power of two of lanes, or several rows of lanes that it leads.
+    """
+    starts, count = theta.shape
+    steps, sets = _neighbours(theta, search)
+    width = min(1 << count.bit_length(), LANES)
+    inside = max(width - 1, 1)
+    rows = max(1, -(-count // inside))
+    number = np.zeros((rows, width), int)
+    number[:, 1:] = np.minimum(1 + np.arange(rows * inside), count).reshape(rows, inside)[:, : width - 1]
+    lane = np.array([0] + [j // inside * width + 1 + j % inside for j in range(count)])
+    values = search.named(sets[:, :, number.ravel()].reshape(count, starts * rows * width))
+    total = problem.products(values, settings, width, lane, 1.0 / steps)
+    total = np.tril(total) + np.tril(total, -1).transpose(0, 2, 1)
+    return Normal(total[:, 0, 0], total[:, 1:, 0], total[:, 1:, 1:])
+
+
+@dataclass
+class _Field:
+    """Starts that are still on their way: their numbers, where they are and how they got there."""
+
+    number: NDArray[np.int64]
+    theta: Array
+    normal: Normal
+    scale: Array
+    damped: Array
+    growth: Array
+    quiet: NDArray[np.int64]
+    history: Array
+
+    def keep(self, which: NDArray[np.bool_]) -> _Field:
+        """Those of some starts."""
+        rest = (getattr(self, f) for f in ("scale", "damped", "growth", "quiet", "history"))
+        return _Field(self.number[which], self.theta[which], self.normal.of(which), *(a[which] for a in rest))
+
+
+def descend_many(
+    problem: Problem,
+    search: Search,
+    settings: Settings,
+    begins: Array,
+    *,
+    limit: int = 50,
+    tolerance: float = 1e-4,
+    compete: bool = True,
+) -> list[End]:
+    """Least squares from many starts side by side.
+
+    Parameters
+    ----------
+    problem : Problem
+    search : Search
+    settings : Settings
+    begins : ndarray, shape (P, S)
+        SI.
+    limit : int
+        Rounds; each simulates all starts that are still on their way with their neighbours.
+    tolerance : float
+        A start has converged when true and predicted descent stay below this part of its cost.
+    compete : bool
+        Starts that meet a better one are ended, and so are those that would not reach the best one if they went
+        on descending as they do. An end then depends on the other starts.
+
+    Returns
+    -------
+    list of End
+        In the order of `begins`.
+    """
+    low, high = search.inward(search.low), search.inward(search.high)
+    theta = np.clip(search.inward(begins).T, low, high)
+    first = normal(problem, search, settings, theta)
+    starts = len(theta)
+    field = _Field(
+        np.arange(starts),
+        theta,
+        first,
+        np.einsum("sii->si", first.curvature).copy(),
+        np.full(starts, _FIRST_DAMPING),
+        np.full(starts, 2.0),
+        np.zeros(starts, np.int64),
+        np.repeat(first.cost[:, None], _WATCHED, axis=1),
     )
-    values = dict(zip(search.names, outward, strict=True)) | {
-        k: np.full(sets.shape[1], v) for k, v in search.fixed.items()
-    }
-    r = problem.residuals(values, settings, frozen=True)
-    return r[:, 0], (r[:, 1:] - r[:, :1]) / steps
+    ends: dict[int, End] = {}
+    for turn in range(1, limit + 1):
+        field, converged = _round(problem, search, settings, field, tolerance)
+        going = ~converged
+        if compete:
+            least = min([float(field.normal.cost.min()), *(end.cost for end in ends.values())])
+            if turn >= _PATIENCE:
+                going &= ~_hopeless(field, least)
+            if turn % _EVERY == 0:
+                going &= ~_met(field)
+        for i in np.flatnonzero(~going).tolist():
+            ends[int(field.number[i])] = _end(search, field, i, bool(converged[i]), turn + 1)
+        field = field.keep(going)
+        if not len(field.number):
+            break
+    for i, number in enumerate(field.number.tolist()):
+        ends[number] = _end(search, field, i, not len(search.names), limit + 1)
+    return [ends[i] for i in range(starts)]
+
+
+def _end(search: Search, field: _Field, i: int, converged: bool, evaluations: int) -> End:
+    values = search.outward(field.theta[i])
+    return End(values, float(field.normal.cost[i]), converged, evaluations)
+
+
+def _round(
+    problem: Problem, search: Search, settings: Settings, field: _Field, tolerance: float
+) -> tuple[_Field, NDArray[np.bool_]]:
+    """One step of every start; returns which of them have converged, too."""
+    low, high = search.inward(search.low), search.inward(search.high)
+    cap = np.where(search.log, _CAP_LOG, _CAP_LINEAR)
+    wanted = step(field.theta, field.normal, field.scale, field.damped, low, high, cap)
+    theta = field.theta + wanted.change
+    tried = normal(problem, search, settings, theta)
+    fall = field.normal.cost - tried.cost
+    ratio = fall / np.maximum(wanted.predicted, 1e-300)
+    better = fall > 0.0
+    small = np.maximum(np.abs(fall), wanted.predicted) <= tolerance * field.normal.cost
+    quiet = np.where(better & small, field.quiet + 1, np.where(better, 0, field.quiet))
+    damped, growth = damping(field.damped, field.growth, ratio, better)
+    now = Normal(*(np.where(_column(better, new), new, old) for new, old in zip(tried, field.normal, strict=True)))
+    after = _Field(
+        field.number,
+        np.where(better[:, None], theta, field.theta),
+        now,
+        np.maximum(0.5 * field.scale, np.einsum("sii->si", now.curvature)),
+        damped,
+        growth,
+        quiet,
+        np.hstack([field.history[:, 1:], now.cost[:, None]]),
+    )
+    still = wanted.predicted <= 1e-12 * field.normal.cost
+    return after, (quiet >= _QUIET) | still | (damped >= _STUCK)
+
+
+def _column(which: NDArray[np.bool_], like: Array) -> NDArray[np.bool_]:
+    return which.reshape(-1, *(1,) * (like.ndim - 1))
+
+
+def _hopeless(field: _Field, least: float) -> NDArray[np.bool_]:
+    """Starts that would not reach the least cost within some rounds if they went on falling as in the last ones."""
+    cost = np.maximum(field.normal.cost, 1e-300)
+    fall = np.log(np.maximum(field.history[:, 0], cost) / cost) / (_WATCHED - 1)
+    return np.asarray(np.log(cost / max(least, 1e-300)) > _AHEAD * fall + _SAME_COST)
+
+
+def _met(field: _Field) -> NDArray[np.bool_]:
+    """Starts from which a better one differs by less than the recording can show."""
+    out = np.zeros(len(field.number), bool)
+    order = np.argsort(field.normal.cost, kind="stable")
+    for rank, i in enumerate(order):
+        for j in order[:rank]:
+            if out[j] or field.normal.cost[i] > (1.0 + _SAME_COST) * field.normal.cost[j]:
+                continue
+            apart = field.theta[i] - field.theta[j]
+            if apart @ field.normal.curvature[j] @ apart <= _SAME_PLACE * field.normal.cost[j]:
+                out[i] = True
+                break
+    return out
 
 
 def descend(problem: Problem, search: Search, settings: Settings, start: Array, *, limit: int = 50) -> Descent:
-    """Least squares from `start`, shape (P,), SI values.
-
-    Trust-region reflective method (scipy); `limit` bounds the number of batches.
-    """
-    if not len(search.names):
-        residual, jacobian = evaluate(problem, search, settings, start)
-        return Descent(start, float(residual @ residual), True, 1, residual, jacobian)
-    known: dict[bytes, tuple[Array, Array]] = {}
-
-    def both(theta: Array) -> tuple[Array, Array]:
-        key = theta.tobytes()
-        if key not in known:
-            known[key] = evaluate(problem, search, settings, theta)
-        return known[key]
-
-    part: Callable[[int], Callable[[Array], Array]] = lambda i: lambda theta: both(theta)[i]  # noqa: E731
-    low, high = search.inward(search.low), search.inward(search.high)
-    margin = 1e-10 * (high - low)
-    closed = high <= low  # a range without width: scipy wants low < high
-    low, high = np.where(closed, low - 1e-12, low), np.where(closed, high + 1e-12, high)
-    theta = np.clip(search.inward(start), low + margin, high - margin)
-    found = least_squares(
-        part(0), theta, part(1), bounds=(low, high), x_scale="jac", ftol=1e-9, xtol=1e-9, gtol=1e-12, max_nfev=limit
-    )
-    residual, jacobian = both(found.x)
-    cost = float(residual @ residual)
-    return Descent(search.outward(found.x), cost, found.status > 0, len(known), residual, jacobian)
+    """Least squares from `start`, shape (P,), SI values, to the last digits that the simulation gives."""
+    (end,) = descend_many(problem, search, settings, start[:, None], limit=limit, tolerance=_LAST_DIGITS, compete=False)
+    residual, jacobian = evaluate(problem, search, settings, search.inward(end.values))
+    return Descent(end.values, end.cost, end.converged, end.evaluations, residual, jacobian)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.estimation.normal import LARGEST, add_products
 from brightgrey.estimation.scales import speed_of
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
@@ -52,7 +53,7 @@ def predict_many(
     settings: Settings,
     *,
     initial: Mapping[str, float] | None = None,
-    frozen: bool = False,
+    group: int = 1,
     threads: int = 1,
 ) -> Array:
     """Simulated outputs of K parameter sets, shape (outputs, samples, K), SI; not-a-number where diverged."""
@@ -62,7 +63,7 @@ def predict_many(
     x0 = initial_state(recording, system)
     if initial is not None:
         x0 = np.array([initial[state.name] for state in system.states])
-    y = response(system, recording.u, recording.dt, x0, settings, frozen=frozen, threads=threads).y
+    y = response(system, recording.u, recording.dt, x0, settings, group=group, threads=threads).y
     for out, kind in enumerate(kinds):
         if kind == "velocity-differenced":
             before = y[out, :1] - recording.dt * x0[system.state_names.index("v1")]
@@ -102,13 +103,34 @@ class Problem:
         """Number of residuals."""
         return sum(r.y.size for r in self.recordings)
 
-    def residuals(self, values: Mapping[str, Array], settings: Settings, *, frozen: bool = False) -> Array:
+    def residuals(self, values: Mapping[str, Array], settings: Settings, *, group: int = 1) -> Array:
         """Weighted residuals, shape (residuals, K): simulated minus measured; large but finite if diverged."""
         parts = []
         for r in self.recordings:
-            y = predict_many(self.structure, values, r, settings, frozen=frozen, threads=self.threads)
+            y = predict_many(self.structure, values, r, settings, group=group, threads=self.threads)
             apart = (y - r.y[:, :, None]) * self.weights[:, None, None]
             lost = _LOST * (r.y.std(axis=1) * self.weights)[:, None, None]
-            apart = np.where(np.isfinite(apart), np.clip(apart, -1e6, 1e6), np.maximum(lost, 1.0))
+            apart = np.where(np.isfinite(apart), np.clip(apart, -LARGEST, LARGEST), np.maximum(lost, 1.0))
             parts.append(apart.reshape(-1, apart.shape[-1]))
         return np.concatenate(parts)
+
+    def products(
+        self,
+        values: Mapping[str, Array],
+        settings: Settings,
+        width: int,
+        lane: NDArray[np.int64],
+        per_step: Array,
+    ) -> Array:
+        """Products of residual and derivatives, shape (S, 1 + P, 1 + P), lower triangles; see `add_products`.
+
+        `values` hold S starts of equally many lanes, led by the first of every `width`.
+        """
+        starts, count = per_step.shape
+        total = np.zeros((starts, 1 + count, 1 + count))
+        for r in self.recordings:
+            y = predict_many(self.structure, values, r, settings, group=width, threads=self.threads)
+            y = np.ascontiguousarray(y).reshape(*y.shape[:2], starts, -1)
+            lost = np.maximum(_LOST * r.y.std(axis=1) * self.weights, 1.0)
+            add_products(y, r.y, self.weights, lost, lane, per_step, total)
+        return total

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.creep import creep
 from brightgrey.simulation.euler import euler
@@ -51,12 +52,12 @@ def response(
     x0: ArrayLike,
     settings: Settings,
     *,
-    frozen: bool = False,
+    group: int = 1,
     threads: int = 1,
 ) -> Response:
     """Simulate K systems of one structure side by side.
 
-    The result of a parameter set never depends on the others (unless `frozen` says so) nor on the number of
+    The result of a parameter set never depends on the others (unless `group` says so) nor on the number of
     threads. No step has to be chosen: see :class:`Settings`.
 
     Parameters
@@ -70,9 +71,10 @@ def response(
     x0 : array_like, shape (n,) or (n, K)
         Initial state.
     settings : Settings
-    frozen : bool
-        The first set chooses the steps and all others take the same ones, so that differences between them are
-        smooth: forward differences with a relative step of 1e-6 give derivatives.
+    group : int
+        Sets come in groups of this many. The first set of a group chooses the steps and the others take the same
+        ones, so that differences between them are smooth: forward differences with a relative step of 1e-6 give
+        derivatives. With 1, every set chooses its own.
     threads : int
 
     Returns
@@ -85,14 +87,13 @@ def response(
     n = lowered.A.shape[0]
     start = np.asarray(x0, float)
     start = np.broadcast_to(start[:, None] if start.ndim == 1 else start, (n, sets))
-    bases = base_steps(system, lowered, dt, settings)
-    if frozen:
-        bases[:] = bases[0]
+    if sets % group:
+        raise SettingsError(f"{sets} parameter sets do not make groups of {group}")
+    bases = base_steps(system, lowered, dt, settings)[::group]
     parts = []
     for base in np.unique(bases):
-        members = np.flatnonzero(bases == base)
-        pick = _frozen_lanes(members) if frozen else _lanes(members)
-        parts.append((pick.ravel(), *_simulate(lowered, u, dt, start, settings, frozen, threads, int(base), pick)))
+        pick, width = _lanes(np.flatnonzero(bases == base), group)
+        parts.append((pick.ravel(), *_simulate(lowered, u, dt, start, settings, width, threads, int(base), pick)))
     order, y, diverged = parts[0]
     if len(parts) == 1 and np.array_equal(order[:sets], np.arange(sets)):
         y, diverged = y[:, :, :sets], diverged[:sets]  # the usual case needs no copy
@@ -123,7 +124,7 @@ def _simulate(
     dt: float,
     x0: Array,
     settings: Settings,
-    frozen: bool,
+    group: int,
     threads: int,
     steps: int,
     pick: NDArray[np.int64],
@@ -143,7 +144,7 @@ def _simulate(
         base_steps=steps,
         newton=level.newton,
         hold=int(settings.hold == "linear"),
-        frozen=int(frozen),
+        group=group,
         samples=len(u),
         euler=int(settings.level == "euler"),
     )
@@ -180,15 +181,16 @@ def _simulate(
     return call.y, call.diverged.ravel()
 
 
-def _lanes(members: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Members in rows of LANES, the last one repeated to fill."""
-    missing = -len(members) % LANES
-    return np.append(members, np.repeat(members[-1:], missing)).reshape(-1, LANES)
+def _lanes(leaders: NDArray[np.int64], group: int) -> tuple[NDArray[np.int64], int]:
+    """Sets of the groups `leaders`, in rows of LANES, and how many lanes follow one leader.
 
-
-def _frozen_lanes(members: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Rows of LANES that each begin with the first member, which leads."""
-    rest = members[1:] if len(members) > 1 else members
-    missing = -len(rest) % (LANES - 1)
-    rest = np.append(rest, np.repeat(rest[-1:], missing)).reshape(-1, LANES - 1)
-    return np.hstack([np.full((len(rest), 1), members[0]), rest])
+    A group takes the next power of two, or several rows that all begin with its leader. The last set of a group
+    is repeated to fill it, the last group to fill a row.
+    """
+    width = min(1 << (group - 1).bit_length(), LANES)
+    rows = max(1, -(-(group - 1) // (LANES - 1))) if width == LANES else 1
+    inside = np.zeros((rows, width), np.int64)
+    inside[:, 1:] = np.minimum(np.arange(1, rows * (width - 1) + 1), group - 1).reshape(rows, width - 1)
+    missing = -len(leaders) % (LANES // width)
+    leaders = np.append(leaders, np.repeat(leaders[-1:], missing))
+    return (leaders[:, None, None] * group + inside).reshape(-1, LANES), width

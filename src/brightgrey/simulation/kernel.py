@@ -89,20 +89,20 @@ def _base_step(block: Any, shape: Any, plant: Any, call: Any, k: Any, base: Any,
     for b in range(shape.limits):
         ahead = watch(shape, plant, work, b, work.end, None)
         left |= leaves(work, b, None, get(work.ahead, b, None), ahead)
-    exceptional = failed | left
-    if shape.frozen == 0:
-        exceptional |= coarse
-    elif (failed | coarse | left) & 1:
-        exceptional = _ALL
-    elif exceptional:
-        for tick in range(1 << shape.ticks):
-            set_whole(work.plan, tick, shape.ticks)
-    exceptional &= ~dead
-    if exceptional:
-        for lane in range(LANES):
-            if (exceptional >> lane) & 1:
-                follow = 1 if shape.frozen == 1 and lane > 0 else 0
-                invoke(call.refine, (block, k, base, lane, follow))
+    group = shape.group
+    for leader in range(0, LANES, group):
+        mask = ((1 << group) - 1) << leader
+        if ((failed | coarse | left) >> leader) & 1:
+            exceptional = mask & ~dead
+        else:
+            exceptional = (failed | left) & mask & ~dead
+            if exceptional:
+                for tick in range(1 << shape.ticks):
+                    set_whole(work.plan, tick, shape.ticks)
+        if exceptional:
+            for lane in range(leader, leader + group):
+                if (exceptional >> lane) & 1:
+                    invoke(call.refine, (block, k, base, lane, 1 if lane > leader else 0))
     for c in range(shape.channels):
         f1, f2 = get(work.F1, c, None), get(work.F2, c, None)
         put(work.force, c, None, f2)

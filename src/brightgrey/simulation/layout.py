@@ -46,8 +46,8 @@ class Shape(NamedTuple):
         Newton iterations per step.
     hold : int
         1 if the input is linear between samples, 0 if it is held.
-    frozen : int
-        1 if lane 0 leads and the others use its sequence of steps.
+    group : int
+        The first lane of every so many leads and the others use its sequence of steps; 1 if each goes on its own.
     samples : int
         Length of the input.
     euler : int
@@ -63,7 +63,7 @@ class Shape(NamedTuple):
     base_steps: int
     newton: int
     hold: int
-    frozen: int
+    group: int
     samples: int
     euler: int
 
