@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.bounds import Search, search_space
-from brightgrey.estimation.leastsquares import Descent, descend, descend_many
+from brightgrey.estimation.estimates import Estimate, estimates_of
+from brightgrey.estimation.leastsquares import descend, descend_many
+from brightgrey.estimation.outcome import Outcome, outcome_of
 from brightgrey.estimation.problem import Problem, initial_state, predict_many
 from brightgrey.estimation.scales import scales
 from brightgrey.estimation.starts import starting_points
-from brightgrey.estimation.uncertainty import covariance, weakest
 from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
@@ -25,20 +25,8 @@ __all__ = ["Estimate", "Fit", "Outcome", "OutputFit", "Start", "fit", "predict"]
 
 Array = NDArray[np.float64]
 _SHARPNESS = 100.0  # default f_tanh times the largest speed
-_AT_BOUND = 1e-4  # of the searched range
-_BLIND = 1e7  # condition number from which a combination of parameters cannot be seen
 _FINISHED = 2  # descents that are finished at the accurate level
 _RIVAL = 1.01  # ... if their cost is not larger than the least by this factor, which is what `fast` may be off
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One parameter in SI: value, standard deviation, 95 % interval, and the bound it ran to."""
-
-    value: float
-    std: float
-    ci95: tuple[float, float]
-    at_bound: Literal["low", "high"] | None
 
 
 @dataclass(frozen=True)
@@ -48,14 +36,6 @@ class OutputFit:
     rss: float
     rmse: float
     fit_percent: float
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How a fit ended: numerical failure is a value, with its text as the message."""
-
-    kind: Literal["converged", "at bound", "evaluation limit", "diverged", "not identifiable"]
-    text: str
 
 
 @dataclass(frozen=True)
@@ -179,7 +159,7 @@ def fit(
         Start(_named(search, begins[:, i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged)
         for i in order
     )
-    estimates = _estimates(search, best, recordings)
+    estimates = estimates_of(search, best, recordings)
     return Fit(
         structure=structure,
         estimates={name: estimates[name] for name in structure.parameters},
@@ -187,7 +167,7 @@ def fit(
         settings=final,
         initial_states=tuple(_initial(structure, _named(search, best.values), r, final) for r in recordings),
         train=_train(problem, best.residual),
-        outcome=_outcome(search, best, estimates),
+        outcome=outcome_of(search, best, estimates),
         cost=best.cost,
         evaluations=evaluations,
         starts=tried,
@@ -234,35 +214,6 @@ def _initial(
     return dict(zip(system.state_names, initial_state(recording, system).tolist(), strict=True))
 
 
-def _estimates(search: Search, best: Descent, recordings: Sequence[Recording]) -> dict[str, Estimate]:
-    """Values with intervals in the searched scale; a parameter at its bound has none, and lends none to others."""
-    theta, low, high = (search.inward(v) for v in (best.values, search.low, search.high))
-    near = _AT_BOUND * (high - low)
-    side = np.where(theta - low <= near, -1, np.where(high - theta <= near, 1, 0))
-    inside = np.flatnonzero(side == 0)
-    lengths = [r.samples for r in recordings for _ in r.outputs]
-    std = np.full(len(theta), np.nan)
-    if len(inside):
-        spread = covariance(best.residual, best.jacobian[:, inside], lengths)
-        std[inside] = np.sqrt(np.maximum(np.diag(spread), 0.0))
-    result = {name: Estimate(value, 0.0, (value, value), None) for name, value in search.fixed.items()}
-    for i, name in enumerate(search.names):
-        value, s = float(best.values[i]), float(std[i])
-        half = 1.96 * s
-        if search.log[i]:
-            interval = (value * float(np.exp(-min(half, 700.0))), value * float(np.exp(min(half, 700.0))))
-            s *= value
-        else:
-            half *= float(search.width[i])
-            interval = (value - half, value + half)
-            s *= float(search.width[i])
-        if not np.isfinite(s):
-            interval = (np.nan, np.nan)
-        at: dict[int, Literal["low", "high"] | None] = {-1: "low", 0: None, 1: "high"}
-        result[name] = Estimate(value, s, interval, at[int(side[i])])
-    return result
-
-
 def _train(problem: Problem, residual: Array) -> dict[str, OutputFit]:
     """Fit of each output, pooled over the recordings."""
     outputs = problem.recordings[0].outputs
@@ -281,21 +232,3 @@ def _train(problem: Problem, residual: Array) -> dict[str, OutputFit]:
         percent = 100.0 * (1.0 - np.sqrt(rss) / max(float(np.linalg.norm(spread)), 1e-300))
         result[signal.name] = OutputFit(rss, float(np.sqrt(rss / len(apart))), float(percent))
     return result
-
-
-def _outcome(search: Search, best: Descent, estimates: Mapping[str, Estimate]) -> Outcome:
-    """What there is to say about the end of the fit, the gravest first."""
-    if not np.isfinite(best.cost) or (not np.any(best.jacobian) and search.names):
-        return Outcome("diverged", "no parameter set gave a finite simulation that depends on the parameters")
-    inside = [i for i, name in enumerate(search.names) if estimates[name].at_bound is None]
-    condition, direction = weakest(best.jacobian[:, inside])
-    if condition > _BLIND:
-        involved = [search.names[i] for i, share in zip(inside, direction, strict=True) if abs(share) > 0.3]
-        text = f"this recording cannot tell {' and '.join(involved)} apart"
-        return Outcome("not identifiable", text if len(involved) > 1 else f"this recording does not show {involved[0]}")
-    ran = [f"{name} at its {e.at_bound} bound" for name, e in estimates.items() if e.at_bound]
-    if ran:
-        return Outcome("at bound", ", ".join(ran))
-    if not best.converged:
-        return Outcome("evaluation limit", f"no optimum within {best.evaluations} batches of simulations")
-    return Outcome("converged", "the cost has a minimum here, inside all bounds")

@@ -60,8 +60,9 @@ def predict_many(
     kinds = [signal.kind for signal in recording.outputs]
     outputs = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
     system = assemble(structure, values, settings.f_tanh, outputs)
-    x0 = initial_state(recording, system)
-    if initial is not None:
+    if initial is None:
+        x0 = initial_state(recording, system)
+    else:
         x0 = np.array([initial[state.name] for state in system.states])
     y = response(system, recording.u, recording.dt, x0, settings, group=group, threads=threads).y
     for out, kind in enumerate(kinds):
