@@ -12,7 +12,7 @@ from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.creep import creep
 from brightgrey.simulation.euler import euler
-from brightgrey.simulation.events import refine
+from brightgrey.simulation.events import refine, together
 from brightgrey.simulation.kernel import run
 from brightgrey.simulation.kinks import kinks
 from brightgrey.simulation.lanes import LANES
@@ -163,6 +163,7 @@ def _simulate(
         kinks=kinks.address() if stepping and np.any(lowered.delay) else 0,
         start=start.address(),
         refine=refine.address() if stepping else 0,
+        together=together.address() if stepping and group > 1 else 0,
         creep=creep.address() if stepping else 0,
         euler=0 if stepping else euler.address(),
     )

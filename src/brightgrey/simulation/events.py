@@ -1,79 +1,107 @@
 """What a full step cannot do: halved steps where friction turns, and limits that are reached within a step.
 
-One lane at a time. A base step is cut into ticks by powers of two; where a limited state reaches or leaves its
-limit, the tick is gone through by Taylor series.
+A base step is cut into ticks by powers of two; where a limited state reaches or leaves its limit, the tick is gone
+through by Taylor series.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import Entry
+from brightgrey.simulation.compiled import Entry, inlined
 from brightgrey.simulation.lanes import call as invoke
 from brightgrey.simulation.lanes import get, put, real, set_whole, skip, whole
 from brightgrey.simulation.layout import call_of, plant_of, shape_of, table_rows, work_of
-from brightgrey.simulation.modes import drive_lane, mode_bits, use_table
-from brightgrey.simulation.step import leaves, step, watch
+from brightgrey.simulation.modes import drive_all, drive_lane, mode_bits, use_table
+from brightgrey.simulation.step import leaves, step, take_lane, watch
 
-__all__ = ["refine"]
+__all__ = ["refine", "together"]
+
+
+@inlined
+def _attempt(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any, who: Any) -> Any:
+    """Step of 2^level ticks; returns lanes in which it failed or a limit is passed, and those with a large error."""
+    tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
+    rows = table_rows(shape.n, shape.channels, shape.limits)
+    table = skip(work.tables, (bits * (shape.ticks + 1) + level) * rows)
+    out, coarse = step(shape, plant, call, table, (1 << level) * tick, work, who)
+    for b in range(shape.limits):
+        out |= leaves(work, b, who, get(work.ahead, b, who), watch(shape, plant, work, b, work.end, who))
+    return out, coarse
+
+
+@inlined
+def _longer(shape: Any, call: Any, work: Any, level: Any, position: Any, lane: Any) -> Any:
+    """Level of the step from `position` on: the error's estimate grows eightfold with twice the step."""
+    small = 8.0 * get(work.error, 0, lane) < real(call.numbers, 1)
+    return level + 1 if level < shape.ticks and not position & (1 << level) and small else level
 
 
 @Entry
-def refine(block: Any, k: Any, base: Any, lane: Any, follow: Any) -> None:
-    """Base step `base` after sample k for one lane, in halved steps: from ``work.x`` to ``work.end``.
+def refine(block: Any, k: Any, base: Any, lane: Any, follow: Any, position: Any, until: Any) -> None:
+    """Ticks [position, until) of base step `base` after sample k for one lane, in halved steps.
 
-    It leaves F as if of one full step.
-
-    The first lane, or a lane on its own, chooses the steps and writes them to ``work.plan``; with `follow` that
-    plan is taken, cut finer only where the lane's own events ask for it.
+    From ``work.x`` on, and to it. The first lane of a group, or a lane on its own, chooses the steps and writes
+    them to ``work.plan``; with `follow` that plan is taken, cut finer only where the lane's own events ask for it.
     """
     shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
-    ticks = 1 << shape.ticks
-    per_sample = float(ticks * shape.base_steps)
+    per_sample = float(shape.base_steps << shape.ticks)
     dt = real(call.numbers, 0)
-    tick = dt / per_sample
-    position, level = 0, shape.ticks
+    level = shape.ticks
     bits = mode_bits(shape, work, lane)
-    rows = table_rows(shape.n, shape.channels, shape.limits)
-    while position < ticks:
+    while position < until:
         if follow:
             level = min(level, whole(work.plan, position))
             while position & ((1 << level) - 1):
                 level -= 1
         size = 1 << level
-        start = base * ticks + position
+        start = (base << shape.ticks) + position
         drive_lane(shape, plant, call.u, k, float(start), float(size), per_sample, dt, work, lane)
-        table = skip(work.tables, (mode_bits(shape, work, lane) * (shape.ticks + 1) + level) * rows)
-        failed, coarse = step(shape, plant, call, table, size * tick, work, lane)
-        out = 0
-        for b in range(shape.limits):
-            out |= leaves(work, b, lane, get(work.ahead, b, lane), watch(shape, plant, work, b, work.end, lane))
-        if level > 0 and (failed or out or (coarse and not follow)):
+        out, coarse = _attempt(shape, plant, call, mode_bits(shape, work, lane), level, work, lane)
+        if level > 0 and (out or (coarse and not follow)):
             level -= 1
             continue
-        if out or failed:
+        if out:
             invoke(call.creep, (block, start, lane))
+            for i in range(shape.n):
+                put(work.x, i, lane, get(work.end, i, lane))
+            for b in range(shape.limits):
+                put(work.event, b, lane, watch(shape, plant, work, b, work.x, lane))
         else:
-            for c in range(shape.channels):
-                f1, f2 = get(work.F1, c, lane), get(work.F2, c, lane)
-                put(work.force, c, lane, f2)
-                put(work.slope, c, lane, (f2 - f1) * (1.5 / (size * tick)))
-        for i in range(shape.n):
-            put(work.x, i, lane, get(work.end, i, lane))
-        for b in range(shape.limits):
-            put(work.event, b, lane, watch(shape, plant, work, b, work.x, lane))
+            take_lane(shape, plant, work, size * (dt / per_sample), lane)
         if not follow:
             for i in range(position, position + size):
                 set_whole(work.plan, i, level)
         position += size
-        if follow:
-            level = shape.ticks
-        elif level < shape.ticks and not position & size and 8.0 * get(work.error, 0, lane) < real(call.numbers, 1):
-            level += 1  # the estimate grows eightfold with twice the step
-    h = dt / shape.base_steps
-    for c in range(shape.channels):
-        force = get(work.force, c, lane)
-        put(work.F2, c, lane, force)
-        put(work.F1, c, lane, force - get(work.slope, c, lane) * h / 1.5)
+        level = shape.ticks if follow else _longer(shape, call, work, level, position, lane)
     if bits != mode_bits(shape, work, lane):
         use_table(shape, work, lane)
+
+
+@Entry
+def together(block: Any, k: Any, base: Any, leader: Any) -> None:
+    """Base step `base` after sample k for a whole group in halved steps, which its leader chooses.
+
+    Lanes whose own events ask for more, or that are in another mode, go through a step on their own.
+    """
+    shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
+    tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
+    position, level = 0, shape.ticks - 1  # the full step has been tried
+    while position < 1 << shape.ticks:
+        size = 1 << level
+        drive_all(shape, plant, call, k, (base << shape.ticks) + position, size, work)
+        bits = mode_bits(shape, work, leader)
+        out, coarse = _attempt(shape, plant, call, bits, level, work, None)
+        if level > 0 and ((out | coarse) >> leader) & 1:
+            level -= 1
+            continue
+        after = _longer(shape, call, work, level, position + size, leader)
+        for i in range(position, position + size):
+            set_whole(work.plan, i, level)
+        for lane in range(leader, leader + shape.group):
+            if (out >> lane) & 1 or mode_bits(shape, work, lane) != bits:
+                invoke(call.refine, (block, k, base, lane, 1, position, position + size))
+            else:
+                take_lane(shape, plant, work, size * tick, lane)
+        position += size
+        level = after

@@ -21,12 +21,12 @@ from brightgrey.simulation.lanes import (
 )
 from brightgrey.simulation.lanes import call as invoke
 from brightgrey.simulation.layout import call_of, plant_of, shape_of, use_batch, work_of
-from brightgrey.simulation.modes import drive_lane
-from brightgrey.simulation.step import leaves, step, watch
+from brightgrey.simulation.modes import drive_all, drive_lane
+from brightgrey.simulation.step import leaves, step, take_all, take_lane, watch
 
 __all__ = ["run"]
 
-_ALL = (1 << LANES) - 1
+_WORTHWHILE = LANES // 2  # lanes of a group from which a step of all registers costs less than one of each lane
 
 
 @inlined
@@ -63,54 +63,38 @@ def _record(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any) -> An
 
 
 @inlined
-def _drive(shape: Any, plant: Any, call: Any, k: Any, base: Any, work: Any) -> None:
-    """Input of all lanes during base step `base` after sample k."""
-    dt, u = real(call.numbers, 0), call.u
-    h = dt / shape.base_steps
-    if call.delayed == 1:
-        ticks = float(1 << shape.ticks)
-        for lane in range(LANES):
-            per_sample = ticks * shape.base_steps
-            drive_lane(shape, plant, u, k, base * ticks, ticks, per_sample, dt, work, lane)
-    else:
-        slope = (real(u, k + 1) - real(u, k)) / dt if shape.hold == 1 else 0.0
-        put(work.drive, 0, None, splat(real(u, k) + slope * (base * h), None))
-        put(work.drive, 1, None, splat(slope, None))
-        put(work.drive, 2, None, splat(0.0, None))
-
-
-@inlined
 def _base_step(block: Any, shape: Any, plant: Any, call: Any, k: Any, base: Any, work: Any, dead: Any) -> None:
     """Carry all lanes over one base step."""
     h = real(call.numbers, 0) / shape.base_steps
-    _drive(shape, plant, call, k, base, work)
+    drive_all(shape, plant, call, k, base << shape.ticks, 1 << shape.ticks, work)
     failed, coarse = step(shape, plant, call, work.current, h, work, None)
     left = 0
     for b in range(shape.limits):
         ahead = watch(shape, plant, work, b, work.end, None)
         left |= leaves(work, b, None, get(work.ahead, b, None), ahead)
-    group = shape.group
+    if (failed | coarse | left) & ~dead == 0:
+        take_all(shape, plant, work, h)
+        return
+    group, exceptional = shape.group, 0
     for leader in range(0, LANES, group):
-        mask = ((1 << group) - 1) << leader
-        if ((failed | coarse | left) >> leader) & 1:
-            exceptional = mask & ~dead
-        else:
-            exceptional = (failed | left) & mask & ~dead
-            if exceptional:
+        led = (failed | coarse | left) if ((failed | coarse | left) >> leader) & 1 else (failed | left)
+        everyone = -1 if (led >> leader) & 1 else 0
+        exceptional |= (led | everyone) & (((1 << group) - 1) << leader)
+    exceptional &= ~dead
+    for lane in range(LANES):
+        if not (exceptional >> lane) & 1:
+            take_lane(shape, plant, work, h, lane)
+    for leader in range(0, LANES, group):
+        others = (exceptional >> leader) & ((1 << group) - 1)
+        if others & 1 and group >= _WORTHWHILE:
+            invoke(call.together, (block, k, base, leader))
+        elif others:
+            if not others & 1:  # the leader took the full step
                 for tick in range(1 << shape.ticks):
                     set_whole(work.plan, tick, shape.ticks)
-        if exceptional:
             for lane in range(leader, leader + group):
                 if (exceptional >> lane) & 1:
-                    invoke(call.refine, (block, k, base, lane, 1 if lane > leader else 0))
-    for c in range(shape.channels):
-        f1, f2 = get(work.F1, c, None), get(work.F2, c, None)
-        put(work.force, c, None, f2)
-        put(work.slope, c, None, (f2 - f1) * (1.5 / h))
-    for b in range(shape.limits):
-        put(work.event, b, None, watch(shape, plant, work, b, work.end, None))
-    for i in range(shape.n):
-        put(work.x, i, None, get(work.end, i, None))
+                    invoke(call.refine, (block, k, base, lane, 1 if lane > leader else 0, 0, 1 << shape.ticks))
 
 
 @cached
@@ -139,7 +123,7 @@ def run(block: Any, first: Any, last: Any) -> None:
             if k > 0:
                 for base in range(shape.base_steps):
                     if shape.euler == 1:
-                        _drive(shape, plant, call, k - 1, base, work)
+                        drive_all(shape, plant, call, k - 1, base << shape.ticks, 1 << shape.ticks, work)
                         invoke(call.euler, (block,))
                     else:
                         _base_step(block, shape, plant, call, k - 1, base, work, dead)

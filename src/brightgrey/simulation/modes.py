@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.compiled import inner
-from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, whole
+from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, splat, whole
 from brightgrey.simulation.laws import channel_force
 from brightgrey.simulation.layout import table_rows
 
-__all__ = ["drive_lane", "mode_bits", "set_force", "set_mode", "use_table"]
+__all__ = ["drive_all", "drive_lane", "mode_bits", "set_force", "set_mode", "use_table"]
 
 
 @inner
@@ -50,6 +50,21 @@ def drive_lane(
         put(work.drive, 0, lane, here)
         put(work.drive, 1, lane, 0.0)
         put(work.drive, 2, lane, after - here if inside else 0.0)
+
+
+@inner
+def drive_all(shape: Any, plant: Any, call: Any, k: Any, start: Any, size: Any, work: Any) -> None:
+    """Input of all lanes on the ticks [start, start + size) after sample k."""
+    dt, u = real(call.numbers, 0), call.u
+    per_sample = float(shape.base_steps << shape.ticks)
+    if call.delayed == 1:
+        for lane in range(LANES):
+            drive_lane(shape, plant, u, k, float(start), float(size), per_sample, dt, work, lane)
+        return
+    slope = (real(u, k + 1) - real(u, k)) / dt if shape.hold == 1 else 0.0
+    put(work.drive, 0, None, splat(real(u, k) + slope * (start * dt / per_sample), None))
+    put(work.drive, 1, None, splat(slope, None))
+    put(work.drive, 2, None, splat(0.0, None))
 
 
 @inner

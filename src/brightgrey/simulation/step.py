@@ -14,7 +14,7 @@ from brightgrey.simulation.lanes import choose_less, get, lanes_not_less, put, r
 from brightgrey.simulation.laws import channel_forces
 from brightgrey.simulation.layout import end_rows
 
-__all__ = ["leaves", "step", "watch"]
+__all__ = ["leaves", "step", "take_all", "take_lane", "watch"]
 
 
 @inlined
@@ -205,3 +205,27 @@ def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, work: Any, who: 
         value = _weigh(shape, call.delayed, table, at, work, who)
         put(work.ahead, b, who, _add_forces(shape, table, at + n + 3, work, value, who))
     return failed, coarse
+
+
+@inlined
+def _take(shape: Any, plant: Any, work: Any, h: Any, who: Any) -> None:
+    for c in range(shape.channels):
+        f1, f2 = get(work.F1, c, who), get(work.F2, c, who)
+        put(work.force, c, who, f2)
+        put(work.slope, c, who, (f2 - f1) * (1.5 / h))
+    for b in range(shape.limits):
+        put(work.event, b, who, watch(shape, plant, work, b, work.end, who))
+    for i in range(shape.n):
+        put(work.x, i, who, get(work.end, i, who))
+
+
+@inlined
+def take_all(shape: Any, plant: Any, work: Any, h: Any) -> None:
+    """Accept a step of length h in all lanes."""
+    _take(shape, plant, work, h, None)
+
+
+@inlined
+def take_lane(shape: Any, plant: Any, work: Any, h: Any, lane: Any) -> None:
+    """Accept a step of length h in one lane."""
+    _take(shape, plant, work, h, lane)
