@@ -85,9 +85,9 @@ class Search:
         )
         return self.outward(theta)
 
-    def candidates(self, count: int, seed: int) -> Array:
+    def candidates(self, count: int, rng: np.random.Generator) -> Array:
         """Space-filling starts in SI, shape (P, count), where effects declare them plausible."""
-        sampler = qmc.Sobol(len(self.names), rng=np.random.default_rng(seed))
+        sampler = qmc.Sobol(len(self.names), rng=rng)
         share = sampler.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count].T
         values = self._alone(share)
         for rows, spread in self.spreads:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.bounds import Search, search_space
-from brightgrey.estimation.leastsquares import Descent, descend, descend_many
+from brightgrey.estimation.explore import explore
+from brightgrey.estimation.leastsquares import Descent, descend
 from brightgrey.estimation.problem import Problem, initial_state, predict_many
 from brightgrey.estimation.scales import scales
-from brightgrey.estimation.starts import starting_points
 from brightgrey.estimation.uncertainty import covariance, weakest
 from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording
@@ -113,6 +113,7 @@ def fit(
     f_tanh: float | None = None,
     start: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
     starts: int = 8,
+    patience: int = 3,
     seed: int = 0,
     level: Level = "accurate",
     threads: int = 1,
@@ -137,6 +138,9 @@ def fit(
         Starts to descend from, SI; parameters that are not named take their declared start.
     starts : int
         Descents. What `start` and the torque balance leave of them is filled up with candidates.
+    patience : int
+        Further fields of as many descents are tried, until the residual is white or this many have not improved
+        on the best one. With 0 it stays with the first field.
     seed : int
         Of the candidates.
     level : {'accurate', 'fast', 'euler'}
@@ -164,8 +168,8 @@ def fit(
     )
     problem = Problem.of(structure, recordings, threads)
     given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
-    begins = starting_points(problem, search, settings, given, starts, seed)
-    ends = descend_many(problem, search, settings, begins)
+    found = explore(problem, search, settings, given, starts=starts, patience=patience, seed=seed)
+    ends = found.ends
     order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
     final = replace(settings, level=level)
     finished = [
@@ -174,9 +178,9 @@ def fit(
         if ends[i].cost <= _RIVAL * ends[order[0]].cost
     ]
     best = min(finished, key=lambda d: d.cost)
-    evaluations = 1 + max(end.evaluations for end in ends) + sum(d.evaluations for d in finished)
+    evaluations = found.evaluations + sum(d.evaluations for d in finished)
     tried = tuple(
-        Start(_named(search, begins[:, i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged)
+        Start(_named(search, found.begins[:, i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged)
         for i in order
     )
     estimates = _estimates(search, best, recordings)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.normal import LARGEST, add_products
+from brightgrey.estimation.normal import LARGEST, add_products, add_squares
 from brightgrey.estimation.scales import speed_of
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
@@ -18,6 +18,7 @@ __all__ = ["Problem", "initial_state", "noise_of", "predict_many"]
 
 Array = NDArray[np.float64]
 _AT_REST = 0.1  # of the largest speed
+_FEWEST = 100  # samples of a beginning
 _FIRST = 10  # samples that tell the speed at the start
 _LOST = 10.0  # residual of a diverged simulation, in standard deviations of the output
 
@@ -71,6 +72,16 @@ def predict_many(
     return y
 
 
+def _beginning(recording: Recording, share: float) -> Recording:
+    """Cut to the samples in which the input does `share` of what it does, counted by its magnitude and its changes."""
+    r = recording
+    size, change = np.abs(r.u), np.abs(np.diff(r.u, prepend=r.u[0]))
+    work = np.cumsum(size / max(size.sum(), 1e-300) + change / max(change.sum(), 1e-300))
+    samples = int(np.searchsorted(work, share * work[-1])) + 1
+    samples = int(np.clip(samples, min(_FEWEST, r.samples), r.samples))
+    return replace(r, t=r.t[:samples], u=r.u[:samples], y=r.y[:, :samples])
+
+
 @dataclass(frozen=True)
 class Problem:
     """Weighted residuals of `structure` on `recordings`.
@@ -109,8 +120,8 @@ class Problem:
         for r in self.recordings:
             y = predict_many(self.structure, values, r, settings, group=group, threads=self.threads)
             apart = (y - r.y[:, :, None]) * self.weights[:, None, None]
-            lost = _LOST * (r.y.std(axis=1) * self.weights)[:, None, None]
-            apart = np.where(np.isfinite(apart), np.clip(apart, -LARGEST, LARGEST), np.maximum(lost, 1.0))
+            lost = self._lost(r)[:, None, None]
+            apart = np.where(np.isfinite(apart), np.clip(apart, -LARGEST, LARGEST), lost)
             parts.append(apart.reshape(-1, apart.shape[-1]))
         return np.concatenate(parts)
 
@@ -131,6 +142,21 @@ class Problem:
         for r in self.recordings:
             y = predict_many(self.structure, values, r, settings, group=width, threads=self.threads)
             y = np.ascontiguousarray(y).reshape(*y.shape[:2], starts, -1)
-            lost = np.maximum(_LOST * r.y.std(axis=1) * self.weights, 1.0)
-            add_products(y, r.y, self.weights, lost, lane, per_step, total)
+            add_products(y, r.y, self.weights, self._lost(r), lane, per_step, total)
         return total
+
+    def costs(self, values: Mapping[str, Array], settings: Settings) -> Array:
+        """Sums of squared weighted residuals, shape (K,)."""
+        total = np.zeros(len(next(iter(values.values()))))
+        for r in self.recordings:
+            y = predict_many(self.structure, values, r, settings, threads=self.threads)
+            add_squares(np.ascontiguousarray(y), r.y, self.weights, self._lost(r), total)
+        return total
+
+    def _lost(self, r: Recording) -> Array:
+        """Weighted residual of a simulation that has diverged, shape (outputs,)."""
+        return np.asarray(np.maximum(_LOST * r.y.std(axis=1) * self.weights, 1.0))
+
+    def beginning(self, share: float) -> Problem:
+        """The same on the beginnings of the recordings, which hold `share` of what the input does."""
+        return replace(self, recordings=tuple(_beginning(r, share) for r in self.recordings))
