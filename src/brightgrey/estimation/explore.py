@@ -74,7 +74,7 @@ def explore(
     for number in range(1 + 6 * patience):
         part = problem.beginning(_BEGINNINGS[number % len(_BEGINNINGS)])
         rng = np.random.default_rng([seed, number])
-        field = _field(part, search, settings, first if number == 0 else [], ends, starts, rng)
+        field = _field(part, search, settings, first, ends, starts, rng)
         found, batches = _descended(part, problem, search, settings, field, best)
         begins, ends, evaluations = begins + field, ends + found, evaluations + batches
         least = min(end.cost for end in found)
@@ -82,9 +82,10 @@ def explore(
         best = min(best, least)
         if idle >= patience or not search.names:
             break
-        values = min(ends, key=lambda end: end.cost).values
-        if is_white(problem, problem.residuals(search.named(values[:, None]), settings)[:, 0]):
+        leader = min(ends, key=lambda end: end.cost)
+        if is_white(problem, problem.residuals(search.named(leader.values[:, None]), settings)[:, 0]):
             break
+        first = [] if leader.converged else [leader.values]
     return Found(np.stack(begins, axis=1), tuple(ends), evaluations)
 
 
@@ -124,7 +125,9 @@ def _descended(
         rough = descend_many(part, search, settings, begins, limit=_FIRST_ROUNDS, tolerance=_ROUGH, rival=np.inf)
         batches = max(end.evaluations for end in rough)
         begins = np.stack([end.values for end in rough], axis=1)
-    ends = descend_many(whole, search, settings, begins, limit=_ROUNDS, rival=best)
+    ends = descend_many(
+        whole, search, settings, begins, limit=_ROUNDS, rival=best, content=lambda r: is_white(whole, r)
+    )
     return ends, batches + max(end.evaluations for end in ends)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -152,6 +153,7 @@ def descend_many(
     limit: int = 50,
     tolerance: float = 1e-4,
     rival: float | None = None,
+    content: Callable[[Array], bool] | None = None,
 ) -> list[End]:
     """Least squares from many starts side by side.
 
@@ -171,6 +173,8 @@ def descend_many(
         Least cost known so far (infinite if there is none). With it, starts compete: those that meet a better one
         are ended, and so are those that would not reach the best one if they went on falling as they do.
         An end then depends on the other starts.
+    content : callable, optional
+        ``content(residual)``, residuals of a start that has converged: if true, all others are ended.
 
     Returns
     -------
@@ -192,6 +196,10 @@ def descend_many(
             going &= ~_hopeless(field, least)
         if rival is not None and turn % _EVERY == 0:
             going &= ~_met(field)
+        if content is not None and np.any(converged) and field.normal.cost[converged].min() <= field.normal.cost.min():
+            best = search.outward(field.theta[converged][field.normal.cost[converged].argmin()])
+            if content(problem.residuals(search.named(best[:, None]), settings)[:, 0]):
+                going[:] = False
         for i in np.flatnonzero(~going).tolist():
             ends[int(field.number[i])] = _end(search, field, i, bool(converged[i]), turn)
         field = field.keep(going)
