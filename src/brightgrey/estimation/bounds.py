@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.stats import qmc
 
 from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.estimation.onset import Unknown
 from brightgrey.kit import Structure
 
 __all__ = ["Search", "search_space"]
@@ -85,9 +86,9 @@ class Search:
         )
         return self.outward(theta)
 
-    def candidates(self, count: int, seed: int) -> Array:
+    def candidates(self, count: int, rng: np.random.Generator) -> Array:
         """Space-filling starts in SI, shape (P, count), where effects declare them plausible."""
-        sampler = qmc.Sobol(len(self.names), rng=np.random.default_rng(seed))
+        sampler = qmc.Sobol(len(self.names), rng=rng)
         share = sampler.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count].T
         values = self._alone(share)
         for rows, spread in self.spreads:
@@ -101,6 +102,7 @@ def search_space(
     scales: Scales,
     bounds: Mapping[str, tuple[float, float]],
     fixed: Mapping[str, float],
+    unknown: Sequence[Unknown] = (),
 ) -> Search:
     """Ranges and starts of the free parameters of `structure`.
 
@@ -113,6 +115,8 @@ def search_space(
         SI; override the declared ranges.
     fixed : mapping of str to float
         SI; these are not searched.
+    unknown : sequence of Unknown
+        Parts of initial states that are searched for, too.
 
     Raises
     ------
@@ -134,8 +138,10 @@ def search_space(
             raise SettingsError(f"bound of {name}: low {low:g} has to be positive")
         ranges.append((low, high))
         starts.append(float(np.clip(parameter.start(scales), low, high)))
-    table = np.array(ranges).reshape(-1, 2)
-    log = np.array([declared[name].scale == "log" for name in names], bool)
+    log = np.array([declared[name].scale == "log" for name in names] + [False] * len(unknown), bool)
+    table = np.array(ranges + [(part.low, part.high) for part in unknown]).reshape(-1, 2)
+    starts += [part.start for part in unknown]
+    names += tuple(part.name for part in unknown)
     spreads = tuple(_together(structure, names, bounds))
     return Search(names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, spreads)
 

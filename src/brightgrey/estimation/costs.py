@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.pattern_search import CostMany
-from brightgrey.estimation.problem import Problem, initial_state, predict_many
-from brightgrey.kit import assemble
+from brightgrey.estimation.problem import Problem, predict_many
 from brightgrey.simulation import Settings
 
 __all__ = ["cost_function"]
@@ -20,8 +17,6 @@ Array = NDArray[np.float64]
 
 def cost_function(problem: Problem, search: Search, settings: Settings) -> CostMany:
     """Weighted sum of squared residuals of K points in the searched scale; infinite where a simulation diverged.
-
-    What does not depend on the parameters, the initial state above all, is worked out once.
 
     Parameters
     ----------
@@ -35,18 +30,12 @@ def cost_function(problem: Problem, search: Search, settings: Settings) -> CostM
     callable
         ``cost(theta)`` with theta of shape (n, K) gives shape (K,).
     """
-    middle = dict(zip(search.names, search.start.tolist(), strict=True)) | dict(search.fixed)
-    system = assemble(problem.structure, middle, settings.f_tanh)
-    initial: list[Mapping[str, float]] = [
-        dict(zip(system.state_names, initial_state(r, system).tolist(), strict=True)) for r in problem.recordings
-    ]
 
     def cost(theta: Array) -> Array:
-        values = dict(zip(search.names, search.outward(theta), strict=True))
-        values |= {name: np.full(theta.shape[1], value) for name, value in search.fixed.items()}
+        values = search.named(search.outward(theta))
         total = np.zeros(theta.shape[1])
-        for r, start in zip(problem.recordings, initial, strict=True):
-            y = predict_many(problem.structure, values, r, settings, initial=start, threads=problem.threads)
+        for r, onset in zip(problem.recordings, problem.onsets, strict=True):
+            y = predict_many(problem.structure, values, r, settings, onset=onset, threads=problem.threads)
             for out, weight in enumerate(problem.weights):
                 apart = y[out] - r.y[out][:, None]
                 total += weight**2 * np.einsum("ij,ij->j", apart, apart)

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.bounds import Search, search_space
 from brightgrey.estimation.estimates import Estimate, estimates_of
-from brightgrey.estimation.leastsquares import descend, descend_many
+from brightgrey.estimation.explore import explore
+from brightgrey.estimation.leastsquares import End, descend
+from brightgrey.estimation.onset import Initial
 from brightgrey.estimation.outcome import Outcome, outcome_of
-from brightgrey.estimation.problem import Problem, initial_state, predict_many
+from brightgrey.estimation.problem import Problem, predict_many
 from brightgrey.estimation.scales import scales
-from brightgrey.estimation.starts import starting_points
-from brightgrey.kit import Structure, assemble
+from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 from brightgrey.simulation.settings import Level
@@ -25,6 +26,7 @@ __all__ = ["Estimate", "Fit", "Outcome", "OutputFit", "Start", "fit", "predict"]
 
 Array = NDArray[np.float64]
 _SHARPNESS = 100.0  # default f_tanh times the largest speed
+_ELSEWHERE = 0.1  # in the searched scale
 _FINISHED = 2  # descents that are finished at the accurate level
 _RIVAL = 1.01  # ... if their cost is not larger than the least by this factor, which is what `fast` may be off
 
@@ -93,8 +95,10 @@ def fit(
     f_tanh: float | None = None,
     start: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
     starts: int = 8,
+    patience: int = 3,
     seed: int = 0,
     level: Level = "accurate",
+    initial: Initial = "auto",
     threads: int = 1,
 ) -> Fit:
     """Estimate the parameters of `structure` by bounded least squares on the simulation error.
@@ -117,9 +121,15 @@ def fit(
         Starts to descend from, SI; parameters that are not named take their declared start.
     starts : int
         Descents. What `start` and the torque balance leave of them is filled up with candidates.
+    patience : int
+        Further fields of as many descents are tried, until the residual is white or this many have not improved
+        on the best one. With 0 it stays with the first field.
     seed : int
         Of the candidates.
     level : {'accurate', 'fast', 'euler'}
+    initial : {'auto', 'rest', 'samples', 'estimated'}
+        State before the first sample: at rest, moving as the first samples say, or estimated with the parameters
+        within what the sensor's noise allows. ``auto`` is at rest unless the first samples clearly move.
     threads : int
         The result does not depend on it.
 
@@ -135,28 +145,24 @@ def fit(
     if starts < 1:
         raise SettingsError(f"starts is {starts}; at least 1 is needed")
     known = scales(recordings)
-    search = search_space(structure, known, bounds or {}, fixed or {})
     settings = Settings(
         f_tanh=_SHARPNESS / known.speed if f_tanh is None else f_tanh,
         speed_scale=known.speed,
         level="euler" if level == "euler" else "fast",
         hold=recordings[0].hold,
     )
-    problem = Problem.of(structure, recordings, threads)
+    problem = Problem.of(structure, recordings, threads, initial)
+    search = search_space(structure, known, bounds or {}, fixed or {}, problem.unknown)
     given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
-    begins = starting_points(problem, search, settings, given, starts, seed)
-    ends = descend_many(problem, search, settings, begins)
+    found = explore(problem, search, settings, given, starts=starts, patience=patience, seed=seed)
+    ends = found.ends
     order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
     final = replace(settings, level=level)
-    finished = [
-        descend(problem, search, final, ends[i].values)
-        for i in order[:_FINISHED]
-        if ends[i].cost <= _RIVAL * ends[order[0]].cost
-    ]
+    finished = [descend(problem, search, final, ends[i].values) for i in _finalists(search, ends, order)]
     best = min(finished, key=lambda d: d.cost)
-    evaluations = 1 + max(end.evaluations for end in ends) + sum(d.evaluations for d in finished)
+    evaluations = found.evaluations + sum(d.evaluations for d in finished)
     tried = tuple(
-        Start(_named(search, begins[:, i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged)
+        Start(_named(search, found.begins[:, i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged)
         for i in order
     )
     estimates = estimates_of(search, best, recordings)
@@ -165,7 +171,7 @@ def fit(
         estimates={name: estimates[name] for name in structure.parameters},
         bounds=dict(zip(search.names, zip(search.low.tolist(), search.high.tolist(), strict=True), strict=True)),
         settings=final,
-        initial_states=tuple(_initial(structure, _named(search, best.values), r, final) for r in recordings),
+        initial_states=problem.states(_named(search, best.values), final.f_tanh),
         train=_train(problem, best.residual),
         outcome=outcome_of(search, best, estimates),
         cost=best.cost,
@@ -203,15 +209,18 @@ def predict(
     return predict_many(structure, arrays, recording, settings, initial=initial)[:, :, 0]
 
 
+def _finalists(search: Search, ends: Sequence[End], order: Sequence[int]) -> list[int]:
+    """Ends that may turn out as the best one at the final level: nearly as good as it, and elsewhere."""
+    chosen = [order[0]]
+    for i in order[1:]:
+        apart = [np.abs(search.inward(ends[i].values) - search.inward(ends[j].values)).max(initial=0.0) for j in chosen]
+        if ends[i].cost <= _RIVAL * ends[order[0]].cost and min(apart) > _ELSEWHERE and len(chosen) < _FINISHED:
+            chosen.append(i)
+    return chosen
+
+
 def _named(search: Search, values: Array) -> dict[str, float]:
     return dict(zip(search.names, values.tolist(), strict=True)) | dict(search.fixed)
-
-
-def _initial(
-    structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings
-) -> Mapping[str, float]:
-    system = assemble(structure, values, settings.f_tanh)
-    return dict(zip(system.state_names, initial_state(recording, system).tolist(), strict=True))
 
 
 def _train(problem: Problem, residual: Array) -> dict[str, OutputFit]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.marquardt import Normal, damping, step
+from brightgrey.estimation.marquardt import Normal, step
 from brightgrey.estimation.problem import Problem
 from brightgrey.simulation import Settings
 from brightgrey.simulation.lanes import LANES
@@ -20,7 +21,9 @@ Array = NDArray[np.float64]
 _STEP = 1e-6  # of a forward difference, in the searched scale
 _FIRST_DAMPING = 1e-2
 _LAST_DIGITS = 1e-7  # tolerance of the final descent
-_STUCK = 1e9  # damping from which no descent can be found
+_FACTORS = (0.03, 0.3, 3.0, 30.0)  # of the last damping, that are tried
+_LEAST, _MOST = 1e-9, 1e12  # damping
+_FADING = 0.5  # per round, of what the damping is relative to where the derivatives have become smaller
 _CAP_LOG, _CAP_LINEAR = 2.0, 0.5  # longest step of a parameter: e^2 times, half of the range
 _QUIET = 2  # rounds in which the cost may fall by less than the tolerance
 _PATIENCE = 8  # rounds that every start is given
@@ -118,13 +121,26 @@ class _Field:
     normal: Normal
     scale: Array
     damped: Array
-    growth: Array
     quiet: NDArray[np.int64]
     history: Array
 
+    @classmethod
+    def at(cls, theta: Array, first: Normal) -> _Field:
+        """All starts at `theta`, shape (S, P)."""
+        starts = len(theta)
+        return cls(
+            np.arange(starts),
+            theta,
+            first,
+            np.einsum("sii->si", first.curvature).copy(),
+            np.full(starts, _FIRST_DAMPING),
+            np.zeros(starts, np.int64),
+            np.repeat(first.cost[:, None], _WATCHED, axis=1),
+        )
+
     def keep(self, which: NDArray[np.bool_]) -> _Field:
         """Those of some starts."""
-        rest = (getattr(self, f) for f in ("scale", "damped", "growth", "quiet", "history"))
+        rest = (getattr(self, f) for f in ("scale", "damped", "quiet", "history"))
         return _Field(self.number[which], self.theta[which], self.normal.of(which), *(a[which] for a in rest))
 
 
@@ -136,7 +152,8 @@ def descend_many(
     *,
     limit: int = 50,
     tolerance: float = 1e-4,
-    compete: bool = True,
+    rival: float | None = None,
+    content: Callable[[Array], bool] | None = None,
 ) -> list[End]:
     """Least squares from many starts side by side.
 
@@ -148,12 +165,16 @@ def descend_many(
     begins : ndarray, shape (P, S)
         SI.
     limit : int
-        Rounds; each simulates all starts that are still on their way with their neighbours.
+        Rounds. In each, some dampings are tried for every start that is still on its way, and the derivatives
+        are taken where the best of them leads.
     tolerance : float
-        A start has converged when true and predicted descent stay below this part of its cost.
-    compete : bool
-        Starts that meet a better one are ended, and so are those that would not reach the best one if they went
-        on descending as they do. An end then depends on the other starts.
+        A start has converged when its cost falls by less than this part of itself, twice in succession.
+    rival : float, optional
+        Least cost known so far (infinite if there is none). With it, starts compete: those that meet a better one
+        are ended, and so are those that would not reach the best one if they went on falling as they do.
+        An end then depends on the other starts.
+    content : callable, optional
+        ``content(residual)``, residuals of a start that has converged: if true, all others are ended.
 
     Returns
     -------
@@ -162,75 +183,75 @@ def descend_many(
     """
     low, high = search.inward(search.low), search.inward(search.high)
     theta = np.clip(search.inward(begins).T, low, high)
-    first = normal(problem, search, settings, theta)
-    starts = len(theta)
-    field = _Field(
-        np.arange(starts),
-        theta,
-        first,
-        np.einsum("sii->si", first.curvature).copy(),
-        np.full(starts, _FIRST_DAMPING),
-        np.full(starts, 2.0),
-        np.zeros(starts, np.int64),
-        np.repeat(first.cost[:, None], _WATCHED, axis=1),
-    )
+    field = _Field.at(theta, normal(problem, search, settings, theta))
+    if not len(search.names):
+        return [_end(search, field, i, True, 1) for i in range(len(theta))]
     ends: dict[int, End] = {}
     for turn in range(1, limit + 1):
-        field, converged = _round(problem, search, settings, field, tolerance)
+        field = _round(problem, search, settings, field, tolerance)
+        converged = field.quiet >= _QUIET
         going = ~converged
-        if compete:
-            least = min([float(field.normal.cost.min()), *(end.cost for end in ends.values())])
-            if turn >= _PATIENCE:
-                going &= ~_hopeless(field, least)
-            if turn % _EVERY == 0:
-                going &= ~_met(field)
+        if rival is not None and turn >= _PATIENCE:
+            least = min([rival, float(field.normal.cost.min()), *(end.cost for end in ends.values())])
+            going &= ~_hopeless(field, least)
+        if rival is not None and turn % _EVERY == 0:
+            going &= ~_met(field)
+        if content is not None and np.any(converged) and field.normal.cost[converged].min() <= field.normal.cost.min():
+            best = search.outward(field.theta[converged][field.normal.cost[converged].argmin()])
+            if content(problem.residuals(search.named(best[:, None]), settings)[:, 0]):
+                going[:] = False
         for i in np.flatnonzero(~going).tolist():
-            ends[int(field.number[i])] = _end(search, field, i, bool(converged[i]), turn + 1)
+            ends[int(field.number[i])] = _end(search, field, i, bool(converged[i]), turn)
         field = field.keep(going)
         if not len(field.number):
             break
     for i, number in enumerate(field.number.tolist()):
-        ends[number] = _end(search, field, i, not len(search.names), limit + 1)
-    return [ends[i] for i in range(starts)]
+        ends[number] = _end(search, field, i, False, limit)
+    return [ends[i] for i in range(len(theta))]
 
 
-def _end(search: Search, field: _Field, i: int, converged: bool, evaluations: int) -> End:
-    values = search.outward(field.theta[i])
-    return End(values, float(field.normal.cost[i]), converged, evaluations)
+def _end(search: Search, field: _Field, i: int, converged: bool, turns: int) -> End:
+    return End(search.outward(field.theta[i]), float(field.normal.cost[i]), converged, 1 + 2 * turns)
 
 
-def _round(
-    problem: Problem, search: Search, settings: Settings, field: _Field, tolerance: float
-) -> tuple[_Field, NDArray[np.bool_]]:
-    """One step of every start; returns which of them have converged, too."""
+def _round(problem: Problem, search: Search, settings: Settings, field: _Field, tolerance: float) -> _Field:
+    """One step of every start with the best of some dampings."""
     low, high = search.inward(search.low), search.inward(search.high)
     cap = np.where(search.log, _CAP_LOG, _CAP_LINEAR)
-    wanted = step(field.theta, field.normal, field.scale, field.damped, low, high, cap)
-    theta = field.theta + wanted.change
-    tried = normal(problem, search, settings, theta)
-    fall = field.normal.cost - tried.cost
-    ratio = fall / np.maximum(wanted.predicted, 1e-300)
-    better = fall > 0.0
-    small = np.maximum(np.abs(fall), wanted.predicted) <= tolerance * field.normal.cost
-    quiet = np.where(better & small, field.quiet + 1, np.where(better, 0, field.quiet))
-    damped, growth = damping(field.damped, field.growth, ratio, better)
-    now = Normal(*(np.where(_column(better, new), new, old) for new, old in zip(tried, field.normal, strict=True)))
-    after = _Field(
+    factors = np.array(_FACTORS)
+    tried = np.stack(
+        [
+            field.theta + step(field.theta, field.normal, field.scale, field.damped * factor, low, high, cap)
+            for factor in factors
+        ],
+        axis=1,
+    )
+    outward = search.outward(tried.reshape(-1, tried.shape[2]).T)
+    costs = problem.costs(search.named(outward), settings).reshape(tried.shape[:2])
+    best = costs.argmin(axis=1)
+    row = np.arange(len(best))
+    better = costs[row, best] < field.normal.cost
+    theta = np.where(better[:, None], tried[row, best], field.theta)
+    now = field.normal
+    if better.any():
+        fresh = normal(problem, search, settings, theta[better])
+        now = Normal(*(_with(old, better, new) for old, new in zip(now, fresh, strict=True)))
+    fall = field.normal.cost - now.cost
+    return _Field(
         field.number,
-        np.where(better[:, None], theta, field.theta),
+        theta,
         now,
-        np.maximum(0.5 * field.scale, np.einsum("sii->si", now.curvature)),
-        damped,
-        growth,
-        quiet,
+        np.maximum(_FADING * field.scale, np.einsum("sii->si", now.curvature)),
+        np.clip(field.damped * np.where(better, factors[best], _FACTORS[-1] ** 2), _LEAST, _MOST),
+        np.where(fall > tolerance * field.normal.cost, 0, field.quiet + 1),
         np.hstack([field.history[:, 1:], now.cost[:, None]]),
     )
-    still = wanted.predicted <= 1e-12 * field.normal.cost
-    return after, (quiet >= _QUIET) | still | (damped >= _STUCK)
 
 
-def _column(which: NDArray[np.bool_], like: Array) -> NDArray[np.bool_]:
-    return which.reshape(-1, *(1,) * (like.ndim - 1))
+def _with(old: Array, where: NDArray[np.bool_], new: Array) -> Array:
+    out = old.copy()
+    out[where] = new
+    return out
 
 
 def _hopeless(field: _Field, least: float) -> NDArray[np.bool_]:
@@ -257,6 +278,6 @@ def _met(field: _Field) -> NDArray[np.bool_]:
 
 def descend(problem: Problem, search: Search, settings: Settings, start: Array, *, limit: int = 50) -> Descent:
     """Least squares from `start`, shape (P,), SI values, to the last digits that the simulation gives."""
-    (end,) = descend_many(problem, search, settings, start[:, None], limit=limit, tolerance=_LAST_DIGITS, compete=False)
+    (end,) = descend_many(problem, search, settings, start[:, None], limit=limit, tolerance=_LAST_DIGITS)
     residual, jacobian = evaluate(problem, search, settings, search.inward(end.values))
     return Descent(end.values, end.cost, end.converged, end.evaluations, residual, jacobian)

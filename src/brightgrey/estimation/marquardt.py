@@ -2,7 +2,7 @@
 
 Parameters at a bound that the gradient pushes out of the box are held; those that a step would carry out of it
 stop at the bound, and the others are solved for once more (projected Newton, Bertsekas 1982,
-doi:10.1137/0320018). Damping follows the ratio of true to predicted descent (Nielsen 1999).
+doi:10.1137/0320018).
 """
 
 from __future__ import annotations
@@ -12,12 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Normal", "Step", "damping", "step"]
+__all__ = ["Normal", "step"]
 
 Array = NDArray[np.float64]
 _PASSES = 3
 _TINY = 1e-12  # of the largest diagonal entry: what cannot be seen is damped as if it were that much
-_LEAST, _MOST = 1e-7, 1e12  # damping
 
 
 class Normal(NamedTuple):
@@ -32,15 +31,8 @@ class Normal(NamedTuple):
         return Normal(self.cost[which], self.gradient[which], self.curvature[which])
 
 
-class Step(NamedTuple):
-    """Step, shape (S, P), and the descent of the cost that the quadratic picture predicts, shape (S,)."""
-
-    change: Array
-    predicted: Array
-
-
-def step(theta: Array, normal: Normal, scale: Array, damped: Array, low: Array, high: Array, cap: Array) -> Step:
-    """Damped steps from `theta`, shape (S, P), that stay in the box.
+def step(theta: Array, normal: Normal, scale: Array, damped: Array, low: Array, high: Array, cap: Array) -> Array:
+    """Damped steps, shape (S, P), from `theta`, shape (S, P), that stay in the box.
 
     Parameters
     ----------
@@ -74,8 +66,7 @@ def step(theta: Array, normal: Normal, scale: Array, damped: Array, low: Array, 
         if not out.any():
             break
         held = held | out
-    predicted = -2.0 * np.einsum("si,si->s", g, change) - np.einsum("si,sij,sj->s", change, H, change)
-    return Step(change, predicted)
+    return change
 
 
 def _solve(matrix: Array, wanted: Array) -> Array:
@@ -87,14 +78,3 @@ def _solve(matrix: Array, wanted: Array) -> Array:
     except np.linalg.LinAlgError:
         found = (np.linalg.pinv(scaled, hermitian=True) @ (wanted * size)[:, :, None])[:, :, 0] * size
     return np.where(np.isfinite(found), found, 0.0)
-
-
-def damping(damped: Array, growth: Array, ratio: Array, accepted: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Next damping and its growth after a step with `ratio` of true to predicted descent, all of shape (S,)."""
-    bounded = np.clip(ratio, 0.0, 1.0)
-    less = damped * np.maximum(0.1, 1.0 - (2.0 * bounded - 1.0) ** 3)
-    more = damped * growth
-    return (
-        np.clip(np.where(accepted, less, more), _LEAST, _MOST),
-        np.where(accepted, 2.0, 2.0 * growth),
-    )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from brightgrey.simulation.compiled import cached
 
-__all__ = ["LARGEST", "add_products"]
+__all__ = ["LARGEST", "add_products", "add_squares"]
 
 Array = NDArray[np.float64]
 LARGEST = 1e6  # of a weighted residual: squares stay finite
@@ -51,3 +51,23 @@ def add_products(y: Any, measured: Any, weight: Any, lost: Any, lane: Any, per_s
                     a = d[i]
                     for j in range(i + 1):
                         total[i, j] += a * d[j]
+
+
+@cached
+def add_squares(y: Any, measured: Any, weight: Any, lost: Any, squares: Any) -> None:
+    """Add the squared weighted residuals, summed over samples, of each simulation.
+
+    Parameters
+    ----------
+    y : ndarray, shape (outputs, samples, K)
+    measured, weight, lost
+        As for `add_products`.
+    squares : ndarray, shape (K,)
+    """
+    outputs, samples, sets = y.shape
+    for out in range(outputs):
+        for k in range(samples):
+            for i in range(sets):
+                r = (y[out, k, i] - measured[out, k]) * weight[out]
+                r = min(max(r, -LARGEST), LARGEST) if np.isfinite(r) else lost[out]
+                squares[i] += r * r

@@ -3,47 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.normal import LARGEST, add_products
-from brightgrey.estimation.scales import speed_of
-from brightgrey.kit import StateSpace, Structure, assemble
+from brightgrey.estimation.normal import LARGEST, add_products, add_squares
+from brightgrey.estimation.onset import Initial, Onset, Unknown, noise_of
+from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 
-__all__ = ["Problem", "initial_state", "noise_of", "predict_many"]
+__all__ = ["Problem", "predict_many"]
 
 Array = NDArray[np.float64]
-_AT_REST = 0.1  # of the largest speed
-_FIRST = 10  # samples that tell the speed at the start
+_FEWEST = 100  # samples of a beginning
 _LOST = 10.0  # residual of a diverged simulation, in standard deviations of the output
-
-
-def initial_state(recording: Recording, system: StateSpace) -> Array:
-    """State, shape (n,), before the first sample.
-
-    Position is the first measured one; the axis is at rest unless the first samples clearly move (a tenth of
-    the largest speed): a free initial speed would be abused to absorb drift. All masses move alike, no shaft is
-    wound up, and T is the first input.
-    """
-    kinds = [signal.kind for signal in recording.outputs]
-    position = float(recording.y[kinds.index("position")][0]) if "position" in kinds else 0.0
-    course = speed_of(recording)
-    speed = float(np.mean(course[:_FIRST]))
-    if abs(speed) < _AT_REST * float(np.abs(course).max()):
-        speed = 0.0
-    return system.rest(position, speed, float(recording.u[0]))
-
-
-def noise_of(recording: Recording) -> Array:
-    """Noise of each output, shape (outputs,), SI: from second differences, at least the resolution's."""
-    bend = np.diff(recording.y, n=2, axis=1)
-    spread = 1.4826 * np.median(np.abs(bend), axis=1) / np.sqrt(6.0)
-    least = np.maximum(recording.resolution / np.sqrt(12.0), 1e-12 * recording.y.std(axis=1))
-    return np.asarray(np.maximum(spread, least))
 
 
 def predict_many(
@@ -52,24 +27,47 @@ def predict_many(
     recording: Recording,
     settings: Settings,
     *,
+    onset: Onset | None = None,
     initial: Mapping[str, float] | None = None,
     group: int = 1,
     threads: int = 1,
 ) -> Array:
-    """Simulated outputs of K parameter sets, shape (outputs, samples, K), SI; not-a-number where diverged."""
+    """Simulated outputs of K parameter sets, shape (outputs, samples, K), SI; not-a-number where diverged.
+
+    The initial state is `initial`, or else that of `onset`, whose unknown parts stand among the values.
+    """
     kinds = [signal.kind for signal in recording.outputs]
     outputs = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
-    system = assemble(structure, values, settings.f_tanh, outputs)
-    if initial is None:
-        x0 = initial_state(recording, system)
+    own = {name: values[name] for name in structure.parameters}
+    system = assemble(structure, own, settings.f_tanh, outputs)
+    if initial is not None:
+        x0 = np.array([[initial[state.name]] for state in system.states])
     else:
-        x0 = np.array([initial[state.name] for state in system.states])
+        x0 = (onset or Onset.of(recording)).state(system, float(recording.u[0]), values)
+    sets = max((np.size(value) for value in own.values()), default=1)
+    x0 = np.broadcast_to(x0, (len(x0), sets))
     y = response(system, recording.u, recording.dt, x0, settings, group=group, threads=threads).y
     for out, kind in enumerate(kinds):
         if kind == "velocity-differenced":
-            before = y[out, :1] - recording.dt * x0[system.state_names.index("v1")]
+            before = y[out, :1] - recording.dt * x0[system.state_names.index("v1")]  # it moved as it does at first
             y[out] = np.diff(y[out], axis=0, prepend=before) / recording.dt
     return y
+
+
+def _beginning(recording: Recording, share: float) -> Recording:
+    """Cut to the samples in which the input does `share` of what it does, counted by its magnitude and its changes."""
+    r = recording
+    size, change = np.abs(r.u), np.abs(np.diff(r.u, prepend=r.u[0]))
+    work = np.cumsum(size / max(size.sum(), 1e-300) + change / max(change.sum(), 1e-300))
+    samples = int(np.searchsorted(work, share * work[-1])) + 1
+    samples = int(np.clip(samples, min(_FEWEST, r.samples), r.samples))
+    return replace(r, t=r.t[:samples], u=r.u[:samples], y=r.y[:, :samples])
+
+
+def _limited(structure: Structure) -> tuple[str, ...]:
+    """Names of the states that are kept between limits."""
+    system = assemble(structure, dict.fromkeys(structure.parameters, 1.0), 1.0)
+    return tuple(system.state_names[e.limits.state] for e in system.elements if e.limits is not None)
 
 
 @dataclass(frozen=True)
@@ -83,21 +81,45 @@ class Problem:
     weights : ndarray, shape (outputs,)
         1 over the noise of each output; a noise below a thousandth of the output's spread counts as that, so
         that a fine sensor does not silence the others.
+    onsets : tuple of Onset
+        How each recording begins.
     threads : int
     """
 
     structure: Structure
     recordings: tuple[Recording, ...]
     weights: Array
+    onsets: tuple[Onset, ...]
     threads: int = 1
 
     @classmethod
-    def of(cls, structure: Structure, recordings: Sequence[Recording], threads: int = 1) -> Problem:
-        """Problem with weights from the recordings' noise."""
+    def of(
+        cls, structure: Structure, recordings: Sequence[Recording], threads: int = 1, initial: Initial = "auto"
+    ) -> Problem:
+        """Problem with weights from the recordings' noise; `initial` as for `Onset`."""
         noise = np.median([noise_of(r) for r in recordings], axis=0)
         spread = np.max([r.y.std(axis=1) for r in recordings], axis=0)
         floor = np.maximum(noise, 1e-3 * spread)
-        return cls(structure, tuple(recordings), 1.0 / np.where(floor > 0.0, floor, 1.0), threads)
+        tags = [f"#{k + 1}" if len(recordings) > 1 else "" for k in range(len(recordings))]
+        limited = _limited(structure)
+        onsets = tuple(Onset.of(r, initial, tag, limited) for r, tag in zip(recordings, tags, strict=True))
+        return cls(structure, tuple(recordings), 1.0 / np.where(floor > 0.0, floor, 1.0), onsets, threads)
+
+    @property
+    def unknown(self) -> tuple[Unknown, ...]:
+        """Parts of the initial states that are searched for beside the parameters."""
+        return tuple(unknown for onset in self.onsets for unknown in onset.unknown)
+
+    def states(self, values: Mapping[str, float], f_tanh: float) -> tuple[Mapping[str, float], ...]:
+        """Initial state by name for each recording, SI."""
+        own = {name: values[name] for name in self.structure.parameters}
+        arrays = {name: np.array([value]) for name, value in values.items()}
+        system = assemble(self.structure, own, f_tanh)
+        found = []
+        for r, onset in zip(self.recordings, self.onsets, strict=True):
+            x0 = onset.state(system, float(r.u[0]), arrays)[:, 0]
+            found.append(dict(zip(system.state_names, x0.tolist(), strict=True)))
+        return tuple(found)
 
     @property
     def samples(self) -> int:
@@ -107,11 +129,11 @@ class Problem:
     def residuals(self, values: Mapping[str, Array], settings: Settings, *, group: int = 1) -> Array:
         """Weighted residuals, shape (residuals, K): simulated minus measured; large but finite if diverged."""
         parts = []
-        for r in self.recordings:
-            y = predict_many(self.structure, values, r, settings, group=group, threads=self.threads)
+        for r, onset in zip(self.recordings, self.onsets, strict=True):
+            y = predict_many(self.structure, values, r, settings, onset=onset, group=group, threads=self.threads)
             apart = (y - r.y[:, :, None]) * self.weights[:, None, None]
-            lost = _LOST * (r.y.std(axis=1) * self.weights)[:, None, None]
-            apart = np.where(np.isfinite(apart), np.clip(apart, -LARGEST, LARGEST), np.maximum(lost, 1.0))
+            lost = self._lost(r)[:, None, None]
+            apart = np.where(np.isfinite(apart), np.clip(apart, -LARGEST, LARGEST), lost)
             parts.append(apart.reshape(-1, apart.shape[-1]))
         return np.concatenate(parts)
 
@@ -129,9 +151,24 @@ class Problem:
         """
         starts, count = per_step.shape
         total = np.zeros((starts, 1 + count, 1 + count))
-        for r in self.recordings:
-            y = predict_many(self.structure, values, r, settings, group=width, threads=self.threads)
+        for r, onset in zip(self.recordings, self.onsets, strict=True):
+            y = predict_many(self.structure, values, r, settings, onset=onset, group=width, threads=self.threads)
             y = np.ascontiguousarray(y).reshape(*y.shape[:2], starts, -1)
-            lost = np.maximum(_LOST * r.y.std(axis=1) * self.weights, 1.0)
-            add_products(y, r.y, self.weights, lost, lane, per_step, total)
+            add_products(y, r.y, self.weights, self._lost(r), lane, per_step, total)
         return total
+
+    def costs(self, values: Mapping[str, Array], settings: Settings) -> Array:
+        """Sums of squared weighted residuals, shape (K,)."""
+        total = np.zeros(len(next(iter(values.values()))))
+        for r, onset in zip(self.recordings, self.onsets, strict=True):
+            y = predict_many(self.structure, values, r, settings, onset=onset, threads=self.threads)
+            add_squares(np.ascontiguousarray(y), r.y, self.weights, self._lost(r), total)
+        return total
+
+    def _lost(self, r: Recording) -> Array:
+        """Weighted residual of a simulation that has diverged, shape (outputs,)."""
+        return np.asarray(np.maximum(_LOST * r.y.std(axis=1) * self.weights, 1.0))
+
+    def beginning(self, share: float) -> Problem:
+        """The same on the beginnings of the recordings, which hold `share` of what the input does."""
+        return replace(self, recordings=tuple(_beginning(r, share) for r in self.recordings))

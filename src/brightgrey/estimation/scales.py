@@ -26,7 +26,8 @@ Array = NDArray[np.float64]
 
 FILTERS = 3
 SHORTEST = 3  # samples
-LONGEST = 1.0 / 20.0  # of the recording
+LONGEST = 1.0 / 20.0  # of the recording, for a smoothed speed
+SLOWEST = 1.0 / 4.0  # of the recording, for the torque balance: it has to average over the swings of elastic drives
 NOISY = 0.03  # of the speed: what smoothing may still change
 TURNED = 0.02  # of the largest speed: where the sign of speed has turned
 ROWS = 4000  # rows of the regression that are enough
@@ -184,7 +185,7 @@ def _regression(recordings: tuple[Recording, ...], speed: float) -> Array:
     independent, is least in between.
     """
     fewest = min(r.samples for r in recordings)
-    longest = max(int(LONGEST * fewest), SHORTEST)
+    longest = max(int(SLOWEST * fewest), SHORTEST)
     samples = sum(r.samples for r in recordings)
     found = []
     for n in np.unique(np.geomspace(SHORTEST, longest, 8).astype(int)):

@@ -11,61 +11,65 @@ from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.problem import Problem
 from brightgrey.simulation import Settings
 
-__all__ = ["starting_points"]
+__all__ = ["best_of", "given_starts", "offspring"]
 
 Array = NDArray[np.float64]
-_PER_PARAMETER = 16  # candidates
 _APART = 0.5  # of the median distance between candidates: starts that are unlike each other
+_SHIFTS = (0.0, 0.05, 0.3)  # standard deviations by which offspring differ from their parent
+_REDRAWN = (0.1, 0.3, 0.6)  # shares of the parameters that offspring have drawn anew
 
 
-def starting_points(
-    problem: Problem,
-    search: Search,
-    settings: Settings,
-    given: Sequence[Mapping[str, float]],
-    starts: int,
-    seed: int,
-) -> Array:
-    """Starts in SI, shape (P, S): those given, the torque balance's, and the best of many candidates.
+def given_starts(search: Search, given: Sequence[Mapping[str, float]]) -> list[Array]:
+    """Given starts in SI, each of shape (P,); parameters that are not named take their declared start."""
+    declared = list(zip(search.names, search.start.tolist(), strict=True))
+    return [np.clip([g.get(n, v) for n, v in declared], search.low, search.high) for g in given]
+
+
+def best_of(problem: Problem, search: Search, settings: Settings, candidates: Array, count: int) -> list[Array]:
+    """Best `count` of the candidates, shape (P, K) in SI, each some way from all better ones."""
+    cost = problem.costs(search.named(candidates), settings)
+    return [candidates[:, i] for i in _diverse(search.inward(candidates), cost, count)]
+
+
+def offspring(search: Search, parents: Sequence[Array], fresh: Array, rng: np.random.Generator) -> Array:
+    """Parents with some parameters drawn anew and the others shifted a little, shape (P, K) in SI.
 
     Parameters
     ----------
-    problem : Problem
     search : Search
-    settings : Settings
-    given : sequence of mapping of str to float
-        SI; parameters that are not named take their declared start.
-    starts : int
-        How many there should be. All given ones are taken; without any, the torque balance's is.
-    seed : int
-        Of the candidates.
+    parents : sequence of ndarray, shape (P,)
+        SI, best first; the first of two is taken twice as often.
+    fresh : ndarray, shape (P, K)
+        Where anew drawn parameters come from.
+    rng : numpy.random.Generator
     """
-    begins = [np.clip([g.get(n, v) for n, v in _declared(search)], search.low, search.high) for g in given]
-    if len(begins) < starts or not begins:
-        begins.append(search.start)
-    missing = starts - len(begins)
-    if missing > 0 and search.names:
-        candidates = search.candidates(_PER_PARAMETER * (1 + len(search.names)), seed)
-        cost = np.square(problem.residuals(search.named(candidates), settings)).sum(axis=0)
-        begins += [candidates[:, i] for i in _diverse(search.inward(candidates), cost, missing)]
-    return np.stack(begins, axis=1)
-
-
-def _declared(search: Search) -> list[tuple[str, float]]:
-    return list(zip(search.names, search.start.tolist(), strict=True))
+    count = fresh.shape[1]
+    low, high = search.inward(search.low)[:, None], search.inward(search.high)[:, None]
+    share = 0.5 ** np.arange(len(parents))
+    chosen = rng.choice(len(parents), count, p=share / share.sum())
+    parent = search.inward(np.stack(parents, axis=1))[:, chosen]
+    shift = rng.choice(_SHIFTS, count) * rng.standard_normal(parent.shape)
+    near = np.clip(parent + np.where(search.log[:, None], shift, 0.2 * shift), low, high)
+    redrawn = rng.random(parent.shape) < rng.choice(_REDRAWN, count)
+    redrawn[rng.integers(len(redrawn), size=count), np.arange(count)] = True
+    return search.outward(np.where(redrawn, search.inward(fresh), near))
 
 
 def _diverse(theta: Array, cost: Array, count: int) -> list[int]:
     """Numbers of `count` candidates, best first, each some way from all chosen before; `theta` of shape (P, K)."""
     spread = theta.std(axis=1)
     place = (theta / np.where(spread > 0.0, spread, 1.0)[:, None]).T
-    apart = np.sqrt(np.square(place[:, None] - place[None]).sum(axis=2))
-    order = np.argsort(cost, kind="stable").tolist()
+    order = np.argsort(cost, kind="stable")
+    place = place[order]
+    apart = np.sqrt(np.maximum(np.square(place[:, None] - place[None]).sum(axis=2), 0.0))
     reach = _APART * float(np.median(apart))
     chosen: list[int] = []
+    nearest = np.full(len(order), np.inf)
     while len(chosen) < min(count, len(order)):
-        for i in order:
-            if i not in chosen and all(apart[i, j] > reach for j in chosen):
+        for i in range(len(order)):
+            if nearest[i] > reach and len(chosen) < count:
                 chosen.append(i)
+                nearest = np.minimum(nearest, apart[i])
+                nearest[i] = -np.inf
         reach = 0.5 * reach if reach > 1e-9 else -1.0
-    return chosen[:count]
+    return [int(order[i]) for i in chosen]

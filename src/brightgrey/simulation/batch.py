@@ -25,7 +25,6 @@ from brightgrey.simulation.start import start
 __all__ = ["Response", "base_steps", "response"]
 
 Array = NDArray[np.float64]
-_MOST_BASE_STEPS = 64
 _LOST = 1e9  # states this many times larger than input, speed and start are no motion any more
 
 
@@ -115,7 +114,7 @@ def base_steps(system: StateSpace, lowered: Lowered, dt: float, settings: Settin
         return np.ones(lowered.A.shape[-1], np.int64)
     turns = turning_rate(system, lowered) * dt / tolerances(settings.level, limits=True).turn
     steps = 2 ** np.ceil(np.log2(np.maximum(np.nan_to_num(turns, nan=1.0), 1.0)))
-    return np.asarray(np.minimum(steps, _MOST_BASE_STEPS).astype(np.int64))
+    return np.asarray(np.minimum(steps, tolerances(settings.level).most).astype(np.int64))
 
 
 def _simulate(

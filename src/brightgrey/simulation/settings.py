@@ -67,6 +67,8 @@ class Tolerances(NamedTuple):
         A base step may be cut into 2^ticks pieces.
     turn : float
         Largest angle in rad by which the fastest oscillation may turn in a base step when there are limits.
+    most : int
+        ... which then is no smaller than a sample over this.
     """
 
     error: float
@@ -74,6 +76,7 @@ class Tolerances(NamedTuple):
     change: float
     ticks: int
     turn: float
+    most: int
 
 
 def tolerances(level: Level, limits: bool = False) -> Tolerances:
@@ -83,5 +86,5 @@ def tolerances(level: Level, limits: bool = False) -> Tolerances:
     with `limits` both step finer.
     """
     if level == "fast":
-        return Tolerances(error=1e-5 if limits else 1e-4, newton=1, change=1e-3, ticks=5, turn=1.0)
-    return Tolerances(error=1e-7 if limits else 5e-7, newton=2, change=1e-4, ticks=7, turn=0.5)
+        return Tolerances(error=1e-5 if limits else 1e-4, newton=1, change=1e-3, ticks=5, turn=1.0, most=8)
+    return Tolerances(error=1e-7 if limits else 5e-7, newton=2, change=1e-4, ticks=7, turn=0.5, most=64)

@@ -1,0 +1,145 @@
+"""Search for the global optimum: fields of starts, until the residual is explained or nothing improves.
+
+The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Three
+things help against them. Descents begin on the beginning of the recording, where few periods have passed and
+the valleys are wide. Later fields hold offspring of the best ends so far, with some parameters drawn anew
+(iterated local search). And every field holds fresh starts, so that no optimum is final.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.estimation.bounds import Search
+from brightgrey.estimation.leastsquares import End, descend_many
+from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.starts import best_of, given_starts, offspring
+from brightgrey.simulation import Settings
+
+__all__ = ["Found", "explore", "is_white"]
+
+Array = NDArray[np.float64]
+_PER_PARAMETER = 16  # candidates
+_BEGINNINGS = (0.3, 1.0, 0.6)  # of the recording, of one field after the other
+_FIRST_ROUNDS, _ROUNDS = 20, 40  # on a beginning, on the whole
+_ROUGH = 1e-3  # tolerance on a beginning
+_PARENTS = 4
+_IMPROVED = 0.995  # of the least cost: what counts as an improvement
+_LAGS = 25
+_WHITE = 50.0  # Ljung-Box statistic that white residuals exceed once in 500 (chi-squared, 25 lags)
+
+
+@dataclass(frozen=True)
+class Found:
+    """Starts, shape (P, S) in SI, and their ends, in the order of the search; and the batches it took."""
+
+    begins: Array
+    ends: tuple[End, ...]
+    evaluations: int
+
+
+def explore(
+    problem: Problem,
+    search: Search,
+    settings: Settings,
+    given: Sequence[Mapping[str, float]],
+    *,
+    starts: int,
+    patience: int,
+    seed: int,
+) -> Found:
+    """Descend from field after field of starts.
+
+    Parameters
+    ----------
+    problem : Problem
+    search : Search
+    settings : Settings
+    given : sequence of mapping of str to float
+        Starts of the first field, SI. What they and the declared start leave is filled up.
+    starts : int
+        Descents per field.
+    patience : int
+        Fields without improvement after which the search ends; 0 for the first field alone.
+    seed : int
+    """
+    begins: list[Array] = []
+    ends: list[End] = []
+    best, idle, evaluations = np.inf, 0, 0
+    first = [*given_starts(search, given), search.start][: max(starts, len(given), 1)]
+    for number in range(1 + 6 * patience):
+        part = problem.beginning(_BEGINNINGS[number % len(_BEGINNINGS)])
+        rng = np.random.default_rng([seed, number])
+        field = _field(part, search, settings, first, ends, starts, rng)
+        found, batches = _descended(part, problem, search, settings, field, best)
+        begins, ends, evaluations = begins + field, ends + found, evaluations + batches
+        least = min(end.cost for end in found)
+        idle = 0 if least < _IMPROVED * best else idle + 1
+        best = min(best, least)
+        if idle >= patience or not search.names:
+            break
+        leader = min(ends, key=lambda end: end.cost)
+        if is_white(problem, problem.residuals(search.named(leader.values[:, None]), settings)[:, 0]):
+            break
+        first = [] if leader.converged else [leader.values]
+    return Found(np.stack(begins, axis=1), tuple(ends), evaluations)
+
+
+def _field(
+    part: Problem,
+    search: Search,
+    settings: Settings,
+    first: list[Array],
+    ends: Sequence[End],
+    starts: int,
+    rng: np.random.Generator,
+) -> list[Array]:
+    """Starts of one field: the first ones, and of fresh ones and offspring of the best ends equally many."""
+    missing = starts - len(first)
+    if missing <= 0 or not search.names:
+        return first
+    candidates = search.candidates(_PER_PARAMETER * (1 + len(search.names)), rng)
+    if not ends:
+        return first + best_of(part, search, settings, candidates, missing)
+    parents = [end.values for end in sorted(ends, key=lambda end: end.cost)[:_PARENTS]]
+    young = offspring(search, parents, candidates, rng)
+    half = missing // 2
+    return (
+        first
+        + best_of(part, search, settings, candidates, missing - half)
+        + best_of(part, search, settings, young, half)
+    )
+
+
+def _descended(
+    part: Problem, whole: Problem, search: Search, settings: Settings, field: list[Array], best: float
+) -> tuple[list[End], int]:
+    """Ends of a field, on the beginning of the recording first, and the batches it took."""
+    begins = np.stack(field, axis=1)
+    batches = 0
+    if part.samples < whole.samples:
+        rough = descend_many(part, search, settings, begins, limit=_FIRST_ROUNDS, tolerance=_ROUGH, rival=np.inf)
+        batches = max(end.evaluations for end in rough)
+        begins = np.stack([end.values for end in rough], axis=1)
+    ends = descend_many(
+        whole, search, settings, begins, limit=_ROUNDS, rival=best, content=lambda r: is_white(whole, r)
+    )
+    return ends, batches + max(end.evaluations for end in ends)
+
+
+def is_white(problem: Problem, residual: Array) -> bool:
+    """Whether nothing is left to explain: no autocorrelation within any output (Ljung and Box 1978)."""
+    begin = 0
+    for r in problem.recordings:
+        for piece in residual[begin : begin + r.y.size].reshape(r.y.shape):
+            n, power = len(piece), float(piece @ piece)
+            lags = range(1, min(_LAGS, n // 4) + 1)
+            rho = np.array([float(piece[k:] @ piece[:-k]) for k in lags]) / max(power, 1e-300)
+            if n * (n + 2) * np.sum(rho**2 / (n - np.array(lags))) > _WHITE:
+                return False
+        begin += r.y.size
+    return True

@@ -1,0 +1,130 @@
+"""How a recording begins: the state before its first sample, known or searched for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.estimation.scales import speed_of
+from brightgrey.kit import StateSpace
+from brightgrey.recordings import Recording
+
+__all__ = ["Initial", "Onset", "Unknown", "noise_of"]
+
+Array = NDArray[np.float64]
+Initial = Literal["auto", "rest", "samples", "estimated"]
+_AT_REST = 0.1  # of the largest speed
+_FIRST = 10  # samples that tell position and speed at the start
+_SURE = 3.0  # standard deviations of what the sensor allows
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A part of the initial state that is searched for, in SI; searched linearly."""
+
+    name: str
+    low: float
+    high: float
+    start: float
+
+
+def noise_of(recording: Recording) -> Array:
+    """Noise of each output, shape (outputs,), SI: from second differences, at least the resolution's."""
+    bend = np.diff(recording.y, n=2, axis=1)
+    spread = 1.4826 * np.median(np.abs(bend), axis=1) / np.sqrt(6.0)
+    least = np.maximum(recording.resolution / np.sqrt(12.0), 1e-12 * recording.y.std(axis=1))
+    return np.asarray(np.maximum(spread, least))
+
+
+@dataclass(frozen=True)
+class Onset:
+    """Position and speed before the first sample; all masses move alike, and T is the first input.
+
+    Attributes
+    ----------
+    position, speed : float
+        SI.
+    unknown : tuple of Unknown
+        Parts that are searched for. Their names end in `tag`.
+    tag : str
+        Tells recordings apart.
+    """
+
+    position: float
+    speed: float
+    unknown: tuple[Unknown, ...] = ()
+    tag: str = ""
+
+    @classmethod
+    def of(cls, recording: Recording, initial: Initial = "auto", tag: str = "", limited: tuple[str, ...] = ()) -> Onset:
+        """Onset of a recording.
+
+        Parameters
+        ----------
+        recording : Recording
+        initial : {'auto', 'rest', 'samples', 'estimated'}
+            Speed zero; as the first samples say; or searched for within what the noise of those samples leaves
+            open (a free speed would be abused to absorb drift). ``auto`` is at rest unless the first samples clearly
+            move, by a tenth of the largest speed; then their speed is taken and limited states are searched for.
+        tag : str
+        limited : tuple of str
+            Names of the limited states, which ``estimated`` searches for, too.
+        """
+        kinds = [signal.kind for signal in recording.outputs]
+        at = kinds.index("position") if "position" in kinds else None
+        position = float(recording.y[at][0]) if at is not None else 0.0
+        course = speed_of(recording)
+        speed = float(np.mean(course[:_FIRST]))
+        moving = abs(speed) >= _AT_REST * float(np.abs(course).max()) > 0.0
+        if initial == "rest" or (initial == "auto" and not moving):
+            return cls(position, 0.0, (), tag)
+        unknown: list[Unknown] = []
+        if initial == "estimated":
+            noise = noise_of(recording)
+            if at is not None:
+                slack = _SURE * float(noise[at])
+                unknown.append(Unknown(f"position(0){tag}", position - slack, position + slack, position))
+            slack = _SURE * _speed_noise(recording, noise)
+            unknown.append(Unknown(f"speed(0){tag}", speed - slack, speed + slack, speed))
+        if initial == "estimated" or (initial == "auto" and moving):
+            unknown += [Unknown(f"{name}(0)/width{tag}", -1.0, 0.0, -0.5) for name in limited]
+        return cls(position, speed, tuple(unknown), tag)
+
+    def state(self, system: StateSpace, u: float, values: Mapping[str, Array]) -> Array:
+        """Initial states, shape (n, K) or (n, 1): of the unknown parts, `values` holds arrays of shape (K,).
+
+        A limited state is counted in widths of its range, from its upper limit.
+        """
+
+        def known(name: str, otherwise: float) -> Array:
+            return np.atleast_1d(np.asarray(values.get(name + self.tag, otherwise), float))
+
+        parts = {
+            "position": known("position(0)", self.position),
+            "speed": known("speed(0)", self.speed),
+            "zero": np.zeros(1),
+            "input": np.full(1, u),
+        }
+        rows = [parts[state.at_rest] for state in system.states]
+        for element in system.elements:
+            if element.limits is not None:
+                low, high = element.limits.lower, element.limits.upper
+                share = known(f"{system.state_names[element.limits.state]}(0)/width", 0.0)
+                rows[element.limits.state] = np.atleast_1d(high + share * (high - low))
+        return np.array(np.broadcast_arrays(*rows))
+
+
+def _speed_noise(recording: Recording, noise: Array) -> float:
+    """Standard deviation of the speed that the first samples tell, the best output counts."""
+    found = [np.inf]
+    for signal, sigma in zip(recording.outputs, noise.tolist(), strict=True):
+        if signal.kind == "position":
+            found.append(sigma * np.sqrt(12.0 / _FIRST**3) / recording.dt)
+        elif signal.kind != "acceleration":
+            found.append(sigma / np.sqrt(_FIRST))
+    least = min(found)
+    return float(least) if np.isfinite(least) else 0.0
