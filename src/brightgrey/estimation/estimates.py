@@ -10,7 +10,7 @@ import numpy as np
 
 from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.leastsquares import Descent
-from brightgrey.estimation.uncertainty import covariance
+from brightgrey.estimation.uncertainty import spread
 from brightgrey.recordings import Recording
 
 __all__ = ["Estimate", "estimates_of"]
@@ -35,14 +35,15 @@ def estimates_of(search: Search, best: Descent, recordings: Sequence[Recording])
     side = np.where(theta - low <= near, -1, np.where(high - theta <= near, 1, 0))
     inside = np.flatnonzero(side == 0)
     lengths = [r.samples for r in recordings for _ in r.outputs]
-    std = np.full(len(theta), np.nan)
+    std, quantile = np.full(len(theta), np.nan), np.nan
     if len(inside):
-        spread = covariance(best.residual, best.jacobian[:, inside], lengths)
-        std[inside] = np.sqrt(np.maximum(np.diag(spread), 0.0))
+        found = spread(best.residual, best.jacobian[:, inside], lengths)
+        std[inside] = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+        quantile = found.quantile
     result = {name: Estimate(value, 0.0, (value, value), None) for name, value in search.fixed.items()}
     for i, name in enumerate(search.names):
         value, s = float(best.values[i]), float(std[i])
-        half = 1.96 * s
+        half = quantile * s
         if search.log[i]:
             interval = (value * float(np.exp(-min(half, 700.0))), value * float(np.exp(min(half, 700.0))))
             s *= value
