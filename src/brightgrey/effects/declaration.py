@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Caution",
+    "Circumstances",
     "Dimension",
     "Draft",
     "Effect",
@@ -85,6 +87,9 @@ class Parameter:
         ``start(scales) -> value``, a first guess within the bounds.
     scale : {'log', 'linear'}
         How to step through the range. ``log`` only for parameters that are always positive.
+    lag : bool
+        A time by which the input comes late, to first order: below a sampling interval it is sampling, and of
+        several of them a recording may show the sum only.
     """
 
     symbol: str
@@ -93,6 +98,7 @@ class Parameter:
     bounds: Callable[[Scales], tuple[float, float]]
     start: Callable[[Scales], float]
     scale: Literal["log", "linear"] = "log"
+    lag: bool = False
 
 
 @dataclass(frozen=True)
@@ -254,6 +260,51 @@ Stamp = Callable[[Draft, int, Values], Draft]
 
 
 @dataclass(frozen=True)
+class Circumstances:
+    """What a caution judges by, after an estimation; all in SI.
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        The effect's own parameters by bare symbol.
+    scales : Scales
+    f_tanh : float
+    beside : tuple of Law
+        Laws of the other effects at the same place.
+    reverses : bool
+        Whether the drive moves both ways in the recordings.
+    """
+
+    values: Mapping[str, float]
+    scales: Scales
+    f_tanh: float
+    beside: tuple[Law, ...]
+    reverses: bool
+
+
+@dataclass(frozen=True)
+class Caution:
+    """What a recording cannot tell of an effect, and when.
+
+    Attributes
+    ----------
+    kind : {'look-alike', 'invisible'}
+        Something else looks the same, or nothing is to be seen.
+    symbols : tuple of str
+        The effect's parameters that it is about.
+    applies : callable
+        ``applies(circumstances) -> bool``.
+    text : str
+        What to tell people, without the parameter's name in front.
+    """
+
+    kind: Literal["look-alike", "invisible"]
+    symbols: tuple[str, ...]
+    applies: Callable[[Circumstances], bool]
+    text: str
+
+
+@dataclass(frozen=True)
 class Effect:
     """A submodel of the function set: all that the rest of the package knows of a physical effect.
 
@@ -284,6 +335,7 @@ class Effect:
         Number of masses it brings; every structure has exactly one effect that brings any.
     memory : bool
         Has states of its own.
+    cautions : tuple of Caution
     """
 
     name: str
@@ -299,3 +351,4 @@ class Effect:
     law: Law | None = None
     masses: int = 0
     memory: bool = False
+    cautions: tuple[Caution, ...] = ()

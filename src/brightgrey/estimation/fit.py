@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.bounds import Search, search_space
+from brightgrey.estimation.cautions import cautions
 from brightgrey.estimation.estimates import Estimate, estimates_of
+from brightgrey.estimation.informative import recording_findings
 from brightgrey.estimation.leastsquares import Descent, descend
-from brightgrey.estimation.outcome import Outcome, outcome_of
+from brightgrey.estimation.outcome import Ended, Outcome, outcome_of, unmoved
 from brightgrey.estimation.problem import Problem, initial_state, predict_many
 from brightgrey.estimation.scales import scales
+from brightgrey.estimation.twins import untwin
 from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
@@ -143,6 +146,41 @@ def fit(
         hold=recordings[0].hold,
     )
     problem = Problem.of(structure, recordings)
+    final = replace(settings, level=level)
+    told = recording_findings(recordings)
+    if any(finding.kind == "not identifiable" for finding in told):
+        best, evaluations, tried = unmoved(problem, search, final), 1, ()
+    else:
+        best, evaluations, tried = _searched(problem, search, settings, final, start, starts, seed, threads)
+    best, twins = untwin(problem, search, final, best)
+    estimates = estimates_of(search, best, recordings)
+    named = {name: estimates.by_name[name] for name in structure.parameters}
+    beside = (*told, *twins, *cautions(structure, named, recordings, known, final))
+    return Fit(
+        structure=structure,
+        estimates=named,
+        bounds=dict(zip(search.names, zip(search.low.tolist(), search.high.tolist(), strict=True), strict=True)),
+        settings=final,
+        initial_states=tuple(_initial(structure, _named(search, best.values), r, final) for r in recordings),
+        train=_train(problem, best.residual),
+        outcome=outcome_of(Ended(problem, search, final, best, estimates), beside),
+        cost=best.cost,
+        evaluations=evaluations,
+        starts=tried,
+    )
+
+
+def _searched(
+    problem: Problem,
+    search: Search,
+    settings: Settings,
+    final: Settings,
+    start: Mapping[str, float] | None,
+    starts: int,
+    seed: int,
+    threads: int,
+) -> tuple[Descent, int, tuple[Start, ...]]:
+    """Best descent, batches of simulations, and all starts."""
     begins = _begins(problem, search, settings, start, starts, seed)
 
     def from_one(begin: Array) -> Descent:
@@ -151,26 +189,13 @@ def fit(
     with ThreadPoolExecutor(threads) as pool:
         ends = list(pool.map(from_one, begins))
     order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
-    final = replace(settings, level=level)
     finished = [descend(problem, search, final, ends[i].values) for i in order[:_FINISHED]]
     best = min(finished, key=lambda d: d.cost)
     evaluations = _CANDIDATES + sum(d.evaluations for d in (*ends, *finished))
     tried = tuple(
         Start(_named(search, begins[i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged) for i in order
     )
-    estimates = estimates_of(search, best, recordings)
-    return Fit(
-        structure=structure,
-        estimates={name: estimates[name] for name in structure.parameters},
-        bounds=dict(zip(search.names, zip(search.low.tolist(), search.high.tolist(), strict=True), strict=True)),
-        settings=final,
-        initial_states=tuple(_initial(structure, _named(search, best.values), r, final) for r in recordings),
-        train=_train(problem, best.residual),
-        outcome=outcome_of(search, best, estimates),
-        cost=best.cost,
-        evaluations=evaluations,
-        starts=tried,
-    )
+    return best, evaluations, tried
 
 
 def predict(
