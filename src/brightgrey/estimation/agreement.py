@@ -2,65 +2,83 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from brightgrey.estimation.uncertainty import Spread
+from brightgrey.estimation.bounds import Search
+from brightgrey.estimation.combinations import open_directions
+from brightgrey.estimation.leastsquares import Descent, descend
+from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.uncertainty import spread
+from brightgrey.simulation import Settings
 
 __all__ = ["Agreement", "agreement"]
 
 Array = NDArray[np.float64]
 _CHANCE = 0.01  # of calling recordings that agree different, over all parameters
-_PRIOR = 1e-6  # of the joint information, so that what a recording does not show stays where it is
+_NORMAL = 1.96  # standard deviations to each side of a 95 % interval
+_AT_BOUND = 1e-4  # of the searched range
 
 
 class Agreement(NamedTuple):
-    """Scatter of each parameter between recordings, shape (P,), and whether it is more than chance makes."""
+    """Scatter of each parameter between recordings, shape (P,), and whether it is more than chance makes.
 
-    spread: Array
+    In the searched scale; not a number where less than two recordings show the parameter.
+    """
+
+    between: Array
     apart: NDArray[np.bool_]
 
 
-def agreement(residual: Array, jacobian: Array, samples: Sequence[int], found: Spread) -> Agreement:
-    """What each recording alone would say, one Gauss-Newton step from the joint optimum.
+def agreement(problem: Problem, search: Search, settings: Settings, best: Descent) -> Agreement:
+    """Fit every recording alone, from the joint optimum, and compare.
 
     Parameters
     ----------
-    residual : ndarray, shape (residuals,)
-    jacobian : ndarray, shape (residuals, P)
-    samples : sequence of int
-        Residuals per recording, all outputs together.
-    found : Spread
-        With the middle of the sandwich for every output of every recording.
+    problem : Problem
+    search : Search
+    settings : Settings
+    best : Descent
+        The joint optimum.
 
     Returns
     -------
     Agreement
-        The spread is the standard deviation between recordings, each counted by its information. Recordings disagree
-        on a parameter if Cochran's Q of the recordings' values is beyond chance (1 % for all parameters together)
-        and the spread beyond the joint interval's half.
+        `between` is the standard deviation between recordings, each counted by its information. Recordings disagree
+        on a parameter if Cochran's Q of their values is beyond chance (1 % for all parameters together,
+        doi:10.2307/3001666) and the scatter is beyond half of the interval that
+        they would have together if they agreed (the joint fit's own is blown up by what they disagree on).
     """
-    count, parameters = len(samples), jacobian.shape[1]
-    if count < 2:
-        return Agreement(np.full(parameters, np.nan), np.zeros(parameters, bool))
-    joint = jacobian.T @ jacobian
-    outputs = len(found.meat) // count
-    moves, variances = [], []
-    for i, (r, J) in enumerate(
-        zip(np.split(residual, np.cumsum(samples)[:-1]), np.split(jacobian, np.cumsum(samples)[:-1]), strict=True)
-    ):
-        inverse = np.linalg.pinv(J.T @ J + _PRIOR * joint, rcond=1e-13, hermitian=True)
-        meat = np.sum(found.meat[i * outputs : (i + 1) * outputs], axis=0)
-        moves.append(-inverse @ (J.T @ r))
-        variances.append(np.maximum(np.diag(inverse @ (meat + _PRIOR * joint) @ inverse), 1e-300))
-    move, weight = np.array(moves), 1.0 / np.array(variances)
-    middle = (weight * move).sum(axis=0) / weight.sum(axis=0)
-    excess = weight * (move - middle) ** 2
-    spread = np.sqrt(excess.sum(axis=0) / weight.sum(axis=0) * count / (count - 1))
-    half = found.quantile * np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-    beyond = excess.sum(axis=0) > chi2.isf(_CHANCE / max(parameters, 1), count - 1)
-    return Agreement(spread, beyond & (spread > half))
+    count = len(best.values)
+    if len(problem.recordings) < 2 or not np.any(best.jacobian):
+        return Agreement(np.full(count, np.nan), np.zeros(count, bool))
+    alone = [_alone(replace(problem, recordings=(r,)), search, settings, best.values) for r in problem.recordings]
+    value, std = np.array([a[0] for a in alone]), np.array([a[1] for a in alone])
+    shown = np.isfinite(std) & (std > 0.0)
+    weight = np.where(shown, 1.0 / np.where(shown, std, 1.0) ** 2, 0.0)
+    number = shown.sum(axis=0)
+    total = np.where(number > 0, weight.sum(axis=0), 1.0)
+    excess = np.sum(weight * (value - (weight * value).sum(axis=0) / total) ** 2, axis=0)
+    more = np.maximum(number - 1, 1)
+    between = np.where(number > 1, np.sqrt(excess / total * number / more), np.nan)
+    beyond = (number > 1) & (excess > chi2.isf(_CHANCE / count, more))
+    return Agreement(between, beyond & (between > _NORMAL / np.sqrt(total)))
+
+
+def _alone(problem: Problem, search: Search, settings: Settings, start: Array) -> tuple[Array, Array]:
+    """Estimate and standard deviation of one recording, in the searched scale; infinite where it shows nothing."""
+    found = descend(problem, search, settings, start)
+    theta, low, high = (search.inward(v) for v in (found.values, search.low, search.high))
+    std = np.full(len(theta), np.inf)
+    inside = np.flatnonzero(np.minimum(theta - low, high - theta) > _AT_BOUND * (high - low))
+    if inside.size:
+        J = found.jacobian[:, inside]
+        own = spread(found.residual, J, [r.samples for r in problem.recordings for _ in r.outputs])
+        std[inside] = np.sqrt(np.maximum(np.diag(own.covariance), 0.0))
+        for hidden in open_directions(J, own.covariance, search, inside):
+            std[list(hidden.indices)] = np.inf
+    return theta, std

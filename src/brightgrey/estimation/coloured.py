@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.linalg import solve_toeplitz
 
 __all__ = ["Autoregression", "autoregression", "burg", "lag_sums", "levinson", "times_autocovariance"]
 
@@ -46,6 +47,34 @@ class Autoregression:
             return float(samples)
         longest = self.variance / sum(self.a) ** 2
         return float(min(samples * self.autocovariance(samples)[0] / longest, samples))
+
+    def scatter(self, g: Array) -> tuple[Array, Array]:
+        """Variances of ``sum g e`` and how uncertain they are if this model was estimated from as many samples.
+
+        Parameters
+        ----------
+        g : ndarray, shape (samples, P)
+            Weights.
+
+        Returns
+        -------
+        variance : ndarray, shape (P,)
+        doubt : ndarray, shape (P,)
+            Variance of the variance's logarithm: the coefficients scatter with ``variance R^-1 / samples`` (R is
+            the Toeplitz matrix of p autocovariances) and move the spectrum at the frequencies that g weighs.
+        """
+        n = len(g)
+        length = next_fast_len(2 * n, real=True)
+        response = rfft(self.a, length)
+        share = np.abs(rfft(g, length, axis=0)) ** 2 / np.abs(response[:, None]) ** 2
+        total = np.maximum(share.sum(axis=0), np.finfo(float).tiny)
+        doubt = np.full(g.shape[1], 2.0 / n)
+        if self.order and self.variance > 0.0:
+            turns = np.exp(-2j * np.pi * np.arange(len(response)) / length)[:, None] ** np.arange(1, self.order + 1)
+            slopes = -2.0 * (turns / response[:, None]).real.T @ (share / total)
+            inverse = solve_toeplitz(self.autocovariance(n)[: self.order] / self.variance, slopes)
+            doubt = doubt + np.maximum(np.sum(slopes * inverse, axis=0), 0.0) / n
+        return total * self.variance * 2.0 / length, doubt
 
 
 def burg(x: Array, highest: int) -> list[Autoregression]:

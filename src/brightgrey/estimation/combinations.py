@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 _BLIND = 1e-7  # singular value, relative to the largest, from which a direction cannot be seen
 _LOOSE_LOG = 1.0  # standard deviation of a logarithm: the 95 % interval spans a factor of 50
 _LOOSE_LINEAR = 0.25  # of the range: the 95 % interval spans it
+_HIGHEST, _ROUNDED = 3.0, 0.1  # powers that are worth writing down
 _SHARE = 0.1  # of the largest component: what takes part in a combination
 
 
@@ -96,22 +97,34 @@ def written(hidden: Open, search: Search, values: Array, declared: Sequence[Para
         if alike and 0.8 < abs(step[0] / step[1]) < 1.25:
             seen = f"{names[0]} {'+' if step[0] * step[1] < 0.0 else '-'} {names[1]}"
             return f"this recording shows {seen}, but not {names[0]} and {names[1]} alone"
-        if search.log[i] and search.log[j]:
+        if search.log[i] and search.log[j] and _plain(hidden.direction):
             across = (-hidden.direction[1], hidden.direction[0])
             across = across if across[0] > 0.0 else (-across[0], -across[1])
             return f"this recording shows {power_product(names, across)}, but not {names[0]} and {names[1]} alone"
-    if all(search.log[i] for i in hidden.indices):
+    if all(search.log[i] for i in hidden.indices) and _plain(hidden.direction):
         product = power_product(names, hidden.direction)
         return f"this recording does not show {product}: {listed} can change together unseen"
     return f"this recording cannot tell {listed} apart"
 
 
-def power_product(names: Sequence[str], exponents: Sequence[float]) -> str:
-    """``J1/f_v`` for the exponents 1 and -1: relative to the first one's size, in halves; zeros are left out."""
+def _plain(exponents: Sequence[float]) -> bool:
+    """Whether these are nearly small powers, in halves, of one another: else a product would say nothing."""
+    powers = _powers(exponents)
+    sizes = np.abs(np.asarray(exponents, float))
+    exact = np.asarray(exponents) / sizes[sizes > _SHARE * sizes.max()].min()
+    return bool(np.abs(powers).max() <= _HIGHEST and np.abs(powers - exact).max() <= _ROUNDED)
+
+
+def _powers(exponents: Sequence[float]) -> Array:
+    """Exponents relative to the smallest that counts, rounded to halves."""
     powers = np.asarray(exponents, float)
     sizes = np.abs(powers)
-    unit = sizes[sizes > _SHARE * sizes.max()].min()
-    powers = np.round(2.0 * powers / unit) / 2.0
+    return np.asarray(np.round(2.0 * powers / sizes[sizes > _SHARE * sizes.max()].min()) / 2.0)
+
+
+def power_product(names: Sequence[str], exponents: Sequence[float]) -> str:
+    """``J1/f_v`` for the exponents 1 and -1: relative to the first one's size, in halves; zeros are left out."""
+    powers = _powers(exponents)
     powers = powers if powers[np.flatnonzero(powers)[0]] > 0.0 else -powers
 
     def part(sign: float) -> list[str]:

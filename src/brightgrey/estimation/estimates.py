@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -13,8 +12,9 @@ from brightgrey.estimation.agreement import agreement
 from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.combinations import Open, open_directions
 from brightgrey.estimation.leastsquares import Descent
+from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.uncertainty import spread
-from brightgrey.recordings import Recording
+from brightgrey.simulation import Settings
 
 __all__ = ["Estimate", "Estimates", "estimates_of"]
 
@@ -53,31 +53,29 @@ class Estimates(NamedTuple):
     apart: tuple[str, ...]
 
 
-def estimates_of(search: Search, best: Descent, recordings: Sequence[Recording]) -> Estimates:
+def estimates_of(problem: Problem, search: Search, settings: Settings, best: Descent) -> Estimates:
     """Values with intervals in the searched scale; a parameter at its bound has none, and lends none to others."""
     theta, low, high = (search.inward(v) for v in (best.values, search.low, search.high))
     near = _AT_BOUND * (high - low)
     side = np.where(theta - low <= near, -1, np.where(high - theta <= near, 1, 0))
     inside = np.flatnonzero(side == 0)
-    std, between = np.full((2, len(theta)), np.nan)
-    apart = np.zeros(len(theta), bool)
-    quantile, hidden = np.nan, []
+    std = np.full(len(theta), np.nan)
+    quantile, hidden = np.full(len(theta), np.nan), []
     if inside.size:
         J = best.jacobian[:, inside]
-        found = spread(best.residual, J, [r.samples for r in recordings for _ in r.outputs])
-        quantile = found.quantile
+        found = spread(best.residual, J, [r.samples for r in problem.recordings for _ in r.outputs])
+        quantile[inside] = found.quantile
         hidden = open_directions(J, found.covariance, search, inside)
         std[inside] = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-        between[inside], apart[inside] = agreement(best.residual, J, [r.y.size for r in recordings], found)
         for direction in hidden:
             if direction.blind:
                 std[list(direction.indices)] = np.nan
-                apart[list(direction.indices)] = False
+    between, apart = agreement(problem, search, settings, best)
     result = {name: Estimate(value, 0.0, (value, value), None) for name, value in search.fixed.items()}
     at: dict[int, Literal["low", "high"] | None] = {-1: "low", 0: None, 1: "high"}
     for i, name in enumerate(search.names):
         result[name] = _estimate(
-            float(best.values[i]), float(std[i]), quantile, float(between[i]), search, i, at[int(side[i])]
+            float(best.values[i]), float(std[i]), float(quantile[i]), float(between[i]), search, i, at[int(side[i])]
         )
     names = tuple(name for name, differs in zip(search.names, apart, strict=True) if differs)
     return Estimates(result, tuple(hidden), names)

@@ -148,12 +148,13 @@ def fit(
     problem = Problem.of(structure, recordings)
     final = replace(settings, level=level)
     told = recording_findings(recordings)
+    tried: tuple[Start, ...] = ()
     if any(finding.kind == "not identifiable" for finding in told):
-        best, evaluations, tried = unmoved(problem, search, final), 1, ()
+        best, evaluations = unmoved(problem, search, final), 1
     else:
         best, evaluations, tried = _searched(problem, search, settings, final, start, starts, seed, threads)
     best, twins = untwin(problem, search, final, best)
-    estimates = estimates_of(search, best, recordings)
+    estimates = estimates_of(problem, search, final, best)
     named = {name: estimates.by_name[name] for name in structure.parameters}
     beside = (*told, *twins, *cautions(structure, named, recordings, known, final))
     return Fit(

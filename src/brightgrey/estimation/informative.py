@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
 from brightgrey.estimation.finding import Finding
@@ -15,8 +16,10 @@ __all__ = ["recording_findings", "why_uninformative"]
 
 Array = NDArray[np.float64]
 _STEADY = 0.02  # scatter of an input, relative to its mean, that still counts as constant if it is white
-_LAGS = 50  # samples by which motion may follow the input for it to be looked for
-_SURE = 1e-5  # chance of taking a signal for noise's opposite
+_BLOCKS = (1, 4, 16, 64)  # samples that are taken together, to find what follows the input
+_PAST = 8  # blocks that tell the next one
+_NOTHING = 1e-24  # of the power: what rounding leaves
+_SURE = 1e-5  # chance of taking noise for what follows the input
 _FLAT = 5  # equal samples at the largest value that make a stop
 _STEEP = 3.0  # steps of the resolution per sample: what a signal may not stop from at once
 _USUAL = 0.3  # of the usual change per sample, likewise
@@ -64,8 +67,8 @@ def _silent(recording: Recording, out: int) -> str | None:
         return "moves by no more than its resolution"
     if _saturated(y, step) > _MOSTLY:
         return "is saturated"
-    if _white(y) and not _follows(y, recording.u):
-        return "is noise that does not follow the input"
+    if not _follows(y, recording.u):
+        return "does not follow the input"
     return None
 
 
@@ -77,12 +80,28 @@ def _white(x: Array) -> bool:
 
 
 def _follows(y: Array, u: Array) -> bool:
-    """Whether white `y` hangs together with `u` at any lag up to _LAGS, more than chance allows."""
-    y, u = (x - x.mean() for x in (y, u))
-    n, lags = len(y), min(_LAGS, len(y) // 4)
-    size = np.linalg.norm(y) * np.linalg.norm(u)
-    together = [abs(float(y[k:] @ u[: n - k])) / size for k in range(lags + 1)]
-    return max(together) > float(norm.isf(_SURE / (2.0 * (lags + 1)))) / np.sqrt(n)
+    """Whether the input helps to tell `y` from its own past, at any of several time scales (Granger 1969).
+
+    The F test of an autoregression with against one without past inputs (doi:10.2307/1912791), on means over blocks:
+    noise hides what follows within few samples. Its own past takes account of noise that is slow.
+    """
+    lags = np.arange(1, _PAST + 1)
+    for block in _BLOCKS:
+        m = len(y) // block
+        if m < 4 * _PAST:
+            break
+        mean_y, mean_u = (x[: m * block].reshape(m, block).mean(axis=1) for x in (y - y.mean(), u - u.mean()))
+        rows = np.arange(_PAST, m)[:, None]
+        past = np.hstack([np.ones((m - _PAST, 1)), mean_y[rows - lags]])
+        both = np.hstack([past, mean_u[rows - np.append(0, lags)]])
+        target = mean_y[_PAST:]
+        alone, helped = (float(np.sum((target - X @ np.linalg.lstsq(X, target)[0]) ** 2)) for X in (past, both))
+        free = len(target) - both.shape[1]
+        if alone > _NOTHING * float(target @ target) and helped > 0.0:
+            gain = (alone - helped) / helped * free / (_PAST + 1)
+            if f_distribution.sf(gain, _PAST + 1, free) < _SURE:
+                return True
+    return False
 
 
 def _saturated(y: Array, step: float) -> float:

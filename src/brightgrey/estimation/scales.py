@@ -206,7 +206,8 @@ def _uncertainty(torque: Array, terms: Array, values: Array, memory: float) -> f
     if values[0] <= 0.0 or information <= 0.0:
         return float("inf")
     rest = float(np.mean((torque - terms @ values) ** 2))
-    return float(np.sqrt(rest * memory / information) / size[0] / values[0])
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(rest * memory / information) / size[0] / values[0])
 
 
 def _balance(recording: Recording, n: int, speed: float) -> _Balance:

@@ -63,7 +63,7 @@ def _exchanged(
         if twin is None or twin.cost > best.cost + allowed:
             continue
         part = np.abs(powers) > 1e-3
-        product = power_product([n for n, p in zip(free, part, strict=True) if p], powers[part])
+        product = power_product([n for n, p in zip(free, part, strict=True) if p], powers[part].tolist())
         others = dict(zip(search.names, twin.values.tolist(), strict=True))
         keep, other = (best, others) if values[name] <= constant else (twin, values)
         if keep is twin and not np.all((twin.values >= search.low) & (twin.values <= search.high)):

@@ -36,21 +36,18 @@ class Spread(NamedTuple):
     Attributes
     ----------
     covariance : ndarray, shape (P, P)
-    degrees : float
-        Degrees of freedom of the standard deviations: a long-run variance known from few independent samples is
-        itself uncertain.
-    meat : tuple of ndarray, shape (P, P)
-        J' Gamma J of every stretch.
+    degrees : ndarray, shape (P,)
+        Degrees of freedom of the standard deviations: the noise's spectrum, where a parameter is sensitive to it,
+        is itself uncertain.
     """
 
     covariance: Array
-    degrees: float
-    meat: tuple[Array, ...]
+    degrees: Array
 
     @property
-    def quantile(self) -> float:
-        """How many standard deviations the 95 % interval reaches to each side (Student)."""
-        return float(student.ppf(0.5 + 0.5 * _CONFIDENCE, self.degrees))
+    def quantile(self) -> Array:
+        """How many standard deviations the 95 % intervals reach to each side (Student), shape (P,)."""
+        return np.asarray(student.ppf(0.5 + 0.5 * _CONFIDENCE, self.degrees))
 
 
 def spread(residual: Array, jacobian: Array, lengths: Sequence[int]) -> Spread:
@@ -65,23 +62,24 @@ def spread(residual: Array, jacobian: Array, lengths: Sequence[int]) -> Spread:
 
     Notes
     -----
-    The long-run variance of an autoregression that is estimated has a relative variance of about 4 over the number of
-    independent samples (its poles are uncertain by ``(1 - a^2)/n``), which is that of half as many degrees of freedom.
+    A variance with ``degrees`` degrees of freedom has a logarithm that scatters with ``2/degrees`` (Satterthwaite 1946,
+    doi:10.2307/3002019).
     """
     scale = np.linalg.norm(jacobian, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     J = jacobian / scale
     models = noise_models(residual, J, lengths)
-    meat = tuple(
-        part.T @ times_autocovariance(model.autocovariance(len(part)), part)
-        for model, part in zip(models, _cut(J, lengths), strict=True)
-    )
+    meat = np.zeros((J.shape[1], J.shape[1]))
+    for model, part in zip(models, _cut(J, lengths), strict=True):
+        meat += part.T @ times_autocovariance(model.autocovariance(len(part)), part)
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-13, hermitian=True)
-    result = inverse @ np.sum(meat, axis=0) @ inverse
-    independent = sum(model.independent(n) for model, n in zip(models, lengths, strict=True))
+    result = inverse @ meat @ inverse
+    parts = [model.scatter(part @ inverse) for model, part in zip(models, _cut(J, lengths), strict=True)]
+    variance = np.maximum(np.sum([v for v, _ in parts], axis=0), np.finfo(float).tiny)
+    doubt = np.sum([v**2 * d for v, d in parts], axis=0) / variance**2
     sizes = np.outer(scale, scale)
-    degrees = max(0.5 * independent, 1.0)
-    return Spread(np.asarray(result / sizes), degrees, tuple(np.asarray(m * sizes) for m in meat))
+    degrees = np.maximum(2.0 / np.maximum(doubt, np.finfo(float).tiny), 1.0)
+    return Spread(np.asarray(result / sizes), degrees)
 
 
 def noise_models(residual: Array, jacobian: Array, lengths: Sequence[int]) -> tuple[Autoregression, ...]:
