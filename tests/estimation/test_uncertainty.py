@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from brightgrey.estimation.coloured import autoregression
 from brightgrey.estimation.uncertainty import noise_models, spread, weakest
 
-SAMPLES, RUNS = 1500, 200
+SAMPLES, RUNS = 1500, 120
 T = np.linspace(0.0, 1.0, SAMPLES)
 SLOW = np.stack(
     [
@@ -22,7 +22,7 @@ J = SLOW[:, :3]
 @pytest.mark.parametrize(("columns", "pole"), [(3, 0.95), (8, 0.0), (8, 0.5), (8, 0.9), (8, 0.95)])
 def test_intervals_cover(pole, columns):
     # Issue B asks for a coverage of 91 to 98 %; the intervals of one draw hang together, so that the mean over
-    # 200 draws is sure to about 1.5 %.
+    # 120 draws is sure to about 1.5 %.
     rng = np.random.default_rng([7, columns, int(100 * pole)])
     J = SLOW[:, :columns]
     noise = lfilter([1.0], [1.0, -pole], rng.standard_normal((RUNS, SAMPLES + 500)), axis=1)[:, 500:]

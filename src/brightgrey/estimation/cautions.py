@@ -84,10 +84,9 @@ def _lags(structure: Structure, estimates: Mapping[str, Estimate], recordings: S
     dt = min(r.dt for r in recordings)
     values = [estimates[name].value for name in names]
     total, sum_ = " + ".join(names), sum(values)
+    below = f"is below one sampling interval ({dt:.3g} s): this is sampling, no evidence"
     found = [
-        Finding(
-            "sampling", f"{name} = {value:.3g} s is below one sampling interval ({dt:.3g} s): sampling alone", (name,)
-        )
+        Finding("sampling", f"{name} = {value:.3g} s {below}", (name,))
         for name, value in zip(names, values, strict=True)
         if value < dt
     ]

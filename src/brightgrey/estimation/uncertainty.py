@@ -75,8 +75,9 @@ def spread(residual: Array, jacobian: Array, lengths: Sequence[int]) -> Spread:
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-13, hermitian=True)
     result = inverse @ meat @ inverse
     parts = [model.scatter(part @ inverse) for model, part in zip(models, _cut(J, lengths), strict=True)]
-    variance = np.maximum(np.sum([v for v, _ in parts], axis=0), np.finfo(float).tiny)
-    doubt = np.sum([v**2 * d for v, d in parts], axis=0) / variance**2
+    variance = np.sum([v for v, _ in parts], axis=0)
+    variance = np.where(variance > 0.0, variance, 1.0)
+    doubt = np.sum([(v / variance) ** 2 * d for v, d in parts], axis=0)
     sizes = np.outer(scale, scale)
     degrees = np.maximum(2.0 / np.maximum(doubt, np.finfo(float).tiny), 1.0)
     return Spread(np.asarray(result / sizes), degrees)
