@@ -4,50 +4,63 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from brightgrey.estimation.uncertainty import covariance, weakest
+from brightgrey.estimation.coloured import autoregression
+from brightgrey.estimation.uncertainty import noise_models, spread, weakest
 
-SAMPLES, RUNS = 1500, 400
+SAMPLES, RUNS = 1500, 120
 T = np.linspace(0.0, 1.0, SAMPLES)
-J = np.stack([np.ones(SAMPLES), np.sin(12 * T), np.exp(-3 * T)], axis=1)
-
-
-@pytest.mark.parametrize(
-    "pole",
+SLOW = np.stack(
     [
-        0.0,
-        0.8,
-        pytest.param(
-            0.95,
-            marks=pytest.mark.xfail(
-                strict=True, reason="residuals slower than the taper sees: measured coverage 85 to 89 %"
-            ),
-        ),
+        *(np.ones(SAMPLES), np.sin(12 * T), np.exp(-3 * T), T, np.cos(12 * T)),
+        *(np.sign(np.sin(20 * T)), np.sin(100 * T), np.sin(40 * T * T)),
     ],
+    axis=1,
 )
-def test_standard_deviations_predict_the_scatter(pole):
-    # Issue B asks for a coverage of 91 to 98 %; 3 times 400 trials tell it to within 1 %.
-    rng = np.random.default_rng(7)
+J = SLOW[:, :3]
+
+
+@pytest.mark.parametrize(("columns", "pole"), [(3, 0.95), (8, 0.0), (8, 0.5), (8, 0.9), (8, 0.95)])
+def test_intervals_cover(pole, columns):
+    # Issue B asks for a coverage of 91 to 98 %; the intervals of one draw hang together, so that the mean over
+    # 120 draws is sure to about 1.5 %.
+    rng = np.random.default_rng([7, columns, int(100 * pole)])
+    J = SLOW[:, :columns]
     noise = lfilter([1.0], [1.0, -pole], rng.standard_normal((RUNS, SAMPLES + 500)), axis=1)[:, 500:]
     project = np.linalg.solve(J.T @ J, J.T)
-    inside = np.zeros(3)
+    inside = np.zeros(columns)
     for e in noise:
         x = project @ e
-        std = np.sqrt(np.diag(covariance(e - J @ x, J, [SAMPLES])))
-        inside += np.abs(x) <= 1.96 * std
+        found = spread(e - J @ x, J, [SAMPLES])
+        inside += np.abs(x) <= found.quantile * np.sqrt(np.diag(found.covariance))
     assert 0.91 <= inside.mean() / RUNS <= 0.98, inside / RUNS
+
+
+def test_noise_is_freed_from_what_the_fit_took():
+    pole, rng = 0.95, np.random.default_rng(3)
+    noise = lfilter([1.0], [1.0, -pole], rng.standard_normal((100, SAMPLES + 500)), axis=1)[:, 500:]
+    project = np.linalg.solve(SLOW.T @ SLOW, SLOW.T)
+    before, after = [], []
+    for e in noise:
+        r = e - SLOW @ (project @ e)
+        before.append(autoregression(r))
+        after.append(noise_models(r, SLOW, [SAMPLES])[0])
+    low, corrected = (np.mean([m.variance / sum(m.a) ** 2 for m in models]) for models in (before, after))
+    true = 1.0 / (1.0 - pole) ** 2
+    assert low < 0.8 * true
+    assert corrected == pytest.approx(true, rel=0.15)
 
 
 def test_units_of_the_parameters_only_scale():
     e = np.random.default_rng(1).standard_normal(SAMPLES)
     s = np.array([1e-6, 1.0, 1e6])
-    plain = covariance(e, J, [SAMPLES])
-    np.testing.assert_allclose(covariance(e, J * s, [SAMPLES]) * np.outer(s, s), plain, rtol=1e-6)
+    plain = spread(e, J, [SAMPLES]).covariance
+    np.testing.assert_allclose(spread(e, J * s, [SAMPLES]).covariance * np.outer(s, s), plain, rtol=1e-6)
 
 
 def test_stretches_are_not_correlated_with_each_other():
     e = np.random.default_rng(1).standard_normal(SAMPLES)
-    once = covariance(e, J, [SAMPLES])
-    twice = covariance(np.tile(e, 2), np.tile(J, (2, 1)), [SAMPLES, SAMPLES])
+    once = spread(e, J, [SAMPLES]).covariance
+    twice = spread(np.tile(e, 2), np.tile(J, (2, 1)), [SAMPLES, SAMPLES]).covariance
     np.testing.assert_allclose(twice, once / 2, rtol=5e-3)  # degrees of freedom differ by 3 of 1500
 
 

@@ -12,6 +12,8 @@ from functools import cache
 from types import MappingProxyType
 
 from brightgrey.effects.declaration import (
+    Caution,
+    Circumstances,
     Dimension,
     Draft,
     Effect,
@@ -24,6 +26,8 @@ from brightgrey.effects.declaration import (
 )
 
 __all__ = [
+    "Caution",
+    "Circumstances",
     "Dimension",
     "Draft",
     "Effect",

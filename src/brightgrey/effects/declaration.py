@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from brightgrey.effects.arithmetic import tanh
 
 __all__ = [
+    "Caution",
+    "Circumstances",
     "Dimension",
     "Draft",
     "Effect",
@@ -88,6 +90,9 @@ class Parameter:
         ``start(scales) -> value``, a first guess within the bounds.
     scale : {'log', 'linear'}
         How to step through the range. ``log`` only for parameters that are always positive.
+    lag : bool
+        A time by which the input comes late, to first order: below a sampling interval it is sampling, and of
+        several of them a recording may show the sum only.
     """
 
     symbol: str
@@ -96,6 +101,7 @@ class Parameter:
     bounds: Callable[[Scales], tuple[float, float]]
     start: Callable[[Scales], float]
     scale: Literal["log", "linear"] = "log"
+    lag: bool = False
 
 
 @dataclass(frozen=True)
@@ -291,6 +297,51 @@ Stamp = Callable[[Draft, int, Values], Draft]
 
 
 @dataclass(frozen=True)
+class Circumstances:
+    """What a caution judges by, after an estimation; all in SI.
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        The effect's own parameters by bare symbol.
+    scales : Scales
+    f_tanh : float
+    beside : tuple of Law
+        Laws of the other effects at the same place.
+    reverses : bool
+        Whether the drive moves both ways in the recordings.
+    """
+
+    values: Mapping[str, float]
+    scales: Scales
+    f_tanh: float
+    beside: tuple[Law, ...]
+    reverses: bool
+
+
+@dataclass(frozen=True)
+class Caution:
+    """What a recording cannot tell of an effect, and when.
+
+    Attributes
+    ----------
+    kind : {'look-alike', 'invisible'}
+        Something else looks the same, or nothing is to be seen.
+    symbols : tuple of str
+        The effect's parameters that it is about.
+    applies : callable
+        ``applies(circumstances) -> bool``.
+    text : str
+        What to tell people, without the parameter's name in front.
+    """
+
+    kind: Literal["look-alike", "invisible"]
+    symbols: tuple[str, ...]
+    applies: Callable[[Circumstances], bool]
+    text: str
+
+
+@dataclass(frozen=True)
 class Effect:
     """A submodel of the function set: all that the rest of the package knows of a physical effect.
 
@@ -325,6 +376,7 @@ class Effect:
         ``spread(scales, share) -> values``: plausible values of all parameters, shape (parameters, K), from points of
         the unit cube of that shape. For effects whose parameters are plausible only together; without it, each
         is drawn from its own range.
+    cautions : tuple of Caution
     """
 
     name: str
@@ -341,3 +393,4 @@ class Effect:
     masses: int = 0
     memory: bool = False
     spread: Callable[[Scales, Array], Array] | None = None
+    cautions: tuple[Caution, ...] = ()

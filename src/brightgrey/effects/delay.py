@@ -31,6 +31,7 @@ EFFECT = Effect(
             bounds=lambda s: (0.0, 0.1 * s.duration),
             start=lambda s: s.interval,
             scale="linear",
+            lag=True,
         ),
     ),
     stamp=stamp,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Parameter, Values
+from brightgrey.effects.declaration import Caution, Dimension, Draft, Effect, Law, Parameter, Values
 
 
 def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -47,4 +47,18 @@ EFFECT = Effect(
     ),
     stamp=stamp,
     law=LAW,
+    cautions=(
+        Caution(
+            "look-alike",
+            ("M_G",),
+            lambda _: True,
+            "this is constant torque: gravity, or an offset of the input",
+        ),
+        Caution(
+            "look-alike",
+            ("M_G",),
+            lambda c: not c.reverses and any(law.odd and not law.affine for law in c.beside),
+            "the speed never reverses, so that friction of constant size looks the same",
+        ),
+    ),
 )

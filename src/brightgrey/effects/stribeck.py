@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.effects.arithmetic import exp, magnitude, sign
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values, friction_law
+from brightgrey.effects.declaration import Caution, Dimension, Draft, Effect, Parameter, Values, friction_law
 
 
 def amplitude(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
@@ -62,4 +62,24 @@ EFFECT = Effect(
     ),
     stamp=stamp,
     law=LAW,
+    cautions=(
+        Caution(
+            "look-alike",
+            ("omega_S",),
+            lambda c: c.values["omega_S"] > c.scales.speed / 3.0,
+            "above a third of the largest speed this is like Coulomb friction with less viscous friction",
+        ),
+        Caution(
+            "invisible",
+            ("M_S", "omega_S"),
+            lambda c: c.values["omega_S"] < 5.0 / c.f_tanh,
+            "below 5/f_tanh the rise of friction towards standstill is lost in the smoothed sign of speed",
+        ),
+        Caution(
+            "look-alike",
+            ("M_S",),
+            lambda c: all(law.affine for law in c.beside),
+            "without Coulomb friction beside it, Stribeck friction fits nearly as well as Coulomb friction would",
+        ),
+    ),
 )

@@ -2,56 +2,104 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from brightgrey.estimation.agreement import agreement
 from brightgrey.estimation.bounds import Search
+from brightgrey.estimation.combinations import Open, open_directions
 from brightgrey.estimation.leastsquares import Descent
-from brightgrey.estimation.uncertainty import covariance
-from brightgrey.recordings import Recording
+from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.uncertainty import spread
+from brightgrey.simulation import Settings
 
-__all__ = ["Estimate", "estimates_of"]
+__all__ = ["Estimate", "Estimates", "estimates_of"]
 
+Array = NDArray[np.float64]
 _AT_BOUND = 1e-4  # of the searched range
+_LARGEST = 700.0  # exponent
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter in SI: value, standard deviation, 95 % interval, and the bound it ran to."""
+    """One parameter in SI.
+
+    Attributes
+    ----------
+    value, std : float
+        The standard deviation is 0 if the parameter is fixed and not a number where nothing can be said.
+    ci95 : (low, high)
+    at_bound : {'low', 'high'} or None
+    between : float or None
+        Standard deviation of what the recordings alone would say; None with one recording or where nothing can
+        be said.
+    """
 
     value: float
     std: float
     ci95: tuple[float, float]
     at_bound: Literal["low", "high"] | None
+    between: float | None = None
 
 
-def estimates_of(search: Search, best: Descent, recordings: Sequence[Recording]) -> dict[str, Estimate]:
+class Estimates(NamedTuple):
+    """Estimates by name, directions that the recordings leave open, parameters that recordings disagree on."""
+
+    by_name: dict[str, Estimate]
+    hidden: tuple[Open, ...]
+    apart: tuple[str, ...]
+
+
+def estimates_of(problem: Problem, search: Search, settings: Settings, best: Descent) -> Estimates:
     """Values with intervals in the searched scale; a parameter at its bound has none, and lends none to others."""
     theta, low, high = (search.inward(v) for v in (best.values, search.low, search.high))
     near = _AT_BOUND * (high - low)
     side = np.where(theta - low <= near, -1, np.where(high - theta <= near, 1, 0))
     inside = np.flatnonzero(side == 0)
-    lengths = [r.samples for r in recordings for _ in r.outputs]
     std = np.full(len(theta), np.nan)
-    if len(inside):
-        spread = covariance(best.residual, best.jacobian[:, inside], lengths)
-        std[inside] = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    quantile, hidden = np.full(len(theta), np.nan), []
+    if inside.size:
+        J = best.jacobian[:, inside]
+        found = spread(best.residual, J, [r.samples for r in problem.recordings for _ in r.outputs])
+        quantile[inside] = found.quantile
+        hidden = open_directions(J, found.covariance, search, inside)
+        std[inside] = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+        for direction in hidden:
+            if direction.blind:
+                std[list(direction.indices)] = np.nan
+    between, apart = agreement(problem, search, settings, best)
     result = {name: Estimate(value, 0.0, (value, value), None) for name, value in search.fixed.items()}
+    at: dict[int, Literal["low", "high"] | None] = {-1: "low", 0: None, 1: "high"}
     for i, name in enumerate(search.names):
-        value, s = float(best.values[i]), float(std[i])
-        half = 1.96 * s
-        if search.log[i]:
-            interval = (value * float(np.exp(-min(half, 700.0))), value * float(np.exp(min(half, 700.0))))
-            s *= value
-        else:
-            half *= float(search.width[i])
-            interval = (value - half, value + half)
-            s *= float(search.width[i])
-        if not np.isfinite(s):
-            interval = (np.nan, np.nan)
-        at: dict[int, Literal["low", "high"] | None] = {-1: "low", 0: None, 1: "high"}
-        result[name] = Estimate(value, s, interval, at[int(side[i])])
-    return result
+        result[name] = _estimate(
+            float(best.values[i]), float(std[i]), float(quantile[i]), float(between[i]), search, i, at[int(side[i])]
+        )
+    names = tuple(name for name, differs in zip(search.names, apart, strict=True) if differs)
+    return Estimates(result, tuple(hidden), names)
+
+
+def _estimate(
+    value: float,
+    std: float,
+    quantile: float,
+    between: float,
+    search: Search,
+    i: int,
+    at_bound: Literal["low", "high"] | None,
+) -> Estimate:
+    """From standard deviations in the searched scale to SI."""
+    half = quantile * std
+    if search.log[i]:
+        unit = abs(value)
+        factor = float(np.exp(min(half, _LARGEST)))
+        interval = (value / factor, value * factor)
+    else:
+        unit = float(search.width[i])
+        interval = (value - half * unit, value + half * unit)
+    if not np.isfinite(std):
+        interval = (np.nan, np.nan)
+    other = between * unit
+    return Estimate(value, std * unit, interval, at_bound, other if np.isfinite(std) and np.isfinite(other) else None)

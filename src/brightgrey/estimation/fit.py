@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.bounds import Search, search_space
+from brightgrey.estimation.cautions import cautions
 from brightgrey.estimation.estimates import Estimate, estimates_of
-from brightgrey.estimation.explore import explore
-from brightgrey.estimation.leastsquares import End, descend
+from brightgrey.estimation.explore import Found, explore
+from brightgrey.estimation.informative import recording_findings
+from brightgrey.estimation.leastsquares import Descent, End, descend
 from brightgrey.estimation.onset import Initial
-from brightgrey.estimation.outcome import Outcome, outcome_of
+from brightgrey.estimation.outcome import Ended, Outcome, outcome_of, unmoved
 from brightgrey.estimation.problem import Problem, predict_many
 from brightgrey.estimation.scales import scales
+from brightgrey.estimation.twins import untwin
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
@@ -153,11 +156,39 @@ def fit(
     )
     problem = Problem.of(structure, recordings, threads, initial)
     search = search_space(structure, known, bounds or {}, fixed or {}, problem.unknown)
-    given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
-    found = explore(problem, search, settings, given, starts=starts, patience=patience, seed=seed)
+    final = replace(settings, level=level)
+    told = recording_findings(recordings)
+    tried: tuple[Start, ...] = ()
+    if any(finding.kind == "not identifiable" for finding in told):
+        best, evaluations = unmoved(problem, search, final), 1
+    else:
+        given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
+        found = explore(problem, search, settings, given, starts=starts, patience=patience, seed=seed)
+        best, evaluations, tried = _finished(problem, search, final, found)
+    best, twins = untwin(problem, search, final, best)
+    estimates = estimates_of(problem, search, final, best)
+    named = {name: estimates.by_name[name] for name in structure.parameters}
+    beside = (*told, *twins, *cautions(structure, named, recordings, known, final))
+    return Fit(
+        structure=structure,
+        estimates=named,
+        bounds=dict(zip(search.names, zip(search.low.tolist(), search.high.tolist(), strict=True), strict=True)),
+        settings=final,
+        initial_states=problem.states(_named(search, best.values), final.f_tanh),
+        train=_train(problem, best.residual),
+        outcome=outcome_of(Ended(problem, search, final, best, estimates), beside),
+        cost=best.cost,
+        evaluations=evaluations,
+        starts=tried,
+    )
+
+
+def _finished(
+    problem: Problem, search: Search, final: Settings, found: Found
+) -> tuple[Descent, int, tuple[Start, ...]]:
+    """Best descent, finished at the final level, batches of simulations, and all starts."""
     ends = found.ends
     order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
-    final = replace(settings, level=level)
     finished = [descend(problem, search, final, ends[i].values) for i in _finalists(search, ends, order)]
     best = min(finished, key=lambda d: d.cost)
     evaluations = found.evaluations + sum(d.evaluations for d in finished)
@@ -165,19 +196,7 @@ def fit(
         Start(_named(search, found.begins[:, i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged)
         for i in order
     )
-    estimates = estimates_of(search, best, recordings)
-    return Fit(
-        structure=structure,
-        estimates={name: estimates[name] for name in structure.parameters},
-        bounds=dict(zip(search.names, zip(search.low.tolist(), search.high.tolist(), strict=True), strict=True)),
-        settings=final,
-        initial_states=problem.states(_named(search, best.values), final.f_tanh),
-        train=_train(problem, best.residual),
-        outcome=outcome_of(search, best, estimates),
-        cost=best.cost,
-        evaluations=evaluations,
-        starts=tried,
-    )
+    return best, evaluations, tried
 
 
 def predict(

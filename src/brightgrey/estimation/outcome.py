@@ -1,44 +1,157 @@
-"""How a fit ended, as a value."""
+"""How a fit ended, as a value: the gravest finding, and all others beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import NamedTuple, get_args
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.estimates import Estimate
+from brightgrey.estimation.combinations import written
+from brightgrey.estimation.estimates import Estimates
+from brightgrey.estimation.finding import Finding, Kind
 from brightgrey.estimation.leastsquares import Descent
-from brightgrey.estimation.uncertainty import weakest
+from brightgrey.estimation.problem import Problem, predict_many
+from brightgrey.estimation.uncertainty import noise_models
+from brightgrey.simulation import Settings
 
-__all__ = ["Outcome", "outcome_of"]
+__all__ = ["Ended", "Outcome", "outcome_of", "unmoved"]
 
-_BLIND = 1e7  # condition number from which a combination of parameters cannot be seen
+Array = NDArray[np.float64]
+_CHANCE = 1e-3  # of taking what fits by chance for motion that the model explains
+_ORDER: tuple[str, ...] = get_args(Kind)
+_BESIDE = _ORDER.index("converged")  # what comes after it is never the outcome
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a fit ended: numerical failure is a value, with its text as the message."""
+    """How a fit ended: numerical failure is a value, with its text as the message.
 
-    kind: Literal["converged", "at bound", "evaluation limit", "diverged", "not identifiable"]
+    Attributes
+    ----------
+    kind, text : str
+        The gravest of all findings; ``converged`` if none speaks against it.
+    findings : tuple of Finding
+        What else there is to say, the gravest first.
+    """
+
+    kind: Kind
     text: str
+    findings: tuple[Finding, ...] = ()
+
+    @classmethod
+    def of(cls, findings: Sequence[Finding]) -> Outcome:
+        """Put the gravest first; among equals the order stays."""
+        ordered = sorted(findings, key=lambda f: _ORDER.index(f.kind))
+        if not ordered or _ORDER.index(ordered[0].kind) > _BESIDE:
+            ordered = [Finding("converged", "the cost has a minimum here, inside all bounds"), *ordered]
+        first, *rest = ordered
+        return cls(first.kind, first.text, tuple(rest))
 
 
-def outcome_of(search: Search, best: Descent, estimates: Mapping[str, Estimate]) -> Outcome:
-    """What there is to say about the end of the fit, the gravest first."""
-    if not np.isfinite(best.cost) or (not np.any(best.jacobian) and search.names):
-        return Outcome("diverged", "no parameter set gave a finite simulation that depends on the parameters")
-    inside = [i for i, name in enumerate(search.names) if estimates[name].at_bound is None]
-    condition, direction = weakest(best.jacobian[:, inside])
-    if condition > _BLIND:
-        involved = [search.names[i] for i, share in zip(inside, direction, strict=True) if abs(share) > 0.3]
-        text = f"this recording cannot tell {' and '.join(involved)} apart"
-        return Outcome("not identifiable", text if len(involved) > 1 else f"this recording does not show {involved[0]}")
-    ran = [f"{name} at its {e.at_bound} bound" for name, e in estimates.items() if e.at_bound]
-    if ran:
-        return Outcome("at bound", ", ".join(ran))
-    if not best.converged:
-        return Outcome("evaluation limit", f"no optimum within {best.evaluations} batches of simulations")
-    return Outcome("converged", "the cost has a minimum here, inside all bounds")
+class Ended(NamedTuple):
+    """A descent that has ended, and all that it was made of."""
+
+    problem: Problem
+    search: Search
+    settings: Settings
+    best: Descent
+    estimates: Estimates
+
+
+def outcome_of(ended: Ended, others: Sequence[Finding] = ()) -> Outcome:
+    """Outcome of a fit; `others` are findings on the recordings and cautions."""
+    blind = [finding for finding in others if finding.kind == "not identifiable"]
+    if blind:
+        return Outcome.of(blind)
+    lost = _diverged(ended)
+    if lost:
+        return Outcome.of([lost, *others])
+    return Outcome.of([*_hidden(ended), *_unexplained(ended), *_apart(ended), *_limits(ended), *others])
+
+
+def unmoved(problem: Problem, search: Search, settings: Settings) -> Descent:
+    """Descent that stays at its start, for recordings that no fit can learn from."""
+    values = dict(zip(search.names, search.start.tolist(), strict=True)) | dict(search.fixed)
+    residual = problem.residuals({name: np.array([value]) for name, value in values.items()}, settings)[:, 0]
+    blind = np.zeros((residual.size, len(search.names)))
+    return Descent(search.start, float(residual @ residual), False, 1, residual, blind)
+
+
+def _named(ended: Ended) -> dict[str, Array]:
+    values = dict(zip(ended.search.names, ended.best.values.tolist(), strict=True)) | dict(ended.search.fixed)
+    return {name: np.array([value]) for name, value in values.items()}
+
+
+def _diverged(ended: Ended) -> Finding | None:
+    """Where the simulation of the best values is no number any more."""
+    for r in ended.problem.recordings:
+        y = predict_many(ended.problem.structure, _named(ended), r, ended.settings)[:, :, 0]
+        lost = np.flatnonzero(~np.isfinite(y).all(axis=0))
+        if lost.size:
+            when = float(r.t[lost[0]])
+            return Finding("diverged", f"the best simulation found of {r.name} diverges at {when:.4g} s")
+    if not np.isfinite(ended.best.cost):
+        return Finding("diverged", "no parameter set gave a finite simulation")
+    return None
+
+
+def _hidden(ended: Ended) -> list[Finding]:
+    search = ended.search
+    declared = [ended.problem.structure.parameters[name] for name in search.names]
+    return [
+        Finding(
+            "not identifiable",
+            written(hidden, search, ended.best.values, declared),
+            tuple(search.names[i] for i in hidden.indices),
+        )
+        for hidden in ended.estimates.hidden
+    ]
+
+
+def _unexplained(ended: Ended) -> list[Finding]:
+    """Whether the model beats no motion at all by more than its parameters would by chance (F test).
+
+    Residuals that hang together count as so many independent ones as they are worth.
+    """
+    problem, residual = ended.problem, ended.best.residual
+    lengths = [r.samples for r in problem.recordings for _ in r.outputs]
+    if not ended.search.names or not ended.best.cost > 0.0:
+        return []
+    flat = [
+        weight * (row - row.mean())
+        for r in problem.recordings
+        for weight, row in zip(problem.weights, r.y, strict=True)
+    ]
+    without = float(sum(row @ row for row in flat))
+    models = noise_models(np.concatenate(flat), np.zeros((residual.size, 0)), lengths)
+    independent = sum(m.independent(n) for m, n in zip(models, lengths, strict=True))
+    gain = independent * (without / ended.best.cost - 1.0)
+    if gain > chi2.isf(_CHANCE, len(ended.search.names)):
+        return []
+    return [Finding("not identifiable", "the model explains nothing of the outputs: a constant fits them as well")]
+
+
+def _apart(ended: Ended) -> list[Finding]:
+    apart = ended.estimates.apart
+    if not apart:
+        return []
+    text = f"the recordings disagree on {', '.join(apart)}: the spread between them is beyond the interval"
+    return [Finding("recordings disagree", text, apart)]
+
+
+def _limits(ended: Ended) -> list[Finding]:
+    at = {name: e.at_bound for name, e in ended.estimates.by_name.items() if e.at_bound}
+    found = []
+    if at:
+        found.append(
+            Finding("at bound", ", ".join(f"{name} at its {side} bound" for name, side in at.items()), tuple(at))
+        )
+    if not ended.best.converged:
+        text = f"no optimum within {ended.best.evaluations} batches of simulations"
+        found.append(Finding("evaluation limit", text))
+    return found

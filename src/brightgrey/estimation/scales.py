@@ -207,7 +207,8 @@ def _uncertainty(torque: Array, terms: Array, values: Array, memory: float) -> f
     if values[0] <= 0.0 or information <= 0.0:
         return float("inf")
     rest = float(np.mean((torque - terms @ values) ** 2))
-    return float(np.sqrt(rest * memory / information) / size[0] / values[0])
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(rest * memory / information) / size[0] / values[0])
 
 
 def _balance(recording: Recording, n: int, speed: float) -> _Balance:
@@ -237,7 +238,8 @@ def _robust(torque: Array, terms: Array) -> Array:
     x = np.zeros(4)
     for _ in range(REWEIGHTINGS):
         root = np.sqrt(weight)
-        x = lsq_linear(X * root[:, None], torque * root, bounds=(low, np.full(4, np.inf))).x
+        with np.errstate(invalid="ignore"):  # a column of zeros makes its path along the bounds 0 times infinity
+            x = lsq_linear(X * root[:, None], torque * root, bounds=(low, np.full(4, np.inf))).x
         r = np.abs(torque - X @ x)
         spread = 1.345 * float(np.median(r)) / 0.6745
         weight = np.minimum(1.0, spread / np.maximum(r, np.finfo(float).tiny)) if spread > 0.0 else weight

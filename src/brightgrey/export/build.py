@@ -9,6 +9,7 @@ from brightgrey.estimation import Estimate, Fit
 from brightgrey.export.model import PER_SPEED, SCHEMA, SPEED, Model
 from brightgrey.export.parts import (
     CriterionPart,
+    FindingPart,
     FitPart,
     InitialPart,
     OutcomePart,
@@ -73,7 +74,13 @@ def model_of(
         criterion=criterion,
         evidence=None,
         ties=None,
-        outcome=OutcomePart(kind=fit.outcome.kind, text=fit.outcome.text),
+        outcome=OutcomePart(
+            kind=fit.outcome.kind,
+            text=fit.outcome.text,
+            findings=tuple(
+                FindingPart(kind=f.kind, text=f.text, parameters=f.parameters) for f in fit.outcome.findings
+            ),
+        ),
         seed=seed,
         version=version,
     )
@@ -89,6 +96,7 @@ def _parameter(estimate: Estimate, unit: str, factor: float) -> ParameterPart:
         std=std if math.isfinite(std) else None,
         ci95=(low, high) if math.isfinite(low) and math.isfinite(high) else None,
         at_bound=estimate.at_bound,
+        between_recordings=None if estimate.between is None else abs(factor) * estimate.between,
     )
 
 

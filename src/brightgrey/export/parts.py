@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 __all__ = [
     "CriterionPart",
+    "FindingPart",
     "FitPart",
     "InitialPart",
     "OutcomePart",
@@ -38,13 +39,17 @@ class ValuePart(Part):
 
 
 class ParameterPart(Part):
-    """One parameter; std and ci95 are null where nothing can be said, at_bound is null inside the bounds."""
+    """One parameter; std and ci95 are null where nothing can be said, at_bound is null inside the bounds.
+
+    between_recordings is the standard deviation of what the recordings alone would say; null with one of them.
+    """
 
     value: float
     unit: str
     std: float | None
     ci95: tuple[float, float] | None
     at_bound: Literal["low", "high"] | None
+    between_recordings: float | None = None
 
 
 class SignalPart(Part):
@@ -115,8 +120,17 @@ class TiesPart(Part):
     optional: tuple[str, ...]
 
 
-class OutcomePart(Part):
-    """How the estimation ended."""
+class FindingPart(Part):
+    """One thing to say about the estimation, and the parameters it is about."""
 
     kind: str
     text: str
+    parameters: tuple[str, ...] = ()
+
+
+class OutcomePart(Part):
+    """How the estimation ended: the gravest finding, and all others, the gravest first."""
+
+    kind: str
+    text: str
+    findings: tuple[FindingPart, ...] = ()

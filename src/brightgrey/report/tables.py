@@ -147,4 +147,11 @@ def remarks(model: Model) -> list[str]:
     ]
     if names := named(UNKNOWN):
         out.append(f"no uncertainty can be given for {names}")
-    return out
+    between = {name: part.between_recordings for name, part in model.parameters.items() if part.between_recordings}
+    if between:
+        listed = ", ".join(
+            f"{name} {significant(value, 2)} {model.parameters[name].unit}" for name, value in between.items()
+        )
+        out.append(f"standard deviation between the recordings: {listed}")
+    # Parameters at a bound and the outcome's own text are told already.
+    return out + [sentence(finding.text) for finding in model.outcome.findings if finding.kind != "at bound"]

@@ -1,0 +1,271 @@
+"""What a fit says of itself: every outcome, and every rule of what a recording cannot tell."""
+
+import time
+
+import numpy as np
+import pytest
+
+from brightgrey.estimation import fit
+from brightgrey.estimation.bounds import search_space
+from brightgrey.estimation.combinations import power_product
+from brightgrey.estimation.finding import Finding
+from brightgrey.estimation.informative import why_uninformative
+from brightgrey.estimation.leastsquares import descend
+from brightgrey.estimation.outcome import Outcome
+from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.scales import scales
+from brightgrey.estimation.twins import untwin
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.kit import PAPER
+from brightgrey.recordings import Recording, Signal
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
+
+DT, SAMPLES = 1e-3, 1800
+F_TANH = 2.5
+TORQUE = PAPER_EXPERIMENT.torque()
+FORWARD = 1.0 + 0.5 * np.abs(TORQUE)  # never lets the drive turn back
+
+
+def recording(y, u=TORQUE, *, unit="N m", given=True, kind="velocity", hold="linear", name="made"):
+    t = DT * np.arange(len(u))
+    outputs = (Signal("velocity", kind, "rad/s"),)
+    return Recording(name, t, u, np.atleast_2d(y), Signal("torque", "input", unit, 1.0, given), outputs, hold)
+
+
+def measured_from(text, values, u=TORQUE, *, seed=0, hold="linear", **settings):
+    """Recording of a drive by the reference solver, with noise of 0.1 % and steps of 0.01 rad/s."""
+    y = reference(text, values, u, DT, f_tanh=F_TANH, hold=hold).reshape(-1)
+    y = y + 1e-3 * np.abs(y).max() * np.random.default_rng(seed).standard_normal(y.shape)
+    return recording(np.round(y, 2), u, **settings)
+
+
+def fitted(text, *recordings, **settings):
+    return fit(PAPER.parse(text), recordings, f_tanh=F_TANH, starts=3, level="fast", **settings)
+
+
+def told(found, kind):
+    texts = [found.outcome.text] if found.outcome.kind == kind else []
+    return " | ".join(texts + [f.text for f in found.outcome.findings if f.kind == kind])
+
+
+RIGID = {"J1": 0.02, "M_C": 0.9}
+
+
+# --- recordings that hold nothing ---
+
+RNG = np.random.default_rng(5)
+NOISE = RNG.standard_normal(SAMPLES)
+NOTHING = {
+    "standstill": (0 * TORQUE, TORQUE, "moves by no more than its resolution"),
+    "flicker of the last digit": (0.01 * (RNG.random(SAMPLES) < 0.5), TORQUE, "resolution"),
+    "constant torque": (np.sin(np.arange(SAMPLES) / 100), 0 * TORQUE + 3.0, "torque never changes"),
+    "constant torque, noisy sensor": (np.arange(SAMPLES) / 50, 3.0 + 0.01 * NOISE, "torque never changes"),
+    "white noise": (NOISE, TORQUE, "does not follow the input"),
+    "slow noise": (np.cumsum(NOISE), TORQUE, "does not follow the input"),
+    "stuck at the limit": (0 * TORQUE + 50.0, TORQUE, "resolution"),
+    "saturated": (np.clip(1e3 * np.sin(np.arange(SAMPLES) / 60), -5, 5), TORQUE, "is saturated"),
+}
+
+
+@pytest.mark.parametrize("case", NOTHING)
+def test_nothing_to_identify_is_said_within_a_second(case):
+    y, u, says = NOTHING[case]
+    fitted("one_mass", measured_from("one_mass", {"J1": 0.02}))  # after start-up
+    begin = time.process_time()
+    found = fitted("two_mass+coulomb+viscous", recording(y, u))
+    assert time.process_time() - begin < 1.0
+    assert found.outcome.kind == "not identifiable"
+    assert says in found.outcome.text
+    assert all(np.isnan(e.std) for e in found.estimates.values())
+
+
+@pytest.mark.parametrize("noise", [1e-3, 0.1, 1.0])
+def test_motion_in_noise_is_no_noise(noise):
+    clean = measured_from("one_mass+coulomb", RIGID).y[0]
+    y = clean + noise * clean.std() * np.random.default_rng(2).standard_normal(SAMPLES)
+    assert why_uninformative(recording(y)) is None
+    # White torque and the acceleration it makes at once are white, too, and yet tell all.
+    u = np.random.default_rng(3).standard_normal(SAMPLES)
+    assert why_uninformative(recording(u / 0.02 + 5 * NOISE, u, kind="acceleration")) is None
+
+
+def test_independent_noise_is_not_taken_for_motion():
+    rng = np.random.default_rng(11)
+    for pole in (0.0, 0.9, 0.99, 1.0):
+        for _ in range(20):
+            e = rng.standard_normal(SAMPLES)
+            y = e.copy()
+            for k in range(1, SAMPLES):
+                y[k] += pole * y[k - 1]
+            assert why_uninformative(recording(y)) is not None, pole
+
+
+def test_one_useless_recording_of_two_is_named():
+    good, bad = measured_from("one_mass+coulomb", RIGID), recording(0 * TORQUE, name="bad")
+    found = fitted("one_mass+coulomb", good, bad)
+    assert "bad" in told(found, "uninformative")
+    assert found.outcome.kind != "uninformative"
+
+
+def test_clipped_output_is_named():
+    y = measured_from("one_mass+coulomb", RIGID).y[0]
+    found = fitted("one_mass+coulomb", recording(np.clip(y, -30, 30)))
+    assert found.outcome.kind == "saturated"
+    assert "saturated" not in [f.kind for f in fitted("one_mass+coulomb", recording(y)).outcome.findings]
+
+
+# --- how fits end ---
+
+
+def test_gravest_finding_is_the_outcome():
+    found = Outcome.of([Finding("sampling", "a"), Finding("at bound", "b"), Finding("not identifiable", "c")])
+    assert (found.kind, found.text) == ("not identifiable", "c")
+    assert [f.kind for f in found.findings] == ["at bound", "sampling"]
+    only = Outcome.of([Finding("sampling", "a")])
+    assert only.kind == "converged"
+    assert [f.kind for f in only.findings] == ["sampling"]
+
+
+def test_good_fit_converges_without_findings():
+    found = fitted("one_mass+coulomb", measured_from("one_mass+coulomb", RIGID))
+    assert found.outcome.kind == "converged"
+    assert found.outcome.findings == ()
+
+
+def test_bound_is_named():
+    found = fitted("one_mass+coulomb", measured_from("one_mass+coulomb", RIGID), bounds={"M_C": (1.0, 2.0)})
+    assert found.outcome.kind == "at bound"
+    assert found.outcome.text == "M_C at its low bound"
+
+
+def test_divergence_says_where():
+    r = measured_from("one_mass", {"J1": 0.02})
+    found = fitted("one_mass", r, fixed={"J1": 1e-14})
+    assert found.outcome.kind == "diverged"
+    assert " s" in found.outcome.text
+    assert "made" in found.outcome.text
+
+
+def test_hidden_ratio_is_written_with_powers():
+    # Slow motion of a nearly massless drive, u = f_v v, with the gain left open by a factor on both sides.
+    assert power_product(["J1", "f_v"], [0.7, -0.71]) == "J1/f_v"
+    assert power_product(["c1", "J1", "J2"], [2.0, -1.0, -1.0]) == "c1^2/(J1·J2)"
+    assert power_product(["c1", "d1"], [-0.5, -0.25]) == "c1^2·d1"
+
+
+def test_parameter_that_is_not_shown_is_named():
+    # The torque never turns: the shaft stays wound up one way, the gap is never crossed.
+    u = 2.0 * np.minimum(DT * np.arange(SAMPLES) / 0.5, 1.0)
+    values = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "alpha": 0.01}
+    found = fitted("two_mass+backlash", measured_from("two_mass+backlash", values, u))
+    assert "this recording does not show alpha" in told(found, "not identifiable")
+    assert np.isnan(found.estimates["alpha"].std)
+
+
+def test_model_without_anything_of_the_output_is_named():
+    # A load that moves by itself: what follows the torque is a thousandth of it.
+    y = measured_from("one_mass", {"J1": 0.02}).y[0]
+    wandering = 30 * np.cumsum(NOISE) + y
+    assert fitted("one_mass+coulomb+viscous", recording(wandering)).outcome.kind == "not identifiable"
+
+
+def test_recordings_that_disagree():
+    one = measured_from("one_mass+coulomb", RIGID, seed=1)
+    same = measured_from("one_mass+coulomb", RIGID, seed=2)
+    other = measured_from("one_mass+coulomb", RIGID | {"M_C": 0.95}, seed=2)
+    agreed, apart = fitted("one_mass+coulomb", one, same), fitted("one_mass+coulomb", one, other)
+    assert agreed.outcome.kind == "converged"
+    assert apart.outcome.kind == "recordings disagree"
+    assert "M_C" in apart.outcome.text
+    assert "J1" not in apart.outcome.text
+    assert apart.estimates["M_C"].between == pytest.approx(0.05 / np.sqrt(2), rel=0.1)
+    assert fitted("one_mass+coulomb", one).estimates["M_C"].between is None
+
+
+# --- what a recording can and cannot tell ---
+
+LAGGED = {"J1": 0.02, "f_v": 0.4, "T_1": 0.01}  # J1/f_v is 50 ms
+
+
+def test_exact_twin_is_named_and_the_shorter_lag_kept():
+    r = measured_from("one_mass+viscous+current_control", LAGGED)
+    found = fitted("one_mass+viscous+current_control", r)
+    assert "J1/f_v" in told(found, "twin")
+    assert "T_1 = 0.05" in told(found, "twin")
+    for name, value in LAGGED.items():
+        assert found.estimates[name].value == pytest.approx(value, rel=0.02)
+
+
+def test_twin_with_the_longer_lag_is_exchanged():
+    structure = PAPER.parse("one_mass+viscous+current_control")
+    r = measured_from(str(structure), LAGGED)
+    search = search_space(structure, scales([r]), {"J1": (1e-4, 1.0), "T_1": (1e-4, 1.0)}, {})
+    problem, settings = Problem.of(structure, [r]), Settings(F_TANH, 40.0, "fast")
+    twin = descend(problem, search, settings, np.array([0.004, 0.4, 0.05]))
+    assert twin.values[2] == pytest.approx(0.05, rel=0.02)
+    kept, findings = untwin(problem, search, settings, twin)
+    np.testing.assert_allclose(kept.values, list(LAGGED.values()), rtol=0.02)
+    assert kept.cost == pytest.approx(twin.cost, rel=1e-3)
+    assert [f.kind for f in findings] == ["twin"]
+
+
+def test_no_twin_where_friction_tells_the_order():
+    r = measured_from("one_mass+coulomb+viscous+current_control", LAGGED | {"M_C": 0.9})
+    assert not told(fitted("one_mass+coulomb+viscous+current_control", r), "twin")
+
+
+def test_lags_below_a_sample_are_sampling_and_show_their_sum():
+    values = {"J1": 0.02, "T_1": 0.0006, "T_d": 0.0007}
+    found = fitted("one_mass+current_control+delay", measured_from("one_mass+current_control+delay", values))
+    text = told(found, "sampling")
+    assert "only T_1 + T_d = 0.001" in text
+    assert found.estimates["T_1"].value + found.estimates["T_d"].value == pytest.approx(0.0013, rel=0.03)
+    assert "this is sampling, no evidence" in text
+
+
+def test_held_input_and_differenced_velocity_fake_half_a_sample():
+    held = fitted("one_mass+coulomb+delay", measured_from("one_mass+coulomb", RIGID, hold="zoh"))
+    assert held.estimates["T_d"].value == pytest.approx(0.5 * DT, abs=0.05 * DT)
+    assert "half a sample" in told(held, "sampling")
+    assert "zoh" in told(held, "sampling")
+    q = reference("one_mass+coulomb", RIGID, TORQUE, DT, f_tanh=F_TANH, outputs=["position"]).reshape(-1)
+    differenced = fitted("one_mass+coulomb+delay", recording(np.diff(q, prepend=0.0) / DT))
+    assert "velocity-differenced" in told(differenced, "sampling")
+    long = fitted("one_mass+coulomb+delay", measured_from("one_mass+coulomb+delay", RIGID | {"T_d": 0.004}))
+    assert not told(long, "sampling")
+
+
+def test_gravity_is_constant_torque_and_without_reversal_like_friction():
+    values = {"J1": 0.02, "M_C": 0.3, "M_G": 0.1}
+    both = fitted("one_mass+coulomb+gravity", measured_from("one_mass+coulomb+gravity", values))
+    assert "offset of the input" in told(both, "look-alike")
+    assert "never reverses" not in told(both, "look-alike")
+    one = fitted("one_mass+coulomb+gravity", measured_from("one_mass+coulomb+gravity", values, FORWARD))
+    assert "never reverses" in told(one, "look-alike")
+
+
+@pytest.mark.parametrize(
+    ("omega_S", "kind", "says"),
+    [(25.0, "look-alike", "above a third"), (0.6, "invisible", "5/f_tanh"), (5.5, "converged", "minimum")],
+)
+def test_speed_of_stribeck_friction(omega_S, kind, says):
+    values = {"J1": 0.02, "M_C": 0.6, "f_v": 0.02, "M_S": 0.5, "omega_S": omega_S}
+    text = "one_mass+coulomb+viscous+stribeck"
+    assert says in told(fitted(text, measured_from(text, values)), kind)
+
+
+def test_stribeck_alone_is_nearly_coulomb():
+    values = {"J1": 0.02, "M_S": 0.5, "omega_S": 8.0}
+    assert "without Coulomb" in told(
+        fitted("one_mass+stribeck", measured_from("one_mass+stribeck", values)), "look-alike"
+    )
+
+
+@pytest.mark.parametrize(("unit", "given", "says"), [("V", True, "is in V"), ("N m", False, "has no unit")])
+def test_unknown_gain_leaves_ratios(unit, given, says):
+    r = measured_from("one_mass+coulomb+delay", RIGID | {"T_d": 0.004}, unit=unit, given=given)
+    text = told(fitted("one_mass+coulomb+delay", r), "relative")
+    assert says in text
+    assert "J1, M_C only ratios" in text
+    assert "T_d" not in text
