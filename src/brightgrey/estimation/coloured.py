@@ -12,6 +12,7 @@ from scipy.linalg import solve_toeplitz
 __all__ = ["Autoregression", "autoregression", "burg", "lag_sums", "levinson", "times_autocovariance"]
 
 Array = NDArray[np.float64]
+_RIDGE = 1e-9  # keeps the autocovariances of a pure line solvable
 _ROOM = 8  # the autocovariance is taken from a spectrum of so many times the length: what wraps around has decayed
 
 
@@ -72,7 +73,9 @@ class Autoregression:
         if self.order and self.variance > 0.0:
             turns = np.exp(-2j * np.pi * np.arange(len(response)) / length)[:, None] ** np.arange(1, self.order + 1)
             slopes = -2.0 * (turns / response[:, None]).real.T @ (share / total)
-            inverse = solve_toeplitz(self.autocovariance(n)[: self.order] / self.variance, slopes)
+            column = self.autocovariance(n)[: self.order] / self.variance
+            column[0] *= 1.0 + _RIDGE
+            inverse = solve_toeplitz(column, slopes)
             doubt = doubt + np.maximum(np.sum(slopes * inverse, axis=0), 0.0) / n
         return total * self.variance * 2.0 / length, doubt
 
