@@ -59,9 +59,11 @@ def predict_many(
     kinds = [signal.kind for signal in recording.outputs]
     outputs = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
     system = assemble(structure, values, settings.f_tanh, outputs)
-    x0 = initial_state(recording, system)
-    if initial is not None:
-        x0 = np.array([initial[state.name] for state in system.states])
+    x0 = (
+        initial_state(recording, system)
+        if initial is None
+        else np.array([initial[state.name] for state in system.states])
+    )
     y = response(system, recording.u, recording.dt, x0, settings, frozen=frozen, threads=threads).y
     for out, kind in enumerate(kinds):
         if kind == "velocity-differenced":

@@ -1,0 +1,136 @@
+"""Pattern search: optima that are known, limits that hold, searches that leave each other alone."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from brightgrey.errors import SettingsError
+from brightgrey.estimation.pattern_search import pattern_search
+
+TARGET = np.array([0.3, -1.2, 2.0])
+LOW, HIGH = np.full(3, -3.0), np.full(3, 3.0)
+
+
+def bowl(points):
+    return np.sum(np.array([1.0, 4.0, 0.2])[:, None] * (points - TARGET[:, None]) ** 2, axis=0)
+
+
+def valley(points):
+    x, y = points
+    return (1 - x) ** 2 + 20 * (y - x * x) ** 2
+
+
+class Counted:
+    def __init__(self, cost):
+        self.cost, self.batches, self.points = cost, [], []
+
+    def __call__(self, points):
+        self.batches.append(points.shape[1])
+        self.points.append(points.copy())
+        return self.cost(points)
+
+
+def test_optimum_inside_the_bounds():
+    (end,) = pattern_search(bowl, np.zeros(3), LOW, HIGH)
+    assert end.reason == "mesh"
+    np.testing.assert_allclose(end.values, TARGET, atol=1e-5)
+    assert end.cost == pytest.approx(0.0, abs=1e-9)
+
+
+def test_optimum_on_a_bound():
+    high = np.array([3.0, 3.0, 1.0])
+    (end,) = pattern_search(bowl, np.zeros(3), LOW, high)
+    np.testing.assert_allclose(end.values, [0.3, -1.2, 1.0], atol=1e-5)
+
+
+def test_bent_valley_from_several_begins():
+    begins = np.array([[-1.2, 1.5, 0.0], [1.0, -1.0, 0.0]])
+    ends = pattern_search(valley, begins, [-2, -2], [2, 2], iterations=5000)
+    reference = minimize(lambda x: valley(x), [0.5, 0.5]).fun
+    for end in ends:
+        assert end.cost <= reference + 1e-6
+
+
+def test_mesh_doubles_on_success_and_halves_on_failure():
+    cost = Counted(lambda points: points[0])  # the lower the better, down to the bound
+    (end,) = pattern_search(cost, [0.5], [0.0], [1.0], mesh=0.0625, smallest=0.01)
+    visited = [sorted(batch[0].tolist()) for batch in cost.points]
+    # 0.5, then +-1/16, from 7/16 +-1/8, from 5/16 +-1/4, from 1/16 +-1/2 (put onto the bound), then failures at 0.
+    assert visited[:5] == [[0.5], [0.4375, 0.5625], [0.3125, 0.5625], [0.0625, 0.5625], [0.0, 0.5625]]
+    widths = [batch[0] for batch in visited[5:]]
+    np.testing.assert_allclose(widths, 1.0 / 2 ** np.arange(len(widths)))
+    assert end.values == (0.0,)
+
+
+def test_a_poll_of_all_searches_is_one_batch():
+    cost = Counted(bowl)
+    ends = pattern_search(cost, np.zeros((3, 5)), LOW, HIGH, iterations=3, mesh=0.01)
+    assert cost.batches == [5, 30, 30, 30]
+    assert [end.iterations for end in ends] == [3] * 5
+    assert all(end.reason == "iterations" for end in ends)
+
+
+def test_searches_do_not_depend_on_each_other():
+    rng = np.random.default_rng(4)
+    begins = rng.uniform(-3, 3, (3, 6))
+    together = pattern_search(bowl, begins, LOW, HIGH)
+    alone = tuple(pattern_search(bowl, begins[:, i], LOW, HIGH)[0] for i in range(6))
+    assert together == alone
+
+
+@pytest.mark.parametrize("limit", [1, 7, 20, 21, 100])
+def test_evaluation_limit_holds(limit):
+    cost = Counted(bowl)
+    (end,) = pattern_search(cost, np.zeros(3), LOW, HIGH, evaluations=limit)
+    assert sum(cost.batches) == end.evaluations <= limit
+    assert end.reason == "evaluations"
+
+
+def test_never_leaves_the_bounds_and_never_gets_worse():
+    cost = Counted(bowl)
+    begins = np.random.default_rng(1).uniform(-9, 9, (3, 4))  # some outside: put onto the bounds
+    ends = pattern_search(cost, begins, LOW, HIGH)
+    points = np.concatenate(cost.points, axis=1)
+    assert np.all(points >= LOW[:, None])
+    assert np.all(points <= HIGH[:, None])
+    first = bowl(np.clip(begins, LOW[:, None], HIGH[:, None]))
+    assert all(end.cost <= c for end, c in zip(ends, first, strict=True))
+
+
+def test_costs_that_are_no_numbers_are_never_chosen():
+    def holes(points):
+        c = bowl(points)
+        return np.where(points[0] > 0.5, np.nan, np.where(points[1] > 0.0, np.inf, c))
+
+    (end,) = pattern_search(holes, [-2.0, 1.0, 0.0], LOW, HIGH)
+    assert np.isfinite(end.cost)
+    assert end.values[0] <= 0.5
+    (nowhere,) = pattern_search(lambda p: np.full(p.shape[1], np.nan), [0.0, 0, 0], LOW, HIGH)
+    assert nowhere.cost == np.inf
+    assert nowhere.reason == "mesh"
+
+
+def test_range_without_width_stays():
+    (end,) = pattern_search(bowl, np.zeros(3), [-3, 0.5, -3], [3, 0.5, 3])
+    assert end.values[1] == 0.5
+    (fixed,) = pattern_search(bowl, TARGET, TARGET, TARGET)
+    assert fixed.values == tuple(TARGET)
+    (nothing,) = pattern_search(lambda p: np.ones(p.shape[1]), np.zeros((0, 1)), [], [])
+    assert nothing.cost == 1.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"low": [0.0, 0.0]}, "do not fit"),
+        ({"low": [4.0, 0.0, 0.0]}, "low <= high"),
+        ({"high": [np.inf, 1.0, 1.0]}, "finite"),
+        ({"iterations": 0}, "iterations 0"),
+        ({"evaluations": 0}, "evaluations 0"),
+        ({"mesh": 0.0}, "mesh 0"),
+    ],
+)
+def test_wrong_use_is_refused(wrong, says):
+    arguments = {"low": LOW, "high": HIGH} | wrong
+    with pytest.raises(SettingsError, match=says):
+        pattern_search(bowl, np.zeros(3), **arguments)
