@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.estimation.costs import cost_function
 from brightgrey.estimation.leastsquares import descend
 from brightgrey.estimation.pattern_search import pattern_search
 from brightgrey.kit import Structure
@@ -40,14 +41,12 @@ class PatternSearch:
         """Identify `structure` from each of `starts`."""
         space, problem = self.task.space(structure), self.task.problem(structure)
 
-        def cost_many(theta: Array) -> Array:
-            apart = problem.residuals(self.task.arrays(space, space.outward(theta)), self.task.settings)
-            return np.asarray(np.einsum("ij,ij->j", apart, apart))
-
+        cost_many = cost_function(problem, space, self.task.settings)
         low, high = space.inward(space.low), space.inward(space.high)
-        found = pattern_search(cost_many, space.inward(self.task.begins(space, starts)), low, high, self.iterations)
-        ends = self.task.arrays(space, space.outward(found.values))
-        return _evaluated(self.task, structure, ends, found.evaluations.tolist(), len(space.names))
+        begins = space.inward(self.task.begins(space, starts))
+        found = pattern_search(cost_many, begins, low, high, iterations=self.iterations)
+        ends = self.task.arrays(space, space.outward(np.array([end.values for end in found]).T))
+        return _evaluated(self.task, structure, ends, [end.evaluations for end in found], len(space.names))
 
 
 @dataclass(frozen=True)

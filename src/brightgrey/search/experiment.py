@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -42,11 +41,15 @@ def reference_recording(
     """
     torque = experiment.torque()
     (velocity,) = reference(
-        str(structure or experiment.structure), values or experiment.values, torque, experiment.dt, f_tanh=experiment.f_tanh
+        str(structure or experiment.structure),
+        values or experiment.values,
+        torque,
+        experiment.dt,
+        f_tanh=experiment.f_tanh,
     )
     return Recording(
         name="reference",
-        t=experiment.dt * np.arange(experiment.samples),
+        t=np.arange(experiment.samples, dtype=np.float64) * experiment.dt,
         u=torque,
         y=resolution * np.round(velocity / resolution)[None, :],
         input=Signal("torque", "input", "N m"),
@@ -55,11 +58,9 @@ def reference_recording(
     )
 
 
-def assumed_bounds(
-    task: Recording, assumed: Mapping[str, float] = ASSUMED
-) -> dict[str, tuple[float, float]]:
+def assumed_bounds(recording: Recording, assumed: Mapping[str, float] = ASSUMED) -> dict[str, tuple[float, float]]:
     """Ranges from half to twice the assumed values; what may have either sign is centred on zero (section 4)."""
-    known = scales(task)
+    known = scales(recording)
     declared = {name: q for s in PAPER.structures() for name, q in s.parameters.items()}
     low, high = RANGE
     return {
@@ -72,12 +73,13 @@ def task_of(
     recording: Recording, experiment: Experiment = PAPER_EXPERIMENT, assumed: Mapping[str, float] = ASSUMED
 ) -> Identification:
     """Task to identify models on `recording` within the ranges of the paper's experiment; f_tanh is known."""
-    known = scales(recording)
+    known, bounds = scales(recording), assumed_bounds(recording, assumed)
     return Identification(
         recordings=(recording,),
         scales=known,
         settings=Settings(f_tanh=experiment.f_tanh, speed_scale=known.speed, level="fast", hold=recording.hold),
-        bounds=assumed_bounds(recording, assumed),
+        bounds=bounds,
+        start={name: assumed[name] if low > 0.0 else 0.0 for name, (low, _) in bounds.items()},
     )
 
 

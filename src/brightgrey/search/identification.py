@@ -38,6 +38,8 @@ class Identification:
         SI, by parameter name.
     fixed : mapping of str to float
         SI; these are not estimated.
+    start : mapping of str to float
+        SI; standard start of parameters, instead of the one found in the recordings.
     """
 
     recordings: tuple[Recording, ...]
@@ -45,6 +47,7 @@ class Identification:
     settings: Settings
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
+    start: Mapping[str, float] = field(default_factory=dict)
 
     def check(self, grammar: Grammar) -> None:
         """Refuse bounds and values of parameters that no structure of `grammar` has (SettingsError)."""
@@ -66,6 +69,12 @@ class Identification:
     def problem(self, structure: Structure) -> Problem:
         """Residuals of `structure`, weighted by the noise of each output."""
         return Problem.of(structure, self.recordings)
+
+    def standard(self, structure: Structure) -> dict[str, float]:
+        """Start values, SI, of all parameters of `structure` that depend on nothing else."""
+        space = self.space(structure)
+        found = dict(zip(space.names, space.start.tolist(), strict=True)) | dict(space.fixed)
+        return found | {name: value for name, value in self.start.items() if name in space.names}
 
     def draw(self, placed: Placed, rng: np.random.Generator) -> tuple[tuple[str, float], ...]:
         """Random values of a submodel's parameters within their ranges, by symbol.

@@ -36,9 +36,7 @@ def join(first: Node, cut: int, branch: Node, rules: Rules, draw: Draw, rng: np.
     return finish(graft(trunk, cut, legal), rules, draw, rng)
 
 
-def _legal(
-    branch: Node, present: tuple[Placed, ...], rules: Rules
-) -> tuple[tuple[Node, ...], tuple[Placed, ...]]:
+def _legal(branch: Node, present: tuple[Placed, ...], rules: Rules) -> tuple[tuple[Node, ...], tuple[Placed, ...]]:
     """What is left of `branch` where `present` is there already, and the types that are there then."""
     keep = branch.type in rules.allowed(present)
     present = (*present, branch.type) if keep else present

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from brightgrey.errors import SettingsError
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.criteria import Criterion, criterion
 from brightgrey.search.evaluation import Estimator, Evaluated, Job
@@ -17,7 +18,7 @@ from brightgrey.search.genetic.population import Draw, initial
 from brightgrey.search.genetic.record import Evaluation, Progress, Run
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.search.genetic.settings import GeneticSettings
-from brightgrey.search.genetic.tree import with_values
+from brightgrey.search.genetic.tree import Node, with_values
 
 __all__ = ["search"]
 
@@ -27,6 +28,7 @@ def search(
     draw: Draw,
     settings: GeneticSettings | None = None,
     *,
+    standard: Callable[[Structure], Mapping[str, float]] | None = None,
     grammar: Grammar = PAPER,
     seed: int = 0,
     workers: int = 1,
@@ -45,6 +47,8 @@ def search(
         Random parameters of a submodel.
     settings : GeneticSettings, optional
         The paper's by default.
+    standard : callable, optional
+        Start values of a structure by name, SI; needed where `settings` begin there.
     grammar : Grammar
     seed : int
     workers : int
@@ -59,19 +63,22 @@ def search(
 
     Raises
     ------
+    SettingsError
+        If the standard start is wanted and there is none.
     KeyboardInterrupt
         If there is nothing so far.
     """
     settings = settings or GeneticSettings()
+    start = _start(settings, standard)
     rules, rng = Rules(grammar), np.random.default_rng(seed)
     judge = criterion(settings.criterion, settings.k_p)
     began = time.monotonic()
     done: list[Evaluation] = []
     born: Sequence[Born] = [Born(tree, (), "initial") for tree in initial(settings.population, rules, draw, rng)]
-    with _Bench(estimator, settings, workers) as bench:
+    with _Bench(estimator, workers) as bench:
         for generation in range(settings.generations + 1):
             try:
-                current = _evaluate(generation, born, bench, judge)
+                current = _evaluate(generation, born, start, bench, judge)
                 done += current
                 if progress:
                     share = (settings.generations - generation) / (generation + 1)
@@ -90,15 +97,28 @@ def search(
     return Run(tuple(done))
 
 
+def _start(
+    settings: GeneticSettings, standard: Callable[[Structure], Mapping[str, float]] | None
+) -> Callable[[Node], Mapping[str, float]]:
+    """Where the identification of an individual starts."""
+    if settings.begin == "inherited":
+        return lambda tree: tree.parameters
+    if standard is None:
+        raise SettingsError("begin is 'standard', but no standard start was given")
+    return lambda tree: standard(tree.structure)
+
+
 def _elite(done: Sequence[Evaluation], settings: GeneticSettings) -> list[Born]:
     """Best structures so far, as they were estimated."""
     best = list(Run(tuple(done)).structures()) if settings.elite else []
     return [Born(e.tree, (), "elite") for e in best[: settings.elite]]
 
 
-def _evaluate(generation: int, born: Sequence[Born], bench: _Bench, judge: Criterion) -> list[Evaluation]:
+def _evaluate(
+    generation: int, born: Sequence[Born], start: Callable[[Node], Mapping[str, float]], bench: _Bench, judge: Criterion
+) -> list[Evaluation]:
     """Identify the individuals of one generation and judge them."""
-    jobs = [Job.of(b.tree.structure, b.tree.parameters) for b in born]
+    jobs = [Job.of(b.tree.structure, start(b.tree)) for b in born]
     results = bench.identify(jobs)
     return [
         Evaluation(
@@ -121,9 +141,8 @@ class _Bench:
     """Identifies jobs on threads, each one once; those of one structure side by side."""
 
     estimator: Estimator
-    settings: GeneticSettings
     workers: int
-    known: dict[Hashable, Evaluated] = field(default_factory=dict)
+    known: dict[Job, Evaluated] = field(default_factory=dict)
 
     def __enter__(self) -> _Bench:
         self.pool = ThreadPoolExecutor(self.workers)
@@ -134,19 +153,18 @@ class _Bench:
 
     def identify(self, jobs: Sequence[Job]) -> list[tuple[Evaluated, bool]]:
         """Results in the order of `jobs`, each with whether it had been there before."""
-        keys: list[Hashable] = [job if self.settings.memory == "start" else job.structure for job in jobs]
-        fresh: dict[Structure, dict[Hashable, Job]] = {}
-        for key, job in zip(keys, jobs, strict=True):
-            if key not in self.known:
-                fresh.setdefault(job.structure, {}).setdefault(key, job)
+        fresh: dict[Structure, dict[Job, None]] = {}
+        for job in jobs:
+            if job not in self.known:
+                fresh.setdefault(job.structure, {})[job] = None
         groups = sorted(fresh.items(), key=lambda group: -len(group[0].parameters) * len(group[1]))
-        results = self.pool.map(lambda group: self.estimator(group[0], [job.start for job in group[1].values()]), groups)
-        first = set()
+        results = self.pool.map(lambda group: self.estimator(group[0], [job.start for job in group[1]]), groups)
+        first: set[Job] = set()
         for (_, wanted), result in zip(groups, results, strict=True):
             self.known |= zip(wanted, result, strict=True)
-            first |= wanted.keys()
+            first |= set(wanted)
         out = []
-        for key in keys:
-            out.append((self.known[key], key not in first))
-            first.discard(key)
+        for job in jobs:
+            out.append((self.known[job], job not in first))
+            first.discard(job)
         return out

@@ -15,9 +15,9 @@ from brightgrey.search.criteria import CRITERIA
 from brightgrey.search.estimators import EstimatorName, check_estimator
 from brightgrey.search.genetic.mutation import MUTATIONS
 
-__all__ = ["ASSUMED", "OURS", "PAPER_SETTINGS", "PROBABILITIES", "RANGE", "RESOLUTION", "GeneticSettings", "Memory"]
+__all__ = ["ASSUMED", "OURS", "PAPER_SETTINGS", "PROBABILITIES", "RANGE", "RESOLUTION", "Begin", "GeneticSettings"]
 
-Memory = Literal["start", "structure"]
+Begin = Literal["inherited", "standard"]
 
 P_CLONE = 0.2
 PROBABILITIES: Mapping[str, float] = MappingProxyType(
@@ -32,10 +32,24 @@ docs/results.md says how much other values change.
 
 ASSUMED: Mapping[str, float] = MappingProxyType(
     {
-        **{"J1": 0.010, "J2": 0.010, "J3": 0.006, "J4": 0.004},
-        **{"c1": 90.0, "c2": 150.0, "c3": 200.0, "d1": 0.05, "d2": 0.05, "d3": 0.05},
-        **{"M_C": 0.7, "f_v": 0.02, "M_S": 0.8, "omega_S": 7.0},
-        **{"M_G": 0.5, "alpha": 0.01, "T_1": 0.003, "T_d": 0.005},
+        "J1": 0.010,
+        "J2": 0.010,
+        "J3": 0.006,
+        "J4": 0.004,
+        "c1": 90.0,
+        "c2": 150.0,
+        "c3": 200.0,
+        "d1": 0.05,
+        "d2": 0.05,
+        "d3": 0.05,
+        "M_C": 0.7,
+        "f_v": 0.02,
+        "M_S": 0.8,
+        "omega_S": 7.0,
+        "M_G": 0.5,
+        "alpha": 0.01,
+        "T_1": 0.003,
+        "T_d": 0.005,
     }
 )
 """What is assumed of every parameter in the paper's experiment, SI; the paper gives no number.
@@ -78,8 +92,9 @@ class GeneticSettings:
         What individuals are selected by, see :mod:`brightgrey.search.criteria`.
     k_p : float
         Weight of the number of parameters in the paper's fitness (19) (paper: 2).
-    memory : {'start', 'structure'}
-        When an identification counts as done before: same structure and same start, or same structure.
+    begin : {'inherited', 'standard'}
+        Where an identification starts: at the node's values, inherited or random (paper), or at the same standard
+        start for every individual of a structure, so that no structure is identified twice.
     elite : int
         Best structures so far that each new population begins with, unchanged (paper: 0).
     fresh : int
@@ -100,7 +115,7 @@ class GeneticSettings:
     iterations: int = 500
     criterion: str = "fitness"
     k_p: float = 2.0
-    memory: Memory = "start"
+    begin: Begin = "inherited"
     elite: int = 0
     fresh: int = 0
 
@@ -122,8 +137,8 @@ class GeneticSettings:
         check_estimator(self.estimator)
         if self.criterion not in CRITERIA:
             raise SettingsError(unknown_name("criterion", self.criterion, CRITERIA))
-        if self.memory not in get_args(Memory):
-            raise SettingsError(unknown_name("memory", self.memory, get_args(Memory)))
+        if self.begin not in get_args(Begin):
+            raise SettingsError(unknown_name("begin", self.begin, get_args(Begin)))
 
 
 PAPER_SETTINGS = GeneticSettings()
@@ -135,7 +150,7 @@ OURS = GeneticSettings(
     estimator="least-squares",
     iterations=30,
     criterion="bic",
-    memory="structure",
+    begin="standard",
     elite=3,
     fresh=4,
 )
