@@ -98,8 +98,10 @@ class Identification:
         rss: Array = np.zeros((outputs, 1))
         least = np.zeros(outputs)
         for r in self.recordings:
-            apart = predict_many(structure, values, r, self.settings) - r.y[:, :, None]
-            square = np.square(apart).sum(axis=1)
+            apart = np.moveaxis(predict_many(structure, values, r, self.settings), 1, 2) - r.y[:, None, :]
+            square = np.square(np.ascontiguousarray(apart)).sum(
+                axis=2
+            )  # one after the other: no set sees its neighbours
             rss = rss + np.where(np.isfinite(square), square, np.inf)
             least += r.samples * r.resolution**2 / 12.0
         weights = np.ones(outputs) if outputs == 1 else self.problem(structure).weights
