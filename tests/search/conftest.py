@@ -25,7 +25,7 @@ def know(structure, starts):
     """RSS by distance; the estimate is the start, halved, so that starts change from generation to generation."""
     rss = 1.0 + distance(structure)
     return [
-        Evaluated(tuple((n, 0.5 * v) for n, v in start), Misfit((rss,), (1e-3,), 100), len(start), 10)
+        Evaluated(tuple((n, 0.5 * v) for n, v in start), Misfit((rss,), (1e-3,), 100, (100.0,)), len(start), 10)
         for start in starts
     ]
 

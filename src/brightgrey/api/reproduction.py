@@ -7,6 +7,7 @@ import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -87,6 +88,11 @@ class Reproduction:
                 cells = (best.job.structure, best.result.n_parameters, rss, repr(best.value), str(present).lower())
                 writer.writerow((row.seed, number, *cells))
         return text.getvalue()
+
+    names: ClassVar[tuple[str, ...]] = (
+        *("figure6.png", "figure7.png", "figure8.png", "figure9.png"),
+        *("runs.csv", "generations.csv", "history.csv"),
+    )
 
     def write(self, folder: str | Path) -> None:
         """Write figures and tables into `folder`, all or none; SettingsError if that cannot be."""

@@ -28,11 +28,20 @@ class Misfit:
         What `rss` counts as at least: the floor.
     samples : int
         Of each output.
+    spread : tuple of float
+        Sum of squares of each output about its mean, in the unit of `rss`.
     """
 
     rss: tuple[float, ...]
     least: tuple[float, ...]
     samples: int
+    spread: tuple[float, ...]
+
+    @property
+    def fit_percent(self) -> float:
+        """Mean over the outputs of 100 (1 - |y - yhat| / |y - mean|); -inf if the simulation diverged."""
+        shares = [np.sqrt(rss / max(spread, 1e-300)) for rss, spread in zip(self.rss, self.spread, strict=True)]
+        return float(100.0 * (1.0 - np.mean(shares)))
 
     @property
     def floored(self) -> tuple[float, ...]:

@@ -96,7 +96,7 @@ class Identification:
         """Misfit of each of K parameter sets; `values` holds arrays of shape (K,), SI."""
         outputs = len(self.recordings[0].outputs)
         rss: Array = np.zeros((outputs, 1))
-        least = np.zeros(outputs)
+        least, spread = np.zeros(outputs), np.zeros(outputs)
         for r in self.recordings:
             apart = np.moveaxis(predict_many(structure, values, r, self.settings), 1, 2) - r.y[:, None, :]
             square = np.square(np.ascontiguousarray(apart)).sum(
@@ -104,10 +104,12 @@ class Identification:
             )  # one after the other: no set sees its neighbours
             rss = rss + np.where(np.isfinite(square), square, np.inf)
             least += r.samples * r.resolution**2 / 12.0
+            spread += np.square(r.y - r.y.mean(axis=1, keepdims=True)).sum(axis=1)
         weights = np.ones(outputs) if outputs == 1 else self.problem(structure).weights
-        rss, least = rss * weights[:, None] ** 2, least * weights**2
+        rss = rss * weights[:, None] ** 2
+        floor, about = (tuple((a * weights**2).tolist()) for a in (least, spread))
         samples = sum(r.samples for r in self.recordings)
-        return [Misfit(tuple(column), tuple(least.tolist()), samples) for column in rss.T.tolist()]
+        return [Misfit(tuple(column), floor, samples, about) for column in rss.T.tolist()]
 
     def arrays(self, space: Search, values: Array) -> dict[str, Array]:
         """Parameter sets by name; `values`, shape (P, K), SI, holds the free ones."""

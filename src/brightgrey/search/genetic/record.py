@@ -56,6 +56,11 @@ class Progress:
     best: Evaluation
     seconds_left: float
 
+    @property
+    def fit_percent(self) -> float:
+        """Fit of the best individual so far."""
+        return self.best.result.misfit.fit_percent
+
 
 @dataclass(frozen=True)
 class Run:
