@@ -255,7 +255,9 @@ def _result(
     )
     notes = _notes(several if test is None else (*several, test))
     if found:
-        return Result(model, (*train, *unseen), found.ranking, (*notes, found.note), fit, found.files)
+        first = replace(found.ranking[0], rss=row.rss, fit_percent=row.fit_percent)
+        ranking = (first, *found.ranking[1:])
+        return Result(model, (*train, *unseen), ranking, (*notes, found.note), fit, found.files)
     return Result(model, (*train, *unseen), (row,), notes, fit)
 
 

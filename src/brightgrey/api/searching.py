@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+import numpy as np
+
 from brightgrey.api.request import Range, bounds_si, f_tanh_si, fixed_si
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import scales
@@ -95,24 +97,21 @@ def find(
     return Found(
         structure=best.job.structure,
         values=dict(best.result.values),
-        ranking=_ranking(done, recordings[0]),
+        ranking=_ranking(done, task),
         criterion=CriterionPart(name=settings.criterion, value=best.value),
         files={"history.csv": history_csv(done).encode()},
         note=_note(done, settings),
     )
 
 
-def _ranking(done: Run, recording: Recording) -> tuple[Row, ...]:
-    """Every structure that was tried, by its best identification at the level of the search.
-
-    RSS of a single output stands in its unit squared; those of several outputs, each over its noise, are added.
-    """
-    factor = recording.outputs[0].factor if len(recording.outputs) == 1 else 1.0
+def _ranking(done: Run, task: Identification) -> tuple[Row, ...]:
+    """Every structure that was tried, by its best identification at the level of the search, in the outputs' units."""
+    factors = np.array([signal.factor for signal in task.recordings[0].outputs])
     return tuple(
         Row(
             structure=str(e.job.structure),
             n_parameters=e.result.n_parameters,
-            rss=sum(e.result.misfit.rss) * factor**2,
+            rss=float(np.sum(e.result.misfit.rss * (factors / task.weights(e.job.structure)) ** 2)),
             fit_percent=e.result.misfit.fit_percent,
             criterion=e.value,
         )

@@ -113,9 +113,7 @@ def reproduction(done: Reproduction, folder: Path, *, quiet: bool, json: bool) -
     _bullet(console, f"the same or with redundant extras: {_rate(either, rates.count, rates.lenient)}")
     _bullet(console, f"best of the last generation: {rates.last_true} of {rates.count}")
     first = "-" if rates.first is None else f"{rates.first:g}"
-    _bullet(
-        console, f"median generation of its first appearance: {first}; it appeared in {rates.seen} of {rates.count}"
-    )
+    _bullet(console, f"it was in {rates.seen} of {rates.count} runs at all, first in generation {first} (median)")
     _bullet(console, f"median number of simulations: {rates.simulations:.0f}")
     if any(run.interrupted for run in done.runs):
         _bullet(console, "interrupted: the best so far counts")

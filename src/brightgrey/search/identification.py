@@ -92,6 +92,11 @@ class Identification:
             return float(np.clip(low * (high / low) ** share, low, high))
         return low + share * (high - low)
 
+    def weights(self, structure: Structure) -> Array:
+        """Weights of the outputs' residuals in a misfit, shape (outputs,): 1 over their noise if there are several."""
+        several = len(self.recordings[0].outputs) > 1
+        return self.problem(structure).weights if several else np.ones(1)
+
     def misfits(self, structure: Structure, values: Mapping[str, Array]) -> list[Misfit]:
         """Misfit of each of K parameter sets; `values` holds arrays of shape (K,), SI."""
         outputs = len(self.recordings[0].outputs)
@@ -105,7 +110,7 @@ class Identification:
             rss = rss + np.where(np.isfinite(square), square, np.inf)
             least += r.samples * r.resolution**2 / 12.0
             spread += np.square(r.y - r.y.mean(axis=1, keepdims=True)).sum(axis=1)
-        weights = np.ones(outputs) if outputs == 1 else self.problem(structure).weights
+        weights = self.weights(structure)
         rss = rss * weights[:, None] ** 2
         floor, about = (tuple((a * weights**2).tolist()) for a in (least, spread))
         samples = sum(r.samples for r in self.recordings)

@@ -11,6 +11,7 @@ import numpy as np
 
 from brightgrey.kit import Structure
 from brightgrey.search.estimators import estimator
+from brightgrey.search.evaluation import Estimator
 from brightgrey.search.experiment import Verdict, first_appearance, verdict
 from brightgrey.search.genetic.engine import search
 from brightgrey.search.genetic.record import Progress, Run
@@ -88,9 +89,10 @@ def run(
     *,
     workers: int = 1,
     progress: Callable[[Progress], None] | None = None,
+    identify: Estimator | None = None,
 ) -> Run:
-    """One search on `task`."""
-    chosen = estimator(settings.estimator, task, settings.iterations)
+    """One search on `task`, by the estimator of `settings` if `identify` does not give another."""
+    chosen = identify or estimator(settings.estimator, task, settings.iterations)
     return search(chosen, task.draw, settings, standard=task.standard, seed=seed, workers=workers, progress=progress)
 
 
