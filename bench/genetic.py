@@ -88,6 +88,7 @@ class Remembering:
         self.estimate, self.known = estimate, {}
 
     def __call__(self, structure, starts):
+        """Identify what has not been identified before."""
         fresh = [start for start in starts if (structure, start) not in self.known]
         if fresh:
             results = self.estimate(structure, fresh)
