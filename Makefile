@@ -37,9 +37,15 @@ format: setup  ## mend what the linter can mend
 
 bench: setup  ## speed and accuracy, as ratios measured in one run
 	$(BIN)/python bench/speed.py
+	$(BIN)/python bench/genetic.py speed
 
 bench-long: setup  ## the statistics of docs/results.md
 	$(BIN)/python bench/accuracy.py
+	$(BIN)/python bench/genetic.py rates paper reference 0 100
+	$(BIN)/python bench/genetic.py rates ours reference 0 100
+	$(BIN)/python bench/genetic.py rates paper others 0 20
+	$(BIN)/python bench/genetic.py rates ours others 0 100
+	$(BIN)/python bench/genetic.py table
 
 clean:  ## remove what the targets above have made
 	rm -rf .venv demo .pytest_cache .mypy_cache .ruff_cache .hypothesis

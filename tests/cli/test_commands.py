@@ -214,3 +214,57 @@ def test_reader_that_stops_early():
     ) as program:
         program.stdout.close()
         assert program.stderr.read() == b""
+
+
+def test_identify_searches_for_the_structure(drive, tmp_path, call):
+    search = ("--search", "genetic", "--setting", "ours", "--population", 6, "--generations", 4)
+    options = [o for o in drive.options if o not in ("--structure", STRUCTURE)]
+    for folder, workers in (("one", 1), ("two", 2)):
+        arguments = (drive.folder / "a.csv", *options, *search, "--workers", workers, "--out", tmp_path / folder)
+        done = call("identify", *arguments)
+        assert done.code == 0, done.err
+    names = {p.name for p in (tmp_path / "one").iterdir()}
+    assert names == RESULTS | {"history.csv"}
+    assert all((tmp_path / "one" / n).read_bytes() == (tmp_path / "two" / n).read_bytes() for n in names)
+    rows = list(csv.DictReader((tmp_path / "one" / "ranking.csv").read_text(encoding="utf-8").splitlines()))
+    model = model_of(tmp_path / "one")
+    assert rows[0]["structure"].split("+") == model["structure"]
+    assert float(rows[0]["rss"]) == model["fit"]["train"]["speed"]["rss"]
+    assert float(rows[0]["criterion"]) == model["criterion"]["value"]
+    assert model["criterion"]["name"] == "bic"
+    assert len({row["structure"] for row in rows}) == len(rows) > 6
+    values = [float(row["criterion"]) for row in rows]
+    assert values == sorted(values, reverse=True)
+    assert model["evidence"] is None
+    assert "structures tried" in done.out
+
+
+def test_reproduce(tmp_path, call):
+    small = ("--generations", 1, "--iterations", 2, "--population", 3)
+    done = call("reproduce", "--seeds", 2, *small, "--out", tmp_path)
+    assert done.code == 0, done.err
+    assert {p.name for p in tmp_path.iterdir()} == {
+        *("figure6.png", "figure7.png", "figure8.png", "figure9.png"),
+        *("runs.csv", "generations.csv", "history.csv"),
+    }
+    rows = list(csv.DictReader((tmp_path / "generations.csv").read_text(encoding="utf-8").splitlines()))
+    assert [(row["seed"], row["generation"]) for row in rows] == [("0", "0"), ("0", "1"), ("1", "0"), ("1", "1")]
+    assert "of 2 runs" in done.out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--search", "genetics"), "Did you mean 'genetic'"),
+        (("--search", "genetic", "--structure", STRUCTURE), "exclude each other"),
+        (("--structure", STRUCTURE, "--k-p", 1), "--k-p belongs to a search"),
+        (("--search", "genetic", "--mutation", "points=0.1"), "Did you mean 'point'"),
+        (("--search", "genetic", "--mutation", "point"), "NAME=PROBABILITY"),
+        (("--search", "genetic", "--population", 0), "population is 0"),
+        (("--search", "genetic", "--setting", "our"), "Did you mean 'ours'"),
+    ],
+)
+def test_wrong_searches(drive, call, options, message):
+    done = call("identify", drive.folder / "a.csv", "--input", "torque", "--output", "speed", *options)
+    assert done.code == 2
+    assert message in done.err

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -11,6 +11,7 @@ import numpy as np
 
 from brightgrey import __version__, estimation
 from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
+from brightgrey.api.searching import Found, find
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import Fit
 from brightgrey.export.build import model_of
@@ -22,6 +23,7 @@ from brightgrey.export.ranking import Row, ranking_csv
 from brightgrey.export.trace import Trace, pooled_fit
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording
+from brightgrey.search.genetic import GeneticSettings, Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,8 +98,10 @@ class Result:
 
 def identify(
     recordings: Recording | Sequence[Recording],
-    structure: Structure | str,
+    structure: Structure | str | None = None,
     *,
+    search: GeneticSettings | None = None,
+    progress: Callable[[Progress], None] | None = None,
     bounds: Mapping[str, Range] | None = None,
     fixed: Mapping[str, float] | None = None,
     f_tanh: float | None = None,
@@ -108,7 +112,7 @@ def identify(
     workers: int = 1,
     level: Literal["accurate", "fast"] = "accurate",
 ) -> Result:
-    """Estimate the parameters of `structure` from recordings.
+    """Estimate the parameters of `structure` from recordings, or search for the structure first.
 
     Bounds, scales and start values come from the recordings; the keyword arguments override them.
 
@@ -116,8 +120,12 @@ def identify(
     ----------
     recordings : Recording or sequence of Recording
         From :func:`read_recording`. Several are fitted jointly, each with its own initial state.
-    structure : Structure or str
+    structure : Structure or str, optional
         Effects in the model, e.g. ``"two_mass+coulomb+viscous"``.
+    search : GeneticSettings, optional
+        How to search where no structure is given: genetic programming, the paper's settings by default.
+    progress : callable, optional
+        Called after every generation of the search. Ctrl-C ends the search with the best so far.
     bounds : mapping of str to (low, high), optional
         Ranges by parameter, in the recording's units.
     fixed : mapping of str to float, optional
@@ -126,7 +134,7 @@ def identify(
         Gain of the smoothed sign of friction, in s per unit of motion of the recording. Default: 100 over the
         largest speed.
     start : Model, optional
-        The estimation starts from this model's values, too.
+        The estimation of a given structure starts from this model's values, too.
     test : Recording, optional
         Not fitted, only predicted.
     starts : int
@@ -159,20 +167,35 @@ def identify(
     >>> result = identify(recording, "one_mass+coulomb+viscous")  # doctest: +SKIP
     """
     several = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    checked = PAPER.check(Structure.parse(structure) if isinstance(structure, str) else structure)
     check_alike(several, test)
     units = several[0].units
+    for name in sorted((bounds or {}).keys() & (fixed or {}).keys()):
+        raise SettingsError(f"{name} is both bounded and fixed; do one of them")
+    found = None
+    if structure is None:
+        found = find(
+            several,
+            search or GeneticSettings(),
+            bounds=bounds or {},
+            fixed=fixed or {},
+            f_tanh=f_tanh,
+            seed=seed,
+            workers=workers,
+            progress=progress,
+        )
+        structure, bounds, fixed = found.structure, found.own(bounds), found.own(fixed)
+    elif search is not None:
+        raise SettingsError("a structure and a search were given; do one of them")
+    checked = PAPER.check(Structure.parse(structure) if isinstance(structure, str) else structure)
     ranges = bounds_si(checked, bounds or {}, units)
     constants = fixed_si(checked, fixed or {}, units)
-    for name in sorted(ranges.keys() & constants.keys()):
-        raise SettingsError(f"{name} is both bounded and fixed; do one of them")
     fit = estimation.fit(
         checked,
         several,
         bounds=ranges,
         fixed=constants,
         f_tanh=None if f_tanh is None else f_tanh_si(f_tanh, units),
-        start=start_si(checked, start, units, constants),
+        start=found.values if found else start_si(checked, start, units, constants),
         starts=starts,
         seed=seed,
         level=level,
@@ -194,7 +217,7 @@ def identify(
             ),
         )
     )
-    return _result(fit, several, train, unseen, constants, seed, test)
+    return _result(fit, several, train, unseen, constants, seed, test, found)
 
 
 def _result(
@@ -205,18 +228,20 @@ def _result(
     constants: Mapping[str, float],
     seed: int,
     test: Recording | None,
+    found: Found | None,
 ) -> Result:
     """Put the model, its place in the ranking and the notes together."""
     free = len(fit.structure.parameters) - len(constants)
     steps = np.max([r.resolution for r in several], axis=0) * [s.factor for s in several[0].outputs]
     value = bic(train, free, steps.tolist())
     fits = pooled_fit(train)
+    criterion = None if value is None else CriterionPart(name="BIC", value=value)
     model = model_of(
         fit,
         several,
         train=fits,
         test=pooled_fit(unseen) if unseen else None,
-        criterion=None if value is None else CriterionPart(name="BIC", value=value),
+        criterion=found.criterion if found else criterion,
         fixed=constants,
         seed=seed,
         version=__version__,
@@ -229,6 +254,10 @@ def _result(
         criterion=value,
     )
     notes = _notes(several if test is None else (*several, test))
+    if found:
+        first = replace(found.ranking[0], rss=row.rss, fit_percent=row.fit_percent)
+        ranking = (first, *found.ranking[1:])
+        return Result(model, (*train, *unseen), ranking, (*notes, found.note), fit, found.files)
     return Result(model, (*train, *unseen), (row,), notes, fit)
 
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from brightgrey.cli import options
+from brightgrey.cli import genetic, options
 from brightgrey.cli.options import Json, Quiet, Seed, Step, Time, Unit, Workers
-from brightgrey.errors import SettingsError
+from brightgrey.errors import SettingsError, unknown_name
+
+if TYPE_CHECKING:
+    from brightgrey.search.genetic import Progress
 
 __all__ = ["identify"]
 
@@ -66,6 +71,10 @@ Test = Annotated[
     Path | None,
     typer.Option("--test-recording", metavar="FILE", help="Predict this recording with the model, too."),
 ]
+Search = Annotated[
+    str | None,
+    typer.Option("--search", metavar="genetic", help="Search for the structure, by genetic programming."),
+]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
 
 
@@ -74,6 +83,18 @@ def identify(
     input: Input,
     output: Output,
     structure: StructureOption = None,
+    search: Search = None,
+    setting: genetic.Setting = "paper",
+    population: genetic.Population = None,
+    generations: genetic.Generations = None,
+    iterations: genetic.Iterations = None,
+    estimator: genetic.Estimator = None,
+    criterion: genetic.CriterionName = None,
+    p_clone: genetic.Clone = None,
+    k_p: genetic.Kp = None,
+    mutation: genetic.Mutation = None,
+    elite: genetic.Elite = None,
+    fresh: genetic.Fresh = None,
     time: Time = None,
     dt: Step = None,
     input_gain: Gain = 1.0,
@@ -92,9 +113,9 @@ def identify(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Estimate the parameters of a structure from recordings.
+    """Estimate the parameters of a structure from recordings, or search for the structure, too.
 
-    Writes report.html, model.json, ranking.csv and fit.png to DIR.
+    Writes report.html, model.json, ranking.csv and fit.png to DIR; a search adds history.csv with every evaluation.
 
     All values, in and out, stand in the recording's units.
     """
@@ -105,7 +126,20 @@ def identify(
     from brightgrey.recordings.recording import check_hold
 
     check_folder(out)
-    chosen = _structure(structure)
+    chosen = _structure(structure, search)
+    how = (genetic.settings if search else genetic.refuse)(
+        setting,
+        mutation,
+        population=population,
+        generations=generations,
+        iterations=iterations,
+        estimator=estimator,
+        criterion=criterion,
+        p_clone=p_clone,
+        k_p=k_p,
+        elite=elite,
+        fresh=fresh,
+    )
     held = check_hold(hold)
     from brightgrey import api
 
@@ -123,10 +157,12 @@ def identify(
             hold=held,
         )
 
-    with show.working(f"estimating the parameters of {structure}", silent=quiet or json):
+    with _display(structure, silent=quiet or json) as progress:
         result = api.identify(
             [read(file) for file in recordings],
             chosen,
+            search=how,
+            progress=progress,
             bounds=ranges,
             fixed=constants,
             f_tanh=f_tanh,
@@ -139,13 +175,33 @@ def identify(
     show.result(result, out, quiet=quiet, json=json)
 
 
-def _structure(text: str | None) -> str:
-    """Refuse what is no structure before any file is read."""
+@contextmanager
+def _display(structure: str | None, *, silent: bool) -> Iterator[Callable[[Progress], None] | None]:
+    """Say on the terminal what is going on; gives what a search reports its generations to."""
+    from brightgrey.cli import live, show
+
+    if structure is not None:
+        with show.working(f"estimating the parameters of {structure}", silent=silent):
+            yield None
+        return
+    with live.generations("structure search", silent=silent) as display:
+        yield lambda step: display(step, "structure search")
+
+
+def _structure(text: str | None, search: str | None) -> str | None:
+    """Refuse what is no structure, and no search, before any file is read."""
     from brightgrey.kit import PAPER
 
+    if search is not None:
+        if text is not None:
+            raise SettingsError("--structure and --search exclude each other")
+        if search != "genetic":
+            raise SettingsError(unknown_name("search", search, ("genetic",)))
+        return None
     if text is None:
         smallest = next(PAPER.structures())
         raise SettingsError(
-            f"option --structure is needed, for example --structure {smallest}; 'brightgrey effects' lists the effects"
+            f"option --structure is needed, for example --structure {smallest}, or --search genetic;"
+            " 'brightgrey effects' lists the effects"
         )
     return str(PAPER.parse(text))

@@ -24,6 +24,7 @@ __all__ = [
     "bounds",
     "fixed",
     "number",
+    "pairs",
     "units",
     "window",
 ]
@@ -59,7 +60,7 @@ def number(option: str, text: str, wanted: str) -> float:
     return value
 
 
-def _pairs(option: str, texts: Iterable[str], wanted: str) -> dict[str, str]:
+def pairs(option: str, texts: Iterable[str], wanted: str) -> dict[str, str]:
     """NAME=SOMETHING, each name once. The last = divides: names of columns may hold one."""
     pairs: dict[str, str] = {}
     for text in texts:
@@ -75,7 +76,7 @@ def _pairs(option: str, texts: Iterable[str], wanted: str) -> dict[str, str]:
 def bounds(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
     """Read ``--bound NAME=LOW:HIGH``, in the recording's units."""
     out = {}
-    for name, value in _pairs("--bound", texts, BOUND).items():
+    for name, value in pairs("--bound", texts, BOUND).items():
         low, colon, high = value.partition(":")
         if not colon:
             raise SettingsError(f"--bound '{name}={value}': wanted is {BOUND}")
@@ -85,12 +86,12 @@ def bounds(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
 
 def fixed(texts: Iterable[str]) -> dict[str, float]:
     """Read ``--fix NAME=VALUE``, in the recording's units."""
-    return {name: number(f"--fix {name}", value, FIX) for name, value in _pairs("--fix", texts, FIX).items()}
+    return {name: number(f"--fix {name}", value, FIX) for name, value in pairs("--fix", texts, FIX).items()}
 
 
 def units(texts: Iterable[str]) -> dict[str, str]:
     """Read ``--unit COLUMN=UNIT``."""
-    return _pairs("--unit", texts, "COLUMN=UNIT, the unit written like mm/s")
+    return pairs("--unit", texts, "COLUMN=UNIT, the unit written like mm/s")
 
 
 def window(text: str | None) -> tuple[float | None, float | None] | None:

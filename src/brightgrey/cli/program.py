@@ -15,6 +15,7 @@ from brightgrey import __version__
 from brightgrey.cli.demo import demo
 from brightgrey.cli.effects import effects
 from brightgrey.cli.identify import identify
+from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.simulate import simulate
 from brightgrey.errors import BrightgreyError
 
@@ -54,6 +55,7 @@ app.command()(demo)
 app.command()(identify)
 app.command()(simulate)
 app.command()(effects)
+app.command()(reproduce)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,9 +18,10 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from brightgrey.api import Result, Simulation
+    from brightgrey.api.reproduction import Reproduction
     from brightgrey.report.tables import FitRow
 
-__all__ = ["as_json", "effects", "result", "simulation", "working"]
+__all__ = ["as_json", "effects", "reproduction", "result", "simulation", "working"]
 
 PIPED_WIDTH = 120  # nobody's window: wide enough that no row is folded
 
@@ -89,6 +91,38 @@ def simulation(done: Simulation, file: Path | None, *, quiet: bool, json: bool) 
         _bullet(console, note)
     if file:
         console.print(f"Samples are in {file}", soft_wrap=True)
+
+
+def reproduction(done: Reproduction, folder: Path, *, quiet: bool, json: bool) -> None:
+    """Print what each seed found, and the rates."""
+    if quiet:
+        return
+    rates = done.summary
+    if json:
+        as_json(asdict(rates))
+        return
+    console = _console()
+    table = _table("seed >", "best structure", "verdict", "true first in generation >", "simulations >")
+    for row in done.repetitions:
+        first = "-" if row.first is None else str(row.first)
+        table.add_row(str(row.seed), row.best, row.best_verdict, first, str(row.simulations))
+    console.print(table)
+    console.print()
+    _bullet(console, f"true structure {done.truth}: best in {_rate(rates.true, rates.count, rates.interval)}")
+    either = rates.true + rates.extras
+    _bullet(console, f"the same or with redundant extras: {_rate(either, rates.count, rates.lenient)}")
+    _bullet(console, f"best of the last generation: {rates.last_true} of {rates.count}")
+    first = "-" if rates.first is None else f"{rates.first:g}"
+    _bullet(console, f"it was in {rates.seen} of {rates.count} runs at all, first in generation {first} (median)")
+    _bullet(console, f"median number of simulations: {rates.simulations:.0f}")
+    if any(run.interrupted for run in done.runs):
+        _bullet(console, "interrupted: the best so far counts")
+    console.print(f"Results are in {folder}: {', '.join(done.names)}", soft_wrap=True)
+
+
+def _rate(count: int, of: int, interval: tuple[float, float]) -> str:
+    low, high = (100.0 * end for end in interval)
+    return f"{count} of {of} runs (95 % interval {low:.0f} to {high:.0f} %)"
 
 
 def effects(rows: Sequence[Mapping[str, Any]]) -> None:

@@ -1,0 +1,180 @@
+"""The paper's experiment (section 4), repeated with several seeds."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from brightgrey.errors import SettingsError
+from brightgrey.estimation.problem import predict_many
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.export.files import check_folder, write_files
+from brightgrey.kit import PAPER, Structure
+from brightgrey.search import Identification
+from brightgrey.search.experiment import reference_recording, task_of
+from brightgrey.search.genetic import Evaluation, GeneticSettings, Progress, Run, history_csv
+from brightgrey.search.repetition import Repetition, Summary, repetition, repetitions_csv, run, summary
+
+__all__ = ["Reproduction", "reproduce"]
+
+LATER = 8  # generation of the paper's figures 8 and 9
+BEGINNING = 0.8  # s that the paper's figure 9 shows
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What :func:`reproduce` came to.
+
+    Attributes
+    ----------
+    truth : Structure
+        Of the reference drive.
+    settings : GeneticSettings
+    repetitions : tuple of Repetition
+        One per seed.
+    runs : tuple of Run
+        In the same order.
+    task : Identification
+    """
+
+    truth: Structure
+    settings: GeneticSettings
+    repetitions: tuple[Repetition, ...]
+    runs: tuple[Run, ...] = field(repr=False)
+    task: Identification = field(repr=False)
+
+    @property
+    def summary(self) -> Summary:
+        """Rates over the seeds."""
+        return summary(self.repetitions)
+
+    @property
+    def later(self) -> int:
+        """Generation that the figures 8 and 9 show: the paper's eighth, or the last one if there are fewer."""
+        return min(LATER, self.runs[0].generations - 1)
+
+    def figures(self) -> dict[str, bytes]:
+        """Figures that correspond to the paper's 6 to 9, of the first seed, as PNG by file name."""
+        from brightgrey.report.figure import picture
+        from brightgrey.report.population import outputs
+        from brightgrey.report.trees import trees
+
+        first, later = self.runs[0].generation(0), self.runs[0].generation(self.later)
+        recording = self.task.recordings[0]
+        drawn = {
+            "figure6.png": outputs(recording, [self._output(e) for e in first], _labels(first), None),
+            "figure7.png": trees([e.tree for e in first], _titles(first)),
+            "figure8.png": trees([e.tree for e in later], _titles(later)),
+            "figure9.png": outputs(recording, [self._output(e) for e in later], _labels(later), BEGINNING),
+        }
+        return {name: picture(figure, "png") for name, figure in drawn.items()}
+
+    def generations_csv(self) -> str:
+        """Best individual of every generation of every seed, as CSV; RSS in SI."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(("seed", "generation", "structure", "n_parameters", "rss", "criterion", "true_present"))
+        for row, done in zip(self.repetitions, self.runs, strict=True):
+            for number in range(done.generations):
+                best = done.best_of(number)
+                present = any(e.job.structure == self.truth for e in done.generation(number))
+                rss = repr(best.result.misfit.rss[0])
+                cells = (best.job.structure, best.result.n_parameters, rss, repr(best.value), str(present).lower())
+                writer.writerow((row.seed, number, *cells))
+        return text.getvalue()
+
+    names: ClassVar[tuple[str, ...]] = (
+        *("figure6.png", "figure7.png", "figure8.png", "figure9.png"),
+        *("runs.csv", "generations.csv", "history.csv"),
+    )
+
+    def write(self, folder: str | Path) -> None:
+        """Write figures and tables into `folder`, all or none; SettingsError if that cannot be."""
+        check_folder(folder)
+        tables = {
+            "runs.csv": repetitions_csv(self.repetitions),
+            "generations.csv": self.generations_csv(),
+            "history.csv": history_csv(self.runs[0]),
+        }
+        write_files(folder, self.figures() | {name: text.encode() for name, text in tables.items()})
+
+    def _output(self, e: Evaluation) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        values = {name: np.array([value]) for name, value in e.result.values}
+        return predict_many(e.job.structure, values, self.task.recordings[0], self.task.settings)[0, :, 0]
+
+
+def reproduce(
+    settings: GeneticSettings | None = None,
+    *,
+    seeds: int = 1,
+    seed: int = 0,
+    workers: int = 1,
+    progress: Callable[[int, Progress], None] | None = None,
+) -> Reproduction:
+    """Search for the reference drive of the paper's section 4, with several seeds.
+
+    Parameters
+    ----------
+    settings : GeneticSettings, optional
+        The paper's by default.
+    seeds : int
+        Number of seeds.
+    seed : int
+        First of them.
+    workers : int
+        Threads; the results do not depend on it.
+    progress : callable, optional
+        Called as ``progress(seed, progress)`` after every generation.
+
+    Returns
+    -------
+    Reproduction
+        Ctrl-C ends it with the seeds that are complete, if there is one.
+
+    Raises
+    ------
+    SettingsError
+        If `seeds` is below 1.
+    """
+    if seeds < 1:
+        raise SettingsError(f"seeds is {seeds}; at least 1 is needed")
+    chosen = settings or GeneticSettings()
+    task, truth = task_of(reference_recording()), PAPER.parse(PAPER_EXPERIMENT.structure)
+    runs: list[Run] = []
+    for number in range(seed, seed + seeds):
+        try:
+            done = run(task, chosen, number, workers=workers, progress=_with_seed(progress, number))
+        except KeyboardInterrupt:
+            if not runs:
+                raise
+            break
+        if done.interrupted and runs:
+            break
+        runs.append(done)
+        if done.interrupted:
+            break
+    rows = tuple(repetition(done, truth, seed + i) for i, done in enumerate(runs))
+    return Reproduction(truth, chosen, rows, tuple(runs), task)
+
+
+def _with_seed(progress: Callable[[int, Progress], None] | None, seed: int) -> Callable[[Progress], None] | None:
+    return None if progress is None else lambda step: progress(seed, step)
+
+
+def _numbers(e: Evaluation) -> str:
+    """Structure as the paper writes it, (2,5,6,7)."""
+    return ",".join(str(p.effect.number) for p in e.job.structure.placed)
+
+
+def _titles(generation: tuple[Evaluation, ...]) -> list[str]:
+    return [f"model {e.individual + 1}: ({_numbers(e)})" for e in generation]
+
+
+def _labels(generation: tuple[Evaluation, ...]) -> list[str]:
+    return [f"{e.individual + 1}: {e.job.structure}".replace("_", " ") for e in generation]

@@ -1,0 +1,68 @@
+"""``brightgrey reproduce``: the experiment of the paper's section 4."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from brightgrey.cli import genetic
+from brightgrey.cli.options import Json, Quiet, Seed, Workers
+
+__all__ = ["reproduce"]
+
+
+def reproduce(
+    seeds: Annotated[int, typer.Option("--seeds", min=1, metavar="N", help="Number of seeds.")] = 1,
+    setting: genetic.Setting = "paper",
+    population: genetic.Population = None,
+    generations: genetic.Generations = None,
+    iterations: genetic.Iterations = None,
+    estimator: genetic.Estimator = None,
+    criterion: genetic.CriterionName = None,
+    p_clone: genetic.Clone = None,
+    k_p: genetic.Kp = None,
+    mutation: genetic.Mutation = None,
+    elite: genetic.Elite = None,
+    fresh: genetic.Fresh = None,
+    seed: Seed = 0,
+    workers: Workers = 1,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("reproduction"),
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Repeat the paper's experiment: find a known two-mass drive by genetic programming.
+
+    Writes figure6.png to figure9.png, as numbered in the paper, and the tables runs.csv, generations.csv and
+    history.csv to DIR.
+    """
+    chosen = genetic.settings(
+        setting,
+        mutation,
+        population=population,
+        generations=generations,
+        iterations=iterations,
+        estimator=estimator,
+        criterion=criterion,
+        p_clone=p_clone,
+        k_p=k_p,
+        elite=elite,
+        fresh=fresh,
+    )
+    from brightgrey.cli import live, show
+    from brightgrey.export.files import check_folder
+
+    check_folder(out)
+    from brightgrey.api.reproduction import reproduce as repeat
+
+    with live.generations("reference drive", silent=quiet or json) as display:
+        done = repeat(
+            chosen,
+            seeds=seeds,
+            seed=seed,
+            workers=workers,
+            progress=lambda number, step: display(step, f"seed {number}"),
+        )
+    done.write(out)
+    show.reproduction(done, out, quiet=quiet, json=json)

@@ -1,0 +1,105 @@
+"""Drawings of a population's trees (the paper's figures 7 and 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from brightgrey.effects import registry
+from brightgrey.report.figure import STYLE
+from brightgrey.search.genetic import Node
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["positions", "trees"]
+
+COLUMNS = 3
+PANEL = (2.5, 2.1)  # inches
+LEGEND = 0.55  # inches
+CARRIER, PART = "#D9EAF7", "#FFFFFF"  # what brings the masses, and the rest
+
+
+def positions(tree: Node) -> tuple[tuple[float, int], ...]:
+    """Place of every node in pre-order: across, in widths of a node, and depth.
+
+    Leaves stand side by side, a parent above the middle of its children.
+    """
+    places: list[tuple[float, int]] = []
+    _place(tree, 0, 0.0, places)
+    return tuple(places)
+
+
+def _place(node: Node, depth: int, left: float, places: list[tuple[float, int]]) -> float:
+    """Place `node` and its branch from `left` on; returns where the next branch begins."""
+    own = len(places)
+    places.append((left, depth))
+    right, across = left, []
+    for child in node.children:
+        at = len(places)
+        right = _place(child, depth + 1, right, places)
+        across.append(places[at][0])
+    if across:
+        places[own] = (0.5 * (across[0] + across[-1]), depth)
+    return max(right, left + 1.0)
+
+
+def trees(population: Sequence[Node], titles: Sequence[str]) -> Figure:
+    """One tree per individual; a node shows the number of its effect, with the place if it is not the first.
+
+    Parameters
+    ----------
+    population : sequence of Node
+    titles : sequence of str
+        One per tree.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    rows = -(-len(population) // COLUMNS)
+    with mpl.rc_context(STYLE | {"axes.grid": False}):
+        height = rows * PANEL[1] + LEGEND
+        figure = Figure(figsize=(COLUMNS * PANEL[0], height))
+        figure.subplots_adjust(left=0.01, right=0.99, bottom=LEGEND / height, top=1.0 - 0.3 / height, hspace=0.2)
+        grid = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+        for axes in grid:
+            axes.set_axis_off()
+        for axes, tree, title in zip(grid, population, titles, strict=False):
+            axes.set_title(title, fontsize=8)
+            _draw(axes, tree)
+        names = [f"{effect.number} {effect.name}" for effect in registry().values()]
+        half = -(-len(names) // 2)
+        legend = "\n".join("    ".join(part).replace("_", " ") for part in (names[:half], names[half:]))
+        figure.text(0.5, 0.1 / height, f"{legend}\nThe order has no meaning.", ha="center", va="bottom", fontsize=7.5)
+    return figure
+
+
+def _draw(axes: Axes, tree: Node) -> None:
+    places = positions(tree)
+    for parent, child in _edges(tree):
+        (x0, y0), (x1, y1) = places[parent], places[child]
+        axes.plot([x0, x1], [-y0, -y1], color="#666666", linewidth=1.0, zorder=1)
+    for node, (x, depth) in zip(tree.nodes(), places, strict=True):
+        effect = node.type.effect
+        text = str(effect.number) if node.type.place == 1 else f"{effect.number}@{node.type.place}"
+        box = {"boxstyle": "circle,pad=0.35", "facecolor": CARRIER if effect.masses else PART, "edgecolor": "#222222"}
+        axes.text(x, -depth, text, ha="center", va="center", fontsize=9, bbox=box, zorder=2)
+    width = max(x for x, _ in places)
+    depth = max(d for _, d in places)
+    pad = max(0.0, 3.0 - width) / 2
+    axes.set_xlim(-0.6 - pad, width + 0.6 + pad)
+    axes.set_ylim(-max(depth, 3) - 0.5, 0.5)
+
+
+def _edges(tree: Node) -> list[tuple[int, int]]:
+    """Parent and child of every edge, as positions in pre-order."""
+    edges, at = [], 1
+    for child in tree.children:
+        edges.append((0, at))
+        edges += [(at + a, at + b) for a, b in _edges(child)]
+        at += child.size
+    return edges

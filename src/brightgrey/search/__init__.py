@@ -1,0 +1,20 @@
+"""Search for the structure: which effects are at work."""
+
+from brightgrey.search.criteria import CRITERIA, Criterion, Misfit, criterion
+from brightgrey.search.estimators import LeastSquares, PatternSearch, estimator
+from brightgrey.search.evaluation import Estimator, Evaluated, Job
+from brightgrey.search.identification import Identification
+
+__all__ = [
+    "CRITERIA",
+    "Criterion",
+    "Estimator",
+    "Evaluated",
+    "Identification",
+    "Job",
+    "LeastSquares",
+    "Misfit",
+    "PatternSearch",
+    "criterion",
+    "estimator",
+]

@@ -1,0 +1,121 @@
+"""What structures are compared by in a search, and how chances of having offspring follow from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from brightgrey.errors import SettingsError, unknown_name
+
+__all__ = ["CRITERIA", "Criterion", "Misfit", "criterion"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """What is left of the outputs after an identification.
+
+    Attributes
+    ----------
+    rss : tuple of float
+        Residual sum of squares of each output, over its noise squared if there are several; inf if the
+        simulation diverged.
+    least : tuple of float
+        What `rss` counts as at least: the floor.
+    samples : int
+        Of each output.
+    spread : tuple of float
+        Sum of squares of each output about its mean, in the unit of `rss`.
+    """
+
+    rss: tuple[float, ...]
+    least: tuple[float, ...]
+    samples: int
+    spread: tuple[float, ...]
+
+    @property
+    def fit_percent(self) -> float:
+        """Mean over the outputs of 100 (1 - |y - yhat| / |y - mean|); -inf if the simulation diverged."""
+        shares = [np.sqrt(rss / max(spread, 1e-300)) for rss, spread in zip(self.rss, self.spread, strict=True)]
+        return float(100.0 * (1.0 - np.mean(shares)))
+
+    @property
+    def floored(self) -> tuple[float, ...]:
+        """RSS of each output, not below its floor."""
+        return tuple(max(rss, least) for rss, least in zip(self.rss, self.least, strict=True))
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A criterion.
+
+    Attributes
+    ----------
+    name : str
+    value : callable
+        ``value(misfit, d)`` for d estimated parameters; the larger, the better; -inf or 0 if nothing is good.
+    chances : callable
+        ``chances(values)``: weights, shape (individuals,), not negative, for the roulette wheel.
+    """
+
+    name: str
+    value: Callable[[Misfit, int], float]
+    chances: Callable[[Sequence[float]], Array]
+
+
+def fitness(misfit: Misfit, d: int, k_p: float) -> float:
+    """Fitness of the paper, eq. (19): 1 / (RSS (1 + k_P d)).
+
+    RSS does not count below that of a perfect model on a sensor of the recording's resolution (step²/12 per
+    sample): without this floor a perfect fit has infinite fitness, and the roulette wheel only one sector.
+    """
+    total = sum(misfit.floored)
+    return 1.0 / (total * (1.0 + k_p * d)) if np.isfinite(total) else 0.0
+
+
+def information(misfit: Misfit, d: int) -> float:
+    """Half of the Bayesian information criterion, negative: -(sum n ln(RSS/n) + d ln N) / 2 (Schwarz 1978).
+
+    doi:10.1214/aos/1176344136. Noise of unknown size, different for each output; the floor as in `fitness`.
+    """
+    n, outputs = misfit.samples, len(misfit.rss)
+    total = n * sum(float(np.log(rss / n)) for rss in misfit.floored)
+    return -0.5 * (total + d * float(np.log(n * outputs))) if np.isfinite(total) else -np.inf
+
+
+def in_proportion(values: Sequence[float]) -> Array:
+    """Chances are the values themselves, as in the paper."""
+    return np.asarray(values, float)
+
+
+def by_rank(values: ArrayLike) -> Array:
+    """Chances fall linearly with the rank, from 1 for the best; equal values share theirs (Baker 1985).
+
+    Differences of information criteria are logarithms of odds and run into hundreds: chances in proportion to
+    the odds would leave one individual.
+    """
+    v = np.asarray(values, float)
+    worse = (v[:, None] > v[None, :]).sum(axis=1) + 0.5 * ((v[:, None] == v[None, :]).sum(axis=1) - 1)
+    return np.where(np.isfinite(v), (worse + 1.0) / len(v), 0.0)
+
+
+CRITERIA = ("fitness", "bic")
+
+
+def criterion(name: str, k_p: float = 2.0) -> Criterion:
+    """Criterion by its name: ``fitness`` is the paper's (19) with `k_p`, ``bic`` an information criterion.
+
+    Raises
+    ------
+    SettingsError
+        For any other name.
+    """
+    if name == "fitness":
+        return Criterion(name, lambda misfit, d: fitness(misfit, d, k_p), in_proportion)
+    if name == "bic":
+        return Criterion(name, information, by_rank)
+    raise SettingsError(unknown_name("criterion", name, CRITERIA))

@@ -1,0 +1,106 @@
+"""The two ways to identify parameters within a search."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.estimation.costs import cost_function
+from brightgrey.estimation.leastsquares import descend
+from brightgrey.estimation.pattern_search import pattern_search
+from brightgrey.kit import Structure
+from brightgrey.search.evaluation import Estimator, Evaluated, Values
+from brightgrey.search.identification import Identification
+
+__all__ = ["EstimatorName", "LeastSquares", "PatternSearch", "check_estimator", "estimator"]
+
+Array = NDArray[np.float64]
+EstimatorName = Literal["pattern-search", "least-squares"]
+
+
+@dataclass(frozen=True)
+class PatternSearch:
+    """Pattern search from every start, as in the paper (section 3.1, step 4), all starts in one batch.
+
+    Attributes
+    ----------
+    task : Identification
+    iterations : int
+        Limit for each start (paper: 500).
+    """
+
+    task: Identification
+    iterations: int = 500
+
+    def __call__(self, structure: Structure, starts: Sequence[Values]) -> Sequence[Evaluated]:
+        """Identify `structure` from each of `starts`."""
+        space, problem = self.task.space(structure), self.task.problem(structure)
+
+        cost_many = cost_function(problem, space, self.task.settings)
+        low, high = space.inward(space.low), space.inward(space.high)
+        begins = space.inward(self.task.begins(space, starts))
+        found = pattern_search(cost_many, begins, low, high, iterations=self.iterations)
+        ends = self.task.arrays(space, space.outward(np.array([end.values for end in found]).T))
+        return _evaluated(self.task, structure, ends, [end.evaluations for end in found], len(space.names))
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """Bounded least squares from every start.
+
+    Attributes
+    ----------
+    task : Identification
+    iterations : int
+        Limit for each start.
+    """
+
+    task: Identification
+    iterations: int = 50
+
+    def __call__(self, structure: Structure, starts: Sequence[Values]) -> Sequence[Evaluated]:
+        """Identify `structure` from each of `starts`."""
+        space, problem = self.task.space(structure), self.task.problem(structure)
+        begins = self.task.begins(space, starts)
+        ends = [descend(problem, space, self.task.settings, begin, limit=self.iterations) for begin in begins.T]
+        simulations = [end.evaluations * (len(space.names) + 1) for end in ends]
+        values = self.task.arrays(space, np.array([end.values for end in ends]).T.reshape(-1, len(starts)))
+        return _evaluated(self.task, structure, values, simulations, len(space.names))
+
+
+def _evaluated(
+    task: Identification, structure: Structure, values: Mapping[str, Array], simulations: Sequence[int], free: int
+) -> list[Evaluated]:
+    """Results of all starts, judged by one more simulation each."""
+    return [
+        Evaluated(
+            values=tuple((name, float(values[name][i])) for name in structure.parameters),
+            misfit=misfit,
+            n_parameters=free,
+            simulations=spent + 1,
+        )
+        for i, (misfit, spent) in enumerate(zip(task.misfits(structure, values), simulations, strict=True))
+    ]
+
+
+def check_estimator(name: str) -> None:
+    """Refuse an unknown estimator (SettingsError)."""
+    if name not in get_args(EstimatorName):
+        raise SettingsError(unknown_name("estimator", name, get_args(EstimatorName)))
+
+
+def estimator(name: str, task: Identification, iterations: int) -> Estimator:
+    """Estimator by its name: ``pattern-search`` or ``least-squares``.
+
+    Raises
+    ------
+    SettingsError
+        For any other name.
+    """
+    check_estimator(name)
+    return PatternSearch(task, iterations) if name == "pattern-search" else LeastSquares(task, iterations)

@@ -1,0 +1,67 @@
+"""What a search asks of an estimator: identify a structure from one or several starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from brightgrey.kit import Structure
+from brightgrey.search.criteria import Misfit
+
+__all__ = ["Estimator", "Evaluated", "Job", "Values"]
+
+Values = tuple[tuple[str, float], ...]
+"""Parameter values, SI, by name, in the structure's order."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One identification. Equal jobs have equal results: nothing in it is random.
+
+    Attributes
+    ----------
+    structure : Structure
+    start : tuple of (str, float)
+        Start values, SI, of the parameters by name, in the structure's order.
+    """
+
+    structure: Structure
+    start: Values
+
+    @classmethod
+    def of(cls, structure: Structure, values: Mapping[str, float]) -> Job:
+        """Job that starts from `values`, which may hold more than the structure needs."""
+        return cls(structure, tuple((name, float(values[name])) for name in structure.parameters))
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """Result of an identification.
+
+    Attributes
+    ----------
+    values : tuple of (str, float)
+        Estimates, SI, in the order of the job's start.
+    misfit : Misfit
+    n_parameters : int
+        Number of parameters that were estimated, d.
+    simulations : int
+        Parameter sets that were simulated.
+    """
+
+    values: Values
+    misfit: Misfit
+    n_parameters: int
+    simulations: int
+
+
+class Estimator(Protocol):
+    """Identifies one structure from several starts, side by side; called in threads.
+
+    The result of a start must not depend on the other starts.
+    """
+
+    def __call__(self, structure: Structure, starts: Sequence[Values]) -> Sequence[Evaluated]:
+        """Results in the order of `starts`."""
+        ...

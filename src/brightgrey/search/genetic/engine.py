@@ -1,0 +1,170 @@
+"""The loop of figure 5: identify all individuals, judge them, let them have offspring."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from brightgrey.errors import SettingsError
+from brightgrey.kit import PAPER, Grammar, Structure
+from brightgrey.search.criteria import Criterion, criterion
+from brightgrey.search.evaluation import Estimator, Evaluated, Job
+from brightgrey.search.genetic.offspring import Born, offspring, renewed
+from brightgrey.search.genetic.population import Draw, initial
+from brightgrey.search.genetic.record import Evaluation, Progress, Run
+from brightgrey.search.genetic.rules import Rules
+from brightgrey.search.genetic.settings import GeneticSettings
+from brightgrey.search.genetic.tree import Node, with_values
+
+__all__ = ["search"]
+
+
+def search(
+    estimator: Estimator,
+    draw: Draw,
+    settings: GeneticSettings | None = None,
+    *,
+    standard: Callable[[Structure], Mapping[str, float]] | None = None,
+    grammar: Grammar = PAPER,
+    seed: int = 0,
+    workers: int = 1,
+    progress: Callable[[Progress], None] | None = None,
+) -> Run:
+    """Search for a structure by the paper's degenerate genetic programming.
+
+    All draws are made here, one after the other, and the results of a generation are put in their order before
+    anything is drawn again: the same seed gives the same run for any number of workers.
+
+    Parameters
+    ----------
+    estimator : callable
+        Identifies a structure from several starts; called in threads.
+    draw : callable
+        Random parameters of a submodel.
+    settings : GeneticSettings, optional
+        The paper's by default.
+    standard : callable, optional
+        Start values of a structure by name, SI; needed where `settings` begin there.
+    grammar : Grammar
+    seed : int
+    workers : int
+        Threads.
+    progress : callable, optional
+        Called after every generation.
+
+    Returns
+    -------
+    Run
+        An interruption (Ctrl-C) ends it with what is there so far.
+
+    Raises
+    ------
+    SettingsError
+        If the standard start is wanted and there is none.
+    KeyboardInterrupt
+        If there is nothing so far.
+    """
+    settings = settings or GeneticSettings()
+    start = _start(settings, standard)
+    rules, rng = Rules(grammar), np.random.default_rng(seed)
+    judge = criterion(settings.criterion, settings.k_p)
+    began = time.monotonic()
+    done: list[Evaluation] = []
+    born: Sequence[Born] = [Born(tree, (), "initial") for tree in initial(settings.population, rules, draw, rng)]
+    with _Bench(estimator, workers) as bench:
+        for generation in range(settings.generations + 1):
+            try:
+                current = _evaluate(generation, born, start, bench, judge)
+                done += current
+                if progress:
+                    share = (settings.generations - generation) / (generation + 1)
+                    left = share * (time.monotonic() - began)
+                    progress(Progress(generation, settings.generations, Run(tuple(done)).best, left))
+            except KeyboardInterrupt:
+                if not done:
+                    raise
+                return Run(tuple(done), interrupted=True)
+            trees = [e.tree for e in current]
+            chances = judge.chances([e.value for e in current])
+            children = offspring(trees, chances, settings, rules, draw, rng)
+            if settings.fresh:
+                children = renewed(children, {e.job.structure for e in done}, settings, rules, draw, rng)
+            born = (*_elite(done, settings), *children)
+    return Run(tuple(done))
+
+
+def _start(
+    settings: GeneticSettings, standard: Callable[[Structure], Mapping[str, float]] | None
+) -> Callable[[Node], Mapping[str, float]]:
+    """Where the identification of an individual starts."""
+    if settings.begin == "inherited":
+        return lambda tree: tree.parameters
+    if standard is None:
+        raise SettingsError("begin is 'standard', but no standard start was given")
+    return lambda tree: standard(tree.structure)
+
+
+def _elite(done: Sequence[Evaluation], settings: GeneticSettings) -> list[Born]:
+    """Best structures so far, as they were estimated."""
+    best = list(Run(tuple(done)).structures()) if settings.elite else []
+    return [Born(e.tree, (), "elite") for e in best[: settings.elite]]
+
+
+def _evaluate(
+    generation: int, born: Sequence[Born], start: Callable[[Node], Mapping[str, float]], bench: _Bench, judge: Criterion
+) -> list[Evaluation]:
+    """Identify the individuals of one generation and judge them."""
+    jobs = [Job.of(b.tree.structure, start(b.tree)) for b in born]
+    results = bench.identify(jobs)
+    return [
+        Evaluation(
+            generation=generation,
+            individual=number,
+            parents=b.parents,
+            operator=b.operator,
+            tree=with_values(b.tree, dict(result.values)),
+            job=job,
+            result=result,
+            value=judge.value(result.misfit, result.n_parameters),
+            repeated=repeated,
+        )
+        for number, (b, job, (result, repeated)) in enumerate(zip(born, jobs, results, strict=True))
+    ]
+
+
+@dataclass
+class _Bench:
+    """Identifies jobs on threads, each one once; those of one structure side by side."""
+
+    estimator: Estimator
+    workers: int
+    known: dict[Job, Evaluated] = field(default_factory=dict)
+
+    def __enter__(self) -> _Bench:
+        self.pool = ThreadPoolExecutor(self.workers)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.pool.shutdown(wait=True, cancel_futures=True)
+
+    def identify(self, jobs: Sequence[Job]) -> list[tuple[Evaluated, bool]]:
+        """Results in the order of `jobs`, each with whether it had been there before."""
+        fresh: dict[Structure, dict[Job, None]] = {}
+        for job in jobs:
+            if job not in self.known:
+                fresh.setdefault(job.structure, {})[job] = None
+        groups = sorted(fresh.items(), key=lambda group: -len(group[0].parameters) * len(group[1]))
+        results = self.pool.map(lambda group: self.estimator(group[0], [job.start for job in group[1]]), groups)
+        first: set[Job] = set()
+        for (_, wanted), result in zip(groups, results, strict=True):
+            self.known |= zip(wanted, result, strict=True)
+            first |= set(wanted)
+        out = []
+        for job in jobs:
+            out.append((self.known[job], job not in first))
+            first.discard(job)
+        return out

@@ -1,0 +1,108 @@
+"""One generation from the one before (paper section 3.2, figure 5 step 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from brightgrey.kit import Structure
+from brightgrey.search.genetic.crossover import recombine
+from brightgrey.search.genetic.mutation import MUTATIONS
+from brightgrey.search.genetic.population import Draw, pick
+from brightgrey.search.genetic.rules import Rules
+from brightgrey.search.genetic.selection import clones, roulette
+from brightgrey.search.genetic.settings import GeneticSettings
+from brightgrey.search.genetic.tree import Node
+
+__all__ = ["Born", "mutated", "offspring", "renewed"]
+
+
+@dataclass(frozen=True)
+class Born:
+    """An individual before its identification.
+
+    Attributes
+    ----------
+    tree : Node
+    parents : tuple of int
+        Numbers of the parents within the population before; none for the initial one.
+    operator : str
+        How it came about, such as ``recombination+insertion``. Only mutations that changed the tree are named.
+    """
+
+    tree: Node
+    parents: tuple[int, ...]
+    operator: str
+
+
+def offspring(
+    population: Sequence[Node],
+    chances: ArrayLike,
+    settings: GeneticSettings,
+    rules: Rules,
+    draw: Draw,
+    rng: np.random.Generator,
+) -> tuple[Born, ...]:
+    """As many individuals as there are places beside the elite: clones first, then recombinations, all mutated.
+
+    Parameters
+    ----------
+    population : sequence of Node
+    chances : array_like, shape (individuals,)
+        Weights of the roulette wheel.
+    settings : GeneticSettings
+    rules, draw, rng
+    """
+    size = settings.population - settings.elite
+    cloned = clones(size, settings.p_clone, rng)
+    born = []
+    for number in range(size):
+        first = roulette(chances, rng)
+        if number < cloned:
+            child = Born(population[first], (first,), "clone")
+        else:
+            second = roulette(chances, rng)
+            tree = recombine(population[first], population[second], rules, draw, rng)
+            child = Born(tree, (first, second), "recombination")
+        born.append(mutated(child, settings, rules, draw, rng))
+    return tuple(born)
+
+
+def mutated(child: Born, settings: GeneticSettings, rules: Rules, draw: Draw, rng: np.random.Generator) -> Born:
+    """Perform each mutation with its probability."""
+    tree, names = child.tree, [child.operator]
+    for name, mutate in MUTATIONS.items():
+        if rng.random() < settings.mutations.get(name, 0.0):
+            changed = mutate(tree, rules, draw, rng)
+            if changed != tree:
+                names.append(name)
+            tree = changed
+    return Born(tree, child.parents, "+".join(names))
+
+
+def renewed(
+    born: Sequence[Born],
+    tried: Collection[Structure],
+    settings: GeneticSettings,
+    rules: Rules,
+    draw: Draw,
+    rng: np.random.Generator,
+) -> tuple[Born, ...]:
+    """Mutate individuals whose structure is in `tried` or came before in `born`, at most `settings.fresh` times."""
+    known, out = set(tried), []
+    for child in born:
+        tree, names = child.tree, [child.operator]
+        for _ in range(settings.fresh):
+            if tree.structure not in known:
+                break
+            name = pick(tuple(MUTATIONS), rng)
+            changed = MUTATIONS[name](tree, rules, draw, rng)
+            if changed != tree:
+                names.append(name)
+            tree = changed
+        known.add(tree.structure)
+        out.append(Born(tree, child.parents, "+".join(names)))
+    return tuple(out)

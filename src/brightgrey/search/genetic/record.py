@@ -1,0 +1,150 @@
+"""What a search leaves behind: every evaluation, and the best of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from brightgrey.search.evaluation import Evaluated, Job
+from brightgrey.search.genetic.tree import Node
+
+__all__ = ["COLUMNS", "Evaluation", "Progress", "Run", "history_csv"]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """One individual of one generation.
+
+    Attributes
+    ----------
+    generation, individual : int
+        Both from 0; generation 0 is the initial population.
+    parents : tuple of int
+        Individuals of the generation before.
+    operator : str
+        Such as ``initial``, ``clone``, ``recombination+point``.
+    tree : Node
+        With the estimates as parameter values.
+    job : Job
+        Structure and start.
+    result : Evaluated
+    value : float
+        Criterion; the larger, the better.
+    repeated : bool
+        Taken from an earlier identification of the same job.
+    """
+
+    generation: int
+    individual: int
+    parents: tuple[int, ...]
+    operator: str
+    tree: Node
+    job: Job
+    result: Evaluated
+    value: float
+    repeated: bool
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a search stands after a generation; `seconds_left` is a guess from the time so far."""
+
+    generation: int
+    generations: int
+    best: Evaluation
+    seconds_left: float
+
+    @property
+    def fit_percent(self) -> float:
+        """Fit of the best individual so far."""
+        return self.best.result.misfit.fit_percent
+
+
+@dataclass(frozen=True)
+class Run:
+    """A search.
+
+    Attributes
+    ----------
+    evaluations : tuple of Evaluation
+        In the order of generations and individuals.
+    interrupted : bool
+        Ended by the user before its last generation.
+    """
+
+    evaluations: tuple[Evaluation, ...]
+    interrupted: bool = False
+
+    @property
+    def best(self) -> Evaluation:
+        """Best individual of all generations, the first of equals."""
+        return max(self.evaluations, key=lambda e: e.value)
+
+    @property
+    def generations(self) -> int:
+        """Number of generations that were evaluated, the initial one included."""
+        return self.evaluations[-1].generation + 1
+
+    @property
+    def simulations(self) -> int:
+        """Parameter sets that were simulated in all."""
+        return sum(e.result.simulations for e in self.evaluations if not e.repeated)
+
+    @property
+    def identifications(self) -> int:
+        """Identifications that were made, repeated ones not counted."""
+        return sum(not e.repeated for e in self.evaluations)
+
+    def generation(self, number: int) -> tuple[Evaluation, ...]:
+        """Evaluations of one generation."""
+        return tuple(e for e in self.evaluations if e.generation == number)
+
+    def best_of(self, number: int) -> Evaluation:
+        """Best individual of one generation."""
+        return max(self.generation(number), key=lambda e: e.value)
+
+    def structures(self) -> Iterator[Evaluation]:
+        """Best evaluation of every structure that was tried, best first."""
+        seen = set()
+        for e in sorted(self.evaluations, key=lambda e: -e.value):
+            if e.job.structure not in seen:
+                seen.add(e.job.structure)
+                yield e
+
+
+COLUMNS = (
+    *("generation", "individual", "parents", "operator", "structure", "tree", "n_parameters"),
+    *("rss", "criterion", "simulations", "repeated", "start", "estimate"),
+)
+
+
+def history_csv(run: Run) -> str:
+    """Every evaluation as one row; floats read back exactly, values are SI."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for e in run.evaluations:
+        writer.writerow(
+            (
+                e.generation,
+                e.individual,
+                " ".join(map(str, e.parents)),
+                e.operator,
+                str(e.job.structure),
+                str(e.tree),
+                e.result.n_parameters,
+                " ".join(map(repr, e.result.misfit.rss)),
+                repr(e.value),
+                e.result.simulations,
+                "true" if e.repeated else "false",
+                _named(e.job.start),
+                _named(e.result.values),
+            )
+        )
+    return text.getvalue()
+
+
+def _named(values: tuple[tuple[str, float], ...]) -> str:
+    return " ".join(f"{name}={value!r}" for name, value in values)

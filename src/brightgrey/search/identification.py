@@ -1,0 +1,128 @@
+"""Recordings with ranges of all parameters: whatever structure a search comes up with can be identified on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.effects import Parameter, Scales
+from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.estimation.bounds import Search, search_space
+from brightgrey.estimation.problem import Problem, predict_many
+from brightgrey.kit import Grammar, Placed, Structure
+from brightgrey.recordings import Recording
+from brightgrey.search.criteria import Misfit
+from brightgrey.simulation import Settings
+
+__all__ = ["Identification"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What is the same for all structures of a search.
+
+    Attributes
+    ----------
+    recordings : tuple of Recording
+        Of one drive, with the same outputs.
+    scales : Scales
+        Of the recordings; ranges that `bounds` does not name come from them.
+    settings : Settings
+        Of the simulation.
+    bounds : mapping of str to (low, high)
+        SI, by parameter name.
+    fixed : mapping of str to float
+        SI; these are not estimated.
+    start : mapping of str to float
+        SI; standard start of parameters, instead of the one found in the recordings.
+    """
+
+    recordings: tuple[Recording, ...]
+    scales: Scales
+    settings: Settings
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    start: Mapping[str, float] = field(default_factory=dict)
+
+    def check(self, grammar: Grammar) -> None:
+        """Refuse bounds and values of parameters that no structure of `grammar` has (SettingsError)."""
+        known = {name for structure in grammar.structures() for name in structure.parameters}
+        for name in (*self.bounds, *self.fixed):
+            if name not in known:
+                raise SettingsError(unknown_name("parameter", name, sorted(known)))
+
+    def space(self, structure: Structure) -> Search:
+        """Ranges of the free parameters of `structure`."""
+        own = structure.parameters
+        return search_space(
+            structure,
+            self.scales,
+            {name: limits for name, limits in self.bounds.items() if name in own},
+            {name: value for name, value in self.fixed.items() if name in own},
+        )
+
+    def problem(self, structure: Structure) -> Problem:
+        """Residuals of `structure`, weighted by the noise of each output."""
+        return Problem.of(structure, self.recordings)
+
+    def standard(self, structure: Structure) -> dict[str, float]:
+        """Start values, SI, of all parameters of `structure` that depend on nothing else."""
+        space = self.space(structure)
+        found = dict(zip(space.names, space.start.tolist(), strict=True)) | dict(space.fixed)
+        return found | {name: value for name, value in self.start.items() if name in space.names}
+
+    def draw(self, placed: Placed, rng: np.random.Generator) -> tuple[tuple[str, float], ...]:
+        """Random values of a submodel's parameters within their ranges, by symbol.
+
+        Uniform in the scale that is searched: the logarithm of what is always positive.
+        """
+        return tuple((q.symbol, self._draw(placed.parameter(q.symbol), q, rng)) for q in placed.effect.parameters)
+
+    def _draw(self, name: str, declared: Parameter, rng: np.random.Generator) -> float:
+        share = float(rng.random())  # drawn also where it is not needed: fixing a value must not change the others
+        if name in self.fixed:
+            return self.fixed[name]
+        low, high = self.bounds.get(name) or declared.bounds(self.scales)
+        if declared.scale == "log":
+            return float(np.clip(low * (high / low) ** share, low, high))
+        return low + share * (high - low)
+
+    def weights(self, structure: Structure) -> Array:
+        """Weights of the outputs' residuals in a misfit, shape (outputs,): 1 over their noise if there are several."""
+        several = len(self.recordings[0].outputs) > 1
+        return self.problem(structure).weights if several else np.ones(1)
+
+    def misfits(self, structure: Structure, values: Mapping[str, Array]) -> list[Misfit]:
+        """Misfit of each of K parameter sets; `values` holds arrays of shape (K,), SI."""
+        outputs = len(self.recordings[0].outputs)
+        rss: Array = np.zeros((outputs, 1))
+        least, spread = np.zeros(outputs), np.zeros(outputs)
+        for r in self.recordings:
+            apart = np.moveaxis(predict_many(structure, values, r, self.settings), 1, 2) - r.y[:, None, :]
+            square = np.square(np.ascontiguousarray(apart)).sum(
+                axis=2
+            )  # one after the other: no set sees its neighbours
+            rss = rss + np.where(np.isfinite(square), square, np.inf)
+            least += r.samples * r.resolution**2 / 12.0
+            spread += np.square(r.y - r.y.mean(axis=1, keepdims=True)).sum(axis=1)
+        weights = self.weights(structure)
+        rss = rss * weights[:, None] ** 2
+        floor, about = (tuple((a * weights**2).tolist()) for a in (least, spread))
+        samples = sum(r.samples for r in self.recordings)
+        return [Misfit(tuple(column), floor, samples, about) for column in rss.T.tolist()]
+
+    def arrays(self, space: Search, values: Array) -> dict[str, Array]:
+        """Parameter sets by name; `values`, shape (P, K), SI, holds the free ones."""
+        count = values.shape[1]
+        held = {name: np.full(count, value) for name, value in space.fixed.items()}
+        return dict(zip(space.names, values, strict=True)) | held
+
+    def begins(self, space: Search, starts: Sequence[tuple[tuple[str, float], ...]]) -> Array:
+        """Starts within the ranges, shape (P, K), SI."""
+        table = np.array([[dict(start)[name] for name in space.names] for start in starts]).T.reshape(-1, len(starts))
+        return np.asarray(np.clip(table, space.low[:, None], space.high[:, None]))

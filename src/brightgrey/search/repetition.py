@@ -1,0 +1,149 @@
+"""The same search with many seeds, and what comes of it."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import astuple, dataclass, fields
+
+import numpy as np
+
+from brightgrey.kit import Structure
+from brightgrey.search.estimators import estimator
+from brightgrey.search.evaluation import Estimator
+from brightgrey.search.experiment import Verdict, first_appearance, verdict
+from brightgrey.search.genetic.engine import search
+from brightgrey.search.genetic.record import Progress, Run
+from brightgrey.search.genetic.settings import GeneticSettings
+from brightgrey.search.identification import Identification
+
+__all__ = ["Repetition", "Summary", "repetition", "repetitions_csv", "run", "summary", "wilson"]
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """One search for a known truth.
+
+    Attributes
+    ----------
+    seed : int
+    best, last : str
+        Best structure of all generations, and of the last one.
+    best_verdict, last_verdict : str
+        See :func:`brightgrey.search.experiment.verdict`.
+    first : int or None
+        Generation in which the true structure first is in the population.
+    simulations, identifications : int
+    generations : str
+        Best structure of each generation, separated by spaces.
+    """
+
+    seed: int
+    best: str
+    last: str
+    best_verdict: Verdict
+    last_verdict: Verdict
+    first: int | None
+    simulations: int
+    identifications: int
+    generations: str
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Of several repetitions.
+
+    Attributes
+    ----------
+    count : int
+    true, extras : int
+        Best individual of all generations has the true structure; the true one with redundant extras.
+    interval, lenient : (float, float)
+        Wilson intervals (95 %) of the rates of `true`, and of `true` or `extras`.
+    last_true : int
+        Best individual of the last generation has the true structure.
+    seen : int
+        The true structure was in some population.
+    first : float or None
+        Median generation in which it first was; None if it was not in at least half of the runs.
+    simulations : float
+        Median.
+    """
+
+    count: int
+    true: int
+    extras: int
+    interval: tuple[float, float]
+    lenient: tuple[float, float]
+    last_true: int
+    seen: int
+    first: float | None
+    simulations: float
+
+
+def run(
+    task: Identification,
+    settings: GeneticSettings,
+    seed: int,
+    *,
+    workers: int = 1,
+    progress: Callable[[Progress], None] | None = None,
+    identify: Estimator | None = None,
+) -> Run:
+    """One search on `task`, by the estimator of `settings` if `identify` does not give another."""
+    chosen = identify or estimator(settings.estimator, task, settings.iterations)
+    return search(chosen, task.draw, settings, standard=task.standard, seed=seed, workers=workers, progress=progress)
+
+
+def repetition(done: Run, truth: Structure, seed: int) -> Repetition:
+    """What a search for `truth` came to."""
+    per_generation = [done.best_of(g).job.structure for g in range(done.generations)]
+    best = done.best.job.structure
+    return Repetition(
+        seed=seed,
+        best=str(best),
+        last=str(per_generation[-1]),
+        best_verdict=verdict(best, truth),
+        last_verdict=verdict(per_generation[-1], truth),
+        first=first_appearance(done, truth),
+        simulations=done.simulations,
+        identifications=done.identifications,
+        generations=" ".join(map(str, per_generation)),
+    )
+
+
+def summary(repetitions: Sequence[Repetition]) -> Summary:
+    """Rates over `repetitions`, at least one."""
+    n = len(repetitions)
+    true = sum(r.best_verdict == "true" for r in repetitions)
+    extras = sum(r.best_verdict == "true with extras" for r in repetitions)
+    first = float(np.median([np.inf if r.first is None else r.first for r in repetitions]))
+    return Summary(
+        count=n,
+        true=true,
+        extras=extras,
+        interval=wilson(true, n),
+        lenient=wilson(true + extras, n),
+        last_true=sum(r.last_verdict == "true" for r in repetitions),
+        seen=sum(r.first is not None for r in repetitions),
+        first=first if np.isfinite(first) else None,
+        simulations=float(np.median([r.simulations for r in repetitions])),
+    )
+
+
+def wilson(successes: int, count: int, z: float = 1.96) -> tuple[float, float]:
+    """Interval of a rate (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
+    rate, share = successes / count, z * z / count
+    middle = (rate + 0.5 * share) / (1.0 + share)
+    half = z / (1.0 + share) * float(np.sqrt(rate * (1.0 - rate) / count + 0.25 * share / count))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def repetitions_csv(repetitions: Iterable[Repetition]) -> str:
+    """One row per seed."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([f.name for f in fields(Repetition)])
+    writer.writerows(["" if cell is None else cell for cell in astuple(r)] for r in repetitions)
+    return text.getvalue()

@@ -1,0 +1,153 @@
+"""Identification within a search, on a small recording by the reference solver."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from brightgrey.errors import SettingsError
+from brightgrey.estimation import scales
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.kit import PAPER, Placed
+from brightgrey.recordings import Recording, Signal
+from brightgrey.search import Identification, LeastSquares, PatternSearch
+from brightgrey.search.experiment import assumed_bounds, first_appearance, verdict
+from brightgrey.search.genetic import GeneticSettings, history_csv, search
+from brightgrey.search.genetic.settings import ASSUMED
+from brightgrey.search.repetition import Repetition, repetition, run, summary, wilson
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
+
+TRUTH = {"J1": 0.02, "M_C": 0.4, "f_v": 0.05}
+STRUCTURE = "one_mass+coulomb+viscous"
+SHORT = GeneticSettings(population=4, generations=2, iterations=6)
+
+
+def small_task(**more):
+    t = 0.002 * np.arange(250)
+    torque = 2.0 * np.sign(np.sin(2 * np.pi * 4.0 * t)) * np.minimum(1.0, 5 * t)
+    (speed,) = reference(STRUCTURE, TRUTH, torque, 0.002, f_tanh=4.0)
+    speed = np.round(speed + 0.005 * np.random.default_rng(1).normal(size=t.size), 3)
+    recording = Recording(
+        "small", t, torque, speed[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),)
+    )
+    known = scales(recording)
+    settings = Settings(f_tanh=4.0, speed_scale=known.speed, level="fast")
+    return Identification((recording,), known, settings, **more)
+
+
+@pytest.fixture(scope="module")
+def task():
+    return small_task()
+
+
+def start_of(task, seed):
+    rng = np.random.default_rng(seed)
+    s = PAPER.parse(STRUCTURE)
+    return tuple((p.parameter(q), v) for p in s.placed for q, v in task.draw(p, rng))
+
+
+@pytest.mark.parametrize(("kind", "iterations"), [(LeastSquares, 50), (PatternSearch, 500)])
+def test_both_estimators_find_the_drive(task, kind, iterations):
+    structure = PAPER.parse(STRUCTURE)
+    starts = [tuple(task.standard(structure).items()), start_of(task, 3)]
+    best = min(kind(task, iterations)(structure, starts), key=lambda r: r.misfit.rss)
+    for name, value in best.values:
+        assert value == pytest.approx(TRUTH[name], rel=0.05)
+    assert best.misfit.rss[0] == pytest.approx(250 * 0.005**2, rel=0.3)
+    assert best.misfit.least == (pytest.approx(250 * 0.001**2 / 12),)
+    assert best.n_parameters == 3
+    assert best.simulations > 10
+
+
+@pytest.mark.parametrize("kind", [LeastSquares, PatternSearch])
+def test_a_start_does_not_depend_on_its_neighbours(task, kind):
+    structure = PAPER.parse(STRUCTURE)
+    starts = [start_of(task, seed) for seed in range(3)]
+    estimate = kind(task, 5)
+    assert list(estimate(structure, starts)) == [estimate(structure, [s])[0] for s in starts]
+
+
+def test_random_values_are_within_their_ranges(task):
+    rng = np.random.default_rng(0)
+    structure = PAPER.parse("four_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay")
+    space = task.space(structure)
+    for _ in range(50):
+        drawn = {p.parameter(q): v for p in structure.placed for q, v in task.draw(p, rng)}
+        for name, low, high in zip(space.names, space.low, space.high, strict=True):
+            assert low <= drawn[name] <= high
+
+
+def test_fixed_parameters_stay(task):
+    held = small_task(fixed={"M_C": 0.3}, bounds={"f_v": (0.01, 0.2)})
+    structure = PAPER.parse(STRUCTURE)
+    (result,) = LeastSquares(held)(structure, [start_of(held, 1)])
+    assert dict(result.values)["M_C"] == 0.3
+    assert result.n_parameters == 2
+    assert dict(held.draw(Placed("coulomb"), np.random.default_rng(0))) == {"M_C": 0.3}
+
+
+def test_bounds_of_unknown_parameters():
+    with pytest.raises(SettingsError, match="unknown parameter 'J9'"):
+        small_task(bounds={"J9": (0.1, 1.0)}).check(PAPER)
+
+
+PROGRAM = """
+import sys
+sys.path.insert(0, {folder!r})
+from test_identification import SHORT, small_task
+from brightgrey.search.genetic import history_csv
+from brightgrey.search.repetition import run
+sys.stdout.write(history_csv(run(small_task(), SHORT, 11, workers=2)))
+"""
+
+
+def test_same_bytes_for_any_number_of_workers_and_in_another_process(task):
+    texts = {history_csv(run(task, SHORT, 11, workers=n)) for n in (1, 2, 4)}
+    program = PROGRAM.format(folder=str(Path(__file__).parent))
+    other = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    texts.add(other.stdout)
+    assert len(texts) == 1
+
+
+def test_bounds_of_the_papers_experiment(task):
+    bounds = assumed_bounds(task.recordings[0])
+    known = {name for s in PAPER.structures() for name in s.parameters}
+    assert bounds.keys() == known == ASSUMED.keys()
+    assert bounds["c1"] == (0.5 * ASSUMED["c1"], 2.0 * ASSUMED["c1"])
+    assert bounds["M_G"] == (-2.0 * ASSUMED["M_G"], 2.0 * ASSUMED["M_G"])
+    for name, value in PAPER_EXPERIMENT.values.items():
+        assert bounds[name][0] < value < bounds[name][1]
+
+
+@pytest.mark.parametrize(
+    ("found", "wanted"),
+    [
+        ("two_mass+coulomb+viscous+stribeck", "true"),
+        ("two_mass+coulomb+viscous+stribeck+gravity", "true with extras"),
+        ("three_mass+coulomb+viscous+stribeck", "true with extras"),
+        ("one_mass+coulomb+viscous+stribeck", "other"),
+        ("two_mass+coulomb+viscous+gravity", "other"),
+    ],
+)
+def test_verdict(found, wanted):
+    assert verdict(PAPER.parse(found), PAPER.parse("two_mass+coulomb+viscous+stribeck")) == wanted
+
+
+def test_wilson_interval():
+    assert wilson(95, 100) == (pytest.approx(0.8882, abs=1e-4), pytest.approx(0.9785, abs=1e-4))
+    assert wilson(0, 10)[0] == 0.0
+
+
+def test_repetition_and_summary(draw, estimate):
+    truth = PAPER.parse("two_mass+coulomb+viscous+stribeck")
+    runs = [search(estimate, draw, seed=s) for s in range(12)]
+    rows = [repetition(r, truth, s) for s, r in enumerate(runs)]
+    assert [r.first for r in rows] == [first_appearance(r, truth) for r in runs]
+    assert all(len(r.generations.split()) == 21 for r in rows)
+    s = summary(rows)
+    assert s.true == sum(r.best == str(truth) for r in rows)
+    assert s.seen >= s.true
+    assert isinstance(rows[0], Repetition)

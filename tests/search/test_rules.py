@@ -1,0 +1,45 @@
+"""Construction rules against all legal structures, set by set."""
+
+import itertools
+
+from brightgrey.kit import PAPER, Grammar, Placed, Structure
+from brightgrey.search.genetic.rules import Rules
+
+LEGAL = {frozenset(s.placed) for s in PAPER.structures()}
+
+
+def subsets(rules):
+    for size in range(len(rules.options) + 1):
+        for chosen in itertools.combinations(rules.options, size):
+            yield frozenset(chosen)
+
+
+def test_what_may_be_added_is_what_some_legal_structure_has(rules):
+    contained = {frozenset(part) for s in LEGAL for n in range(len(s) + 1) for part in itertools.combinations(s, n)}
+    for present in subsets(rules):
+        if present in contained:
+            wanted = {o for o in rules.options if o not in present and present | {o} in contained}
+            assert set(rules.allowed(present)) == wanted, present
+
+
+def test_the_last_node_completes(rules):
+    for present in subsets(rules):
+        wanted = {o for o in rules.options if o not in present and present | {o} in LEGAL}
+        assert set(rules.allowed(present, 1)) == wanted, present
+
+
+def test_complete(rules):
+    assert all(rules.complete(tuple(present)) == (present in LEGAL) for present in subsets(rules))
+    assert not rules.complete(())
+    assert not rules.complete((Placed("one_mass"), Placed("one_mass")))
+
+
+def test_largest_tree(rules):
+    assert rules.most == max(len(s) for s in LEGAL)
+
+
+def test_another_grammar_is_data():
+    small = Rules(Grammar("small", {"two_mass": (1,), "coulomb": (1, 2), "backlash": (1,)}))
+    assert set(small.allowed((Placed("two_mass"),))) == {Placed("coulomb"), Placed("coulomb", 2), Placed("backlash")}
+    assert small.complete(Structure.parse("two_mass+coulomb+coulomb@2").placed)
+    assert not small.complete(Structure.parse("two_mass+viscous").placed)

@@ -1,0 +1,75 @@
+"""Trees: order of no meaning, changes that leave the rest alone."""
+
+import pytest
+
+from brightgrey.errors import StructureError
+from brightgrey.kit import Placed
+from brightgrey.search.genetic.tree import Node, attach, drop, graft, prune, relabel, with_values
+
+
+def node(name, *children, **values):
+    return Node(Placed(name), tuple(values.items()), children)
+
+
+def shape(tree):
+    return None if tree is None else str(tree)
+
+
+TREE = node("two_mass", node("coulomb", node("viscous"), node("gravity")), node("delay"))
+
+
+def test_the_number_of_nodes_of_a_type_is_its_multiplicity():
+    assert TREE.multiplicity[Placed("viscous")] == 1
+    assert node("viscous", node("viscous")).multiplicity[Placed("viscous")] == 2
+    with pytest.raises(StructureError, match="more than once"):
+        _ = node("viscous", node("viscous")).structure
+
+
+def test_order_has_no_meaning_for_the_model():
+    other = node("delay", node("viscous", node("gravity"), node("two_mass", node("coulomb"))))
+    assert other.structure == TREE.structure
+    assert other != TREE
+
+
+def test_nodes_come_parent_first():
+    assert [str(n.type) for n in TREE.nodes()] == ["two_mass", "coulomb", "viscous", "gravity", "delay"]
+    assert TREE.size == 5
+
+
+def test_text():
+    assert str(TREE) == "two_mass(coulomb(viscous, gravity), delay)"
+
+
+def test_attach():
+    assert shape(attach(TREE, 3, node("backlash"))) == "two_mass(coulomb(viscous, gravity(backlash)), delay)"
+    assert shape(attach(TREE, 0, node("backlash"))) == "two_mass(coulomb(viscous, gravity), delay, backlash)"
+    assert attach(None, 0, TREE) is TREE
+
+
+def test_drop_leaves_the_children_to_the_parent():
+    assert shape(drop(TREE, 1)) == "two_mass(viscous, gravity, delay)"
+    assert shape(drop(TREE, 3)) == "two_mass(coulomb(viscous), delay)"
+    assert shape(drop(TREE, 0)) == "coulomb(viscous, gravity, delay)"
+    assert drop(node("delay"), 0) is None
+
+
+def test_prune_takes_the_branch():
+    assert shape(prune(TREE, 1)) == "two_mass(delay)"
+    assert shape(prune(TREE, 4)) == "two_mass(coulomb(viscous, gravity))"
+    assert prune(TREE, 0) is None
+
+
+def test_graft_and_relabel():
+    assert shape(graft(TREE, 1, (node("stribeck"),))) == "two_mass(coulomb(stribeck), delay)"
+    assert shape(relabel(TREE, 1, Placed("stribeck"), ())) == "two_mass(stribeck(viscous, gravity), delay)"
+
+
+def test_a_node_that_is_not_there():
+    with pytest.raises(IndexError):
+        attach(TREE, 5, node("backlash"))
+
+
+def test_estimates_go_to_their_nodes():
+    tree = node("two_mass", node("coulomb", M_C=1.0), J1=2.0, J2=3.0)
+    changed = with_values(tree, {"M_C": 5.0, "J2": 6.0, "unknown": 7.0})
+    assert changed.parameters == {"J1": 2.0, "J2": 6.0, "M_C": 5.0}
