@@ -91,6 +91,7 @@ EFFECT = Effect(
             start=lambda s: 1e-3 * s.travel,
         ),
     ),
+    noticeable=lambda s, values: {"alpha": 1e-3 * s.travel},
     stamp=stamp,
     law=LAW,
     memory=True,

@@ -44,6 +44,7 @@ EFFECT = Effect(
             start=lambda s: max(s.friction, 1e-2 * s.torque),
         ),
     ),
+    noticeable=lambda s, values: {"M_C": 0.01 * s.torque},
     stamp=stamp,
     law=LAW,
 )

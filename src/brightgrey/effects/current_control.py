@@ -44,6 +44,7 @@ EFFECT = Effect(
             lag=True,
         ),
     ),
+    noticeable=lambda s, values: {"T_1": s.interval},
     stamp=stamp,
     memory=True,
 )

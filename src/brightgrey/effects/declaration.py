@@ -376,6 +376,9 @@ class Effect:
         ``spread(scales, share) -> values``: plausible values of all parameters, shape (parameters, K), from points of
         the unit cube of that shape. For effects whose parameters are plausible only together; without it, each
         is drawn from its own range.
+    noticeable : callable or None
+        ``noticeable(scales, values) -> {symbol: value}``: the effect at the least size that matters for control, with
+        `values` of the model without it by name. It may change values that are there (an inertia that is split).
     cautions : tuple of Caution
     """
 
@@ -393,4 +396,5 @@ class Effect:
     masses: int = 0
     memory: bool = False
     spread: Callable[[Scales, Array], Array] | None = None
+    noticeable: Callable[[Scales, Values], Mapping[str, float]] | None = None
     cautions: tuple[Caution, ...] = ()

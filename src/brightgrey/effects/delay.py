@@ -34,5 +34,6 @@ EFFECT = Effect(
             lag=True,
         ),
     ),
+    noticeable=lambda s, values: {"T_d": s.interval},
     stamp=stamp,
 )

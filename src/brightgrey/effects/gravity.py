@@ -45,6 +45,7 @@ EFFECT = Effect(
             scale="linear",
         ),
     ),
+    noticeable=lambda s, values: {"M_G": 0.01 * s.torque},
     stamp=stamp,
     law=LAW,
     cautions=(

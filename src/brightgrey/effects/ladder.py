@@ -5,6 +5,7 @@ Paper section 2.1 and eq. (1), (7), (8). The motor's torque and the sensor are a
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ SPEED = Dimension(input=0, motion=1, time=-1)
 
 _TOTAL = 1.5  # either way: how far the torque balance may be off
 _DIVISION = 30.0  # either way: a mass against all behind it
+_LOOSE = 0.3  # of Nyquist's frequency
 _LEAST_DAMPED = 5e-3  # damping ratio; up to 1
 
 
@@ -108,6 +110,20 @@ def _spread(scales: Scales, share: Array, masses: int) -> Array:
     return np.concatenate([J, reduced * turning**2, 2.0 * ratio * reduced * turning])
 
 
+def _noticeable(scales: Scales, values: Values, masses: int) -> Mapping[str, float]:
+    """A tenth of the last inertia of the shorter ladder comes loose, and rings below a third of Nyquist's frequency."""
+    last = values[f"J{masses - 1}"]
+    loose, rest = 0.1 * last, 0.9 * last
+    turning = _LOOSE * fastest(scales)
+    reduced = loose * rest / last
+    return {
+        f"J{masses - 1}": rest,
+        f"J{masses}": loose,
+        f"c{masses - 1}": reduced * turning**2,
+        f"d{masses - 1}": 0.04 * reduced * turning,
+    }
+
+
 def ladder(name: str, masses: int) -> Effect:
     """Multiple-mass effect with `masses` masses."""
 
@@ -135,4 +151,5 @@ def ladder(name: str, masses: int) -> Effect:
         masses=masses,
         memory=True,
         spread=lambda scales, share: _spread(scales, share, masses),
+        noticeable=(lambda scales, values: _noticeable(scales, values, masses)) if masses > 1 else None,
     )

@@ -60,6 +60,7 @@ EFFECT = Effect(
             start=lambda s: 0.1 * s.speed,
         ),
     ),
+    noticeable=lambda s, values: {"M_S": 0.01 * s.torque, "omega_S": 0.05 * s.speed},
     stamp=stamp,
     law=LAW,
     cautions=(

@@ -44,6 +44,7 @@ EFFECT = Effect(
             start=lambda s: max(s.viscous, 1e-3 * s.torque / s.speed),
         ),
     ),
+    noticeable=lambda s, values: {"f_v": 0.01 * s.torque / s.speed},
     stamp=stamp,
     law=LAW,
 )

@@ -1,0 +1,129 @@
+"""Whether one structure fits significantly better than another: misfits in white noise's terms.
+
+Residuals of a simulation are coloured, so sums of their squares mislead. The noise of the structure that fits best is
+modelled as an autoregression; with its filter, residuals and derivatives of every structure are whitened, and one
+Gauss-Newton step on them gives the misfit that generalised least squares would reach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.stats import chi2, ncx2
+
+from brightgrey.estimation.coloured import Autoregression
+from brightgrey.estimation.leastsquares import Descent
+from brightgrey.estimation.uncertainty import noise_models
+from brightgrey.kit import Structure
+
+__all__ = ["Judged", "Whitening", "power", "significance", "threshold"]
+
+Array = NDArray[np.float64]
+_RANK = 1e-9
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A structure at the level that counts.
+
+    Attributes
+    ----------
+    structure : Structure
+    values : mapping of str to float
+        SI, fixed ones included.
+    descent : Descent
+        With residual and Jacobian.
+    free : int
+        Number of estimated parameters.
+    inside : tuple of int
+        Parameters, by column of the Jacobian, that are not at a bound.
+    """
+
+    structure: Structure
+    values: Mapping[str, float]
+    descent: Descent
+    free: int
+    inside: tuple[int, ...]
+
+    @property
+    def cost(self) -> float:
+        """Weighted sum of squared residuals."""
+        return self.descent.cost
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """Filters that make the noise of every stretch (one output of one recording) white with variance 1.
+
+    Attributes
+    ----------
+    models : tuple of Autoregression
+    lengths : tuple of int
+        Of the stretches.
+    floor : float
+        Variance of the noise, in that of the residuals' weights, that no stretch falls below.
+    """
+
+    models: tuple[Autoregression, ...]
+    lengths: tuple[int, ...]
+    floor: float
+
+    @classmethod
+    def of(cls, judged: Judged, lengths: Sequence[int], floor: float = 0.0) -> Whitening:
+        """Filters from the residual of a structure that fits well."""
+        jacobian = judged.descent.jacobian[:, list(judged.inside)]
+        return cls(noise_models(judged.descent.residual, jacobian, lengths), tuple(lengths), floor)
+
+    @property
+    def samples(self) -> int:
+        """Number of residuals."""
+        return sum(self.lengths)
+
+    def white(self, x: Array) -> Array:
+        """Whitened residuals or derivatives, shape (residuals, ...)."""
+        parts = np.split(x, np.cumsum(self.lengths)[:-1])
+        tiny = np.finfo(float).tiny
+        white = [
+            lfilter(model.a, [1.0], part, axis=0) / np.sqrt(max(model.variance, self.floor, tiny))
+            for model, part in zip(self.models, parts, strict=True)
+        ]
+        return np.asarray(np.concatenate(white))
+
+    def base(self, judged: Judged) -> Array:
+        """Orthonormal base of the whitened derivatives, shape (residuals, rank)."""
+        J = self.white(judged.descent.jacobian[:, list(judged.inside)])
+        size = np.linalg.norm(J, axis=0)
+        J = J[:, size > 0.0] / size[size > 0.0]
+        if not J.shape[1]:
+            return J
+        U, s, _ = np.linalg.svd(J, full_matrices=False)
+        return np.asarray(U[:, s > _RANK * s[0]])
+
+    def misfit(self, judged: Judged) -> float:
+        """Sum of squared whitened residuals that generalised least squares leaves."""
+        r, Q = self.white(judged.descent.residual), self.base(judged)
+        return float(r @ r - np.square(Q.T @ r).sum())
+
+    def unexplained(self, judged: Judged, change: Array) -> float:
+        """Squared size of a change of the (weighted) outputs that the parameters of `judged` cannot imitate."""
+        c, Q = self.white(change), self.base(judged)
+        return float(max(c @ c - np.square(Q.T @ c).sum(), 0.0))
+
+
+def significance(small: float, big: float, samples: int) -> float:
+    """Twice the logarithm of the likelihood ratio of two misfits, noise of unknown size."""
+    return samples * float(np.log(max(small, 1e-300) / max(big, 1e-300)))
+
+
+def threshold(parameters: int, level: float) -> float:
+    """What twice the log-likelihood ratio exceeds by chance with probability `level` (Wilks)."""
+    return float(chi2.isf(level, max(parameters, 1)))
+
+
+def power(noncentrality: float, parameters: int, level: float) -> float:
+    """Probability that an effect of this size is found at `level`."""
+    return float(ncx2.sf(threshold(parameters, level), max(parameters, 1), max(noncentrality, 1e-12)))

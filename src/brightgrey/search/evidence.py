@@ -1,0 +1,273 @@
+"""What a recording says about every effect: needed, not needed, or not decidable.
+
+Every structure that contains the true one fits as well, so that neither one winner nor a list of all that fit says
+much. *Minimal* structures are those from which nothing can be removed and to which nothing has to be added, neither
+without a significant loss; *optional* effects are those that this recording would not have shown at a size that
+matters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from brightgrey.kit import Placed, Structure
+from brightgrey.search.comparison import Judged, Whitening, power, significance, threshold
+from brightgrey.search.exhaustive import Fitted
+from brightgrey.search.identification import Identification
+from brightgrey.search.judging import Bench
+from brightgrey.search.lattice import contains, effects_of, extensions, ladder_of, simpler
+
+__all__ = ["Card", "Evidence", "weigh"]
+
+Verdict = Literal["needed", "not needed", "not decidable"]
+LEVEL = 0.02  # chance of calling for an effect that is not there
+_MATERIAL = 1.01  # ratio of costs below which a difference does not matter, however sure it is
+_SHOWN = 0.8  # power from which a recording is said to show an effect
+_SLACK = 1.02  # ratio of costs within which a structure is always looked at
+_MOST = 24  # structures that are examined
+_RARE = 1e-3
+
+
+@dataclass(frozen=True)
+class Card:
+    """Evidence for one effect.
+
+    Attributes
+    ----------
+    effect : str
+        Name of the placed effect; that of a ladder stands for "at least so many masses".
+    verdict : str
+        ``needed``, ``not needed`` or ``not decidable``.
+    loss : float or None
+        By how much the residual's RMS grows when it is removed from the best structure, a ratio minus 1.
+    gain : float or None
+        By how much it shrinks when the effect is added.
+    reason : str
+        One sentence without its full stop.
+    """
+
+    effect: str
+    verdict: Verdict
+    loss: float | None
+    gain: float | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What :func:`weigh` found.
+
+    Attributes
+    ----------
+    minimal : tuple of Judged
+        Best criterion first.
+    optional : tuple of str
+        Effects that this recording could not have shown, in any of the minimal structures.
+    cards : tuple of Card
+    criterion : mapping of Structure to float
+        Of all structures that were refitted; less is better.
+    """
+
+    minimal: tuple[Judged, ...]
+    optional: tuple[str, ...]
+    cards: tuple[Card, ...]
+    criterion: Mapping[Structure, float]
+
+
+def weigh(
+    task: Identification,
+    fitted: Mapping[Structure, Fitted],
+    *,
+    seed: int = 0,
+    progress: Callable[[Structure], None] | None = None,
+) -> Evidence:
+    """Find the minimal structures among those `fitted`, and what the recording says about every effect.
+
+    Parameters
+    ----------
+    task : Identification
+    fitted : mapping of Structure to Fitted
+        All structures of a grammar, or as many as were tried.
+    seed : int
+    progress : callable, optional
+        Called with every structure that is examined.
+    """
+    scale = _Scale.of(task, fitted, seed)
+    minimal = _minimal_structures(scale, progress)
+    structures = [j.structure for j in minimal]
+    effects = _all_effects(fitted)
+    shown = {s: {e: scale.shown(s, e) for e in effects if not _has(s, e)} for s in structures}
+    optional = tuple(e for e in effects if any(e in of and not of[e] for of in shown.values()))
+    cards = tuple(scale.card(e, structures, optional) for e in effects)
+    criterion = {s: scale.criterion(j) for s, j in scale.bench.judged.items()}
+    return Evidence(tuple(minimal), optional, cards, criterion)
+
+
+@dataclass
+class _Scale:
+    """Refits and the yardstick that they are compared by."""
+
+    bench: Bench
+    whitening: Whitening
+    known: Mapping[Structure, Fitted]
+
+    @classmethod
+    def of(cls, task: Identification, fitted: Mapping[Structure, Fitted], seed: int) -> _Scale:
+        """Yardstick from the noise of the structure that fits best."""
+        bench = Bench(task, fitted, seed)
+        best = min(fitted.values(), key=lambda f: (f.cost, f.free))
+        reference = bench.judge(best.structure)
+        lengths = [r.samples for r in task.recordings for _ in r.outputs]
+        weights = task.problem(best.structure).weights
+        floor = float(np.min([np.square(r.resolution * weights).min() / 12.0 for r in task.recordings]))
+        return cls(bench, Whitening.of(reference, lengths, floor), fitted)
+
+    def misfit(self, judged: Judged) -> float:
+        """Whitened sum of squares, not below what the sensor's resolution leaves."""
+        return max(self.whitening.misfit(judged), 1e-3 * self.whitening.samples)
+
+    def criterion(self, judged: Judged) -> float:
+        """Bayesian information criterion (Schwarz 1978) of the whitened residuals."""
+        n = self.whitening.samples
+        return n * float(np.log(self.misfit(judged) / n)) + judged.free * float(np.log(n))
+
+    def better(self, big: Judged, small: Judged, tests: int) -> bool:
+        """Whether `big` fits significantly and materially better; `tests` structures are compared with `small`."""
+        if small.cost <= _MATERIAL * big.cost:
+            return False
+        found = significance(self.misfit(small), self.misfit(big), self.whitening.samples)
+        return found > threshold(big.free - small.free, LEVEL / max(tests, 1))
+
+    def shown(self, structure: Structure, effect: str) -> bool:
+        """Whether the recording would have shown `effect` beside `structure` at the least size that matters."""
+        big = self.with_effect(structure, effect)
+        placed = Placed.parse(effect)
+        if big is None or placed.effect.noticeable is None:
+            return False
+        judged = self.bench.judge(structure)
+        task = self.bench.task
+        changed = placed.effect.noticeable(task.scales, judged.values)
+        values = {**task.standard(big), **judged.values}
+        values |= {placed.parameter(symbol): float(value) for symbol, value in changed.items()}
+        change = self.bench.outputs(big, [values])[:, 0] - judged.descent.residual
+        size = self.whitening.unexplained(judged, change)
+        tests = len(extensions(structure, self.known))
+        return power(size, len(placed.effect.parameters), LEVEL / max(tests, 1)) >= _SHOWN
+
+    def with_effect(self, structure: Structure, effect: str) -> Structure | None:
+        """Least structure that has `effect` beyond `structure`, one mass or one effect more."""
+        for big in extensions(structure, self.known):
+            if effect in effects_of(big, structure):
+                return big
+        return None
+
+    def without_effect(self, structure: Structure, effect: str) -> Structure | None:
+        """`structure` without `effect`; of a ladder, with one mass less."""
+        for small in simpler(structure, self.known):
+            if effect in effects_of(structure, small):
+                return small
+        return None
+
+    def card(self, effect: str, minimal: Sequence[Structure], optional: Collection[str]) -> Card:
+        """Evidence for one effect, with the refits that it rests on."""
+        having = [s for s in minimal if _has(s, effect)]
+        best = minimal[0]
+        loss = gain = None
+        here = self.bench.judge(best)
+        if _has(best, effect):
+            without = self.without_effect(best, effect)
+            if without is not None and effect in (*best.names,):
+                loss = float(np.sqrt(self.bench.judge(without).cost / max(here.cost, 1e-300)) - 1.0)
+        else:
+            more = self.with_effect(best, effect)
+            if more is not None:
+                gain = float(1.0 - np.sqrt(min(self.bench.judge(more).cost / max(here.cost, 1e-300), 1.0)))
+        if len(having) == len(minimal):
+            text = (
+                "no structure without it fits"
+                if loss is None
+                else f"without it the residual grows by {100 * loss:.3g} %"
+            )
+            return Card(effect, "needed", loss, gain, text)
+        if having:
+            others = next(s for s in minimal if s not in having)
+            text = f"{having[0]} and {others} fit equally well"
+            return Card(effect, "not decidable", loss, gain, text)
+        if effect in optional:
+            text = "at a size that matters this recording would not have shown it"
+            return Card(effect, "not decidable", loss, gain, text)
+        share = "nothing" if gain is None else f"{100 * gain:.2g} % of the residual"
+        return Card(effect, "not needed", loss, gain, f"it would have shown; adding it explains {share}")
+
+
+def _all_effects(structures: Collection[Structure]) -> list[str]:
+    """All placed effects by name, in their order; the smallest ladder is no question."""
+    least = min(s.masses for s in structures)
+    placed = {p for s in structures for p in s.placed if not (p.effect.masses and p.effect.masses <= least)}
+    return [str(p) for p in sorted(placed, key=lambda p: (p.effect.number, p.name, p.place))]
+
+
+def _has(structure: Structure, effect: str) -> bool:
+    """Whether the structure has the effect; it has all ladders up to its own."""
+    masses = Placed.parse(effect).effect.masses
+    return ladder_of(structure).effect.masses >= masses if masses else effect in structure.names
+
+
+def _minimal_structures(scale: _Scale, progress: Callable[[Structure], None] | None) -> list[Judged]:
+    """Adequate structures that contain no other adequate one: simple ones first, until none is left to be examined."""
+    n = _independent(scale)
+    accepted: list[Judged] = []
+    examined: set[Structure] = set()
+    while len(examined) < _MOST or not accepted:
+        structure = _next(scale, n, accepted, examined)
+        if structure is None:
+            break
+        examined.add(structure)
+        if progress is not None:
+            progress(structure)
+        if _adequate(scale, structure):
+            accepted.append(scale.bench.judge(structure))
+    return sorted(accepted, key=scale.criterion)
+
+
+def _next(scale: _Scale, n: float, accepted: Sequence[Judged], examined: Collection[Structure]) -> Structure | None:
+    """Simplest structure that may be adequate by all that is known now and contains none of those accepted."""
+    cost = {s: scale.bench.cost(s) for s in scale.known}
+    least = min(scale.known.values(), key=lambda f: (cost[f.structure], f.free))
+
+    def hopeful(f: Fitted) -> bool:
+        more = max(least.free - f.free, 1)
+        reach = float(np.exp(2.0 * threshold(more, _RARE) / n))
+        return cost[f.structure] <= max(_SLACK, reach) * cost[least.structure]
+
+    left = [
+        f
+        for f in scale.known.values()
+        if f.structure not in examined and hopeful(f) and not any(contains(f.structure, j.structure) for j in accepted)
+    ]
+    return min(left, key=lambda f: (f.free, cost[f.structure])).structure if left else None
+
+
+def _adequate(scale: _Scale, structure: Structure) -> bool:
+    """Whether nothing that contains the structure fits significantly better."""
+    own = scale.bench.judge(structure, deep=True)
+    more = extensions(structure, scale.known)
+    larger = [s for s in scale.known if s != structure and contains(s, structure)]
+    if not larger:
+        return True
+    far = min(larger, key=lambda s: (scale.bench.cost(s), scale.known[s].free))
+    compared = sorted({*more, far}, key=lambda s: (scale.bench.cost(s), str(s)))
+    return not any(scale.better(scale.bench.judge(s), own, len(compared)) for s in compared)
+
+
+def _independent(scale: _Scale) -> float:
+    """Number of samples that tell a variance as well as the coloured residuals do: N / (1 + 2 sum of rho^2)."""
+    total = 0.0
+    for model, length in zip(scale.whitening.models, scale.whitening.lengths, strict=True):
+        rho = model.autocovariance(length)
+        total += length / (1.0 + 2.0 * float(np.square(rho[1:] / rho[0]).sum())) if rho[0] > 0.0 else length
+    return total

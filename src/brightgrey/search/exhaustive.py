@@ -1,0 +1,217 @@
+"""All structures of a grammar, simple to complex, each begun where those that it contains have ended.
+
+A structure contains others: those with an effect or a mass less. Descending from their optima, with the further effect
+drawn anew, costs little, and no structure ends worse than one it contains, since it could do without the effect. Optima
+that only show with all friction in the model are found in one *hub* for each number of masses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.estimation.bounds import Search
+from brightgrey.estimation.explore import explore
+from brightgrey.estimation.leastsquares import descend_many
+from brightgrey.estimation.problem import Problem
+from brightgrey.kit import Placed, Structure
+from brightgrey.search.identification import Identification
+from brightgrey.search.lattice import effects_of, ladder_of, simpler, without_ladder
+
+__all__ = ["Fitted", "Options", "fit_all", "fit_one"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Options:
+    """How thoroughly each structure is searched.
+
+    Attributes
+    ----------
+    parents : int
+        Simpler structures whose optima are looked at, beside that of the hub.
+    starts : int
+        Descents: from the best of these optima.
+    fresh, patience : int
+        Starts of a field and fields without improvement, in the search for a hub.
+    drawn : int
+        Values of the further effect that are tried at each of these optima.
+    rounds : int
+        Of each descent.
+    tolerance : float
+        Relative to the cost.
+    """
+
+    parents: int = 2
+    starts: int = 2
+    fresh: int = 8
+    patience: int = 1
+    drawn: int = 15
+    rounds: int = 25
+    tolerance: float = 1e-3
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One structure with its best parameters so far.
+
+    Attributes
+    ----------
+    structure : Structure
+    values : mapping of str to float
+        SI, fixed ones included.
+    cost : float
+        Weighted sum of squared residuals at the level of the search.
+    free : int
+        Number of estimated parameters.
+    idle : tuple of str
+        Effects that only made the fit worse than that of a structure without them: their values are meaningless.
+    batches : int
+        Batches of simulations.
+    """
+
+    structure: Structure
+    values: Mapping[str, float]
+    cost: float
+    free: int
+    idle: tuple[str, ...] = ()
+    batches: int = 0
+
+
+def fit_all(
+    task: Identification,
+    structures: Sequence[Structure],
+    *,
+    options: Options | None = None,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Callable[[Fitted], None] | None = None,
+) -> dict[Structure, Fitted]:
+    """Fit all `structures` at the level of ``task.settings``.
+
+    Parameters
+    ----------
+    task : Identification
+    structures : sequence of Structure
+    options : Options, optional
+    seed : int
+    executor : concurrent.futures.Executor, optional
+        Structures of equal size are fitted in parallel; the result does not depend on it. One thread by default.
+    progress : callable, optional
+        Called with every structure that is done, in the order of the result.
+
+    Returns
+    -------
+    dict of Structure to Fitted
+        Simple ones first.
+    """
+    how = options or Options()
+    order = {s: i for i, s in enumerate(structures)}
+    sizes: dict[int, list[Structure]] = {}
+    for s in structures:
+        sizes.setdefault(s.masses + len(s.placed), []).append(s)
+    done: dict[Structure, Fitted] = {}
+
+    hubs: dict[Placed, Fitted] = {}
+
+    def hub(structure: Structure) -> Fitted:
+        return _from_everywhere(task, structure, how, seed)
+
+    def one(structure: Structure) -> Fitted:
+        parents = [done[s] for s in simpler(structure, done)]
+        return fit_one(task, structure, parents, hubs[ladder_of(structure)], how, [seed, order[structure]])
+
+    with ThreadPoolExecutor(1) as single:
+        pool = executor or single
+        for fitted in pool.map(hub, _hubs(structures)):
+            hubs[ladder_of(fitted.structure)] = fitted
+        for size in sorted(sizes):
+            found = list(pool.map(one, sizes[size]))
+            for fitted in found:
+                done[fitted.structure] = fitted
+                if progress is not None:
+                    progress(fitted)
+    return done
+
+
+def _hubs(structures: Sequence[Structure]) -> list[Structure]:
+    """For every ladder the structure with the most laws of one port at most, and nothing else if possible.
+
+    It finds the resonances with the friction that hides them, which simpler structures cannot.
+    """
+
+    def rank(structure: Structure) -> tuple[int, int]:
+        laws = [p.effect.law is not None and p.effect.law.ports <= 1 for p in without_ladder(structure)]
+        return laws.count(False), -laws.count(True)
+
+    ladders: dict[Placed, list[Structure]] = {}
+    for s in structures:
+        ladders.setdefault(ladder_of(s), []).append(s)
+    return [min(group, key=rank) for group in ladders.values()]
+
+
+def _from_everywhere(task: Identification, structure: Structure, options: Options, seed: int) -> Fitted:
+    """Fit a structure of which nothing is known."""
+    problem, space = task.problem(structure), task.space(structure)
+    found = explore(problem, space, task.settings, [], starts=options.fresh, patience=options.patience, seed=seed)
+    end = min(found.ends, key=lambda e: e.cost)
+    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+    return Fitted(structure, named, end.cost, len(space.names), (), found.evaluations)
+
+
+def fit_one(
+    task: Identification,
+    structure: Structure,
+    parents: Sequence[Fitted],
+    hub: Fitted,
+    options: Options,
+    seed: Sequence[int],
+) -> Fitted:
+    """Fit one structure, begun where its best `parents` and its `hub` have ended."""
+    if structure == hub.structure:
+        return hub
+    problem, space = task.problem(structure), task.space(structure)
+    rng = np.random.default_rng(list(seed))
+    best = sorted(parents, key=lambda p: p.cost)[: options.parents]
+    begins = sorted((_extended(task, problem, space, f, options.drawn, rng) for f in (*best, hub)), key=lambda b: b[0])
+    ends = descend_many(
+        problem,
+        space,
+        task.settings,
+        np.stack([values for _, values in begins[: options.starts]], axis=1),
+        limit=options.rounds,
+        tolerance=options.tolerance,
+        rival=best[0].cost if best else np.inf,
+    )
+    end = min(ends, key=lambda e: e.cost)
+    batches = len(begins) + max(e.evaluations for e in ends)
+    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+    if best and not end.cost <= best[0].cost:
+        idle = (*best[0].idle, *effects_of(structure, best[0].structure))
+        return Fitted(structure, {**named, **best[0].values}, best[0].cost, len(space.names), idle, batches)
+    return Fitted(structure, named, end.cost, len(space.names), (), batches)
+
+
+def _extended(
+    task: Identification, problem: Problem, space: Search, parent: Fitted, count: int, rng: np.random.Generator
+) -> tuple[float, Array]:
+    """Best of some starts at another optimum, with its cost: what that lacks is drawn, and what is drawn with it."""
+    candidates = space.candidates(count, rng)
+    candidates = np.concatenate([space.start[:, None], candidates], axis=1)
+    own = [i for i, name in enumerate(space.names) if name in parent.values]
+    kept = np.array(candidates)
+    kept[own] = np.array([parent.values[space.names[i]] for i in own])[:, None]
+    tried = [kept]
+    for rows, _ in space.spreads:
+        if any(i not in own for i in rows):
+            anew = np.array(kept)
+            anew[list(rows)] = candidates[list(rows)]
+            tried.append(anew)
+    begins = np.clip(np.concatenate(tried, axis=1), space.low[:, None], space.high[:, None])
+    cost = problem.costs(space.named(begins), task.settings)
+    return float(cost.min()), np.asarray(begins[:, int(np.argmin(cost))])

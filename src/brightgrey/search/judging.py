@@ -1,0 +1,112 @@
+"""Refits of single structures at the level that counts, each begun from all that is known of its relatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.estimation.explore import explore
+from brightgrey.estimation.leastsquares import descend, descend_many
+from brightgrey.kit import Structure
+from brightgrey.search.comparison import Judged
+from brightgrey.search.exhaustive import Fitted
+from brightgrey.search.identification import Identification
+from brightgrey.search.lattice import contains
+
+__all__ = ["Bench"]
+
+Array = NDArray[np.float64]
+_AT_BOUND = 1e-4  # of the searched range
+_RELATIVES = 6  # starts that are taken over from relatives
+_DESCENTS = 3  # of the best of all starts
+
+
+@dataclass
+class Bench:
+    """Keeps what has been refitted.
+
+    Attributes
+    ----------
+    task : Identification
+        Its level is that of the search.
+    fitted : mapping of Structure to Fitted
+    seed : int
+    judged : dict of Structure to Judged
+    deep : set of Structure
+        Those that were searched for from everywhere.
+    """
+
+    task: Identification
+    fitted: Mapping[Structure, Fitted]
+    seed: int = 0
+    judged: dict[Structure, Judged] = field(default_factory=dict)
+    deep: set[Structure] = field(default_factory=set)
+
+    def judge(self, structure: Structure, *, deep: bool = False) -> Judged:
+        """Refit `structure`; `deep` searches from everywhere, too."""
+        known = self.judged.get(structure)
+        if known is not None and (structure in self.deep or not deep):
+            return known
+        task, problem, space = self.task, self.task.problem(structure), self.task.space(structure)
+        begins = self._starts(structure)
+        if deep:
+            named = [dict(zip(space.names, b.tolist(), strict=True)) for b in begins.T]
+            order = [self.seed, sorted(map(str, self.fitted)).index(str(structure))]
+            found = explore(
+                problem, space, task.settings, named, starts=8, patience=1, seed=int(order[1] + 1000 * order[0])
+            )
+            ends = list(found.ends)
+            self.deep.add(structure)
+        else:
+            ends = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=np.inf)
+        best = min(ends, key=lambda e: e.cost)
+        end = descend(problem, space, replace(task.settings, level="accurate"), best.values)
+        if known is not None and known.cost <= end.cost:
+            return known
+        theta, low, high = (space.inward(v) for v in (end.values, space.low, space.high))
+        near = _AT_BOUND * (high - low)
+        inside = np.flatnonzero((theta - low > near) & (high - theta > near))
+        values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+        self.judged[structure] = Judged(structure, values, end, len(space.names), tuple(inside.tolist()))
+        return self.judged[structure]
+
+    def cost(self, structure: Structure) -> float:
+        """Least cost known of `structure`: its own, or that of a refitted one that it contains."""
+        own = self.judged[structure].cost if structure in self.judged else self.fitted[structure].cost
+        return min([own, *(j.cost for s, j in self.judged.items() if contains(structure, s))])
+
+    def _starts(self, structure: Structure) -> Array:
+        """Best starts from the structure's own fit and those of its relatives, shape (P, S), SI."""
+        space, problem = self.task.space(structure), self.task.problem(structure)
+        rng = np.random.default_rng([self.seed, len(space.names)])
+        own: list[Mapping[str, float]] = [self.fitted[structure].values] if structure in self.fitted else []
+        kin: list[tuple[float, Mapping[str, float]]] = []
+        for s, j in self.judged.items():
+            if contains(structure, s) or contains(s, structure):
+                kin.append((j.cost, j.values))
+        for s, f in self.fitted.items():
+            if s not in self.judged and (contains(s, structure) or contains(structure, s)) and not f.idle:
+                kin.append((f.cost, f.values))
+        kin.sort(key=lambda item: item[0])
+        wanted = own + [values for _, values in kin[:_RELATIVES]]
+        drawn = space.candidates(8, rng)
+        drawn = np.concatenate([space.start[:, None], drawn], axis=1)
+        tried = []
+        for values in wanted:
+            block = np.array(drawn)
+            held = [i for i, name in enumerate(space.names) if name in values]
+            block[held] = np.array([values[space.names[i]] for i in held])[:, None]
+            tried.append(block if len(held) < len(space.names) else block[:, :1])
+        begins = np.concatenate(tried, axis=1) if tried else drawn
+        begins = np.unique(np.clip(begins, space.low[:, None], space.high[:, None]), axis=1)
+        cost = problem.costs(space.named(begins), self.task.settings)
+        return np.asarray(begins[:, np.argsort(cost, kind="stable")[:_DESCENTS]])
+
+    def outputs(self, structure: Structure, sets: Sequence[Mapping[str, float]]) -> Array:
+        """Weighted residuals at the accurate level for some values, shape (residuals, K)."""
+        problem = self.task.problem(structure)
+        values = {name: np.array([s[name] for s in sets]) for name in structure.parameters}
+        return problem.residuals(values, replace(self.task.settings, level="accurate"))

@@ -1,0 +1,49 @@
+"""Which structure is contained in which: fewer effects, or fewer masses."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+from brightgrey.kit import Placed, Structure
+
+__all__ = ["contains", "effects_of", "extensions", "ladder_of", "minimal", "simpler", "without_ladder"]
+
+
+def ladder_of(structure: Structure) -> Placed:
+    """The placed effect that brings the masses."""
+    return next(p for p in structure.placed if p.effect.masses)
+
+
+def without_ladder(structure: Structure) -> frozenset[Placed]:
+    """All other placed effects."""
+    return frozenset(p for p in structure.placed if not p.effect.masses)
+
+
+def contains(big: Structure, small: Structure) -> bool:
+    """Whether `small` is `big` without some effects or masses; masses count cumulatively. Equal ones do, too."""
+    return small.masses <= big.masses and without_ladder(small) <= without_ladder(big)
+
+
+def _size(structure: Structure) -> int:
+    return structure.masses + len(structure.placed)
+
+
+def simpler(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
+    """Structures `among` others that lack one effect, or one mass, of `structure`."""
+    return [s for s in among if _size(s) == _size(structure) - 1 and contains(structure, s)]
+
+
+def extensions(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
+    """Structures `among` others that have one effect, or one mass, more than `structure`."""
+    return [s for s in among if _size(s) == _size(structure) + 1 and contains(s, structure)]
+
+
+def minimal(structures: Collection[Structure]) -> list[Structure]:
+    """Those that contain none of the others, in the order given."""
+    return [s for s in structures if not any(t != s and contains(s, t) for t in structures)]
+
+
+def effects_of(big: Structure, small: Structure) -> tuple[str, ...]:
+    """Names of the effects that `big` has beyond `small`; its masses, if there are more of them, come first."""
+    more = (ladder_of(big).name,) if big.masses > small.masses else ()
+    return (*more, *(str(p) for p in big.placed if p in without_ladder(big) - without_ladder(small)))
