@@ -97,11 +97,12 @@ class Whitening:
         """Orthonormal base of the whitened derivatives, shape (residuals, rank)."""
         J = self.white(judged.descent.jacobian[:, list(judged.inside)])
         size = np.linalg.norm(J, axis=0)
-        J = J[:, size > 0.0] / size[size > 0.0]
+        J = np.asarray(J[:, size > 0.0] / size[size > 0.0])
         if not J.shape[1]:
             return J
         U, s, _ = np.linalg.svd(J, full_matrices=False)
-        return np.asarray(U[:, s > _RANK * s[0]])
+        base: Array = U[:, s > _RANK * s[0]]
+        return base
 
     def misfit(self, judged: Judged) -> float:
         """Sum of squared whitened residuals that generalised least squares leaves."""
