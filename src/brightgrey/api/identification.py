@@ -12,7 +12,9 @@ import numpy as np
 from brightgrey import __version__, estimation
 from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
 from brightgrey.errors import SettingsError
-from brightgrey.estimation import Fit
+from brightgrey.estimation import Fit, Profile
+from brightgrey.estimation.patterns import check_estimator
+from brightgrey.estimation.residuals import LAGS, Residuals, residual_analysis
 from brightgrey.export.build import model_of
 from brightgrey.export.criterion import bic
 from brightgrey.export.files import check_folder, write_files
@@ -47,6 +49,8 @@ class Result:
         The estimation in detail: start points and where they ended, all in SI.
     files : mapping of str to bytes
         Further files that :meth:`write` puts beside the results.
+    profiles : tuple of Profile
+        Profile likelihoods that were asked for, in SI.
     """
 
     model: Model
@@ -55,6 +59,19 @@ class Result:
     notes: tuple[str, ...]
     fit: Fit = field(repr=False)
     files: Mapping[str, bytes] = field(default_factory=dict, repr=False)
+    profiles: tuple[Profile, ...] = field(default=(), repr=False)
+
+    def residuals(self) -> Mapping[tuple[str, str], Residuals]:
+        """Correlations of the residuals with themselves and with the input, by recording and output.
+
+        An output whose simulation diverged, or that has too few samples for 50 lags, is left out.
+        """
+        return {
+            (trace.name, signal.name): residual_analysis(residual, trace.u)
+            for trace in self.traces
+            for signal, residual in zip(trace.outputs, trace.residual, strict=True)
+            if np.isfinite(residual).all() and residual.size > 4 * LAGS
+        }
 
     def plot(self) -> Figure:
         """Measured against simulated, residual below, one panel per recording and output."""
@@ -107,6 +124,8 @@ def identify(
     seed: int = 0,
     workers: int = 1,
     level: Literal["accurate", "fast"] = "accurate",
+    estimator: Literal["least-squares", "pattern-search"] = "least-squares",
+    profile: Sequence[str] = (),
 ) -> Result:
     """Estimate the parameters of `structure` from recordings.
 
@@ -137,6 +156,11 @@ def identify(
         Threads to simulate on.
     level : {'accurate', 'fast'}
         Level of integration.
+    estimator : {'least-squares', 'pattern-search'}
+        Pattern search is the paper's.
+    profile : sequence of str
+        Parameters whose interval is found by profile likelihood, too: where the cost is no parabola. Each takes
+        some tens of further fits.
 
     Returns
     -------
@@ -176,8 +200,10 @@ def identify(
         starts=starts,
         seed=seed,
         level=level,
+        estimator=check_estimator(estimator),
         threads=workers,
     )
+    profiles = tuple(estimation.profile(fit, several, name) for name in dict.fromkeys(profile))
     values = {name: estimate.value for name, estimate in fit.estimates.items()}
     train = tuple(
         Trace.of(r, estimation.predict(checked, values, r, fit.settings, initial))
@@ -194,7 +220,7 @@ def identify(
             ),
         )
     )
-    return _result(fit, several, train, unseen, constants, seed, test)
+    return _result(fit, several, train, unseen, constants, seed, test, profiles)
 
 
 def _result(
@@ -205,6 +231,7 @@ def _result(
     constants: Mapping[str, float],
     seed: int,
     test: Recording | None,
+    profiles: tuple[Profile, ...],
 ) -> Result:
     """Put the model, its place in the ranking and the notes together."""
     free = len(fit.structure.parameters) - len(constants)
@@ -220,6 +247,7 @@ def _result(
         fixed=constants,
         seed=seed,
         version=__version__,
+        profiles=profiles,
     )
     row = Row(
         structure=str(fit.structure),
@@ -229,7 +257,7 @@ def _result(
         criterion=value,
     )
     notes = _notes(several if test is None else (*several, test))
-    return Result(model, (*train, *unseen), (row,), notes, fit)
+    return Result(model, (*train, *unseen), (row,), notes, fit, profiles=profiles)
 
 
 def _notes(recordings: Sequence[Recording]) -> tuple[str, ...]:

@@ -66,6 +66,22 @@ Test = Annotated[
     Path | None,
     typer.Option("--test-recording", metavar="FILE", help="Predict this recording with the model, too."),
 ]
+Estimator = Annotated[
+    str,
+    typer.Option(
+        "--estimator",
+        metavar="least-squares|pattern-search",
+        help="How parameters are searched for; pattern-search is the paper's, and slow.",
+    ),
+]
+Profile = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--profile",
+        metavar="NAME",
+        help="Find the interval of this parameter by profile likelihood, too. May be repeated.",
+    ),
+]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
 
 
@@ -86,6 +102,8 @@ def identify(
     f_tanh: Sharpness = None,
     start: Start = None,
     test_recording: Test = None,
+    estimator: Estimator = "least-squares",
+    profile: Profile = None,
     seed: Seed = 0,
     workers: Workers = 1,
     out: Out = Path("out"),
@@ -108,6 +126,9 @@ def identify(
     chosen = _structure(structure)
     held = check_hold(hold)
     from brightgrey import api
+    from brightgrey.estimation.patterns import check_estimator
+
+    method = check_estimator(estimator)
 
     def read(file: Path) -> api.Recording:
         return api.read_recording(
@@ -132,6 +153,8 @@ def identify(
             f_tanh=f_tanh,
             start=api.Model.load(start) if start else None,
             test=read(test_recording) if test_recording else None,
+            estimator=method,
+            profile=profile or (),
             seed=seed,
             workers=workers,
         )

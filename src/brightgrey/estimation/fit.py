@@ -16,6 +16,7 @@ from brightgrey.estimation.estimates import Estimate, estimates_of
 from brightgrey.estimation.informative import recording_findings
 from brightgrey.estimation.leastsquares import Descent, descend
 from brightgrey.estimation.outcome import Ended, Outcome, outcome_of, unmoved
+from brightgrey.estimation.patterns import Estimator, check_estimator, pattern_descent, pattern_searches
 from brightgrey.estimation.problem import Problem, initial_state, predict_many
 from brightgrey.estimation.scales import scales
 from brightgrey.estimation.twins import untwin
@@ -98,9 +99,10 @@ def fit(
     starts: int = 8,
     seed: int = 0,
     level: Level = "accurate",
+    estimator: Estimator = "least-squares",
     threads: int = 1,
 ) -> Fit:
-    """Estimate the parameters of `structure` by bounded least squares on the simulation error.
+    """Estimate the parameters of `structure` by bounded least squares on the simulation error, or by pattern search.
 
     Candidates that fill the bounds are simulated once, the best of them, the start from the torque balance and
     the user's are descended from at the ``fast`` level, and the best ends are finished at `level`.
@@ -123,6 +125,8 @@ def fit(
     seed : int
         Of the candidates.
     level : {'accurate', 'fast', 'euler'}
+    estimator : {'least-squares', 'pattern-search'}
+        Pattern search is the paper's; it takes hundreds of times as many simulations.
     threads : int
         The result does not depend on it.
 
@@ -152,7 +156,9 @@ def fit(
     if any(finding.kind == "not identifiable" for finding in told):
         best, evaluations = unmoved(problem, search, final), 1
     else:
-        best, evaluations, tried = _searched(problem, search, settings, final, start, starts, seed, threads)
+        begins = _begins(problem, search, settings, start, starts, seed)
+        by = _by_patterns if check_estimator(estimator) == "pattern-search" else _by_least_squares
+        best, evaluations, tried = by(problem, search, settings, final, begins, threads)
     best, twins = untwin(problem, search, final, best)
     estimates = estimates_of(problem, search, final, best)
     named = {name: estimates.by_name[name] for name in structure.parameters}
@@ -171,18 +177,25 @@ def fit(
     )
 
 
-def _searched(
-    problem: Problem,
-    search: Search,
-    settings: Settings,
-    final: Settings,
-    start: Mapping[str, float] | None,
-    starts: int,
-    seed: int,
-    threads: int,
+def _by_patterns(
+    problem: Problem, search: Search, settings: Settings, final: Settings, begins: list[Array], threads: int
+) -> tuple[Descent, int, tuple[Start, ...]]:
+    """Best pattern search, finished at the final level; points simulated, and all starts."""
+    ends = pattern_searches(replace(problem, threads=threads), search, settings, begins)
+    order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
+    values = [search.outward(np.array(end.values)) for end in ends]
+    best = pattern_descent(replace(problem, threads=threads), search, final, values[order[0]])
+    tried = tuple(
+        Start(_named(search, begins[i]), _named(search, values[i]), ends[i].cost, ends[i].reason == "mesh")
+        for i in order
+    )
+    return best, _CANDIDATES + sum(end.evaluations for end in ends) + best.evaluations, tried
+
+
+def _by_least_squares(
+    problem: Problem, search: Search, settings: Settings, final: Settings, begins: list[Array], threads: int
 ) -> tuple[Descent, int, tuple[Start, ...]]:
     """Best descent, batches of simulations, and all starts."""
-    begins = _begins(problem, search, settings, start, starts, seed)
 
     def from_one(begin: Array) -> Descent:
         return descend(problem, search, settings, begin)

@@ -102,7 +102,7 @@ def _diverged(ended: Ended) -> Finding | None:
 
 def _hidden(ended: Ended) -> list[Finding]:
     search = ended.search
-    declared = [ended.problem.structure.parameters[name] for name in search.names]
+    declared = [ended.problem.structure.parameters.get(name) for name in search.names]
     return [
         Finding(
             "not identifiable",
@@ -152,6 +152,6 @@ def _limits(ended: Ended) -> list[Finding]:
             Finding("at bound", ", ".join(f"{name} at its {side} bound" for name, side in at.items()), tuple(at))
         )
     if not ended.best.converged:
-        text = f"no optimum within {ended.best.evaluations} batches of simulations"
+        text = f"no optimum within the limit ({ended.best.evaluations} evaluations)"
         found.append(Finding("evaluation limit", text))
     return found

@@ -11,10 +11,11 @@ from scipy.stats import chi2, norm
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.coloured import autoregression, lag_sums
 
-__all__ = ["Residuals", "residual_analysis"]
+__all__ = ["LAGS", "Residuals", "residual_analysis"]
 
 Array = NDArray[np.float64]
-_LAGS = 50
+LAGS = 50
+"""Largest lag that is looked at."""
 _CONFIDENCE = 0.95
 
 
@@ -58,7 +59,7 @@ class Residuals:
         return bool(np.max(np.abs(self.cross_correlation)) > wider * self.cross_band)
 
 
-def residual_analysis(residual: ArrayLike, u: ArrayLike, *, lags: int = _LAGS) -> Residuals:
+def residual_analysis(residual: ArrayLike, u: ArrayLike, *, lags: int = LAGS) -> Residuals:
     """Correlations of a residual with itself and with the input.
 
     Parameters
