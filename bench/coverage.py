@@ -111,9 +111,8 @@ def wilson(held: int, of: int) -> tuple[float, float]:
 
 
 def show(counts: dict, options: argparse.Namespace) -> None:
-    print(
-        f"{options.truths} drives of {options.structures - options.skip} structures, {options.draws} draws each, seed {options.seed}"
-    )
+    count = options.structures - options.skip
+    print(f"{options.truths} drives of {count} structures, {options.draws} draws each, seed {options.seed}")
     print("| AR pole | " + " | ".join([*FAMILIES, "all"]) + " |")
     print("|---" * (len(FAMILIES) + 2) + "|")
     for pole in POLES:

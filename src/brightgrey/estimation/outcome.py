@@ -89,7 +89,12 @@ def _named(ended: Ended) -> dict[str, Array]:
 
 def _diverged(ended: Ended) -> Finding | None:
     """Where the simulation of the best values is no number any more."""
+    begin = 0
     for r in ended.problem.recordings:
+        ends = ended.best.residual[begin : begin + r.y.size].reshape(r.y.shape)[:, -2:]
+        begin += r.y.size
+        if np.all(ends[:, 0] != ends[:, 1]):
+            continue  # a residual that is lost has one value to the end
         y = predict_many(ended.problem.structure, _named(ended), r, ended.settings)[:, :, 0]
         lost = np.flatnonzero(~np.isfinite(y).all(axis=0))
         if lost.size:
