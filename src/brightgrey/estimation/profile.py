@@ -87,11 +87,12 @@ def profile(found: Fit, recordings: Sequence[Recording], name: str) -> Profile:
     then both intervals agree where the cost is a parabola (a Wald-type calibration of the composite likelihood;
     Varin, Reid, Firth 2011, section 2.3).
     """
-    if name not in found.bounds:
-        raise SettingsError(unknown_name("estimated parameter", name, found.bounds))
+    bounds = {n: found.bounds[n] for n in found.structure.parameters if n in found.bounds}
+    if name not in bounds:
+        raise SettingsError(unknown_name("estimated parameter", name, bounds))
     problem = Problem.of(found.structure, recordings)
-    fixed = {n: e.value for n, e in found.estimates.items() if n not in found.bounds}
-    search = search_space(found.structure, scales(recordings), dict(found.bounds), fixed)
+    fixed = {n: e.value for n, e in found.estimates.items() if n not in bounds}
+    search = search_space(found.structure, scales(recordings), bounds, fixed)
     k = search.names.index(name)
     start = np.array([found.estimates[n].value for n in search.names])
     best = descend(problem, search, found.settings, start)
