@@ -90,6 +90,13 @@ def test_motion_in_noise_is_no_noise(noise):
     assert why_uninformative(recording(u / 0.02 + 5 * NOISE, u, kind="acceleration")) is None
 
 
+@pytest.mark.parametrize("samples", [20, 40, 70, 200])
+def test_short_motion_is_not_denied(samples):
+    clean = measured_from("one_mass+coulomb", RIGID)
+    cut = slice(60, 60 + samples)  # the drive starts here
+    assert why_uninformative(recording(clean.y[:, cut], clean.u[cut])) is None
+
+
 def test_independent_noise_is_not_taken_for_motion():
     rng = np.random.default_rng(11)
     for pole in (0.0, 0.9, 0.99, 1.0):

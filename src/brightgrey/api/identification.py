@@ -13,7 +13,9 @@ from brightgrey import __version__, estimation
 from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
 from brightgrey.api.searching import Found, find
 from brightgrey.errors import SettingsError
-from brightgrey.estimation import Fit
+from brightgrey.estimation import Fit, Profile
+from brightgrey.estimation.patterns import check_estimator
+from brightgrey.estimation.residuals import LAGS, Residuals, residual_analysis
 from brightgrey.export.build import model_of
 from brightgrey.export.criterion import bic
 from brightgrey.export.files import check_folder, write_files
@@ -49,6 +51,8 @@ class Result:
         The estimation in detail: start points and where they ended, all in SI.
     files : mapping of str to bytes
         Further files that :meth:`write` puts beside the results.
+    profiles : tuple of Profile
+        Profile likelihoods that were asked for, in SI.
     """
 
     model: Model
@@ -57,6 +61,19 @@ class Result:
     notes: tuple[str, ...]
     fit: Fit = field(repr=False)
     files: Mapping[str, bytes] = field(default_factory=dict, repr=False)
+    profiles: tuple[Profile, ...] = field(default=(), repr=False)
+
+    def residuals(self) -> Mapping[tuple[str, str], Residuals]:
+        """Correlations of the residuals with themselves and with the input, by recording and output.
+
+        An output whose simulation diverged, or that has too few samples for 50 lags, is left out.
+        """
+        return {
+            (trace.name, signal.name): residual_analysis(residual, trace.u)
+            for trace in self.traces
+            for signal, residual in zip(trace.outputs, trace.residual, strict=True)
+            if np.isfinite(residual).all() and residual.size > 4 * LAGS
+        }
 
     def plot(self) -> Figure:
         """Measured against simulated, residual below, one panel per recording and output."""
@@ -111,6 +128,8 @@ def identify(
     seed: int = 0,
     workers: int = 1,
     level: Literal["accurate", "fast"] = "accurate",
+    estimator: Literal["least-squares", "pattern-search"] = "least-squares",
+    profile: Sequence[str] = (),
 ) -> Result:
     """Estimate the parameters of `structure` from recordings, or search for the structure first.
 
@@ -145,6 +164,11 @@ def identify(
         Threads to simulate on.
     level : {'accurate', 'fast'}
         Level of integration.
+    estimator : {'least-squares', 'pattern-search'}
+        Pattern search is the paper's.
+    profile : sequence of str
+        Parameters whose interval is found by profile likelihood, too: where the cost is no parabola. Each takes
+        some tens of further fits.
 
     Returns
     -------
@@ -199,8 +223,10 @@ def identify(
         starts=starts,
         seed=seed,
         level=level,
+        estimator=check_estimator(estimator),
         threads=workers,
     )
+    profiles = tuple(estimation.profile(fit, several, name) for name in dict.fromkeys(profile))
     values = {name: estimate.value for name, estimate in fit.estimates.items()}
     train = tuple(
         Trace.of(r, estimation.predict(checked, values, r, fit.settings, initial))
@@ -217,7 +243,7 @@ def identify(
             ),
         )
     )
-    return _result(fit, several, train, unseen, constants, seed, test, found)
+    return _result(fit, several, train, unseen, constants, seed, test, found, profiles)
 
 
 def _result(
@@ -229,6 +255,7 @@ def _result(
     seed: int,
     test: Recording | None,
     found: Found | None,
+    profiles: tuple[Profile, ...],
 ) -> Result:
     """Put the model, its place in the ranking and the notes together."""
     free = len(fit.structure.parameters) - len(constants)
@@ -245,6 +272,7 @@ def _result(
         fixed=constants,
         seed=seed,
         version=__version__,
+        profiles=profiles,
     )
     row = Row(
         structure=str(fit.structure),
@@ -256,9 +284,11 @@ def _result(
     notes = _notes(several if test is None else (*several, test))
     if found:
         first = replace(found.ranking[0], rss=row.rss, fit_percent=row.fit_percent)
-        ranking = (first, *found.ranking[1:])
-        return Result(model, (*train, *unseen), ranking, (*notes, found.note), fit, found.files)
-    return Result(model, (*train, *unseen), (row,), notes, fit)
+        ranking, notes = (first, *found.ranking[1:]), (*notes, found.note)
+    else:
+        ranking = (row,)
+    files = found.files if found else {}
+    return Result(model, (*train, *unseen), ranking, notes, fit, files, profiles)
 
 
 def _notes(recordings: Sequence[Recording]) -> tuple[str, ...]:

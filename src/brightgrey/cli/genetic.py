@@ -40,7 +40,12 @@ Iterations = Annotated[
 ]
 Estimator = Annotated[
     str | None,
-    typer.Option("--estimator", metavar="pattern-search|least-squares", help="How parameters are identified."),
+    typer.Option(
+        "--estimator",
+        metavar="least-squares|pattern-search",
+        help="How parameters are searched for; pattern-search is the paper's, and slow. Least squares by default, "
+        "pattern search in a genetic search.",
+    ),
 ]
 CriterionName = Annotated[
     str | None,

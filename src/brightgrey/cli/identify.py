@@ -75,6 +75,14 @@ Search = Annotated[
     str | None,
     typer.Option("--search", metavar="genetic", help="Search for the structure, by genetic programming."),
 ]
+Profile = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--profile",
+        metavar="NAME",
+        help="Find the interval of this parameter by profile likelihood, too. May be repeated.",
+    ),
+]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
 
 
@@ -107,6 +115,7 @@ def identify(
     f_tanh: Sharpness = None,
     start: Start = None,
     test_recording: Test = None,
+    profile: Profile = None,
     seed: Seed = 0,
     workers: Workers = 1,
     out: Out = Path("out"),
@@ -133,7 +142,7 @@ def identify(
         population=population,
         generations=generations,
         iterations=iterations,
-        estimator=estimator,
+        estimator=estimator if search else None,
         criterion=criterion,
         p_clone=p_clone,
         k_p=k_p,
@@ -142,6 +151,9 @@ def identify(
     )
     held = check_hold(hold)
     from brightgrey import api
+    from brightgrey.estimation.patterns import check_estimator
+
+    method = check_estimator(estimator or "least-squares") if structure else "least-squares"
 
     def read(file: Path) -> api.Recording:
         return api.read_recording(
@@ -168,6 +180,8 @@ def identify(
             f_tanh=f_tanh,
             start=api.Model.load(start) if start else None,
             test=read(test_recording) if test_recording else None,
+            estimator=method,
+            profile=profile or (),
             seed=seed,
             workers=workers,
         )

@@ -56,7 +56,11 @@ def agreement(problem: Problem, search: Search, settings: Settings, best: Descen
     count = len(best.values)
     if len(problem.recordings) < 2 or not np.any(best.jacobian):
         return Agreement(np.full(count, np.nan), np.zeros(count, bool))
-    alone = [_alone(replace(problem, recordings=(r,)), search, settings, best.values) for r in problem.recordings]
+    parts = [
+        replace(problem, recordings=(r,), onsets=(onset,))
+        for r, onset in zip(problem.recordings, problem.onsets, strict=True)
+    ]
+    alone = [_alone(part, search, settings, best.values) for part in parts]
     value, std = np.array([a[0] for a in alone]), np.array([a[1] for a in alone])
     shown = np.isfinite(std) & (std > 0.0)
     weight = np.where(shown, 1.0 / np.where(shown, std, 1.0) ** 2, 0.0)

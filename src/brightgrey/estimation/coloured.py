@@ -13,6 +13,7 @@ __all__ = ["Autoregression", "autoregression", "burg", "lag_sums", "levinson", "
 
 Array = NDArray[np.float64]
 _RIDGE = 1e-9  # keeps the autocovariances of a pure line solvable
+_FEW = 64  # lags that are summed faster one by one
 _ROOM = 8  # the autocovariance is taken from a spectrum of so many times the length: what wraps around has decayed
 
 
@@ -144,6 +145,9 @@ def times_autocovariance(c: Array, X: Array) -> Array:
 
 def lag_sums(X: Array, Y: Array, count: int) -> Array:
     """``sum_t sum_p X[t, p] Y[t + k, p]`` for lags k from 0 to ``count - 1``."""
-    length = next_fast_len(2 * len(X), real=True)
+    n = len(X)
+    if count <= _FEW:
+        return np.array([np.vdot(X[: n - k], Y[k:]) for k in range(count)])
+    length = next_fast_len(2 * n, real=True)
     product = np.conj(rfft(X, length, axis=0)) * rfft(Y, length, axis=0)
     return np.asarray(irfft(product.sum(axis=1), length)[:count])

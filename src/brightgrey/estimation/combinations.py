@@ -73,7 +73,7 @@ def open_directions(jacobian: Array, covariance: Array, search: Search, inside: 
     return found
 
 
-def written(hidden: Open, search: Search, values: Array, declared: Sequence[Parameter]) -> str:
+def written(hidden: Open, search: Search, values: Array, declared: Sequence[Parameter | None]) -> str:
     """One sentence on what is not seen, and what of it is.
 
     Parameters
@@ -82,8 +82,8 @@ def written(hidden: Open, search: Search, values: Array, declared: Sequence[Para
     search : Search
     values : ndarray, shape (P,)
         Estimates of all searched parameters, SI.
-    declared : sequence of Parameter
-        Their declarations.
+    declared : sequence of Parameter or None
+        Their declarations, where they are parameters of effects.
     """
     names = [search.names[i] for i in hidden.indices]
     listed = ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
@@ -93,7 +93,8 @@ def written(hidden: Open, search: Search, values: Array, declared: Sequence[Para
         i, j = hidden.indices
         units = [values[k] if search.log[k] else search.width[k] for k in (i, j)]
         step = [v * unit for v, unit in zip(hidden.direction, units, strict=True)]
-        alike = declared[i].dimension == declared[j].dimension
+        one, other = declared[i], declared[j]
+        alike = one is not None and other is not None and one.dimension == other.dimension
         if alike and 0.8 < abs(step[0] / step[1]) < 1.25:
             seen = f"{names[0]} {'+' if step[0] * step[1] < 0.0 else '-'} {names[1]}"
             return f"this recording shows {seen}, but not {names[0]} and {names[1]} alone"

@@ -20,7 +20,7 @@ from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.starts import best_of, given_starts, offspring
 from brightgrey.simulation import Settings
 
-__all__ = ["Found", "explore", "is_white"]
+__all__ = ["Found", "explore", "first_field", "is_white"]
 
 Array = NDArray[np.float64]
 _PER_PARAMETER = 16  # candidates
@@ -70,7 +70,7 @@ def explore(
     begins: list[Array] = []
     ends: list[End] = []
     best, idle, evaluations = np.inf, 0, 0
-    first = [*given_starts(search, given), search.start][: max(starts, len(given), 1)]
+    first = _first(search, given, starts)
     for number in range(1 + 6 * patience):
         part = problem.beginning(_BEGINNINGS[number % len(_BEGINNINGS)])
         rng = np.random.default_rng([seed, number])
@@ -87,6 +87,22 @@ def explore(
             break
         first = [] if leader.converged else [leader.values]
     return Found(np.stack(begins, axis=1), tuple(ends), evaluations)
+
+
+def _first(search: Search, given: Sequence[Mapping[str, float]], starts: int) -> list[Array]:
+    return [*given_starts(search, given), search.start][: max(starts, len(given), 1)]
+
+
+def first_field(
+    problem: Problem,
+    search: Search,
+    settings: Settings,
+    given: Sequence[Mapping[str, float]],
+    starts: int,
+    rng: np.random.Generator,
+) -> list[Array]:
+    """Starts of the first field, each of shape (P,), SI: those given, the declared one, and the best candidates."""
+    return _field(problem, search, settings, _first(search, given, starts), [], starts, rng)
 
 
 def _field(

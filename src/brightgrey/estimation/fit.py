@@ -12,11 +12,12 @@ from brightgrey.errors import SettingsError
 from brightgrey.estimation.bounds import Search, search_space
 from brightgrey.estimation.cautions import cautions
 from brightgrey.estimation.estimates import Estimate, estimates_of
-from brightgrey.estimation.explore import Found, explore
+from brightgrey.estimation.explore import Found, explore, first_field
 from brightgrey.estimation.informative import recording_findings
 from brightgrey.estimation.leastsquares import Descent, End, descend
 from brightgrey.estimation.onset import Initial
 from brightgrey.estimation.outcome import Ended, Outcome, outcome_of, unmoved
+from brightgrey.estimation.patterns import Estimator, check_estimator, pattern_descent, pattern_searches
 from brightgrey.estimation.problem import Problem, predict_many
 from brightgrey.estimation.scales import scales
 from brightgrey.estimation.twins import untwin
@@ -102,9 +103,10 @@ def fit(
     seed: int = 0,
     level: Level = "accurate",
     initial: Initial = "auto",
+    estimator: Estimator = "least-squares",
     threads: int = 1,
 ) -> Fit:
-    """Estimate the parameters of `structure` by bounded least squares on the simulation error.
+    """Estimate the parameters of `structure` by bounded least squares on the simulation error, or by pattern search.
 
     Candidates that fill the bounds are simulated once, the best of them, the start from the torque balance and
     the user's are descended from at the ``fast`` level, and the best ends are finished at `level`.
@@ -133,6 +135,8 @@ def fit(
     initial : {'auto', 'rest', 'samples', 'estimated'}
         State before the first sample: at rest, moving as the first samples say, or estimated with the parameters
         within what the sensor's noise allows. ``auto`` is at rest unless the first samples clearly move.
+    estimator : {'least-squares', 'pattern-search'}
+        Pattern search is the paper's; it takes hundreds of times as many simulations.
     threads : int
         The result does not depend on it.
 
@@ -163,8 +167,11 @@ def fit(
         best, evaluations = unmoved(problem, search, final), 1
     else:
         given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
-        found = explore(problem, search, settings, given, starts=starts, patience=patience, seed=seed)
-        best, evaluations, tried = _finished(problem, search, final, found)
+        if check_estimator(estimator) == "pattern-search":
+            best, evaluations, tried = _by_patterns(problem, search, settings, final, given, starts, seed)
+        else:
+            found = explore(problem, search, settings, given, starts=starts, patience=patience, seed=seed)
+            best, evaluations, tried = _finished(problem, search, final, found)
     best, twins = untwin(problem, search, final, best)
     estimates = estimates_of(problem, search, final, best)
     named = {name: estimates.by_name[name] for name in structure.parameters}
@@ -181,6 +188,28 @@ def fit(
         evaluations=evaluations,
         starts=tried,
     )
+
+
+def _by_patterns(
+    problem: Problem,
+    search: Search,
+    settings: Settings,
+    final: Settings,
+    given: Sequence[Mapping[str, float]],
+    starts: int,
+    seed: int,
+) -> tuple[Descent, int, tuple[Start, ...]]:
+    """Best pattern search, finished at the final level; points simulated, and all starts."""
+    begins = first_field(problem, search, settings, given, starts, np.random.default_rng(seed))
+    ends = pattern_searches(problem, search, settings, begins)
+    order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
+    values = [search.outward(np.array(end.values)) for end in ends]
+    best = pattern_descent(problem, search, final, values[order[0]])
+    tried = tuple(
+        Start(_named(search, begins[i]), _named(search, values[i]), ends[i].cost, ends[i].reason == "mesh")
+        for i in order
+    )
+    return best, sum(end.evaluations for end in ends) + best.evaluations, tried
 
 
 def _finished(

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 _STEADY = 0.02  # scatter of an input, relative to its mean, that still counts as constant if it is white
 _BLOCKS = (1, 4, 16, 64)  # samples that are taken together, to find what follows the input
 _PAST = 8  # blocks that tell the next one
+_FEWEST = 8  # times as many blocks make a test
+_SMOOTH = 0.2  # times its range over the root of its steps; a random walk has 0.3 to 1
 _NOTHING = 1e-24  # of the power: what rounding leaves
 _SURE = 1e-5  # chance of taking noise for what follows the input
 _FLAT = 5  # equal samples at the largest value that make a stop
@@ -83,12 +85,15 @@ def _follows(y: Array, u: Array) -> bool:
     """Whether the input helps to tell `y` from its own past, at any of several time scales (Granger 1969).
 
     The F test of an autoregression with against one without past inputs (doi:10.2307/1912791), on means over blocks:
-    noise hides what follows within few samples. Its own past takes account of noise that is slow.
+    noise hides what follows within few samples. Its own past takes account of noise that is slow. What goes further
+    than a random walk of its own irregularities is motion, too, even if the input hardly changes.
     """
+    if len(y) < _FEWEST * _PAST:
+        return True  # too few samples to deny it
     lags = np.arange(1, _PAST + 1)
     for block in _BLOCKS:
         m = len(y) // block
-        if m < 4 * _PAST:
+        if m < _FEWEST * _PAST:
             break
         mean_y, mean_u = (x[: m * block].reshape(m, block).mean(axis=1) for x in (y - y.mean(), u - u.mean()))
         rows = np.arange(_PAST, m)[:, None]
@@ -96,6 +101,8 @@ def _follows(y: Array, u: Array) -> bool:
         both = np.hstack([past, mean_u[rows - np.append(0, lags)]])
         target = mean_y[_PAST:]
         alone, helped = (float(np.sum((target - X @ np.linalg.lstsq(X, target)[0]) ** 2)) for X in (past, both))
+        if np.sqrt(alone / len(target)) < _SMOOTH * float(np.ptp(mean_y)) / np.sqrt(m):
+            return True
         free = len(target) - both.shape[1]
         if alone > _NOTHING * float(target @ target) and helped > 0.0:
             gain = (alone - helped) / helped * free / (_PAST + 1)

@@ -89,8 +89,13 @@ def _named(ended: Ended) -> dict[str, Array]:
 
 def _diverged(ended: Ended) -> Finding | None:
     """Where the simulation of the best values is no number any more."""
-    for r in ended.problem.recordings:
-        y = predict_many(ended.problem.structure, _named(ended), r, ended.settings)[:, :, 0]
+    begin = 0
+    for r, onset in zip(ended.problem.recordings, ended.problem.onsets, strict=True):
+        ends = ended.best.residual[begin : begin + r.y.size].reshape(r.y.shape)[:, -2:]
+        begin += r.y.size
+        if np.all(ends[:, 0] != ends[:, 1]):
+            continue  # a residual that is lost has one value to the end
+        y = predict_many(ended.problem.structure, _named(ended), r, ended.settings, onset=onset)[:, :, 0]
         lost = np.flatnonzero(~np.isfinite(y).all(axis=0))
         if lost.size:
             when = float(r.t[lost[0]])
@@ -102,7 +107,7 @@ def _diverged(ended: Ended) -> Finding | None:
 
 def _hidden(ended: Ended) -> list[Finding]:
     search = ended.search
-    declared = [ended.problem.structure.parameters[name] for name in search.names]
+    declared = [ended.problem.structure.parameters.get(name) for name in search.names]
     return [
         Finding(
             "not identifiable",
@@ -152,6 +157,6 @@ def _limits(ended: Ended) -> list[Finding]:
             Finding("at bound", ", ".join(f"{name} at its {side} bound" for name, side in at.items()), tuple(at))
         )
     if not ended.best.converged:
-        text = f"no optimum within {ended.best.evaluations} batches of simulations"
+        text = f"no optimum within the limit ({ended.best.evaluations} evaluations)"
         found.append(Finding("evaluation limit", text))
     return found

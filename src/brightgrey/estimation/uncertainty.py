@@ -108,7 +108,7 @@ def noise_models(residual: Array, jacobian: Array, lengths: Sequence[int]) -> tu
         inner = np.sum([Q.T @ W for Q, W in zip(bases, coloured, strict=True)], axis=0)
         for i, (Q, W, seen) in enumerate(zip(bases, coloured, sums, strict=True)):
             count = len(seen)
-            taken = lag_sums(Q, W, count) + lag_sums(W, Q, count) - lag_sums(Q, Q @ inner, count)
+            taken = lag_sums(Q, W - Q @ inner, count) + lag_sums(W, Q, count)
             corrected = levinson((seen + taken) / (len(Q) - np.arange(count)))
             models[i] = corrected or models[i]
     return tuple(models)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from brightgrey.estimation import Estimate, Fit
+from brightgrey.estimation import Estimate, Fit, Profile
 from brightgrey.export.model import PER_SPEED, SCHEMA, SPEED, Model
 from brightgrey.export.parts import (
     CriterionPart,
@@ -15,6 +15,7 @@ from brightgrey.export.parts import (
     OutcomePart,
     OutputFitPart,
     ParameterPart,
+    ProfilePart,
     SettingsPart,
     SignalPart,
     ValuePart,
@@ -35,6 +36,7 @@ def model_of(
     fixed: Mapping[str, float],
     seed: int,
     version: str,
+    profiles: Sequence[Profile] = (),
 ) -> Model:
     """Model of a fit.
 
@@ -52,6 +54,8 @@ def model_of(
     seed : int
     version : str
         Of brightgrey.
+    profiles : sequence of Profile
+        Of some parameters, in SI.
 
     Returns
     -------
@@ -59,12 +63,13 @@ def model_of(
     """
     units = recordings[0].units
     declared = fit.structure.parameters
+    asked = {p.name: p for p in profiles}
     factors = {name: units.of(parameter.dimension)[1] for name, parameter in declared.items()}
     return Model(
         schema=SCHEMA,
         structure=fit.structure.names,
         parameters={
-            name: _parameter(fit.estimates[name], *units.of(parameter.dimension))
+            name: _parameter(fit.estimates[name], asked.get(name), *units.of(parameter.dimension))
             for name, parameter in declared.items()
         },
         signals=_signals(recordings[0]),
@@ -86,7 +91,14 @@ def model_of(
     )
 
 
-def _parameter(estimate: Estimate, unit: str, factor: float) -> ParameterPart:
+def _profile(found: Profile, factor: float) -> ProfilePart:
+    low, high = (
+        None if side in found.open else factor * end for side, end in zip(("low", "high"), found.ci95, strict=True)
+    )
+    return ProfilePart(ci95=(low, high), quadratic=found.quadratic, text=found.text)
+
+
+def _parameter(estimate: Estimate, profile: Profile | None, unit: str, factor: float) -> ParameterPart:
     """One estimate in shown units; what is not finite cannot be said."""
     low, high = (factor * limit for limit in estimate.ci95)
     std = factor * estimate.std
@@ -97,6 +109,7 @@ def _parameter(estimate: Estimate, unit: str, factor: float) -> ParameterPart:
         ci95=(low, high) if math.isfinite(low) and math.isfinite(high) else None,
         at_bound=estimate.at_bound,
         between_recordings=None if estimate.between is None else abs(factor) * estimate.between,
+        profile=None if profile is None else _profile(profile, factor),
     )
 
 

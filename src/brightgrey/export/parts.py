@@ -16,6 +16,7 @@ __all__ = [
     "OutputFitPart",
     "ParameterPart",
     "Part",
+    "ProfilePart",
     "SettingsPart",
     "SignalPart",
     "TiesPart",
@@ -38,10 +39,19 @@ class ValuePart(Part):
     unit: str
 
 
+class ProfilePart(Part):
+    """Interval by profile likelihood; an end is null where the recording gives none within the bounds."""
+
+    ci95: tuple[float | None, float | None]
+    quadratic: bool
+    text: str
+
+
 class ParameterPart(Part):
     """One parameter; std and ci95 are null where nothing can be said, at_bound is null inside the bounds.
 
     between_recordings is the standard deviation of what the recordings alone would say; null with one of them.
+    profile is null where none was asked for.
     """
 
     value: float
@@ -50,6 +60,7 @@ class ParameterPart(Part):
     ci95: tuple[float, float] | None
     at_bound: Literal["low", "high"] | None
     between_recordings: float | None = None
+    profile: ProfilePart | None = None
 
 
 class SignalPart(Part):

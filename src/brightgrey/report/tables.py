@@ -153,5 +153,9 @@ def remarks(model: Model) -> list[str]:
             f"{name} {significant(value, 2)} {model.parameters[name].unit}" for name, value in between.items()
         )
         out.append(f"standard deviation between the recordings: {listed}")
+    for part in model.parameters.values():
+        if part.profile:
+            ends = " … ".join("open" if end is None else significant(end, 4) for end in part.profile.ci95)
+            out.append(f"{sentence(part.profile.text)} Its 95 % interval is {ends} {part.unit}")
     # Parameters at a bound and the outcome's own text are told already.
     return out + [sentence(finding.text) for finding in model.outcome.findings if finding.kind != "at bound"]

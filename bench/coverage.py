@@ -1,0 +1,138 @@
+"""How often the 95 % intervals hold the truth, for white and for coloured noise, per family of parameters.
+
+Random drives of several structures, their motion by the reference solver, noise of 0.3 % of the peak (white, or a
+first-order autoregression of the same size), values rounded to 0.01 rad/s. The descents start at the truth and end at
+the optimum beside it: it is the interval that is tested here, not the search. Parameters at a bound or declared not
+identifiable are left out, as are fits that did not converge; they are counted.
+
+    python bench/coverage.py [--truths 10] [--draws 10] [--skip 0] [--structures 5] [--seed 1]
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+
+import numpy as np
+from scipy.signal import lfilter
+
+from brightgrey.estimation.bounds import search_space
+from brightgrey.estimation.estimates import estimates_of
+from brightgrey.estimation.leastsquares import descend
+from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.scales import scales
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.excitation.plants import random_values
+from brightgrey.kit import PAPER
+from brightgrey.recordings import Recording, Signal
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
+
+STRUCTURES = (
+    "one_mass+coulomb+viscous+gravity",
+    "one_mass+coulomb+viscous+stribeck+delay",
+    "two_mass+coulomb+viscous",
+    "two_mass+coulomb+viscous+stribeck",
+    "two_mass+coulomb+viscous+backlash+current_control",
+)
+POLES = (0.0, 0.5, 0.9, 0.95)
+NOISE = 3e-3
+FAMILIES = {
+    "inertia": ("J1", "J2"),
+    "shaft": ("c1", "d1"),
+    "friction": ("M_C", "f_v", "M_S", "omega_S"),
+    "gravity": ("M_G",),
+    "gap": ("alpha",),
+    "lag": ("T_1", "T_d"),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--truths", type=int, default=10, help="drives per structure")
+    parser.add_argument("--draws", type=int, default=10, help="draws of noise per drive and kind of noise")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--structures", type=int, default=len(STRUCTURES), help="only the first so many")
+    parser.add_argument("--skip", type=int, default=0, help="leave out the first so many structures")
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    counts: dict[tuple[float, str], collections.Counter[str]] = collections.defaultdict(collections.Counter)
+    e = PAPER_EXPERIMENT
+    for text in STRUCTURES[options.skip : options.structures]:
+        for _ in range(options.truths):
+            truth = random_values(PAPER.parse(text).parameters, rng)
+            clean = reference(text, truth, e.torque(), e.dt, f_tanh=e.f_tanh)
+            for pole in POLES:
+                for _ in range(options.draws):
+                    tally(counts, text, truth, noisy(clean.reshape(-1), pole, rng), pole)
+    show(counts, options)
+
+
+def noisy(clean: np.ndarray, pole: float, rng: np.random.Generator) -> Recording:
+    """Recording with noise whose size does not depend on its colour."""
+    white = rng.standard_normal(len(clean) + 500)
+    colour = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], white)[500:]
+    y = np.round(clean + NOISE * np.abs(clean).max() * colour, 2)
+    t = PAPER_EXPERIMENT.dt * np.arange(len(y))
+    u = PAPER_EXPERIMENT.torque()
+    return Recording("drawn", t, u, y, Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),))
+
+
+def tally(counts: dict, text: str, truth: dict[str, float], r: Recording, pole: float) -> None:
+    """Fit from the truth and count which intervals hold it."""
+    structure = PAPER.parse(text)
+    wide = {n: (v / 100, v * 100) if structure.parameters[n].scale == "log" else (-8.0, 8.0) for n, v in truth.items()}
+    wide |= {"T_d": (0.0, 0.18)} if "T_d" in truth else {}
+    search = search_space(structure, scales(r), wide, {})
+    settings = Settings(PAPER_EXPERIMENT.f_tanh, PAPER_EXPERIMENT.speed)
+    problem = Problem.of(structure, [r])
+    found = descend(problem, search, settings, np.array([truth[n] for n in search.names]))
+    estimates = estimates_of(problem, search, settings, found)
+    hidden = {search.names[i] for h in estimates.hidden for i in h.indices}
+    for family, names in FAMILIES.items():
+        for name in names:
+            if name not in truth:
+                continue
+            e, count = estimates.by_name[name], counts[pole, family]
+            count["all"] += 1
+            if found.converged and not e.at_bound and name not in hidden:
+                low, high = e.ci95
+                count["judged"] += 1
+                count["held"] += low <= truth[name] <= high
+    counts[pole, "fits"]["judged" if found.converged else "not converged"] += 1
+
+
+def wilson(held: int, of: int) -> tuple[float, float]:
+    """95 % interval of a share (Wilson 1927)."""
+    z, share = 1.96, held / of
+    middle = (share + z * z / (2 * of)) / (1 + z * z / of)
+    half = z * np.sqrt(share * (1 - share) / of + z * z / (4 * of * of)) / (1 + z * z / of)
+    return middle - half, middle + half
+
+
+def show(counts: dict, options: argparse.Namespace) -> None:
+    count = options.structures - options.skip
+    print(f"{options.truths} drives of {count} structures, {options.draws} draws each, seed {options.seed}")
+    print("| AR pole | " + " | ".join([*FAMILIES, "all"]) + " |")
+    print("|---" * (len(FAMILIES) + 2) + "|")
+    for pole in POLES:
+        total: collections.Counter[str] = collections.Counter()
+        cells = []
+        for family in FAMILIES:
+            total += counts[pole, family]
+            cells.append(cell(counts[pole, family]))
+        fits = counts[pole, "fits"]
+        print(f"| {pole} | " + " | ".join([*cells, cell(total)]) + " |")
+        print(f"<!-- fits {dict(fits)}, parameters left out {total['all'] - total['judged']} -->")
+
+
+def cell(count: collections.Counter[str]) -> str:
+    if not count["judged"]:
+        return "–"
+    low, high = wilson(count["held"], count["judged"])
+    share = 100 * count["held"] / count["judged"]
+    return f"{share:.1f} ({100 * low:.1f}–{100 * high:.1f}), n {count['judged']}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""Estimation by pattern search, the paper's estimator (section 3.1, step 4), in place of least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.estimation.bounds import Search
+from brightgrey.estimation.costs import cost_function
+from brightgrey.estimation.leastsquares import Descent, evaluate
+from brightgrey.estimation.pattern_search import PatternEnd, pattern_search
+from brightgrey.estimation.problem import Problem
+from brightgrey.simulation import Settings
+
+__all__ = ["Estimator", "check_estimator", "pattern_descent", "pattern_searches"]
+
+Array = NDArray[np.float64]
+Estimator = Literal["least-squares", "pattern-search"]
+ESTIMATORS: tuple[Estimator, ...] = ("least-squares", "pattern-search")
+ITERATIONS = 500
+"""Of one search; the paper's limit (section 4)."""
+
+
+def check_estimator(text: str) -> Estimator:
+    """Return `text` if it is an estimator.
+
+    Raises
+    ------
+    SettingsError
+        Names the nearest one.
+    """
+    for allowed in ESTIMATORS:
+        if text == allowed:
+            return allowed
+    raise SettingsError(unknown_name("estimator", text, ESTIMATORS))
+
+
+def pattern_searches(
+    problem: Problem, search: Search, settings: Settings, begins: Sequence[Array]
+) -> tuple[PatternEnd, ...]:
+    """Pattern search from every start, SI, all side by side; ends stand in the searched scale."""
+    low, high = search.inward(search.low), search.inward(search.high)
+    theta = search.inward(np.stack(begins, axis=1))
+    return pattern_search(cost_function(problem, search, settings), theta, low, high, iterations=ITERATIONS)
+
+
+def pattern_descent(problem: Problem, search: Search, settings: Settings, begin: Array) -> Descent:
+    """Pattern search from one start, SI, with residual and Jacobian where it ended, for uncertainty and outcome."""
+    (end,) = pattern_searches(problem, search, settings, [begin])
+    theta = np.array(end.values)
+    residual, jacobian = evaluate(problem, search, settings, theta)
+    cost = float(residual @ residual)
+    return Descent(search.outward(theta), cost, end.reason == "mesh", end.evaluations, residual, jacobian)

@@ -1,0 +1,57 @@
+"""Pattern search as an estimator: the same optimum as least squares, slower; and the paper's names of things."""
+
+import numpy as np
+import pytest
+
+from brightgrey.errors import SettingsError
+from brightgrey.estimation import fit
+from brightgrey.estimation.bounds import search_space
+from brightgrey.estimation.costs import cost_function
+from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.scales import scales
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.kit import PAPER
+from brightgrey.recordings import Recording, Signal
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
+
+TEXT = "one_mass+coulomb+viscous"
+VALUES = {"J1": 0.02, "M_C": 0.9, "f_v": 0.02}
+AROUND = {name: (0.5 * value, 2.0 * value) for name, value in VALUES.items()}
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    u, dt = PAPER_EXPERIMENT.torque(), PAPER_EXPERIMENT.dt
+    y = reference(TEXT, VALUES, u, dt, f_tanh=2.5).reshape(-1)
+    y = y + 1e-3 * np.abs(y).max() * np.random.default_rng(0).standard_normal(y.shape)
+    outputs = (Signal("v", "velocity", "rad/s"),)
+    return Recording("drawn", dt * np.arange(len(u)), u, y, Signal("torque", "input", "N m"), outputs)
+
+
+def test_both_estimators_find_the_same_optimum(drawn):
+    settings = {"bounds": AROUND, "f_tanh": 2.5, "starts": 2, "level": "fast"}
+    squares = fit(PAPER.parse(TEXT), [drawn], **settings)
+    patterns = fit(PAPER.parse(TEXT), [drawn], estimator="pattern-search", **settings)
+    assert patterns.outcome.kind == "converged"
+    assert patterns.cost == pytest.approx(squares.cost, rel=1e-4)
+    for name, e in squares.estimates.items():
+        assert patterns.estimates[name].value == pytest.approx(e.value, abs=0.2 * e.std)
+        assert patterns.estimates[name].std == pytest.approx(e.std, rel=0.05)
+    assert patterns.evaluations > 5 * squares.evaluations
+    assert fit(PAPER.parse(TEXT), [drawn], estimator="pattern-search", threads=2, **settings) == patterns
+
+
+def test_cost_is_that_of_the_residuals(drawn):
+    structure, settings = PAPER.parse(TEXT), Settings(2.5, 40.0, "fast")
+    problem = Problem.of(structure, [drawn, drawn])
+    search = search_space(structure, scales([drawn]), AROUND, {"f_v": 0.02})
+    begins = np.array([[0.01, 0.02, 0.03], [0.5, 0.9, 1.7]])
+    found = cost_function(problem, search, settings)(search.inward(begins))
+    values = dict(zip(search.names, begins, strict=True)) | {"f_v": np.full(3, 0.02)}
+    np.testing.assert_allclose(found, np.square(problem.residuals(values, settings)).sum(axis=0), rtol=1e-10)
+
+
+def test_unknown_estimator_is_refused(drawn):
+    with pytest.raises(SettingsError, match="Did you mean 'pattern-search'"):
+        fit(PAPER.parse(TEXT), [drawn], estimator="patternsearch")

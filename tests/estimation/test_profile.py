@@ -1,0 +1,55 @@
+"""Profile likelihood: where the cost is a parabola it agrees with the quadratic interval, elsewhere it says so."""
+
+import numpy as np
+import pytest
+
+from brightgrey.errors import SettingsError
+from brightgrey.estimation import fit
+from brightgrey.estimation.profile import profile
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.kit import PAPER
+from brightgrey.recordings import Recording, Signal
+from brightgrey.simulation.reference import reference
+
+F_TANH = 2.5
+
+
+def drawn(text, values, noise, seed=0):
+    u, dt = PAPER_EXPERIMENT.torque(), PAPER_EXPERIMENT.dt
+    y = reference(text, values, u, dt, f_tanh=F_TANH).reshape(-1)
+    y = y + noise * np.abs(y).max() * np.random.default_rng(seed).standard_normal(y.shape)
+    outputs = (Signal("v", "velocity", "rad/s"),)
+    return Recording("drawn", dt * np.arange(len(u)), u, y, Signal("torque", "input", "N m"), outputs)
+
+
+def test_parabola_is_confirmed():
+    r = drawn("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.9, "f_v": 0.02}, 1e-3)
+    found = fit(PAPER.parse("one_mass+coulomb+viscous"), [r], f_tanh=F_TANH, starts=2, level="fast")
+    for name in ("J1", "M_C"):
+        p, quadratic = profile(found, [r], name), found.estimates[name].ci95
+        assert p.quadratic, p.text
+        assert p.open == ()
+        half = 0.5 * (quadratic[1] - quadratic[0])
+        np.testing.assert_allclose(p.ci95, quadratic, atol=0.1 * half)
+        assert min(p.costs) == pytest.approx(found.cost, rel=1e-6)
+        assert np.all(np.diff(p.values) > 0.0)
+
+
+def test_side_without_an_end_is_named():
+    # A lag far below a sample: nothing tells it from none at all.
+    r = drawn("one_mass+coulomb+current_control", {"J1": 0.02, "M_C": 0.9, "T_1": 1e-4}, 2e-2)
+    found = fit(PAPER.parse("one_mass+coulomb+current_control"), [r], f_tanh=F_TANH, starts=2, level="fast")
+    p = profile(found, [r], "T_1")
+    assert p.open == ("low",)
+    assert not p.quadratic
+    assert "no low end" in p.text
+    assert p.ci95[1] > 1e-4
+
+
+def test_only_estimated_parameters_have_a_profile():
+    r = drawn("one_mass+coulomb", {"J1": 0.02, "M_C": 0.9}, 1e-3)
+    found = fit(PAPER.parse("one_mass+coulomb"), [r], fixed={"M_C": 0.9}, starts=1, level="fast")
+    with pytest.raises(SettingsError, match="J2"):
+        profile(found, [r], "J2")
+    with pytest.raises(SettingsError, match="M_C"):
+        profile(found, [r], "M_C")
