@@ -13,6 +13,7 @@ from brightgrey import __version__, estimation
 from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import Fit
+from brightgrey.estimation.onset import check_initial
 from brightgrey.export.build import model_of
 from brightgrey.export.criterion import bic
 from brightgrey.export.files import check_folder, write_files
@@ -103,6 +104,7 @@ def identify(
     f_tanh: float | None = None,
     start: Model | None = None,
     test: Recording | None = None,
+    initial: Literal["auto", "rest", "samples", "estimated"] = "auto",
     starts: int = 8,
     seed: int = 0,
     workers: int = 1,
@@ -129,8 +131,11 @@ def identify(
         The estimation starts from this model's values, too.
     test : Recording, optional
         Not fitted, only predicted.
+    initial : {'auto', 'rest', 'samples', 'estimated'}
+        State before the first sample: at rest, moving as the first samples say, or estimated within what their
+        noise leaves open. ``auto`` is at rest unless the first samples clearly move.
     starts : int
-        Number of start points.
+        Number of start points in each field of them; see :func:`brightgrey.estimation.fit`.
     seed : int
         Seed of all random draws. The same seed gives the same bytes, for any number of workers.
     workers : int
@@ -176,6 +181,7 @@ def identify(
         starts=starts,
         seed=seed,
         level=level,
+        initial=check_initial(initial),
         threads=workers,
     )
     values = {name: estimate.value for name, estimate in fit.estimates.items()}

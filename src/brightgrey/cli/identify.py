@@ -42,8 +42,8 @@ Bound = Annotated[
     typer.Option(
         "--bound",
         metavar="NAME=LOW:HIGH",
-        help="Range of a parameter in the recording's units, instead of the one found in the recording. "
-        "May be repeated.",
+        help="Range of a parameter in the recording's units, instead of the one found in the recording; also "
+        "'NAME=50%:200% of VALUE' around an assumed value. May be repeated.",
     ),
 ]
 Fix = Annotated[
@@ -66,6 +66,15 @@ Test = Annotated[
     Path | None,
     typer.Option("--test-recording", metavar="FILE", help="Predict this recording with the model, too."),
 ]
+Begin = Annotated[
+    str,
+    typer.Option(
+        "--initial",
+        metavar="auto|rest|samples|estimated",
+        help="State before the first sample: at rest, moving as the first samples say, or estimated within what "
+        "their noise leaves open. auto is rest unless the first samples clearly move.",
+    ),
+]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
 
 
@@ -86,6 +95,7 @@ def identify(
     f_tanh: Sharpness = None,
     start: Start = None,
     test_recording: Test = None,
+    initial: Begin = "auto",
     seed: Seed = 0,
     workers: Workers = 1,
     out: Out = Path("out"),
@@ -108,6 +118,9 @@ def identify(
     chosen = _structure(structure)
     held = check_hold(hold)
     from brightgrey import api
+    from brightgrey.estimation.onset import check_initial
+
+    begin = check_initial(initial)
 
     def read(file: Path) -> api.Recording:
         return api.read_recording(
@@ -132,6 +145,7 @@ def identify(
             f_tanh=f_tanh,
             start=api.Model.load(start) if start else None,
             test=read(test_recording) if test_recording else None,
+            initial=begin,
             seed=seed,
             workers=workers,
         )

@@ -4,22 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.scales import speed_of
 from brightgrey.kit import StateSpace
 from brightgrey.recordings import Recording
 
-__all__ = ["Initial", "Onset", "Unknown", "noise_of"]
+__all__ = ["Initial", "Onset", "Unknown", "check_initial", "noise_of"]
 
 Array = NDArray[np.float64]
 Initial = Literal["auto", "rest", "samples", "estimated"]
+_INITIALS: tuple[Initial, ...] = get_args(Initial)
 _AT_REST = 0.1  # of the largest speed
 _FIRST = 10  # samples that tell position and speed at the start
 _SURE = 3.0  # standard deviations of what the sensor allows
+
+
+def check_initial(initial: str) -> Initial:
+    """Return `initial` if it is one of those allowed; else SettingsError names the nearest."""
+    for allowed in _INITIALS:
+        if initial == allowed:
+            return allowed
+    raise SettingsError(unknown_name("initial state", initial, _INITIALS))
 
 
 @dataclass(frozen=True)
