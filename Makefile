@@ -37,9 +37,11 @@ format: setup  ## mend what the linter can mend
 
 bench: setup  ## speed and accuracy, as ratios measured in one run
 	$(BIN)/python bench/speed.py
+	$(BIN)/python bench/identification.py
 
 bench-long: setup  ## the statistics of docs/results.md
 	$(BIN)/python bench/accuracy.py
+	$(BIN)/python bench/global_optimum.py
 
 clean:  ## remove what the targets above have made
 	rm -rf .venv demo .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -45,4 +45,5 @@ EFFECT = Effect(
     ),
     stamp=stamp,
     memory=True,
+    spread=lambda s, share: 0.2 * s.interval * 250.0**share,  # a fifth of a sample to fifty
 )

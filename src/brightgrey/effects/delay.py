@@ -34,4 +34,5 @@ EFFECT = Effect(
         ),
     ),
     stamp=stamp,
+    spread=lambda s, share: 0.1 * s.interval * 500.0**share,  # a tenth of a sample to fifty
 )

@@ -115,7 +115,7 @@ def fit(
     f_tanh: float | None = None,
     start: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
     starts: int = 8,
-    patience: int = 3,
+    patience: int = 4,
     seed: int = 0,
     level: Level = "accurate",
     initial: Initial = "auto",
