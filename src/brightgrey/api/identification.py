@@ -133,7 +133,8 @@ def identify(
         Not fitted, only predicted.
     initial : {'auto', 'rest', 'samples', 'estimated'}
         State before the first sample: at rest, moving as the first samples say, or estimated within what their
-        noise leaves open. ``auto`` is at rest unless the first samples clearly move.
+        noise leaves open. ``auto`` is at rest unless the first samples clearly move, then
+        estimated.
     starts : int
         Number of start points in each field of them; see :func:`brightgrey.estimation.fit`.
     seed : int

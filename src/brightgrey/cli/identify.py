@@ -72,7 +72,7 @@ Begin = Annotated[
         "--initial",
         metavar="auto|rest|samples|estimated",
         help="State before the first sample: at rest, moving as the first samples say, or estimated within what "
-        "their noise leaves open. auto is rest unless the first samples clearly move.",
+        "their noise leaves open. auto is rest, or estimated if the first samples clearly move.",
     ),
 ]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]

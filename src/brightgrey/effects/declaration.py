@@ -288,6 +288,9 @@ class Effect:
         ``spread(scales, share) -> values``: plausible values of all parameters, shape (parameters, K), from points of
         the unit cube of that shape. For effects whose parameters are plausible only together; without it, each
         is drawn from its own range.
+    regroup : callable or None
+        ``regroup(values, share) -> values``: other parameters that would show much the same, for an effect whose parts
+        can change roles, so that a search does not take one order for the only one. Shapes as for `spread`.
     """
 
     name: str
@@ -304,3 +307,4 @@ class Effect:
     masses: int = 0
     memory: bool = False
     spread: Callable[[Scales, Array], Array] | None = None
+    regroup: Callable[[Array, Array], Array] | None = None

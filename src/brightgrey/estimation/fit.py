@@ -149,7 +149,8 @@ def fit(
     level : {'accurate', 'fast', 'euler'}
     initial : {'auto', 'rest', 'samples', 'estimated'}
         State before the first sample: at rest, moving as the first samples say, or estimated with the parameters
-        within what the sensor's noise allows. ``auto`` is at rest unless the first samples clearly move.
+        within what the sensor's noise allows. ``auto`` is at rest unless the first samples clearly move, then
+        estimated.
     threads : int
         The result does not depend on it.
 
