@@ -38,9 +38,13 @@ format: setup  ## mend what the linter can mend
 bench: setup  ## speed and accuracy, as ratios measured in one run
 	$(BIN)/python bench/speed.py
 	$(BIN)/python bench/genetic.py speed
+	$(BIN)/python bench/identification.py
 
 bench-long: setup  ## the statistics of docs/results.md
 	$(BIN)/python bench/accuracy.py
+	$(BIN)/python bench/global_optimum.py
+	$(BIN)/python bench/coverage.py
+	$(BIN)/python bench/real_recordings.py
 	$(BIN)/python bench/genetic.py rates paper reference 0 100
 	$(BIN)/python bench/genetic.py rates ours reference 0 100
 	$(BIN)/python bench/genetic.py rates paper others 0 20

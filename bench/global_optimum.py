@@ -149,7 +149,12 @@ def main() -> None:
     for noise in options.noise:
         jobs = [(options.seed, number, noise, options.starts) for number in numbers]
         with ProcessPoolExecutor(options.workers) as pool:
-            results = list(pool.map(examine, jobs))
+            results = []
+            for result in pool.map(examine, jobs):
+                results.append(result)
+                if isinstance(result, Run):
+                    line = f"{result.number:4d} {result.ratio:9.4g} {result.seconds:6.1f} s  {result.structure}"
+                    print(line, flush=True)
         report(noise, [r for r in results if isinstance(r, Run)], [r for r in results if isinstance(r, str)])
 
 

@@ -54,6 +54,15 @@ CASES = {
     "bound of another": (("identify", "good.csv", *GOOD, "--bound", "J2=1:2"), ["'J2'", "'J1'"]),
     "bound without colon": (("identify", "good.csv", *GOOD, "--bound", "J1=1"), ["'J1=1'", "NAME=LOW:HIGH"]),
     "bound of text": (("identify", "good.csv", *GOOD, "--bound", "J1=1:x"), ["J1", "'x'"]),
+    "bound in per cent of nothing": (
+        ("identify", "good.csv", *GOOD, "--bound", "J1=50%:200%"),
+        ["J1=50%:200%", "HIGH% of VALUE"],
+    ),
+    "bound half in per cent": (
+        ("identify", "good.csv", *GOOD, "--bound", "J1=50%:2 of 0.1"),
+        ["J1=50%:2 of 0.1", "HIGH% of VALUE"],
+    ),
+    "initial of another kind": (("identify", "good.csv", *GOOD, "--initial", "restt"), ["'restt'", "'rest'"]),
     "bound twice": (
         ("identify", "good.csv", *GOOD, "--bound", "J1=1:2", "--bound", "J1=1:3"),
         ["more than once"],

@@ -14,6 +14,7 @@ from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fix
 from brightgrey.api.searching import Found, find
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import Fit, Profile
+from brightgrey.estimation.onset import check_initial
 from brightgrey.estimation.patterns import check_estimator
 from brightgrey.estimation.residuals import LAGS, Residuals, residual_analysis
 from brightgrey.export.build import model_of
@@ -124,6 +125,7 @@ def identify(
     f_tanh: float | None = None,
     start: Model | None = None,
     test: Recording | None = None,
+    initial: Literal["auto", "rest", "samples", "estimated"] = "auto",
     starts: int = 8,
     seed: int = 0,
     workers: int = 1,
@@ -156,8 +158,12 @@ def identify(
         The estimation of a given structure starts from this model's values, too.
     test : Recording, optional
         Not fitted, only predicted.
+    initial : {'auto', 'rest', 'samples', 'estimated'}
+        State before the first sample: at rest, moving as the first samples say, or estimated within what their
+        noise leaves open. ``auto`` is at rest unless the first samples clearly move, then
+        estimated.
     starts : int
-        Number of start points.
+        Number of start points in each field of them; see :func:`brightgrey.estimation.fit`.
     seed : int
         Seed of all random draws. The same seed gives the same bytes, for any number of workers.
     workers : int
@@ -224,6 +230,7 @@ def identify(
         seed=seed,
         level=level,
         estimator=check_estimator(estimator),
+        initial=check_initial(initial),
         threads=workers,
     )
     profiles = tuple(estimation.profile(fit, several, name) for name in dict.fromkeys(profile))

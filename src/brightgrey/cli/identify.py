@@ -47,8 +47,8 @@ Bound = Annotated[
     typer.Option(
         "--bound",
         metavar="NAME=LOW:HIGH",
-        help="Range of a parameter in the recording's units, instead of the one found in the recording. "
-        "May be repeated.",
+        help="Range of a parameter in the recording's units, instead of the one found in the recording; also "
+        "'NAME=50%:200% of VALUE' around an assumed value. May be repeated.",
     ),
 ]
 Fix = Annotated[
@@ -81,6 +81,15 @@ Profile = Annotated[
         "--profile",
         metavar="NAME",
         help="Find the interval of this parameter by profile likelihood, too. May be repeated.",
+    ),
+]
+Begin = Annotated[
+    str,
+    typer.Option(
+        "--initial",
+        metavar="auto|rest|samples|estimated",
+        help="State before the first sample: at rest, moving as the first samples say, or estimated within what "
+        "their noise leaves open. auto is rest, or estimated if the first samples clearly move.",
     ),
 ]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
@@ -116,6 +125,7 @@ def identify(
     start: Start = None,
     test_recording: Test = None,
     profile: Profile = None,
+    initial: Begin = "auto",
     seed: Seed = 0,
     workers: Workers = 1,
     out: Out = Path("out"),
@@ -151,9 +161,11 @@ def identify(
     )
     held = check_hold(hold)
     from brightgrey import api
+    from brightgrey.estimation.onset import check_initial
     from brightgrey.estimation.patterns import check_estimator
 
     method = check_estimator(estimator or "least-squares") if structure else "least-squares"
+    begin = check_initial(initial)
 
     def read(file: Path) -> api.Recording:
         return api.read_recording(
@@ -182,6 +194,7 @@ def identify(
             test=read(test_recording) if test_recording else None,
             estimator=method,
             profile=profile or (),
+            initial=begin,
             seed=seed,
             workers=workers,
         )

@@ -44,7 +44,7 @@ Unit = Annotated[
     typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column. May be repeated."),
 ]
 
-BOUND = "NAME=LOW:HIGH, two numbers in the recording's units"
+BOUND = "NAME=LOW:HIGH in the recording's units, or 'NAME=LOW%:HIGH% of VALUE'"
 FIX = "NAME=VALUE, a number in the recording's units"
 WINDOW = "A:B, two times in s"
 
@@ -74,13 +74,21 @@ def pairs(option: str, texts: Iterable[str], wanted: str) -> dict[str, str]:
 
 
 def bounds(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
-    """Read ``--bound NAME=LOW:HIGH``, in the recording's units."""
+    """Read ``--bound NAME=LOW:HIGH``, or ``NAME=LOW%:HIGH% of VALUE``, in the recording's units."""
     out = {}
     for name, value in pairs("--bound", texts, BOUND).items():
-        low, colon, high = value.partition(":")
-        if not colon:
+        where = f"--bound {name}"
+        ends, of, assumed = (part.strip() for part in value.partition(" of "))
+        low, colon, high = (part.strip() for part in ends.partition(":"))
+        relative = low.endswith("%") and high.endswith("%")
+        if not colon or bool(of) != relative or "%" in (low + high).replace("%", "", 2 * relative):
             raise SettingsError(f"--bound '{name}={value}': wanted is {BOUND}")
-        out[name] = (number(f"--bound {name}", low, BOUND), number(f"--bound {name}", high, BOUND))
+        if relative:
+            unit = number(where, assumed, BOUND) / 100.0
+            pair = [number(where, end.removesuffix("%"), BOUND) * unit for end in (low, high)]
+            out[name] = (min(pair), max(pair)) if unit < 0.0 else (pair[0], pair[1])
+        else:
+            out[name] = (number(where, low, BOUND), number(where, high, BOUND))
     return out
 
 

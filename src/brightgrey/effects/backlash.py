@@ -95,4 +95,5 @@ EFFECT = Effect(
     stamp=stamp,
     law=LAW,
     memory=True,
+    spread=lambda s, share: 1e-5 * s.travel * 1e4**share,  # gaps of any size are plausible
 )

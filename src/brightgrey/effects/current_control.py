@@ -47,4 +47,5 @@ EFFECT = Effect(
     noticeable=lambda s, values: {"T_1": s.interval},
     stamp=stamp,
     memory=True,
+    spread=lambda s, share: 0.2 * s.interval * 250.0**share,  # a fifth of a sample to fifty
 )

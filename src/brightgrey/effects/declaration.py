@@ -376,6 +376,9 @@ class Effect:
         ``spread(scales, share) -> values``: plausible values of all parameters, shape (parameters, K), from points of
         the unit cube of that shape. For effects whose parameters are plausible only together; without it, each
         is drawn from its own range.
+    regroup : callable or None
+        ``regroup(values, share) -> values``: other parameters that would show much the same, for an effect whose parts
+        can change roles, so that a search does not take one order for the only one. Shapes as for `spread`.
     noticeable : callable or None
         ``noticeable(scales, values) -> {symbol: value}``: the effect at the least size that matters for control, with
         `values` of the model without it by name. It may change values that are there (an inertia that is split).
@@ -398,3 +401,4 @@ class Effect:
     spread: Callable[[Scales, Array], Array] | None = None
     noticeable: Callable[[Scales, Values], Mapping[str, float]] | None = None
     cautions: tuple[Caution, ...] = ()
+    regroup: Callable[[Array, Array], Array] | None = None

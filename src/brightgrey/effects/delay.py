@@ -36,4 +36,5 @@ EFFECT = Effect(
     ),
     noticeable=lambda s, values: {"T_d": s.interval},
     stamp=stamp,
+    spread=lambda s, share: 0.1 * s.interval * 500.0**share,  # a tenth of a sample to fifty
 )

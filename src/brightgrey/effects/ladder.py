@@ -28,6 +28,7 @@ _TOTAL = 1.5  # either way: how far the torque balance may be off
 _DIVISION = 30.0  # either way: a mass against all behind it
 _LOOSE = 0.3  # of Nyquist's frequency
 _LEAST_DAMPED = 5e-3  # damping ratio; up to 1
+_STIFFER = 10.0  # range of a new shaft's frequency
 
 
 def slowest(scales: Scales) -> float:
@@ -42,7 +43,7 @@ def fastest(scales: Scales) -> float:
 
 def inertia(i: int, masses: int) -> Parameter:
     """Moment of inertia of mass i; alone it is the total inertia, else anything below about it."""
-    low = 0.2 if masses == 1 else 0.003
+    low = 0.2 if masses == 1 else 0.001
     return Parameter(
         f"J{i}",
         INERTIA,
@@ -124,6 +125,33 @@ def _noticeable(scales: Scales, values: Values, masses: int) -> Mapping[str, flo
     }
 
 
+def _regroup(values: Array, share: Array, masses: int) -> Array:
+    """Two neighbours become one mass, and one of the masses becomes two behind a stiff shaft.
+
+    A recording shows resonances, not which shaft each belongs to: the same ones appear in several orders.
+    """
+    out = values.copy()
+    for k, draw in enumerate(share.T):
+        J, c, d = (values[part, k].tolist() for part in _parts(masses))
+        merged = min(int(draw[0] * (masses - 1)), masses - 2)
+        J[merged : merged + 2] = [J[merged] + J[merged + 1]]
+        turning = np.sqrt(max(c) / min(J)) * _STIFFER ** (draw[1] - 0.3)
+        del c[merged], d[merged]
+        split = min(int(draw[2] * (masses - 1)), masses - 2)
+        part = 0.05 + 0.9 * draw[3]
+        reduced = J[split] * part * (1.0 - part)
+        J[split : split + 1] = [J[split] * part, J[split] * (1.0 - part)]
+        c.insert(split, reduced * turning**2)
+        d.insert(split, 2.0 * _LEAST_DAMPED ** draw[4] * reduced * turning)
+        out[:, k] = [*J, *c, *d]
+    return out
+
+
+def _parts(masses: int) -> tuple[slice, slice, slice]:
+    """Where inertias, springs and dampers stand among the parameters."""
+    return slice(masses), slice(masses, 2 * masses - 1), slice(2 * masses - 1, None)
+
+
 def ladder(name: str, masses: int) -> Effect:
     """Multiple-mass effect with `masses` masses."""
 
@@ -152,4 +180,5 @@ def ladder(name: str, masses: int) -> Effect:
         memory=True,
         spread=lambda scales, share: _spread(scales, share, masses),
         noticeable=(lambda scales, values: _noticeable(scales, values, masses)) if masses > 1 else None,
+        regroup=(lambda values, share: _regroup(values, share, masses)) if masses > 2 else None,
     )

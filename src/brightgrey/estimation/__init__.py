@@ -2,6 +2,7 @@
 
 from brightgrey.estimation.finding import Finding
 from brightgrey.estimation.fit import Estimate, Fit, Outcome, OutputFit, Start, fit, predict
+from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.pattern_search import PatternEnd, pattern_search
 from brightgrey.estimation.profile import Profile, profile
 from brightgrey.estimation.residuals import Residuals, residual_analysis
@@ -17,6 +18,7 @@ __all__ = [
     "Profile",
     "Residuals",
     "Start",
+    "descend_many",
     "fit",
     "pattern_search",
     "predict",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,16 @@ from brightgrey.kit import Structure
 __all__ = ["Search", "search_space"]
 
 Array = NDArray[np.float64]
-Spread = Callable[[Scales, Array], Array]
 _NEAR = 3.0  # a start near the declared one is within this factor of it
 _NEAR_SHARE = 0.6  # of the starts, in each parameter
+
+
+class Block(NamedTuple):
+    """Parameters (rows) that are drawn together, and how; see `Effect`."""
+
+    rows: tuple[int, ...]
+    spread: Callable[[Scales, Array], Array]
+    regroup: Callable[[Array, Array], Array] | None
 
 
 @dataclass(frozen=True)
@@ -37,8 +45,8 @@ class Search:
         The other parameters, SI.
     scales : Scales
         Of the recordings.
-    spreads : tuple of (rows, callable)
-        Parameters that are drawn together, and how; see `Effect`.
+    blocks : tuple of Block
+        Parameters that are drawn together.
     """
 
     names: tuple[str, ...]
@@ -48,7 +56,7 @@ class Search:
     log: NDArray[np.bool_]
     fixed: Mapping[str, float]
     scales: Scales
-    spreads: tuple[tuple[tuple[int, ...], Spread], ...] = ()
+    blocks: tuple[Block, ...] = ()
 
     @property
     def width(self) -> Array:
@@ -91,9 +99,10 @@ class Search:
         sampler = qmc.Sobol(len(self.names), rng=rng)
         share = sampler.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count].T
         values = self._alone(share)
-        for rows, spread in self.spreads:
-            drawn = spread(self.scales, share[list(rows)])
-            values[list(rows)] = np.clip(drawn, self.low[list(rows), None], self.high[list(rows), None])
+        for block in self.blocks:
+            rows = list(block.rows)
+            drawn = block.spread(self.scales, share[rows])
+            values[rows] = np.clip(drawn, self.low[rows, None], self.high[rows, None])
         return values
 
 
@@ -142,15 +151,16 @@ def search_space(
     table = np.array(ranges + [(part.low, part.high) for part in unknown]).reshape(-1, 2)
     starts += [part.start for part in unknown]
     names += tuple(part.name for part in unknown)
-    spreads = tuple(_together(structure, names, bounds))
-    return Search(names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, spreads)
+    blocks = tuple(_together(structure, names, bounds))
+    return Search(names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, blocks)
 
 
 def _together(
     structure: Structure, names: tuple[str, ...], bounds: Mapping[str, tuple[float, float]]
-) -> Iterator[tuple[tuple[int, ...], Spread]]:
+) -> Iterator[Block]:
     """Parameters that are drawn together: those of an effect that says how, unless the user decides on one."""
     for placed in structure.placed:
         own = [placed.parameter(q.symbol) for q in placed.effect.parameters]
-        if placed.effect.spread is not None and all(name in names and name not in bounds for name in own):
-            yield tuple(names.index(name) for name in own), placed.effect.spread
+        effect = placed.effect
+        if effect.spread is not None and all(name in names and name not in bounds for name in own):
+            yield Block(tuple(names.index(name) for name in own), effect.spread, effect.regroup)

@@ -28,6 +28,7 @@ _BEGINNINGS = (0.3, 1.0, 0.6)  # of the recording, of one field after the other
 _FIRST_ROUNDS, _ROUNDS = 20, 40  # on a beginning, on the whole
 _ROUGH = 1e-3  # tolerance on a beginning
 _PARENTS = 4
+_MOST = 4  # fields per unit of patience
 _IMPROVED = 0.995  # of the least cost: what counts as an improvement
 _LAGS = 25
 _WHITE = 50.0  # Ljung-Box statistic that white residuals exceed once in 500 (chi-squared, 25 lags)
@@ -71,7 +72,7 @@ def explore(
     ends: list[End] = []
     best, idle, evaluations = np.inf, 0, 0
     first = _first(search, given, starts)
-    for number in range(1 + 6 * patience):
+    for number in range(1 + _MOST * patience):
         part = problem.beginning(_BEGINNINGS[number % len(_BEGINNINGS)])
         rng = np.random.default_rng([seed, number])
         field = _field(part, search, settings, first, ends, starts, rng)

@@ -99,7 +99,7 @@ def fit(
     f_tanh: float | None = None,
     start: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
     starts: int = 8,
-    patience: int = 3,
+    patience: int = 4,
     seed: int = 0,
     level: Level = "accurate",
     initial: Initial = "auto",
@@ -134,7 +134,8 @@ def fit(
     level : {'accurate', 'fast', 'euler'}
     initial : {'auto', 'rest', 'samples', 'estimated'}
         State before the first sample: at rest, moving as the first samples say, or estimated with the parameters
-        within what the sensor's noise allows. ``auto`` is at rest unless the first samples clearly move.
+        within what the sensor's noise allows. ``auto`` is at rest unless the first samples clearly move, then
+        estimated.
     estimator : {'least-squares', 'pattern-search'}
         Pattern search is the paper's; it takes hundreds of times as many simulations.
     threads : int

@@ -4,22 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.scales import speed_of
 from brightgrey.kit import StateSpace
 from brightgrey.recordings import Recording
 
-__all__ = ["Initial", "Onset", "Unknown", "noise_of"]
+__all__ = ["Initial", "Onset", "Unknown", "check_initial", "noise_of"]
 
 Array = NDArray[np.float64]
 Initial = Literal["auto", "rest", "samples", "estimated"]
+_INITIALS: tuple[Initial, ...] = get_args(Initial)
 _AT_REST = 0.1  # of the largest speed
 _FIRST = 10  # samples that tell position and speed at the start
+_INTERCEPT = 2.0  # standard deviation of a line's beginning, in that of a mean
 _SURE = 3.0  # standard deviations of what the sensor allows
+
+
+def check_initial(initial: str) -> Initial:
+    """Return `initial` if it is one of those allowed; else SettingsError names the nearest."""
+    for allowed in _INITIALS:
+        if initial == allowed:
+            return allowed
+    raise SettingsError(unknown_name("initial state", initial, _INITIALS))
 
 
 @dataclass(frozen=True)
@@ -69,7 +80,7 @@ class Onset:
         initial : {'auto', 'rest', 'samples', 'estimated'}
             Speed zero; as the first samples say; or searched for within what the noise of those samples leaves
             open (a free speed would be abused to absorb drift). ``auto`` is at rest unless the first samples clearly
-            move, by a tenth of the largest speed; then their speed is taken and limited states are searched for.
+            move, by a tenth of the largest speed; then it is ``estimated``.
         tag : str
         limited : tuple of str
             Names of the limited states, which ``estimated`` searches for, too.
@@ -78,19 +89,19 @@ class Onset:
         at = kinds.index("position") if "position" in kinds else None
         position = float(recording.y[at][0]) if at is not None else 0.0
         course = speed_of(recording)
-        speed = float(np.mean(course[:_FIRST]))
+        steps = np.arange(len(course[:_FIRST]))
+        speed = float(np.polyfit(steps, course[:_FIRST], 1)[1])  # a line: the drive may speed up from the first on
         moving = abs(speed) >= _AT_REST * float(np.abs(course).max()) > 0.0
         if initial == "rest" or (initial == "auto" and not moving):
             return cls(position, 0.0, (), tag)
         unknown: list[Unknown] = []
-        if initial == "estimated":
+        if initial != "samples":
             noise = noise_of(recording)
             if at is not None:
                 slack = _SURE * float(noise[at])
                 unknown.append(Unknown(f"position(0){tag}", position - slack, position + slack, position))
             slack = _SURE * _speed_noise(recording, noise)
             unknown.append(Unknown(f"speed(0){tag}", speed - slack, speed + slack, speed))
-        if initial == "estimated" or (initial == "auto" and moving):
             unknown += [Unknown(f"{name}(0)/width{tag}", -1.0, 0.0, -0.5) for name in limited]
         return cls(position, speed, tuple(unknown), tag)
 
@@ -123,8 +134,8 @@ def _speed_noise(recording: Recording, noise: Array) -> float:
     found = [np.inf]
     for signal, sigma in zip(recording.outputs, noise.tolist(), strict=True):
         if signal.kind == "position":
-            found.append(sigma * np.sqrt(12.0 / _FIRST**3) / recording.dt)
+            found.append(_INTERCEPT * sigma * np.sqrt(12.0 / _FIRST**3) / recording.dt)
         elif signal.kind != "acceleration":
-            found.append(sigma / np.sqrt(_FIRST))
+            found.append(_INTERCEPT * sigma / np.sqrt(_FIRST))
     least = min(found)
     return float(least) if np.isfinite(least) else 0.0

@@ -16,7 +16,8 @@ __all__ = ["best_of", "given_starts", "offspring"]
 Array = NDArray[np.float64]
 _APART = 0.5  # of the median distance between candidates: starts that are unlike each other
 _SHIFTS = (0.0, 0.05, 0.3)  # standard deviations by which offspring differ from their parent
-_REDRAWN = (0.1, 0.3, 0.6)  # shares of the parameters that offspring have drawn anew
+_REDRAWN = (1, 2, 3)  # numbers of parameters that offspring have drawn anew, beside half of them
+_REGROUPED = 0.3  # of the offspring: parts have changed roles
 
 
 def given_starts(search: Search, given: Sequence[Mapping[str, float]]) -> list[Array]:
@@ -32,7 +33,7 @@ def best_of(problem: Problem, search: Search, settings: Settings, candidates: Ar
 
 
 def offspring(search: Search, parents: Sequence[Array], fresh: Array, rng: np.random.Generator) -> Array:
-    """Parents with some parameters drawn anew and the others shifted a little, shape (P, K) in SI.
+    """Parents with some parameters drawn anew, or parts in other roles, and all others shifted a little.
 
     Parameters
     ----------
@@ -42,16 +43,28 @@ def offspring(search: Search, parents: Sequence[Array], fresh: Array, rng: np.ra
     fresh : ndarray, shape (P, K)
         Where anew drawn parameters come from.
     rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (P, K)
+        SI.
     """
     count = fresh.shape[1]
     low, high = search.inward(search.low)[:, None], search.inward(search.high)[:, None]
     share = 0.5 ** np.arange(len(parents))
     chosen = rng.choice(len(parents), count, p=share / share.sum())
-    parent = search.inward(np.stack(parents, axis=1))[:, chosen]
-    shift = rng.choice(_SHIFTS, count) * rng.standard_normal(parent.shape)
-    near = np.clip(parent + np.where(search.log[:, None], shift, 0.2 * shift), low, high)
-    redrawn = rng.random(parent.shape) < rng.choice(_REDRAWN, count)
-    redrawn[rng.integers(len(redrawn), size=count), np.arange(count)] = True
+    parent = np.stack(parents, axis=1)[:, chosen]
+    regrouped: NDArray[np.bool_] = np.zeros(count, np.bool_)
+    for block in search.blocks:
+        if block.regroup is not None:
+            regrouped = np.less(rng.random(count), _REGROUPED)
+            rows = np.array(block.rows)[:, None]
+            parent[rows, regrouped] = block.regroup(parent[rows, regrouped], rng.random((len(rows), regrouped.sum())))
+    theta = np.clip(search.inward(np.clip(parent, search.low[:, None], search.high[:, None])), low, high)
+    shift = rng.choice(_SHIFTS, count) * rng.standard_normal(theta.shape)
+    near = np.clip(theta + np.where(search.log[:, None], shift, 0.2 * shift), low, high)
+    rank = rng.random(theta.shape).argsort(axis=0)
+    redrawn = rank < np.where(regrouped, 0, rng.choice([*_REDRAWN, len(theta) // 2], count))
     return search.outward(np.where(redrawn, search.inward(fresh), near))
 
 

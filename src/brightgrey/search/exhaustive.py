@@ -207,7 +207,7 @@ def _extended(
     kept = np.array(candidates)
     kept[own] = np.array([parent.values[space.names[i]] for i in own])[:, None]
     tried = [kept]
-    for rows, _ in space.spreads:
+    for rows in (block.rows for block in space.blocks):
         if any(i not in own for i in rows):
             anew = np.array(kept)
             anew[list(rows)] = candidates[list(rows)]

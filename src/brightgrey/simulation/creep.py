@@ -79,30 +79,53 @@ def reach(n: Any, series: Any, s: Any, lane: Any) -> Any:
 
 
 @inner
+def _root(course: Any, limit: Any, left: Any, right: Any, scale: Any, lane: Any) -> Any:
+    """Moment in (left, right] at which the polynomial `course` passes `limit`: Newton's method, kept in the bracket."""
+    side = 1.0 if polynomial(1, course, course, 0, 0, right, lane) > limit else -1.0
+    moment = right
+    for _ in range(60):
+        value, slope = 0.0, 0.0
+        for k in range(SERIES_TERMS - 1, -1, -1):
+            slope = slope * moment + value
+            value = value * moment + get(course, k, lane)
+        value = (value - limit) * side
+        if value > 0.0:
+            right = moment
+        else:
+            left = moment
+        guess = moment - value / (slope * side) if slope != 0.0 else left
+        if not (left < guess < right):
+            guess = 0.5 * (left + right)
+        if abs(guess - moment) <= 1e-16 * scale or guess <= left or guess >= right:
+            return right
+        moment = guess
+    return right
+
+
+@inner
 def _crossing(shape: Any, plant: Any, work: Any, b: Any, s: Any, lane: Any) -> Any:
     """First moment in (0, s] at which limited state b reaches a limit or leaves it, or -1, and which limit."""
     n = shape.n
-    unit = whole(plant.limited, b) if whole(work.mode, b * LANES + lane) == 0 else -1
+    free = whole(work.mode, b * LANES + lane) == 0
+    course = skip(work.scratch, n * n + 6 * n)
+    for k in range(SERIES_TERMS):
+        term = 0.0
+        if free:
+            term = get(work.series, k * n + whole(plant.limited, b), lane)
+        else:
+            for j in range(n):
+                term += get(plant.rate, b * n + j, lane) * get(work.series, k * n + j, lane)
+        put(course, k, lane, term)
     low, high = get(work.low, b, lane), get(work.high, b, lane)
-    at = b * n
-    before, f_before = 0.0, polynomial(n, work.series, plant.rate, at, unit, 0.0, lane)
+    before, f_before = 0.0, get(course, 0, lane)
     for quarter in range(1, 5):
         now = 0.25 * quarter * s
-        f = polynomial(n, work.series, plant.rate, at, unit, now, lane)
+        f = polynomial(1, course, course, 0, 0, now, lane)
         slack = 1e-13 * (abs(f) + abs(f_before)) + 1e-300
-        if f > high + slack or f < low - slack:
-            limit, side = (high, 1) if f > high + slack else (low, -1)
-            left, right = before, now
-            for _ in range(80):
-                middle = 0.5 * (left + right)
-                if middle <= left or middle >= right:
-                    break
-                f = polynomial(n, work.series, plant.rate, at, unit, middle, lane)
-                if (f - limit) * side > 0.0:
-                    right = middle
-                else:
-                    left = middle
-            return right, side
+        if f > high + slack:
+            return _root(course, high, before, now, s, lane), 1
+        if f < low - slack:
+            return _root(course, low, before, now, s, lane), -1
         before, f_before = now, f
     return -1.0, 0
 

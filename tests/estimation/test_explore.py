@@ -1,0 +1,97 @@
+"""Starts that are plausible and unlike each other, and when a search may stop."""
+
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from brightgrey.effects import Scales, registry
+from brightgrey.estimation import scales
+from brightgrey.estimation.bounds import search_space
+from brightgrey.estimation.explore import explore, is_white
+from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.starts import best_of, offspring
+from brightgrey.kit import PAPER
+from brightgrey.recordings import read_recording
+from brightgrey.simulation import Settings
+
+SCALES = Scales(8.0, 40.0, 600.0, 14.0, 1e-3, 1.8, 0.02, 1.1, 0.007, 0.1)
+
+
+@pytest.fixture(scope="module")
+def demo():
+    path = files("brightgrey.excitation").joinpath("data/demo.csv")
+    return read_recording(str(path), input="torque", outputs=["velocity:velocity"], time="t")
+
+
+@pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.spread])
+def test_what_an_effect_declares_plausible_lies_within_its_bounds(name):
+    effect = registry()[name]
+    share = np.random.default_rng(1).random((len(effect.parameters), 200))
+    values = effect.spread(SCALES, share)
+    assert values.shape == share.shape
+    for parameter, row in zip(effect.parameters, values, strict=True):
+        low, high = parameter.bounds(SCALES)
+        assert np.mean((row >= low) & (row <= high)) >= 0.95, parameter.symbol  # the others are cut to the bounds
+
+
+@pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.regroup])
+def test_regrouping_keeps_the_total_inertia_and_all_positive(name):
+    effect = registry()[name]
+    rng = np.random.default_rng(1)
+    share = rng.random((len(effect.parameters), 100))
+    values = effect.spread(SCALES, share)
+    other = effect.regroup(values, rng.random(share.shape))
+    inertias = [k for k, p in enumerate(effect.parameters) if p.symbol.startswith("J")]
+    np.testing.assert_allclose(other[inertias].sum(axis=0), values[inertias].sum(axis=0), rtol=1e-9)
+    assert np.all(other > 0.0)
+    assert not np.any(np.all(other == values, axis=0))
+
+
+def test_offspring_stay_within_bounds_and_near_their_parents(demo):
+    search = search_space(PAPER.parse("three_mass+coulomb+delay"), scales(demo), {}, {})
+    rng = np.random.default_rng(2)
+    fresh = search.candidates(64, rng)
+    young = offspring(search, [search.start], fresh, rng)
+    assert young.shape == fresh.shape
+    assert np.all((young >= search.low[:, None] * (1 - 1e-12)) & (young <= search.high[:, None] * (1 + 1e-12)))
+    kept = np.abs(search.inward(young) - search.inward(search.start)[:, None]) < 0.3 * 4
+    assert np.median(kept.mean(axis=0)) >= 0.5
+
+
+def test_best_of_are_good_and_apart(demo):
+    structure = PAPER.parse("one_mass+coulomb")
+    search = search_space(structure, scales(demo), {}, {})
+    problem, settings = Problem.of(structure, [demo]), Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
+    candidates = search.candidates(64, np.random.default_rng(0))
+    cost = problem.costs(search.named(candidates), settings)
+    chosen = best_of(problem, search, settings, candidates, 4)
+    np.testing.assert_array_equal(chosen[0], candidates[:, cost.argmin()])
+    assert len({tuple(c) for c in chosen}) == 4
+
+
+def test_white_residuals_are_told_from_coloured_ones(demo):
+    problem = Problem.of(PAPER.parse("one_mass"), [demo])
+    rng = np.random.default_rng(5)
+    white = sum(is_white(problem, rng.standard_normal(demo.samples)) for _ in range(200))
+    assert white >= 195  # one in 500 is lost; eleven of 200 would be beyond chance
+    signal = np.sin(2 * np.pi * 5 * demo.t)
+    assert not is_white(problem, rng.standard_normal(demo.samples) + 0.4 * signal)  # 8 % more than the noise
+    assert not is_white(problem, lfilter([1.0], [1.0, -0.3], rng.standard_normal(demo.samples)))
+
+
+def test_a_beginning_holds_a_share_of_the_motion(demo):
+    problem = Problem.of(PAPER.parse("one_mass"), [demo])
+    lengths = [problem.beginning(share).samples for share in (0.1, 0.3, 0.6, 1.0)]
+    assert lengths == sorted(lengths)
+    assert lengths[0] < 0.3 * demo.samples
+    assert np.any(problem.beginning(0.3).recordings[0].u != 0.0)
+
+
+def test_a_white_residual_ends_the_search_at_the_first_field(demo):
+    structure = PAPER.parse("two_mass+coulomb+viscous+stribeck")
+    search = search_space(structure, scales(demo), {}, {})
+    problem, settings = Problem.of(structure, [demo]), Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
+    found = explore(problem, search, settings, [], starts=8, patience=4, seed=0)
+    assert len(found.ends) == 8
