@@ -1,5 +1,7 @@
 """Drawings of trees."""
 
+import itertools
+
 from brightgrey.kit import Placed
 from brightgrey.report.figure import picture
 from brightgrey.report.trees import positions, trees
@@ -21,7 +23,7 @@ def test_no_two_nodes_of_a_depth_touch():
     wide = node("two_mass", node("coulomb", node("viscous", node("delay"), node("gravity"))), node("backlash"), TREE)
     for depth in range(5):
         across = sorted(x for x, d in positions(wide) if d == depth)
-        assert all(b - a >= 1.0 for a, b in zip(across, across[1:], strict=False))
+        assert all(b - a >= 1.0 for a, b in itertools.pairwise(across))
 
 
 def test_a_drawing_shows_the_numbers_of_the_paper():
