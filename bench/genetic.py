@@ -22,15 +22,35 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.search import estimator
 from brightgrey.search.experiment import reference_recording, task_of
-from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS
+from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES
 from brightgrey.search.repetition import Repetition, repetition, repetitions_csv, run, summary
 
+# The paper's setting with identification that does not fail, so that only the search of structures is judged.
+EXACT = replace(PAPER_SETTINGS, estimator="least-squares", iterations=30, begin="standard")
+CHANGES = {
+    "none": {},
+    "k_p-0": {"k_p": 0.0},
+    "k_p-10": {"k_p": 10.0},
+    "bic": {"criterion": "bic"},
+    "clone-0": {"p_clone": 0.0},
+    "clone-0.5": {"p_clone": 0.5},
+    "mutations-twice": {"mutations": {name: 2.0 * p for name, p in PROBABILITIES.items()}},
+    "mutations-half": {"mutations": {name: 0.5 * p for name, p in PROBABILITIES.items()}},
+    "mutations-none": {"mutations": {}},
+    "elite": {"elite": 1},
+    "12x9": {"population": 12, "generations": 9},
+    "24x4": {"population": 24, "generations": 4},
+    "generations-40": {"generations": 40},
+    "fresh": {"elite": 1, "fresh": 8},
+}
 SETTINGS = {
     "paper": PAPER_SETTINGS,
     "ours": OURS,
+    "ours-19": replace(OURS, criterion="fitness"),
     "paper-50": replace(PAPER_SETTINGS, iterations=50),
     "paper-ls": replace(PAPER_SETTINGS, estimator="least-squares", iterations=30),
     "paper-elite": replace(PAPER_SETTINGS, elite=1),
+    **{f"exact-{name}": replace(EXACT, **change) for name, change in CHANGES.items()},
 }
 OTHERS = (
     "one_mass+coulomb+viscous",

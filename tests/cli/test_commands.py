@@ -239,6 +239,14 @@ def test_identify_searches_for_the_structure(drive, tmp_path, call):
     assert "structures tried" in done.out
 
 
+def test_a_search_takes_no_start_model(drive, call, tmp_path):
+    options = [o for o in drive.options if o not in ("--structure", STRUCTURE)]
+    search = ("--search", "genetic", "--start", drive.out / "model.json", "--out", tmp_path)
+    done = call("identify", drive.folder / "a.csv", *options, *search)
+    assert done.code == 2
+    assert "without a structure" in done.err
+
+
 def test_reproduce(tmp_path, call):
     small = ("--generations", 1, "--iterations", 2, "--population", 3)
     done = call("reproduce", "--seeds", 2, *small, "--out", tmp_path)

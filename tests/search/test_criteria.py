@@ -5,7 +5,6 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.search import Misfit, criterion
-from brightgrey.search.criteria import by_rank
 
 
 def test_fitness_is_the_papers():
@@ -29,7 +28,7 @@ def test_a_diverged_simulation_has_no_chance():
     bic = criterion("bic")
     values = [bic.value(lost, 3), bic.value(Misfit((5.0,), (0.01,), 100, (9.0,)), 3)]
     assert values[0] == -np.inf
-    assert bic.chances(values)[0] == 0.0
+    assert bic.chances(values, 100)[0] == 0.0
 
 
 def test_bic_prefers_the_smaller_model_unless_the_larger_one_pays():
@@ -38,10 +37,16 @@ def test_bic_prefers_the_smaller_model_unless_the_larger_one_pays():
     assert bic(Misfit((1.0,), (1e-9,), 1000, (9.0,)), 3) < bic(Misfit((0.9,), (1e-9,), 1000, (9.0,)), 4)
 
 
-def test_ranks():
-    assert by_rank([5.0, -1.0, 3.0]).tolist() == pytest.approx([1.0, 1 / 3, 2 / 3])
-    equal = by_rank([1.0, 1.0, 0.0])
-    assert equal[0] == equal[1] > equal[2]
+def test_chances_of_bic_follow_the_residuals_as_those_of_fitness_do():
+    misfits = [Misfit((rss,), (1e-9,), 1000, (9.0,)) for rss in (1.0, 2.0, 8.0)]
+    for name in ("fitness", "bic"):
+        c = criterion(name)
+        chances = c.chances([c.value(m, 3) for m in misfits], 1000)
+        assert chances / chances[0] == pytest.approx([1.0, 0.5, 0.125])
+
+
+def test_nobody_has_chances_if_all_diverged():
+    assert criterion("bic").chances([-np.inf, -np.inf], 100).tolist() == [0.0, 0.0]
 
 
 def test_an_unknown_criterion():

@@ -203,6 +203,8 @@ def identify(
         raise SettingsError(f"{name} is both bounded and fixed; do one of them")
     found = None
     if structure is None:
+        if start is not None:
+            raise SettingsError("a start model was given without a structure; a search draws its starts itself")
         found = find(
             several,
             search or GeneticSettings(),

@@ -121,8 +121,8 @@ def _ranking(done: Run, task: Identification) -> tuple[Row, ...]:
 
 def _note(done: Run, settings: GeneticSettings) -> str:
     count = len({e.job.structure for e in done.evaluations})
-    end = "interrupted in" if done.interrupted else "over"
+    end = f"interrupted after generation {done.generations - 1} of" if done.interrupted else "over"
     return (
-        f"genetic search {end} {done.generations - 1} generations of {settings.population}: {count} structures tried,"
+        f"genetic search {end} {settings.generations} generations of {settings.population}: {count} structures tried,"
         f" {done.identifications} identifications, {done.simulations} simulations; others may fit as well"
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError, unknown_name
 
@@ -59,12 +59,12 @@ class Criterion:
     value : callable
         ``value(misfit, d)`` for d estimated parameters; the larger, the better; -inf or 0 if nothing is good.
     chances : callable
-        ``chances(values)``: weights, shape (individuals,), not negative, for the roulette wheel.
+        ``chances(values, samples)``: weights, shape (individuals,), not negative, for the roulette wheel.
     """
 
     name: str
     value: Callable[[Misfit, int], float]
-    chances: Callable[[Sequence[float]], Array]
+    chances: Callable[[Sequence[float], int], Array]
 
 
 def fitness(misfit: Misfit, d: int, k_p: float) -> float:
@@ -87,20 +87,21 @@ def information(misfit: Misfit, d: int) -> float:
     return -0.5 * (total + d * float(np.log(n * outputs))) if np.isfinite(total) else -np.inf
 
 
-def in_proportion(values: Sequence[float]) -> Array:
+def in_proportion(values: Sequence[float], samples: int) -> Array:
     """Chances are the values themselves, as in the paper."""
     return np.asarray(values, float)
 
 
-def by_rank(values: ArrayLike) -> Array:
-    """Chances fall linearly with the rank, from 1 for the best; equal values share theirs (Baker 1985).
+def by_likelihood(values: Sequence[float], samples: int) -> Array:
+    """Chances are the odds that `values` are logarithms of, per sample, 1 for the best.
 
-    Differences of information criteria are logarithms of odds and run into hundreds: chances in proportion to
-    the odds would leave one individual.
+    The odds of all samples together run to exp(hundreds) and would leave one individual. Per sample they are
+    proportional to 1/RSS, up to the parameters' penalty, as the paper's fitness (19) is.
     """
     v = np.asarray(values, float)
-    worse = (v[:, None] > v[None, :]).sum(axis=1) + 0.5 * ((v[:, None] == v[None, :]).sum(axis=1) - 1)
-    return np.where(np.isfinite(v), (worse + 1.0) / len(v), 0.0)
+    if not np.isfinite(v).any():
+        return np.zeros(len(v))
+    return np.asarray(np.exp(2.0 * (v - v.max()) / samples))
 
 
 CRITERIA = ("fitness", "bic")
@@ -117,5 +118,5 @@ def criterion(name: str, k_p: float = 2.0) -> Criterion:
     if name == "fitness":
         return Criterion(name, lambda misfit, d: fitness(misfit, d, k_p), in_proportion)
     if name == "bic":
-        return Criterion(name, information, by_rank)
+        return Criterion(name, information, by_likelihood)
     raise SettingsError(unknown_name("criterion", name, CRITERIA))

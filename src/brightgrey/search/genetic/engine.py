@@ -89,7 +89,7 @@ def search(
                     raise
                 return Run(tuple(done), interrupted=True)
             trees = [e.tree for e in current]
-            chances = judge.chances([e.value for e in current])
+            chances = judge.chances([e.value for e in current], current[0].result.misfit.samples)
             children = offspring(trees, chances, settings, rules, draw, rng)
             if settings.fresh:
                 children = renewed(children, {e.job.structure for e in done}, settings, rules, draw, rng)
