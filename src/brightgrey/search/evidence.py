@@ -27,6 +27,7 @@ Verdict = Literal["needed", "not needed", "not decidable"]
 LEVEL = 0.02  # chance of calling for an effect that is not there
 _MATERIAL = 1.01  # ratio of costs below which a difference does not matter, however sure it is
 _SHOWN = 0.8  # power from which a recording is said to show an effect
+_NOTABLE = 0.02  # part of the residual's RMS that an effect explains from which it is not called needless
 _SLACK = 1.02  # ratio of costs within which a structure is always looked at
 _MOST = 24  # structures that are examined
 _RARE = 1e-3
@@ -100,7 +101,10 @@ def weigh(
     minimal = _minimal_structures(scale, progress)
     structures = [j.structure for j in minimal]
     effects = _all_effects(fitted)
-    shown = {s: {e: scale.shown(s, e) for e in effects if not _has(s, e)} for s in structures}
+    shown = {
+        s: {e: scale.shown(s, e) and not scale.gain(s, e) > _NOTABLE for e in effects if not _has(s, e)}
+        for s in structures
+    }
     optional = tuple(e for e in effects if any(e in of and not of[e] for of in shown.values()))
     cards = tuple(scale.card(e, structures, optional) for e in effects)
     criterion = {s: scale.criterion(j) for s, j in scale.bench.judged.items()}
@@ -172,36 +176,48 @@ class _Scale:
                 return small
         return None
 
+    def gain(self, structure: Structure, effect: str) -> float:
+        """Part of the residual's RMS that `effect` explains beside `structure`."""
+        more = self.with_effect(structure, effect)
+        if more is None:
+            return 0.0
+        here = max(self.bench.judge(structure).cost, 1e-300)
+        return float(1.0 - np.sqrt(min(self.bench.judge(more).cost / here, 1.0)))
+
+    def loss(self, structure: Structure, effect: str) -> float | None:
+        """By how much the residual's RMS grows without `effect`, a ratio minus 1; None if nothing is left then."""
+        without = self.without_effect(structure, effect)
+        if without is None:
+            return None
+        here = max(self.bench.judge(structure).cost, 1e-300)
+        return float(np.sqrt(self.bench.judge(without).cost / here) - 1.0)
+
     def card(self, effect: str, minimal: Sequence[Structure], optional: Collection[str]) -> Card:
         """Evidence for one effect, with the refits that it rests on."""
         having = [s for s in minimal if _has(s, effect)]
         best = minimal[0]
-        loss = gain = None
-        here = self.bench.judge(best)
-        if _has(best, effect):
-            without = self.without_effect(best, effect)
-            if without is not None and effect in (*best.names,):
-                loss = float(np.sqrt(self.bench.judge(without).cost / max(here.cost, 1e-300)) - 1.0)
-        else:
-            more = self.with_effect(best, effect)
-            if more is not None:
-                gain = float(1.0 - np.sqrt(min(self.bench.judge(more).cost / max(here.cost, 1e-300), 1.0)))
+        loss = self.loss(best, effect) if _has(best, effect) else None
+        gain = None if _has(best, effect) else self.gain(best, effect)
         if len(having) == len(minimal):
-            text = (
-                "no structure without it fits"
-                if loss is None
-                else f"without it the residual grows by {100 * loss:.3g} %"
-            )
-            return Card(effect, "needed", loss, gain, text)
+            grows = "no structure without it fits"
+            if loss is not None:
+                grows = f"without it the residual grows by {100.0 * loss:.3g} %"
+            return Card(effect, "needed", loss, gain, grows)
         if having:
             others = next(s for s in minimal if s not in having)
-            text = f"{having[0]} and {others} fit equally well"
+            return Card(effect, "not decidable", loss, gain, f"{having[0]} and {others} fit equally well")
+        if effect not in optional:
+            return Card(
+                effect, "not needed", loss, gain, f"it would have shown, but explains {100.0 * (gain or 0.0):.2g} %"
+            )
+        if gain is not None and gain > _NOTABLE:
+            text = (
+                f"it explains {100.0 * gain:.2g} % of the residual, which may be chance with residuals as slow as these"
+            )
             return Card(effect, "not decidable", loss, gain, text)
-        if effect in optional:
-            text = "at a size that matters this recording would not have shown it"
-            return Card(effect, "not decidable", loss, gain, text)
-        share = "nothing" if gain is None else f"{100 * gain:.2g} % of the residual"
-        return Card(effect, "not needed", loss, gain, f"it would have shown; adding it explains {share}")
+        return Card(
+            effect, "not decidable", loss, gain, "at a size that matters this recording would not have shown it"
+        )
 
 
 def _all_effects(structures: Collection[Structure]) -> list[str]:
