@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from brightgrey.api.identification import Result, identify
-from brightgrey.excitation import PAPER_EXPERIMENT, demo_recording
+from brightgrey.excitation import demo_recording
 from brightgrey.recordings import read_recording
+from brightgrey.search.genetic import Progress
+from brightgrey.search.survey import Stage
 
 __all__ = ["demo"]
 
 FILE = "recording.csv"
 
 
-def demo(*, seed: int = 0, workers: int = 1) -> Result:
+def demo(*, seed: int = 0, workers: int = 1, progress: Callable[[Stage | Progress], None] | None = None) -> Result:
     """Identify the drive of the shipped recording; the result's files hold the recording, too.
 
-    A simulated two-mass drive, moved forth and back for about 2 s, with noise. Until there is a search it is
-    told the true structure.
+    A simulated two-mass drive, moved forth and back for about 2 s, with noise. All structures are tried on it.
 
     Parameters
     ----------
@@ -27,6 +29,8 @@ def demo(*, seed: int = 0, workers: int = 1) -> Result:
         Seed of all random draws.
     workers : int
         Threads to simulate on.
+    progress : callable, optional
+        Called after every structure.
 
     Returns
     -------
@@ -43,5 +47,5 @@ def demo(*, seed: int = 0, workers: int = 1) -> Result:
             time="t",
             units={"t": "s", "torque": "N m", "velocity": "rad/s"},
         )
-    result = identify(recording, PAPER_EXPERIMENT.structure, seed=seed, workers=workers)
+    result = identify(recording, seed=seed, workers=workers, progress=progress)
     return replace(result, files={FILE: content})

@@ -11,7 +11,7 @@ import numpy as np
 
 from brightgrey import __version__, estimation
 from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
-from brightgrey.api.searching import Found, find
+from brightgrey.api.searching import Found, Wish, find
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.onset import check_initial
@@ -26,12 +26,16 @@ from brightgrey.export.ranking import Row, ranking_csv
 from brightgrey.export.trace import Trace, pooled_fit
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording
+from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import GeneticSettings, Progress
+from brightgrey.search.survey import Stage
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["Result", "identify"]
+
+_PATIENCE, _PATIENCE_FOUND = 4, 0  # a search has looked everywhere already
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,8 @@ class Result:
         Repairs of the recordings, and assumptions about them.
     fit : Fit
         The estimation in detail: start points and where they ended, all in SI.
+    evidence : Evidence or None
+        After an exhaustive search: what the recording says about every effect, in words and numbers.
     files : mapping of str to bytes
         Further files that :meth:`write` puts beside the results.
     profiles : tuple of Profile
@@ -63,6 +69,7 @@ class Result:
     fit: Fit = field(repr=False)
     files: Mapping[str, bytes] = field(default_factory=dict, repr=False)
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
+    evidence: Evidence | None = field(default=None, repr=False)
 
     def residuals(self) -> Mapping[tuple[str, str], Residuals]:
         """Correlations of the residuals with themselves and with the input, by recording and output.
@@ -118,8 +125,10 @@ def identify(
     recordings: Recording | Sequence[Recording],
     structure: Structure | str | None = None,
     *,
-    search: GeneticSettings | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    search: Literal["auto", "exhaustive"] | GeneticSettings | None = None,
+    require: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    progress: Callable[[Stage | Progress], None] | None = None,
     bounds: Mapping[str, Range] | None = None,
     fixed: Mapping[str, float] | None = None,
     f_tanh: float | None = None,
@@ -143,10 +152,13 @@ def identify(
         From :func:`read_recording`. Several are fitted jointly, each with its own initial state.
     structure : Structure or str, optional
         Effects in the model, e.g. ``"two_mass+coulomb+viscous"``.
-    search : GeneticSettings, optional
-        How to search where no structure is given: genetic programming, the paper's settings by default.
+    search : {'auto', 'exhaustive'} or GeneticSettings, optional
+        How to search where no structure is given: all structures of the grammar, with evidence for every effect, or
+        genetic programming. ``auto`` (the default) takes all while that lasts minutes at most.
+    require, exclude : sequence of str
+        Effects that every structure of an exhaustive search has, or that none has; masses count cumulatively.
     progress : callable, optional
-        Called after every generation of the search. Ctrl-C ends the search with the best so far.
+        Called after every structure or generation of the search. Ctrl-C ends a genetic search with the best so far.
     bounds : mapping of str to (low, high), optional
         Ranges by parameter, in the recording's units.
     fixed : mapping of str to float, optional
@@ -205,18 +217,20 @@ def identify(
     if structure is None:
         if start is not None:
             raise SettingsError("a start model was given without a structure; a search draws its starts itself")
-        found = find(
-            several,
-            search or GeneticSettings(),
-            bounds=bounds or {},
-            fixed=fixed or {},
-            f_tanh=f_tanh,
-            seed=seed,
-            workers=workers,
-            progress=progress,
+        wish = Wish(
+            search or "auto",
+            tuple(require),
+            tuple(exclude),
+            bounds or {},
+            fixed or {},
+            f_tanh,
+            seed,
+            workers,
+            progress,
         )
+        found = find(several, wish)
         structure, bounds, fixed = found.structure, found.own(bounds), found.own(fixed)
-    elif search is not None:
+    elif search is not None or require or exclude:
         raise SettingsError("a structure and a search were given; do one of them")
     checked = PAPER.check(Structure.parse(structure) if isinstance(structure, str) else structure)
     ranges = bounds_si(checked, bounds or {}, units)
@@ -229,6 +243,7 @@ def identify(
         f_tanh=None if f_tanh is None else f_tanh_si(f_tanh, units),
         start=found.values if found else start_si(checked, start, units, constants),
         starts=starts,
+        patience=_PATIENCE_FOUND if found else _PATIENCE,
         seed=seed,
         level=level,
         estimator=check_estimator(estimator),
@@ -282,6 +297,7 @@ def _result(
         seed=seed,
         version=__version__,
         profiles=profiles,
+        evidence=found.evidence if found else None,
     )
     row = Row(
         structure=str(fit.structure),
@@ -296,8 +312,8 @@ def _result(
         ranking, notes = (first, *found.ranking[1:]), (*notes, found.note)
     else:
         ranking = (row,)
-    files = found.files if found else {}
-    return Result(model, (*train, *unseen), ranking, notes, fit, files, profiles)
+    files, evidence = (found.files, found.evidence) if found else ({}, None)
+    return Result(model, (*train, *unseen), ranking, notes, fit, files, profiles, evidence)
 
 
 def _notes(recordings: Sequence[Recording]) -> tuple[str, ...]:

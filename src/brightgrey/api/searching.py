@@ -1,10 +1,11 @@
-"""From recordings to a structure by the genetic search."""
+"""From recordings to a structure: all structures one after the other, or the genetic search."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -16,64 +17,73 @@ from brightgrey.export.ranking import Row
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording
 from brightgrey.search import Identification
+from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import GeneticSettings, Progress, Run, history_csv
+from brightgrey.search.genetic.settings import OURS
 from brightgrey.search.repetition import run
+from brightgrey.search.survey import Stage, candidates, survey
 from brightgrey.simulation import Settings
 
-__all__ = ["Found", "find"]
+__all__ = ["Found", "Wish", "find"]
 
 T = TypeVar("T")
+AFFORDABLE = 448 * 20_000  # structures times samples: some minutes
 SHARPNESS = 100.0  # default f_tanh times the largest speed
 
 
 @dataclass(frozen=True)
 class Found:
-    """Best structure with its estimates (SI), the ranking of all that were tried, and every evaluation."""
+    """What a search found: a structure with its estimates (SI), the ranking of all that were tried, and why."""
 
     structure: Structure
     values: Mapping[str, float]
     ranking: tuple[Row, ...]
     criterion: CriterionPart
-    files: Mapping[str, bytes]
     note: str
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    evidence: Evidence | None = None
 
     def own(self, given: Mapping[str, T] | None) -> dict[str, T]:
         """Those of `given` that are about a parameter of the structure."""
         return {name: value for name, value in (given or {}).items() if name in self.structure.parameters}
 
 
-def find(
-    recordings: Sequence[Recording],
-    settings: GeneticSettings,
-    *,
-    bounds: Mapping[str, Range],
-    fixed: Mapping[str, float],
-    f_tanh: float | None,
-    seed: int,
-    workers: int,
-    progress: Callable[[Progress], None] | None,
-) -> Found:
-    """Search all structures of the paper's grammar on `recordings`.
+@dataclass(frozen=True)
+class Wish:
+    """What is asked of a search, in the recording's units.
 
-    Parameters
+    Attributes
     ----------
-    recordings : sequence of Recording
-        Of one drive, with the same outputs.
-    settings : GeneticSettings
-    bounds : mapping of str to (low, high)
-        In the recording's units, by names of parameters of any structure.
-    fixed : mapping of str to float
-        In the recording's units.
+    how : {'auto', 'exhaustive'} or GeneticSettings
+        ``auto`` is exhaustive while that takes minutes at most, else genetic.
+    require, exclude : tuple of str
+        Effects.
+    bounds, fixed : mapping
+        By names of parameters of any structure.
     f_tanh : float or None
-        In the recording's units.
     seed, workers : int
     progress : callable or None
-        Called after every generation.
+        Called after every structure (`Stage`) or generation (`Progress`).
+    """
+
+    how: Literal["auto", "exhaustive"] | GeneticSettings
+    require: tuple[str, ...]
+    exclude: tuple[str, ...]
+    bounds: Mapping[str, Range]
+    fixed: Mapping[str, float]
+    f_tanh: float | None
+    seed: int
+    workers: int
+    progress: Callable[[Stage | Progress], None] | None
+
+
+def find(recordings: Sequence[Recording], wish: Wish) -> Found:
+    """Search the structures of the paper's grammar on `recordings`, which are of one drive and have the same outputs.
 
     Raises
     ------
     SettingsError
-        For wrong bounds and values, or if no structure could be simulated.
+        For wrong bounds, values and effects, or if no structure could be simulated.
     """
     units = recordings[0].units
     widest = max(PAPER.structures(), key=lambda s: len(s.parameters))
@@ -82,15 +92,58 @@ def find(
         recordings=tuple(recordings),
         scales=known,
         settings=Settings(
-            f_tanh=SHARPNESS / known.speed if f_tanh is None else f_tanh_si(f_tanh, units),
+            f_tanh=SHARPNESS / known.speed if wish.f_tanh is None else f_tanh_si(wish.f_tanh, units),
             speed_scale=known.speed,
             level="fast",
             hold=recordings[0].hold,
         ),
-        bounds=bounds_si(widest, bounds, units),
-        fixed=fixed_si(widest, fixed, units),
+        bounds=bounds_si(widest, wish.bounds, units),
+        fixed=fixed_si(widest, wish.fixed, units),
     )
-    done = run(task, settings, seed, workers=workers, progress=progress)
+    structures = candidates(wish.require, wish.exclude)
+    if isinstance(wish.how, GeneticSettings):
+        if wish.require or wish.exclude:
+            raise SettingsError("--require and --exclude belong to the exhaustive search")
+        return _genetic(task, wish.how, wish)
+    affordable = len(structures) * sum(r.samples for r in recordings) <= AFFORDABLE
+    if wish.how == "exhaustive" or affordable or wish.require or wish.exclude:
+        return _exhaustive(task, structures, wish)
+    return _genetic(task, OURS, wish)
+
+
+def _exhaustive(task: Identification, structures: Sequence[Structure], wish: Wish) -> Found:
+    with ThreadPoolExecutor(wish.workers) as pool:
+        done = survey(task, structures, seed=wish.seed, executor=pool, progress=wish.progress)
+    best = done.best
+    factors = np.array([signal.factor for signal in task.recordings[0].outputs])
+    weights = task.weights(best.structure)
+    rows = tuple(
+        Row(
+            structure=str(r.structure),
+            n_parameters=r.free,
+            rss=float(np.sum(r.misfit.rss * (factors / weights) ** 2)),
+            fit_percent=r.misfit.fit_percent,
+            criterion=r.criterion,
+            tied=r.tied,
+        )
+        for r in done.ranking
+    )
+    count = len(done.evidence.minimal)
+    note = f"all {len(structures)} structures tried; {count} minimal {'ones' if count > 1 else 'one'}"
+    if len(structures) == 1:
+        note = "one structure tried"
+    return Found(
+        structure=best.structure,
+        values=best.values,
+        ranking=rows,
+        criterion=CriterionPart(name="BIC", value=done.ranking[0].criterion),
+        note=note,
+        evidence=done.evidence,
+    )
+
+
+def _genetic(task: Identification, settings: GeneticSettings, wish: Wish) -> Found:
+    done = run(task, settings, wish.seed, workers=wish.workers, progress=wish.progress)
     best = done.best
     if not best.value > float("-inf") or not best.result.misfit.fit_percent > float("-inf"):
         raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")

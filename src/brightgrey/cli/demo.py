@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from brightgrey.cli.options import Json, Quiet, Seed, Workers
+from brightgrey.cli.options import CORES, Json, Quiet, Seed, Workers
 
 __all__ = ["demo"]
 
@@ -15,7 +15,7 @@ __all__ = ["demo"]
 def demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("demo"),
     seed: Seed = 0,
-    workers: Workers = 1,
+    workers: Workers = CORES,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -23,13 +23,13 @@ def demo(
 
     Writes report.html, model.json, ranking.csv, fit.png and recording.csv to DIR.
     """
-    from brightgrey.cli import show
+    from brightgrey.cli import live, show
     from brightgrey.export.files import check_folder
 
     check_folder(out)
     from brightgrey import api
 
-    with show.working("identifying the demo's drive", silent=quiet or json):
-        result = api.demo(seed=seed, workers=workers)
+    with live.steps("demo", silent=quiet or json) as display:
+        result = api.demo(seed=seed, workers=workers, progress=lambda step: display(step, "demo"))
         result.write(out)
     show.result(result, out, quiet=quiet, json=json)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from brightgrey.cli import genetic, options
-from brightgrey.cli.options import Json, Quiet, Seed, Step, Time, Unit, Workers
+from brightgrey.cli.options import CORES, Json, Quiet, Seed, Step, Time, Unit, Workers
 from brightgrey.errors import SettingsError, unknown_name
 
 if TYPE_CHECKING:
     from brightgrey.search.genetic import Progress
+    from brightgrey.search.survey import Stage
 
 __all__ = ["identify"]
+
+SEARCHES = ("auto", "exhaustive", "genetic")
 
 Recordings = Annotated[list[Path], typer.Argument(metavar="RECORDING…", help="CSV or MAT files, one or more.")]
 Input = Annotated[str, typer.Option("--input", metavar="NAME", help="Column of the input: torque, force, voltage …")]
@@ -73,7 +76,20 @@ Test = Annotated[
 ]
 Search = Annotated[
     str | None,
-    typer.Option("--search", metavar="genetic", help="Search for the structure, by genetic programming."),
+    typer.Option(
+        "--search",
+        metavar="auto|exhaustive|genetic",
+        help="How the structure is searched for if none is named: all of them, with evidence, or genetic "
+        "programming. auto (the default) tries all while that takes minutes at most.",
+    ),
+]
+Require = Annotated[
+    list[str] | None,
+    typer.Option("--require", metavar="EFFECT", help="Every structure searched has this effect. May be repeated."),
+]
+Exclude = Annotated[
+    list[str] | None,
+    typer.Option("--exclude", metavar="EFFECT", help="No structure searched has this effect. May be repeated."),
 ]
 Profile = Annotated[
     list[str] | None,
@@ -101,6 +117,8 @@ def identify(
     output: Output,
     structure: StructureOption = None,
     search: Search = None,
+    require: Require = None,
+    exclude: Exclude = None,
     setting: genetic.Setting = "paper",
     population: genetic.Population = None,
     generations: genetic.Generations = None,
@@ -127,7 +145,7 @@ def identify(
     profile: Profile = None,
     initial: Begin = "auto",
     seed: Seed = 0,
-    workers: Workers = 1,
+    workers: Workers = CORES,
     out: Out = Path("out"),
     quiet: Quiet = False,
     json: Json = False,
@@ -145,14 +163,14 @@ def identify(
     from brightgrey.recordings.recording import check_hold
 
     check_folder(out)
-    chosen = _structure(structure, search)
-    how = (genetic.settings if search else genetic.refuse)(
+    chosen = _structure(structure, search, (*(require or ()), *(exclude or ())))
+    settings = (genetic.settings if search == "genetic" else genetic.refuse)(
         setting,
         mutation,
         population=population,
         generations=generations,
         iterations=iterations,
-        estimator=estimator if search else None,
+        estimator=None if chosen else estimator,
         criterion=criterion,
         p_clone=p_clone,
         k_p=k_p,
@@ -185,7 +203,9 @@ def identify(
         result = api.identify(
             [read(file) for file in recordings],
             chosen,
-            search=how,
+            search=settings or search,  # type: ignore[arg-type]
+            require=require or (),
+            exclude=exclude or (),
             progress=progress,
             bounds=ranges,
             fixed=constants,
@@ -203,32 +223,30 @@ def identify(
 
 
 @contextmanager
-def _display(structure: str | None, *, silent: bool) -> Iterator[Callable[[Progress], None] | None]:
-    """Say on the terminal what is going on; gives what a search reports its generations to."""
+def _display(structure: str | None, *, silent: bool) -> Iterator[Callable[[Stage | Progress], None] | None]:
+    """Say on the terminal what is going on; gives what a search reports its steps to."""
     from brightgrey.cli import live, show
 
     if structure is not None:
         with show.working(f"estimating the parameters of {structure}", silent=silent):
             yield None
         return
-    with live.generations("structure search", silent=silent) as display:
+    with live.steps("structure search", silent=silent) as display:
         yield lambda step: display(step, "structure search")
 
 
-def _structure(text: str | None, search: str | None) -> str | None:
+def _structure(text: str | None, search: str | None, effects: Sequence[str]) -> str | None:
     """Refuse what is no structure, and no search, before any file is read."""
     from brightgrey.kit import PAPER
+    from brightgrey.search.survey import candidates
 
-    if search is not None:
-        if text is not None:
-            raise SettingsError("--structure and --search exclude each other")
-        if search != "genetic":
-            raise SettingsError(unknown_name("search", search, ("genetic",)))
-        return None
-    if text is None:
-        smallest = next(PAPER.structures())
-        raise SettingsError(
-            f"option --structure is needed, for example --structure {smallest}, or --search genetic;"
-            " 'brightgrey effects' lists the effects"
-        )
-    return str(PAPER.parse(text))
+    if text is not None:
+        if search is not None or effects:
+            raise SettingsError("--structure excludes --search, --require and --exclude")
+        return str(PAPER.parse(text))
+    if search not in (None, *SEARCHES):
+        raise SettingsError(unknown_name("search", search, SEARCHES))
+    if search == "genetic" and effects:
+        raise SettingsError("--require and --exclude belong to the exhaustive search")
+    candidates(effects)
+    return None

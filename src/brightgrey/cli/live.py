@@ -1,7 +1,8 @@
-"""Where a genetic search stands, live on a terminal's stderr."""
+"""Where a search stands, live on a terminal's stderr."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -9,13 +10,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from brightgrey.search.genetic import Progress as Step
+from brightgrey.search.survey import Stage
 
-__all__ = ["generations"]
+__all__ = ["steps"]
 
 
 @contextmanager
-def generations(what: str, *, silent: bool) -> Iterator[Callable[[Step, str], None]]:
-    """Show generation, best structure, its fit and the time left; Ctrl-C ends the search with the best so far.
+def steps(what: str, *, silent: bool) -> Iterator[Callable[[Stage | Step, str], None]]:
+    """Show how far a search has come, the best structure and the time left; Ctrl-C ends a genetic one with the best.
 
     Yields a function of a step and a word on what is being searched.
     """
@@ -31,18 +33,21 @@ def generations(what: str, *, silent: bool) -> Iterator[Callable[[Step, str], No
         TextColumn("{task.fields[best]}", markup=False),
     )
     with Progress(*columns, console=console, transient=True) as progress:
-        start = f"{what} (the first run after installation compiles for some seconds; Ctrl-C keeps the best so far)"
+        start = f"{what} (the first run after installation compiles for some seconds)"
         task = progress.add_task(start, total=None, left="", best="")
 
-        def show(step: Step, about: str) -> None:
-            best = f"{step.best.job.structure}  fit {step.fit_percent:.2f} %"
-            progress.update(
-                task,
-                description=f"{about}: generation",
-                total=step.generations,
-                completed=step.generation,
-                left=f"{step.seconds_left:.0f} s left",
-                best=best,
-            )
+        begun = time.monotonic()
+
+        def show(step: Stage | Step, about: str) -> None:
+            if isinstance(step, Stage):
+                passed = time.monotonic() - begun
+                left = "" if step.total is None else f"{passed * (step.total - step.done) / step.done:.0f} s left"
+                shown = (f"{about}: {step.name}", step.total, step.done, left, str(step.structure))
+            else:
+                best = f"{step.best.job.structure}  fit {step.fit_percent:.2f} %"
+                left = f"{step.seconds_left:.0f} s left; Ctrl-C keeps the best so far"
+                shown = (f"{about}: generation", step.generations, step.generation, left, best)
+            description, total, done, left, best = shown
+            progress.update(task, description=description, total=total, completed=done, left=left, best=best)
 
         yield show

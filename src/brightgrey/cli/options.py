@@ -6,6 +6,7 @@ Every refusal says what came and what is wanted.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable
 from typing import Annotated
 
@@ -14,6 +15,7 @@ import typer
 from brightgrey.errors import SettingsError
 
 __all__ = [
+    "CORES",
     "Json",
     "Quiet",
     "Seed",
@@ -32,7 +34,11 @@ __all__ = [
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Seed of all random draws.")]
-Workers = Annotated[int, typer.Option("--workers", min=1, metavar="N", help="Threads to simulate on.")]
+CORES = os.cpu_count() or 1
+Workers = Annotated[
+    int,
+    typer.Option("--workers", min=1, metavar="N", help="Threads to simulate on. Results do not depend on it."),
+]
 Time = Annotated[
     str | None, typer.Option("--time", metavar="NAME", help="Column of time. Found where its name says it.")
 ]

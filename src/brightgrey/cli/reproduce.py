@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from brightgrey.cli import genetic
-from brightgrey.cli.options import Json, Quiet, Seed, Workers
+from brightgrey.cli.options import CORES, Json, Quiet, Seed, Workers
 
 __all__ = ["reproduce"]
 
@@ -27,7 +27,7 @@ def reproduce(
     elite: genetic.Elite = None,
     fresh: genetic.Fresh = None,
     seed: Seed = 0,
-    workers: Workers = 1,
+    workers: Workers = CORES,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("reproduction"),
     quiet: Quiet = False,
     json: Json = False,
@@ -56,7 +56,7 @@ def reproduce(
     check_folder(out)
     from brightgrey.api.reproduction import reproduce as repeat
 
-    with live.generations("reference drive", silent=quiet or json) as display:
+    with live.steps("reference drive", silent=quiet or json) as display:
         done = repeat(
             chosen,
             seeds=seeds,

@@ -19,10 +19,13 @@ from rich.text import Text
 if TYPE_CHECKING:
     from brightgrey.api import Result, Simulation
     from brightgrey.api.reproduction import Reproduction
+    from brightgrey.export.ranking import Row
     from brightgrey.report.tables import FitRow
+    from brightgrey.search.evidence import Evidence
 
 __all__ = ["as_json", "effects", "reproduction", "result", "simulation", "working"]
 
+_TOP = 10  # structures of the ranking that are shown
 PIPED_WIDTH = 120  # nobody's window: wide enough that no row is folded
 
 
@@ -68,6 +71,9 @@ def result(found: Result, folder: Path, *, quiet: bool, json: bool) -> None:
     console.print()
     _fits(console, fit_rows(found.model))
     console.print()
+    if found.evidence is not None:
+        _evidence(console, found.evidence)
+        _top(console, found.ranking)
     for text in (sentence(found.model.outcome.text), *remarks(found.model), *found.notes):
         _bullet(console, text)
     names = ", ".join(found.names)
@@ -154,6 +160,31 @@ def _fits(console: Console, rows: Sequence[FitRow]) -> None:
     for row in rows:
         table.add_row(row.output, *([row.on] if several else []), row.fit_percent, row.rmse, row.unit)
     console.print(table)
+
+
+def _evidence(console: Console, evidence: Evidence) -> None:
+    """Verdict on every effect, and the minimal structures if there are several."""
+    table = _table("effect", "verdict", "reason")
+    styles = {"needed": "bold", "not decidable": "yellow"}
+    for card in evidence.cards:
+        table.add_row(card.effect, card.verdict, card.reason, style=styles.get(card.verdict))
+    console.print(table)
+    console.print()
+    if len(evidence.minimal) > 1:
+        names = "; ".join(str(j.structure) for j in evidence.minimal)
+        _bullet(console, f"the recording cannot tell these minimal structures apart: {names}")
+        console.print()
+
+
+def _top(console: Console, ranking: Sequence[Row]) -> None:
+    """The first structures of the ranking."""
+    table = _table("rank >", "structure", "parameters >", "fit/% >", "BIC >", "tied")
+    for rank, row in enumerate(ranking[:_TOP], 1):
+        value = "-" if row.criterion is None else f"{row.criterion:.1f}"
+        cells = (str(row.n_parameters), f"{row.fit_percent:.3f}", value, "yes" if row.tied else "")
+        table.add_row(str(rank), row.structure, *cells)
+    console.print(table)
+    console.print()
 
 
 def _bullet(console: Console, text: str) -> None:

@@ -18,10 +18,12 @@ from brightgrey.export.parts import (
     ProfilePart,
     SettingsPart,
     SignalPart,
+    TiesPart,
     ValuePart,
 )
 from brightgrey.kit import assemble
 from brightgrey.recordings import Recording, Units
+from brightgrey.search.evidence import Evidence
 
 __all__ = ["model_of"]
 
@@ -37,6 +39,7 @@ def model_of(
     seed: int,
     version: str,
     profiles: Sequence[Profile] = (),
+    evidence: Evidence | None = None,
 ) -> Model:
     """Model of a fit.
 
@@ -56,6 +59,8 @@ def model_of(
         Of brightgrey.
     profiles : sequence of Profile
         Of some parameters, in SI.
+    evidence : Evidence, optional
+        Of a search.
 
     Returns
     -------
@@ -77,8 +82,8 @@ def model_of(
         initial_state=_initial_states(fit, recordings, units),
         fit=FitPart(train=train, test=test),
         criterion=criterion,
-        evidence=None,
-        ties=None,
+        evidence=None if evidence is None else {card.effect: card.verdict for card in evidence.cards},
+        ties=None if evidence is None else _ties(evidence),
         outcome=OutcomePart(
             kind=fit.outcome.kind,
             text=fit.outcome.text,
@@ -89,6 +94,10 @@ def model_of(
         seed=seed,
         version=version,
     )
+
+
+def _ties(evidence: Evidence) -> TiesPart:
+    return TiesPart(minimal=tuple(str(j.structure) for j in evidence.minimal), optional=evidence.optional)
 
 
 def _profile(found: Profile, factor: float) -> ProfilePart:

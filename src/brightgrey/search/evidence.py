@@ -21,7 +21,7 @@ from brightgrey.search.identification import Identification
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import contains, effects_of, extensions, ladder_of, simpler
 
-__all__ = ["Card", "Evidence", "weigh"]
+__all__ = ["Card", "Evidence", "has", "weigh"]
 
 Verdict = Literal["needed", "not needed", "not decidable"]
 LEVEL = 0.02  # chance of calling for an effect that is not there
@@ -69,14 +69,17 @@ class Evidence:
     optional : tuple of str
         Effects that this recording could not have shown, in any of the minimal structures.
     cards : tuple of Card
-    criterion : mapping of Structure to float
-        Of all structures that were refitted; less is better.
+    judged : mapping of Structure to Judged
+        All structures that were refitted.
+    independent : float
+        Number of independent samples that the residuals are worth.
     """
 
     minimal: tuple[Judged, ...]
     optional: tuple[str, ...]
     cards: tuple[Card, ...]
-    criterion: Mapping[Structure, float]
+    judged: Mapping[Structure, Judged]
+    independent: float
 
 
 def weigh(
@@ -102,13 +105,12 @@ def weigh(
     structures = [j.structure for j in minimal]
     effects = _all_effects(fitted)
     shown = {
-        s: {e: scale.shown(s, e) and not scale.gain(s, e) > _NOTABLE for e in effects if not _has(s, e)}
+        s: {e: scale.shown(s, e) and not scale.gain(s, e) > _NOTABLE for e in effects if not has(s, e)}
         for s in structures
     }
     optional = tuple(e for e in effects if any(e in of and not of[e] for of in shown.values()))
     cards = tuple(scale.card(e, structures, optional) for e in effects)
-    criterion = {s: scale.criterion(j) for s, j in scale.bench.judged.items()}
-    return Evidence(tuple(minimal), optional, cards, criterion)
+    return Evidence(tuple(minimal), optional, cards, dict(scale.bench.judged), _independent(scale))
 
 
 @dataclass
@@ -194,14 +196,14 @@ class _Scale:
 
     def card(self, effect: str, minimal: Sequence[Structure], optional: Collection[str]) -> Card:
         """Evidence for one effect, with the refits that it rests on."""
-        having = [s for s in minimal if _has(s, effect)]
+        having = [s for s in minimal if has(s, effect)]
         best = minimal[0]
-        loss = self.loss(best, effect) if _has(best, effect) else None
-        gain = None if _has(best, effect) else self.gain(best, effect)
+        loss = self.loss(best, effect) if has(best, effect) else None
+        gain = None if has(best, effect) else self.gain(best, effect)
         if len(having) == len(minimal):
             grows = "no structure without it fits"
             if loss is not None:
-                grows = f"without it the residual grows by {100.0 * loss:.3g} %"
+                grows = f"without it the residual is {1.0 + loss:.3g} times as large"
             return Card(effect, "needed", loss, gain, grows)
         if having:
             others = next(s for s in minimal if s not in having)
@@ -227,7 +229,7 @@ def _all_effects(structures: Collection[Structure]) -> list[str]:
     return [str(p) for p in sorted(placed, key=lambda p: (p.effect.number, p.name, p.place))]
 
 
-def _has(structure: Structure, effect: str) -> bool:
+def has(structure: Structure, effect: str) -> bool:
     """Whether the structure has the effect; it has all ladders up to its own."""
     masses = Placed.parse(effect).effect.masses
     return ladder_of(structure).effect.masses >= masses if masses else effect in structure.names

@@ -1,0 +1,184 @@
+"""Every structure of a grammar on the same recordings, ranked, with the evidence for every effect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.kit import PAPER, Grammar, Placed, Structure
+from brightgrey.search.comparison import Judged
+from brightgrey.search.criteria import Misfit
+from brightgrey.search.evidence import Evidence, has, weigh
+from brightgrey.search.exhaustive import Fitted, Options, fit_all
+from brightgrey.search.identification import Identification
+from brightgrey.search.lattice import contains, extensions
+
+__all__ = ["Ranked", "Stage", "Survey", "candidates", "survey"]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Where a survey stands: what is done, how much of it, and the best structure so far."""
+
+    name: str
+    done: int
+    total: int | None
+    structure: Structure
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A structure in its place.
+
+    Attributes
+    ----------
+    structure : Structure
+    free : int
+        Number of estimated parameters.
+    misfit : Misfit
+        At the level of the search; of those that were refitted, at the accurate one.
+    criterion : float
+        Bayesian information criterion with the number of independent samples; less is better.
+    tied : bool
+        Minimal, or minimal with one optional effect.
+    """
+
+    structure: Structure
+    free: int
+    misfit: Misfit
+    criterion: float
+    tied: bool
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Result of :func:`survey`.
+
+    Attributes
+    ----------
+    ranking : tuple of Ranked
+        Minimal structures first, then by the criterion.
+    evidence : Evidence
+    fitted : mapping of Structure to Fitted
+    """
+
+    ranking: tuple[Ranked, ...]
+    evidence: Evidence
+    fitted: Mapping[Structure, Fitted]
+
+    @property
+    def best(self) -> Judged:
+        """The minimal structure with the best criterion."""
+        return self.evidence.minimal[0]
+
+
+def candidates(
+    require: Sequence[str] = (), exclude: Sequence[str] = (), grammar: Grammar = PAPER
+) -> tuple[Structure, ...]:
+    """Structures of a grammar that have all required effects and none of the excluded ones.
+
+    Parameters
+    ----------
+    require, exclude : sequence of str
+        Placed effects. Masses count cumulatively: with two masses required there are at least two, with three
+        excluded at most two.
+    grammar : Grammar
+
+    Raises
+    ------
+    SettingsError
+        For an effect that the grammar has not, or if nothing is left.
+    """
+    known = {str(Placed(name, place)) for name, places in grammar.places.items() for place in places}
+    for name in (*require, *exclude):
+        if name not in known:
+            raise SettingsError(unknown_name("effect", name, sorted(known)))
+    for name in exclude:
+        if Placed.parse(name).effect.masses == 1:
+            raise SettingsError(f"'{name}' cannot be excluded: every structure has one mass at least")
+    left = tuple(
+        s for s in grammar.structures() if all(has(s, r) for r in require) and not any(has(s, e) for e in exclude)
+    )
+    if not left:
+        raise SettingsError(f"no structure has {', '.join(require)} and lacks {', '.join(exclude)}")
+    return left
+
+
+def survey(
+    task: Identification,
+    structures: Sequence[Structure],
+    *,
+    options: Options | None = None,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Callable[[Stage], None] | None = None,
+) -> Survey:
+    """Fit all `structures` and weigh them.
+
+    Parameters
+    ----------
+    task : Identification
+    structures : sequence of Structure
+    options : Options, optional
+        Of the fits.
+    seed : int
+    executor : concurrent.futures.Executor, optional
+        The result does not depend on it.
+    progress : callable, optional
+        Called whenever a structure is done.
+
+    Raises
+    ------
+    SettingsError
+        If no structure could be simulated.
+    """
+    count, least = 0, np.inf
+    leader = structures[0]
+
+    def fitted_one(f: Fitted) -> None:
+        nonlocal count, least, leader
+        count += 1
+        if f.cost < least:
+            least, leader = f.cost, f.structure
+        if progress is not None:
+            progress(Stage("structures", count, len(structures), leader))
+
+    fitted = fit_all(task, structures, options=options, seed=seed, executor=executor, progress=fitted_one)
+    if not np.isfinite(least):
+        raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
+    examined = 0
+
+    def weighed_one(structure: Structure) -> None:
+        nonlocal examined
+        examined += 1
+        if progress is not None:
+            progress(Stage("evidence", examined, None, structure))
+
+    evidence = weigh(task, fitted, seed=seed, progress=weighed_one)
+    return Survey(_ranking(task, fitted, evidence), evidence, fitted)
+
+
+def _ranking(task: Identification, fitted: Mapping[Structure, Fitted], evidence: Evidence) -> tuple[Ranked, ...]:
+    minimal = [j.structure for j in evidence.minimal]
+    tied = set(minimal)
+    for s in minimal:
+        tied.update(e for e in extensions(s, fitted) if any(has(e, o) and not has(s, o) for o in evidence.optional))
+    samples = sum(r.samples for r in task.recordings) * len(task.recordings[0].outputs)
+    ranked = []
+    for s, f in fitted.items():
+        judged = evidence.judged.get(s)
+        cost, values = (judged.cost, judged.values) if judged is not None else (f.cost, f.values)
+        shown = s
+        if judged is None and f.idle:  # it fits as well as one without them, with their values it does not
+            shown = next(t for t, g in fitted.items() if not g.idle and g.cost == f.cost and contains(s, t))
+            values = fitted[shown].values
+        (misfit,) = task.misfits(shown, {name: np.array([values[name]]) for name in shown.parameters})
+        value = evidence.independent * np.log(max(cost, 1e-300) / samples) + f.free * np.log(evidence.independent)
+        ranked.append(Ranked(s, f.free, misfit, float(value), s in tied))
+    place = {s: i for i, s in enumerate(minimal)}
+    ranked.sort(key=lambda r: (place.get(r.structure, len(place)), r.criterion, str(r.structure)))
+    return tuple(ranked)
