@@ -13,16 +13,22 @@ from brightgrey.simulation.propagators import mode_matrix, taylor_series
 __all__ = ["kinks"]
 
 
+_KEPT = 3  # beginnings of a tick that are kept: spans end at thirds of it
+
+
 @inner
-def _response(shape: Any, plant: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any, p: Any) -> None:
-    """Effect p of a ramp of unit slope (held input: a unit jump) on the state, `span` seconds after its begin."""
+def _begin(shape: Any, plant: Any, mode: Any, rest: Any, tick: Any, work: Any, lane: Any, p: Any, kept: Any) -> None:
+    """Effect p of the ramp (jump) on the state, `rest` seconds after its begin: less than a tick."""
     n = shape.n
-    width = n + 4 + 2 * shape.channels
+    for slot in range(_KEPT):
+        known = skip(kept, slot * (n + 1))
+        if abs(get(known, n, lane) - rest) <= 1e-9 * tick:
+            for i in range(n):
+                put(p, i, lane, get(known, i, lane))
+            return
     A = work.scratch
     mode_matrix(shape, plant, mode, A, lane)
     b0, b1 = skip(work.scratch, n * n), skip(work.scratch, n * n + n)
-    whole = int(span / tick)
-    rest = max(span - whole * tick, 0.0)
     for i in range(n):
         put(p, i, lane, 0.0)
     time = 0.0
@@ -36,6 +42,23 @@ def _response(shape: Any, plant: Any, mode: Any, span: Any, tick: Any, work: Any
         for i in range(n):
             put(p, i, lane, polynomial(n, work.series, A, 0, i, s, lane))
         time += s
+    for slot in range(_KEPT):
+        known = skip(kept, slot * (n + 1))
+        if get(known, n, lane) < 0.0:
+            put(known, n, lane, rest)
+            for i in range(n):
+                put(known, i, lane, get(p, i, lane))
+            return
+
+
+@inner
+def _response(shape: Any, plant: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any, p: Any, kept: Any) -> None:
+    """Effect p of a ramp of unit slope (held input: a unit jump) on the state, `span` seconds after its begin."""
+    n = shape.n
+    width = n + 4 + 2 * shape.channels
+    whole = int(span / tick + 1e-9)
+    rest = max(span - whole * tick, 0.0)
+    _begin(shape, plant, mode, rest, tick, work, lane, p, kept)
     time = rest
     q = skip(work.scratch, n * n + 2 * n)
     rows = table_rows(n, shape.channels, shape.limits)
@@ -71,6 +94,7 @@ def kinks(block: Any) -> None:
     width = n + 4 + 2 * m
     ticks = 1 << shape.ticks
     p = skip(work.scratch, n * n + 3 * n)
+    kept = skip(work.scratch, n * n + 6 * n)
     rows = table_rows(n, m, shape.limits)
     for lane in range(LANES):
         knot = get(plant.delay, 1, lane) * ticks * shape.base_steps
@@ -78,15 +102,17 @@ def kinks(block: Any) -> None:
             continue
         knot -= int(knot / ticks) * ticks
         for mode in range(1 << shape.limits):
+            for slot in range(_KEPT):
+                put(skip(kept, slot * (n + 1)), n, lane, -1.0)
             for level in range(shape.ticks + 1):
                 size = 1 << level
                 table = skip(work.tables, (mode * (shape.ticks + 1) + level) * rows)
                 after = size - (knot - int(knot / size) * size)  # ticks from the knot to the end of the step
-                _response(shape, plant, mode, after * tick, tick, work, lane, p)
+                _response(shape, plant, mode, after * tick, tick, work, lane, p, kept)
                 for i in range(n):
                     put(table, i * width + n + 3 + 2 * m, lane, get(p, i, lane))
                 span = max(after - size * (2.0 / 3.0), 0.0) * tick
-                _response(shape, plant, mode, span, tick, work, lane, p)
+                _response(shape, plant, mode, span, tick, work, lane, p, kept)
                 at = end_rows(n, m) + n + 3 + 2 * m
                 for k in range(m):
                     seen = get(plant.K, k, lane) * (span if shape.hold == 1 else 1.0 if span > 0.0 else 0.0)

@@ -134,7 +134,7 @@ class Work(NamedTuple):
     error : error estimate of the last step, in units of speed
     drive : 3 rows: input at the start of a step, its slope, and the change of slope (or jump) inside
     plan : int array: level of the leader's step at each tick
-    series : Taylor coefficients; scratch : n (n + 6) rows and those of one series
+    series : Taylor coefficients; scratch : n (n + 9) rows, those of one series and 3
     build : matrices that tables are made of
     """
 
@@ -313,6 +313,6 @@ def work_for(shape: Shape) -> Work:
         drive=rows(3),
         plan=np.zeros(2**shape.ticks, np.int64),
         series=rows(SERIES_TERMS * n),
-        scratch=rows(6 * n + n * n + SERIES_TERMS),
+        scratch=rows(9 * n + n * n + SERIES_TERMS + 3),
         build=np.zeros((7, n * n + n * (3 + 2 * m), LANES)),
     )
