@@ -17,7 +17,7 @@ from brightgrey.export.symbols import traced
 from brightgrey.export.tools import program, run
 from brightgrey.export.trial import Trial
 
-__all__ = ["EXPORTER", "NAME", "engine", "sources"]
+__all__ = ["EXPORTER", "NAME", "engine", "filled", "header_words", "sources"]
 
 NAME = "drive"
 Array = NDArray[np.float64]
@@ -30,29 +30,32 @@ def engine(name: str) -> str:
 
 def sources(scheme: Scheme) -> dict[str, str]:
     """Text of ``drive.h`` and ``drive.c``."""
-    n, m, limits = scheme.n, scheme.m, len(scheme.limited)
-    states = ", ".join(f"{s.name} [{scheme.unit(s.dimension)}]" for s in scheme.system.states)
-    hold = "straight" if scheme.hold == "linear" else "held"
-    words = {
+    words = header_words(scheme) | {
+        "n": str(scheme.n),
+        "r": str(len(scheme.outputs)),
+        "m1": str(max(scheme.m, 1)),
+        "l1": str(max(len(scheme.limited), 1)),
+        "buffer": str(scheme.delay[0] + 2),
+        "laws": "\n\n".join(_law(i, e) for i, (e, _) in enumerate(scheme.low.smooth)) or "/* none */",
+        "dispatch": "\n".join(_case(scheme, k) for k in range(scheme.m)) or "    /* none */",
+        "data": _data(scheme, tables(scheme)),
+    }
+    return {f"{NAME}.h": filled(engine("engine.h"), words), f"{NAME}.c": filled(engine("engine.c"), words)}
+
+
+def header_words(scheme: Scheme) -> dict[str, str]:
+    """What every export says of its model."""
+    return {
         "title": scheme.title,
         "version": __version__,
         "name": NAME,
         "NAME": NAME.upper(),
         "dt": number(scheme.dt),
-        "hold": hold,
+        "hold": "straight" if scheme.hold == "linear" else "held",
         "input": f"{scheme.model.input.name} [{scheme.model.input.unit}]",
         "outputs": ", ".join(f"{o.name} [{o.unit}]" for o in scheme.outputs),
-        "states": states,
-        "n": str(n),
-        "r": str(len(scheme.outputs)),
-        "m1": str(max(m, 1)),
-        "l1": str(max(limits, 1)),
-        "buffer": str(scheme.delay[0] + 2),
-        "laws": "\n\n".join(_law(i, e) for i, (e, _) in enumerate(scheme.low.smooth)) or "/* none */",
-        "dispatch": "\n".join(_case(scheme, k) for k in range(m)) or "    /* none */",
-        "data": _data(scheme, tables(scheme)),
+        "states": ", ".join(f"{s.name} [{scheme.unit(s.dimension)}]" for s in scheme.system.states),
     }
-    return {f"{NAME}.h": filled(engine("engine.h"), words), f"{NAME}.c": filled(engine("engine.c"), words)}
 
 
 def filled(text: str, words: dict[str, str]) -> str:
