@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey import __version__
 from brightgrey.effects import Element
 from brightgrey.export.exporter import Exporter, Verified
 from brightgrey.export.languages import C, assignments, number
@@ -47,7 +46,7 @@ def header_words(scheme: Scheme) -> dict[str, str]:
     """What every export says of its model."""
     return {
         "title": scheme.title,
-        "version": __version__,
+        "version": scheme.model.version,
         "name": NAME,
         "NAME": NAME.upper(),
         "dt": number(scheme.dt),

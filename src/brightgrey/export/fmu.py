@@ -134,7 +134,9 @@ def _variables(scheme: Scheme, into: ElementTree.Element) -> set[str]:
 
     def add(name: str, about: str, unit: str | None, start: float | None = None, **kind: str) -> None:
         at = str(len(into))
-        variable = ElementTree.SubElement(into, "ScalarVariable", name=name, valueReference=at, description=about, **kind)
+        variable = ElementTree.SubElement(
+            into, "ScalarVariable", name=name, valueReference=at, description=about, **kind
+        )
         real = ElementTree.SubElement(variable, "Real")
         if unit:
             real.set("unit", unit)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from brightgrey.export.symbols import Expression, walk
 
-__all__ = ["C", "LATEX", "MATLAB", "MODELICA", "PYTHON", "Language", "assignments", "latex_name", "number", "written"]
+__all__ = ["LATEX", "MATLAB", "MODELICA", "PYTHON", "C", "Language", "assignments", "latex_name", "number", "written"]
 
 _BINDING = {">=": 1, ">": 1, "<=": 1, "<": 1, "==": 1, "+": 2, "-": 2, "neg": 2, "*": 3, "/": 3}
 _ATOM = 9

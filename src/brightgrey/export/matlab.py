@@ -147,4 +147,6 @@ def verify(folder: Path, scheme: Scheme, trial: Trial) -> Verified:
     return Verified(y, "GNU Octave")
 
 
-EXPORTER = Exporter("MAT file with all matrices and a readable function for MATLAB and GNU Octave", 1e-6, files_of, verify)
+EXPORTER = Exporter(
+    "MAT file with all matrices and a readable function for MATLAB and GNU Octave", 1e-6, files_of, verify
+)

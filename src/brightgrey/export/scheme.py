@@ -125,7 +125,9 @@ class Scheme:
         shown = self.model.units
         motion = next(base for base in _MOTIONS if parse_unit(base).dimension == parse_unit(shown.motion).dimension)
         names = (shown.input, *_INPUTS)
-        fitting = (u for u in map(parse_unit, names) if u.dimension == parse_unit(shown.input).dimension and u.si == 1.0)
+        fitting = (
+            u for u in map(parse_unit, names) if u.dimension == parse_unit(shown.input).dimension and u.si == 1.0
+        )
         found = next(fitting, None)
         return Units(found.text, motion) if found else None
 
