@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import platform
@@ -13,7 +14,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from brightgrey import __version__
 from brightgrey.export.c_code import NAME, engine, filled, sources
 from brightgrey.export.exporter import Exporter, Verified
 from brightgrey.export.languages import number
@@ -41,10 +41,8 @@ def files_of(scheme: Scheme) -> dict[str, bytes]:
     content["modelDescription.xml"] = _description(scheme, guid)
     folder = _FOLDERS.get((sys.platform, platform.machine()))
     if folder:
-        try:
+        with contextlib.suppress(MissingToolError):  # then sources only; verify says so
             content[f"binaries/{folder}/{NAME}.so"] = _compiled(content)
-        except MissingToolError:
-            pass  # sources only; verify says so
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as zipped:
         for name, data in sorted(content.items()):
@@ -68,7 +66,7 @@ def _words(scheme: Scheme) -> dict[str, str]:
     rest = [str(int(state.at_rest == "input")) for state in scheme.system.states]
     return {
         "title": scheme.title,
-        "version": __version__,
+        "version": scheme.model.version,
         "name": NAME,
         "NAME": NAME.upper(),
         "dt": number(scheme.dt),
@@ -96,7 +94,7 @@ def _description(scheme: Scheme, guid: str) -> bytes:
         modelName=scheme.title,
         guid=guid,
         description=scheme.title,
-        generationTool=f"brightgrey {__version__}",
+        generationTool=f"brightgrey {scheme.model.version}",
         variableNamingConvention="flat",
         numberOfEventIndicators="0",
     )
@@ -134,9 +132,8 @@ def _variables(scheme: Scheme, into: ElementTree.Element) -> set[str]:
 
     def add(name: str, about: str, unit: str | None, start: float | None = None, **kind: str) -> None:
         at = str(len(into))
-        variable = ElementTree.SubElement(
-            into, "ScalarVariable", name=name, valueReference=at, description=about, **kind
-        )
+        said = {"name": name, "valueReference": at, "description": about, **kind}
+        variable = ElementTree.SubElement(into, "ScalarVariable", said)
         real = ElementTree.SubElement(variable, "Real")
         if unit:
             real.set("unit", unit)
@@ -166,7 +163,7 @@ def _define(units: ElementTree.Element, text: str) -> None:
     powers = dict(unit.dimension)
     if set(powers) <= set(_BASES):
         exponents = {_BASES[base]: str(int(power)) for base, power in powers.items()}
-        ElementTree.SubElement(definition, "BaseUnit", **exponents, factor=number(unit.si))
+        ElementTree.SubElement(definition, "BaseUnit", {**exponents, "factor": number(unit.si)})
 
 
 def verify(folder: Path, scheme: Scheme, trial: Trial) -> Verified:

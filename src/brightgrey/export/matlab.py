@@ -31,7 +31,7 @@ def files_of(scheme: Scheme) -> dict[str, bytes]:
         "laws": laws,
     }
     content = io.BytesIO()
-    savemat(content, _numbers(scheme), oned_as="column")
+    savemat(content, _numbers(scheme), oned_as="column")  # type: ignore[arg-type]  # it takes streams too
     head = b"MATLAB 5.0 MAT-file, written by brightgrey".ljust(116)  # scipy writes the time of day there
     return {f"{NAME}.m": filled(engine("engine.m"), words).encode(), f"{NAME}.mat": head + content.getvalue()[116:]}
 
@@ -147,6 +147,4 @@ def verify(folder: Path, scheme: Scheme, trial: Trial) -> Verified:
     return Verified(y, "GNU Octave")
 
 
-EXPORTER = Exporter(
-    "MAT file with all matrices and a readable function for MATLAB and GNU Octave", 1e-6, files_of, verify
-)
+EXPORTER = Exporter("MAT file with all matrices and a function for MATLAB and GNU Octave", 1e-6, files_of, verify)

@@ -29,12 +29,7 @@ def files_of(scheme: Scheme) -> dict[str, bytes]:
     low = scheme.low
     names = names_of(scheme)
     whole, part = scheme.delay
-    limited = [
-        f"({state}, {number(low_end)}, {number(high_end)}, np.array({_list(scheme.rate(b))}), np.array({_list(column)}))"
-        for b, element in enumerate(scheme.limited)
-        for state, low_end, high_end in [scheme.limits(b)]
-        for column in [np.asarray(element.G).reshape(-1)]
-    ]
+    limited = [_limited(scheme, b) for b in range(len(scheme.limited))]
     words = header_words(scheme) | {
         "dead_time": number((whole + part) * scheme.dt),
         "hold_name": scheme.hold,
@@ -57,6 +52,12 @@ def files_of(scheme: Scheme) -> dict[str, bytes]:
         "laws": "\n\n\n".join(_law(i, element) for i, (element, _) in enumerate(low.smooth)) or "# No law.",
     }
     return {FILE: filled(engine("control.py.in"), words).encode()}
+
+
+def _limited(scheme: Scheme, b: int) -> str:
+    state, low, high = scheme.limits(b)
+    column = np.asarray(scheme.limited[b].G).reshape(-1)
+    return f"({state}, {number(low)}, {number(high)}, np.array({_list(scheme.rate(b))}), np.array({_list(column)}))"
 
 
 def _list(values: Any) -> str:
