@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Modelica, Parameter, Values
 
 
 def stamp(draft: Draft, place: int, values: Values) -> Draft:
@@ -34,4 +34,5 @@ EFFECT = Effect(
         ),
     ),
     stamp=stamp,
+    modelica=Modelica(block=("Modelica.Blocks.Nonlinear.FixedDelay", "delayTime = $T_d")),
 )

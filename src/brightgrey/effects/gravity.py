@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Parameter, Values
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Modelica, Parameter, Values
 
 
 def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -47,4 +47,8 @@ EFFECT = Effect(
     ),
     stamp=stamp,
     law=LAW,
+    modelica=Modelica(
+        components=(("$library.Sources.Constant$Force", "$name", "${f}_constant = $M_G"),),
+        equations=("connect($name.flange, mass$place.flange_b)",),
+    ),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.effects.arithmetic import exp, magnitude, sign
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values, friction_law
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values, force_on_mass, friction_law
 
 
 def amplitude(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
@@ -62,4 +62,5 @@ EFFECT = Effect(
     ),
     stamp=stamp,
     law=LAW,
+    modelica=force_on_mass(),
 )
