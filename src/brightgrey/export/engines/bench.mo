@@ -1,19 +1,20 @@
 
-function sampled "Input between samples"
+function sampled "Input between samples, straight or held"
   input Real table[:];
-  input Real place;
+  input Integer i;
+  input Real part;
   output Real y;
-protected
-  Integer i;
 algorithm
-  i := integer(floor(place + 1e-9));
-  i := if i < 0 then 0 elseif i > size(table, 1) - 2 then size(table, 1) - 2 else i;
-  y := table[i + 1] + (table[i + 2] - table[i + 1]) * (@share@);
+  y := table[i + 1] + (table[i + 2] - table[i + 1]) * part;
 end sampled;
 
 model Bench
   Drive drive(@starts@);
-  parameter Real table[@samples@] = {@table@};
+  parameter Real table[@size@] = {@table@};
+  discrete Integer k(start = 0, fixed = true);
 equation
-  drive.u = sampled(table, time / @dt@);
+  when sample(@part@ * @dt@, @dt@) then
+    k = pre(k) + 1;
+  end when;
+  drive.u = sampled(table, k, @share@);
 end Bench;
