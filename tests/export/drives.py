@@ -64,3 +64,22 @@ def drawn(structure, seed, **options):
     """Model of `structure` with random plausible values."""
     values = random_values(PAPER.parse(structure).parameters, np.random.default_rng(seed))
     return model(structure, values, **options)
+
+
+def random_structures(count, seed):
+    """Random structures of the paper's grammar, every effect at least once."""
+    rng = np.random.default_rng(seed)
+    everything = sorted(map(str, PAPER.structures()))
+    effects = {name for structure in everything for name in structure.split("+")}
+    while True:
+        found = [everything[i] for i in rng.choice(len(everything), count, replace=False)]
+        if {name for structure in found for name in structure.split("+")} == effects:
+            return found
+
+
+def random_models(count, seed):
+    """Models of random structures: all kinds of outputs, both holds, rotation and translation in turn."""
+    kinds = ("position", "velocity", "acceleration")
+    for i, structure in enumerate(random_structures(count, seed)):
+        hold = ("linear", "zoh")[i % 2]
+        yield drawn(structure, [seed, i], kinds=kinds, hold=hold, linear_axis=i % 3 == 0)

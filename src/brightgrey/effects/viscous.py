@@ -47,7 +47,10 @@ EFFECT = Effect(
     stamp=stamp,
     law=LAW,
     modelica=Modelica(
-        components=(("$library.Components.Damper", "$name", "d = $f_v"), ("$library.Components.Fixed", "${name}_fixed", "")),
+        components=(
+            ("$library.Components.Damper", "$name", "d = $f_v"),
+            ("$library.Components.Fixed", "${name}_fixed", ""),
+        ),
         equations=(
             "connect($name.flange_a, mass$place.flange_b)",
             "connect($name.flange_b, ${name}_fixed.flange)",

@@ -47,6 +47,8 @@ def _plain(name: str) -> str:
 
 def latex_name(name: str) -> str:
     r"""Symbol of the kit in LaTeX: ``omega_S`` is ``\omega_{S}``, ``J1`` is ``J_{1}``, ``M_C@2`` is ``M_{C,2}``."""
+    if name.startswith("="):  # spelled already
+        return name[1:]
     stem, at, place = name.partition("@")
     match = re.fullmatch(r"([A-Za-z]+)_(\w+)", stem) or re.fullmatch(r"([A-Za-z]+)(\d*)", stem)
     head, index = match.groups() if match else (stem, "")

@@ -86,7 +86,7 @@ def _model(scheme: Scheme, declarations: list[str], equations: list[str], before
     words = header_words(scheme)
     body = "".join(f"  {line}\n" for line in [*_head(scheme), *declarations])
     rules = "".join(f"  {line};\n" for line in equations)
-    said = f'{words["title"]}, written by brightgrey {words["version"]}. SI units throughout'
+    said = f"{words['title']}, written by brightgrey {words['version']}. SI units throughout"
     return f'within ;\n{before}model Drive "{said}"\n{body}equation\n{rules}end Drive;\n'
 
 
@@ -124,7 +124,12 @@ def _drawn(scheme: Scheme) -> str:
 
 def _words(scheme: Scheme, placed: Placed, domain: Mapping[str, str]) -> dict[str, str]:
     """What the ``$`` words of a placed effect's drawing stand for."""
-    words = {**domain, "place": str(placed.place), "next": str(placed.place + 1), "name": f"{placed.name}{placed.place}"}
+    words = {
+        **domain,
+        "place": str(placed.place),
+        "next": str(placed.place + 1),
+        "name": f"{placed.name}{placed.place}",
+    }
     own = {q.symbol: _name(placed.parameter(q.symbol)) for q in placed.effect.parameters}
     said, law = placed.effect.modelica, placed.effect.law
     if law is not None and said is not None and said.port:
@@ -195,7 +200,11 @@ def verify(folder: Path, scheme: Scheme, trial: Trial) -> Verified:
     rumoca = library("rumoca", "modelica")
     roots = [path for path in os.environ.get("MODELICAPATH", "").split(os.pathsep) if path]
     source = (folder / FILE).read_text(encoding="utf-8")
-    text = (_standin() if not roots else "within ;\n") + re.sub(r"^within ;\n", "", source) + _bench(scheme, trial, (0, 0.0) if roots else scheme.delay)
+    text = (
+        (_standin() if not roots else "within ;\n")
+        + re.sub(r"^within ;\n", "", source)
+        + _bench(scheme, trial, (0, 0.0) if roots else scheme.delay)
+    )
     result = _simulated(rumoca, roots, text, scheme, (trial.u.size - 1) * scheme.dt)
     t = np.asarray(result.time)
     y = np.empty(trial.y.shape)
@@ -241,7 +250,10 @@ def _bench(scheme: Scheme, trial: Trial, late: tuple[int, float]) -> str:
     starts = ", ".join(
         f"start_{name} = {number(value)}" for name, value in zip(scheme.system.state_names, trial.x0, strict=True)
     )
-    table = [number(value * scheme.input_factor) for value in (*[trial.u[0]] * (late[0] + 1), *trial.u, trial.u[-1], trial.u[-1])]
+    table = [
+        number(value * scheme.input_factor)
+        for value in (*[trial.u[0]] * (late[0] + 1), *trial.u, trial.u[-1], trial.u[-1])
+    ]
     return filled(
         engine("bench.mo"),
         {
