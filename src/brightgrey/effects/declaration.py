@@ -185,8 +185,8 @@ class Modelica:
 
     Texts may hold ``$`` words: ``$place`` and ``$next`` (place + 1), ``$name`` (of the placed effect), the effect's
     parameters by symbol, ``$law`` (the law, written out), and what differs between rotation and translation:
-    ``$library $Mass $m $Force $f $q $v``. Masses are components called ``mass1``, ``mass2``, ..., shafts ``shaft1``, ...;
-    the start of state q1 is the parameter ``start_q1``.
+    ``$library $Mass $m $Force $f $q $v``. Masses are components called ``mass1``, ``mass2``, ..., shafts ``shaft1``,
+    ``shaft2``, ...; the start of state q1 is the parameter ``start_q1``.
 
     Attributes
     ----------
