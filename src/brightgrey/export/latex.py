@@ -21,16 +21,7 @@ __all__ = ["EXPORTER"]
 
 FILE = "drive.tex"
 _PER_LINE = 3
-_ESCAPES = {
-    "\\": r"\textbackslash{}",
-    "_": r"\_",
-    "%": r"\%",
-    "#": r"\#",
-    "&": r"\&",
-    "$": r"\$",
-    "{": r"\{",
-    "}": r"\}",
-}
+_ESCAPES = str.maketrans({c: f"\\{c}" for c in "_%#&${}"} | {"\\": r"\textbackslash{}"})
 _SIGNS = {"²": "$^2$", "³": "$^3$", "°": r"$^\circ$", "µ": r"$\mu$", "μ": r"$\mu$", "·": r"$\cdot$", "⁻¹": "$^{-1}$"}
 _DOCUMENT = r"""\documentclass[a4paper,11pt]{article}
 \usepackage{amsmath}
@@ -74,8 +65,7 @@ def files_of(scheme: Scheme) -> dict[str, bytes]:
 
 
 def _text(text: str) -> str:
-    for character, escaped in _ESCAPES.items():
-        text = text.replace(character, escaped)
+    text = text.translate(_ESCAPES)
     for sign, spelled in _SIGNS.items():
         text = text.replace(sign, spelled)
     return text
