@@ -39,7 +39,8 @@ def sources(scheme: Scheme) -> dict[str, str]:
         "dispatch": "\n".join(_case(scheme, k) for k in range(scheme.m)) or "    /* none */",
         "data": _data(scheme, tables(scheme)),
     }
-    return {f"{NAME}.h": filled(engine("engine.h"), words), f"{NAME}.c": filled(engine("engine.c"), words)}
+    code = engine("engine.c").replace("@events@\n", engine("events.c") + "\n")
+    return {f"{NAME}.h": filled(engine("engine.h"), words), f"{NAME}.c": filled(code, words)}
 
 
 def header_words(scheme: Scheme) -> dict[str, str]:

@@ -73,9 +73,14 @@ def _name(name: str) -> str:
     return MODELICA.name(name)
 
 
+def _physical(scheme: Scheme) -> bool:
+    """Whether the input is a torque or force, so that the components' units hold."""
+    return scheme.units is not None and (scheme.units.input, scheme.units.motion) in (("N m", "rad"), ("N", "m"))
+
+
 def _unit(scheme: Scheme, dimension: Any) -> str:
     """Modelica's way to write the unit of a declaration."""
-    if scheme.units is None:
+    if not _physical(scheme):
         return ""
     factors = parse_unit(scheme.unit(dimension)).factors
     text = ".".join(s if power == 1 else f"{s}{power}" for s, power in factors)
@@ -87,6 +92,8 @@ def _model(scheme: Scheme, declarations: list[str], equations: list[str], before
     body = "".join(f"  {line}\n" for line in [*_head(scheme), *declarations])
     rules = "".join(f"  {line};\n" for line in equations)
     said = f"{words['title']}, written by brightgrey {words['version']}. SI units throughout"
+    if not _physical(scheme):
+        said += f"; torque and force stand for the input in {scheme.model.input.unit}"
     return f'within ;\n{before}model Drive "{said}"\n{body}equation\n{rules}end Drive;\n'
 
 
