@@ -155,6 +155,39 @@ def test_fmu_says_what_it_is(tmp_path):
     assert deviation(held, result["velocity"][None, :]) < 1e-9
 
 
+def test_fmu_goes_back_to_a_state_that_was_kept(tmp_path):
+    needs("fmu")
+    fmpy, fmi2 = importlib.import_module("fmpy"), importlib.import_module("fmpy.fmi2")
+    (file,) = export(drawn("two_mass+coulomb+backlash+delay", 7), "fmu", tmp_path).files
+    described, place = fmpy.read_model_description(str(file)), fmpy.extract(str(file), str(tmp_path / "unit"))
+    unit = fmi2.FMU2Slave(guid=described.guid, unzipDirectory=place, modelIdentifier="drive", instanceName="drive")
+
+    def steps():
+        for k in range(50):
+            unit.setReal([0], [5.0])
+            unit.doStep(1e-3 * k, 1e-3)
+            yield unit.getReal([1])[0]
+
+    unit.instantiate()
+    unit.setupExperiment(startTime=0.0)
+    unit.enterInitializationMode()
+    unit.exitInitializationMode()
+    first = list(steps())
+    kept = unit.getFMUState()
+    second = list(steps())
+    unit.setFMUState(kept)
+    assert list(steps()) == second
+    unit.freeFMUState(kept)
+    unit.reset()
+    unit.enterInitializationMode()
+    unit.exitInitializationMode()
+    assert list(steps()) == first
+    with pytest.raises(importlib.import_module("fmpy.fmi1").FMICallException):
+        unit.doStep(0.05, 0.7e-3)
+    unit.terminate()
+    unit.freeInstance()
+
+
 def test_mat_file_has_matrices_parameters_and_settings():
     scheme = scheme_of(drawn("two_mass+coulomb+backlash", 5))
     content = loadmat(io.BytesIO(exporter("matlab").files(scheme)["drive.mat"]), simplify_cells=True)
