@@ -13,11 +13,12 @@ from brightgrey.export.scheme import Scheme
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 
-__all__ = ["Trial", "deviation", "native", "trial_of"]
+__all__ = ["Trial", "deviation", "made", "native", "trial_of"]
 
 Array = NDArray[np.float64]
 _SAMPLES = 600
 _DOUBLINGS = 80
+_FINER = 1e-2
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,8 @@ class Trial:
     y : ndarray, shape (outputs, samples)
     of : str
         What the input is, in words.
+    fine : ndarray, shape (outputs, samples)
+        The same with a hundredth of the tolerances: what a solver that is more exact than ours comes to.
     sensitive : float
         Deviation (of range) of the same simulation when the input is changed by 1e-10 of itself: an export cannot
         come closer than a motion that amplifies rounding lets it.
@@ -40,6 +43,7 @@ class Trial:
     x0: Array
     y: Array
     of: str
+    fine: Array
     sensitive: float = 0.0
 
 
@@ -64,6 +68,12 @@ def deviation(y: Array, other: Array) -> float:
     return worst if np.isfinite(worst) else float("inf")
 
 
+def made(scheme: Scheme, u: Array, x0: Array, of: str) -> Trial:
+    """Trial with the input `u` from `x0`."""
+    finer = replace(scheme.settings, speed_scale=_FINER * scheme.settings.speed_scale)
+    return Trial(u, x0, native(scheme, u, x0), of, native(scheme, u, x0, finer))
+
+
 def trial_of(scheme: Scheme, recording: Recording | None = None) -> Trial:
     """Trial with the input of `recording`, or with a test input that brings the model to its usual speed.
 
@@ -82,7 +92,7 @@ def trial_of(scheme: Scheme, recording: Recording | None = None) -> Trial:
             )
         x0 = initial_state(recording, scheme.system)
         u = recording.u / scheme.input_factor
-        trial = Trial(u, x0, native(scheme, u, x0), f"the input of {recording.name}")
+        trial = made(scheme, u, x0, f"the input of {recording.name}")
     if not np.isfinite(trial.y).all():
         raise SettingsError(f"the native simulation is lost on {trial.of}: there is nothing to compare an export with")
     nudged = native(scheme, trial.u * (1.0 + 1e-10), trial.x0)
@@ -105,4 +115,4 @@ def _test_trial(scheme: Scheme) -> Trial:
             break
         size *= 2.0
     u = size * shape / scheme.input_factor
-    return Trial(u, x0, native(scheme, u, x0), "a test input")
+    return made(scheme, u, x0, "a test input")
