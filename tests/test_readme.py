@@ -20,7 +20,7 @@ def commands():
 @pytest.mark.usefixtures("capsys")
 def test_commands_and_python_in_their_order(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert [command[0] for command in commands()] == ["demo", "effects", "identify", "simulate"]
+    assert [command[0] for command in commands()] == ["demo", "effects", "identify", "simulate", "export"]
     for command in commands():
         assert main(command) == 0, command
     (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
@@ -28,6 +28,7 @@ def test_commands_and_python_in_their_order(tmp_path, monkeypatch):
     written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     results = {"report.html", "model.json", "ranking.csv", "fit.png"}
     expected = {f"{folder}/{name}" for folder in ("demo", "out") for name in results}
+    expected |= {f"out/export/drive.{kind}" for kind in ("c", "h", "fmu")}
     assert written == expected | {"demo/recording.csv", "out/simulated.csv", "fit.pdf"}
 
 

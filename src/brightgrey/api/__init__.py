@@ -6,15 +6,18 @@ Everything here speaks the recording's units, as people and model.json do; insid
 from brightgrey.api.demo import demo
 from brightgrey.api.identification import Result, identify
 from brightgrey.api.simulation import Simulation, read_for, simulate
+from brightgrey.export.exporter import Export, export
 from brightgrey.export.model import Model
 from brightgrey.recordings import Recording, read_recording
 
 __all__ = [
+    "Export",
     "Model",
     "Recording",
     "Result",
     "Simulation",
     "demo",
+    "export",
     "identify",
     "read_for",
     "read_recording",

@@ -14,6 +14,7 @@ import typer
 from brightgrey import __version__
 from brightgrey.cli.demo import demo
 from brightgrey.cli.effects import effects
+from brightgrey.cli.export import export
 from brightgrey.cli.identify import identify
 from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.simulate import simulate
@@ -54,6 +55,7 @@ def _common(
 app.command()(demo)
 app.command()(identify)
 app.command()(simulate)
+app.command()(export)
 app.command()(effects)
 app.command()(reproduce)
 

@@ -31,7 +31,7 @@ def magnitude(z: Any) -> Any:
 
 def sign(z: Any) -> Any:
     """1 for z >= 0, else -1: a definite side at standstill."""
-    return np.where(np.asarray(z) >= 0.0, 1.0, -1.0)
+    return np.where(np.greater_equal(z, 0.0), 1.0, -1.0)
 
 
 def positive_part(z: Any) -> Any:

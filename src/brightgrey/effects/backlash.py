@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from brightgrey.effects.arithmetic import negative_part, positive_part
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Limits, Parameter, State, Values
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Limits, Modelica, Parameter, State, Values
 
 
 def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -67,6 +67,24 @@ def stamp(draft: Draft, place: int, values: Values) -> Draft:
     )
 
 
+# The standard library's ElastoBacklash cuts the shaft's torque instead of following its twist in the gap.
+DRAWING = """model Gap "Spring and damper in series with a gap"
+  extends $library.Interfaces.PartialCompliantWithRelativeStates;
+  parameter Real c "Spring constant";
+  parameter Real d "Damper constant";
+  parameter Real alpha "Half the gap";
+  Real lambda(start = 0, fixed = true) "Position in the gap, from -2 alpha to 0";
+  Real rate "Of lambda, where it is free";
+equation
+  rate = -${v}_rel - c / d * (${q}_rel + lambda);
+  der(lambda) = if alpha <= 0 then 0
+    elseif lambda >= 0 and rate > 0 then 0
+    elseif lambda <= -2 * alpha and rate < 0 then 0
+    else rate;
+  $f = c * (${q}_rel + lambda) + d * (${v}_rel + der(lambda));
+end Gap;
+"""
+
 EFFECT = Effect(
     name="backlash",
     number=9,
@@ -96,4 +114,8 @@ EFFECT = Effect(
     law=LAW,
     memory=True,
     spread=lambda s, share: 1e-5 * s.travel * 1e4**share,  # gaps of any size are plausible
+    modelica=Modelica(
+        instead=("shaft$place", "Gap", "alpha = $alpha, lambda(start = start_lambda$place)"),
+        model=DRAWING,
+    ),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values, friction_law
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values, force_on_mass, friction_law
 
 
 def amplitude(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
@@ -47,4 +47,5 @@ EFFECT = Effect(
     noticeable=lambda s, values: {"M_C": 0.01 * s.torque},
     stamp=stamp,
     law=LAW,
+    modelica=force_on_mass(),
 )

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, State, Values
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Modelica, Parameter, State, Values
 
 
 def stamp(draft: Draft, place: int, values: Values) -> Draft:
@@ -48,4 +48,10 @@ EFFECT = Effect(
     stamp=stamp,
     memory=True,
     spread=lambda s, share: 0.2 * s.interval * 250.0**share,  # a fifth of a sample to fifty
+    modelica=Modelica(
+        block=(
+            "Modelica.Blocks.Continuous.FirstOrder",
+            "T = $T_1, initType = Modelica.Blocks.Types.Init.InitialOutput, y_start = start_T",
+        )
+    ),
 )

@@ -25,10 +25,12 @@ __all__ = [
     "Element",
     "Law",
     "Limits",
+    "Modelica",
     "Parameter",
     "Scales",
     "Stage",
     "State",
+    "force_on_mass",
     "friction_law",
 ]
 
@@ -181,6 +183,46 @@ def friction_law(
         return (*(-side * g for g in gradient(z[0], p[:-1])), -z[0] * (1.0 - side * side) * a)
 
     return Law((*parameters, "f_tanh"), value, by_parameters, odd=True, dissipative=True, amplitude=amplitude)
+
+
+@dataclass(frozen=True)
+class Modelica:
+    """How an effect is drawn in Modelica, with the components of its standard library where they exist.
+
+    Texts may hold ``$`` words: ``$place`` and ``$next`` (place + 1), ``$name`` (of the placed effect), the effect's
+    parameters by symbol, ``$law`` (the law, written out), and what differs between rotation and translation:
+    ``$library $Mass $m $Force $f $q $v``. Masses are components called ``mass1``, ``mass2``, ..., shafts ``shaft1``,
+    ``shaft2``, ...; the start of state q1 is the parameter ``start_q1``.
+
+    Attributes
+    ----------
+    components : tuple of (class, name, modifiers)
+    equations : tuple of str
+    port : str
+        What the law's port reads.
+    instead : tuple of (name, class, modifiers) or None
+        Component of another effect that becomes one of this class, with more modifiers.
+    block : tuple of (class, modifiers) or None
+        Block with input u and output y in the signal path of the input.
+    model : str
+        Text of a class of its own that is needed.
+    """
+
+    components: tuple[tuple[str, str, str], ...] = ()
+    equations: tuple[str, ...] = ()
+    port: str = ""
+    instead: tuple[str, str, str] | None = None
+    block: tuple[str, str] | None = None
+    model: str = ""
+
+
+def force_on_mass() -> Modelica:
+    """Drawing of a law that gives a torque on the mass at its place, from that mass's speed."""
+    return Modelica(
+        components=(("$library.Sources.$Force", "$name", ""),),
+        equations=("$name.$f = $law", "connect($name.flange, mass$place.flange_b)"),
+        port="mass$place.$v",
+    )
 
 
 @dataclass(frozen=True)
@@ -383,6 +425,8 @@ class Effect:
         ``noticeable(scales, values) -> {symbol: value}``: the effect at the least size that matters for control, with
         `values` of the model without it by name. It may change values that are there (an inertia that is split).
     cautions : tuple of Caution
+    modelica : Modelica or None
+        How it is drawn in Modelica; without it, a model with this effect is exported as equations.
     """
 
     name: str
@@ -402,3 +446,4 @@ class Effect:
     noticeable: Callable[[Scales, Values], Mapping[str, float]] | None = None
     cautions: tuple[Caution, ...] = ()
     regroup: Callable[[Array, Array], Array] | None = None
+    modelica: Modelica | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Modelica, Parameter, Values
 
 
 def stamp(draft: Draft, place: int, values: Values) -> Draft:
@@ -37,4 +37,5 @@ EFFECT = Effect(
     noticeable=lambda s, values: {"T_d": s.interval},
     stamp=stamp,
     spread=lambda s, share: 0.1 * s.interval * 500.0**share,  # a tenth of a sample to fifty
+    modelica=Modelica(block=("Modelica.Blocks.Nonlinear.FixedDelay", "delayTime = $T_d")),
 )

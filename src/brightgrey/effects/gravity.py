@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.declaration import Caution, Dimension, Draft, Effect, Law, Parameter, Values
+from brightgrey.effects.declaration import Caution, Dimension, Draft, Effect, Law, Modelica, Parameter, Values
 
 
 def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -61,5 +61,9 @@ EFFECT = Effect(
             lambda c: not c.reverses and any(law.odd and not law.affine for law in c.beside),
             "the speed never reverses, so that friction of constant size looks the same",
         ),
+    ),
+    modelica=Modelica(
+        components=(("$library.Sources.Constant$Force", "$name", "${f}_constant = $M_G"),),
+        equations=("connect($name.flange, mass$place.flange_b)",),
     ),
 )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Scales, State, Values
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Modelica, Parameter, Scales, State, Values
 
 __all__ = ["ladder"]
 
@@ -152,6 +152,21 @@ def _parts(masses: int) -> tuple[slice, slice, slice]:
     return slice(masses), slice(masses, 2 * masses - 1), slice(2 * masses - 1, None)
 
 
+def _drawing(masses: int) -> Modelica:
+    """Masses and shafts in a row, the motor's torque on the first."""
+    starts = "$q(start = start_q{0}, fixed = true), $v(start = start_v{0}, fixed = true)"
+    components = [("$library.Sources.$Force", "motor", "")]
+    components += [
+        ("$library.Components.$Mass", f"mass{i}", f"$m = $J{i}, {starts.format(i)}") for i in range(1, masses + 1)
+    ]
+    equations = ["connect(motor.flange, mass1.flange_a)"]
+    for k in range(1, masses):
+        components.append(("$library.Components.SpringDamper", f"shaft{k}", f"c = $c{k}, d = $d{k}"))
+        equations.append(f"connect(mass{k}.flange_b, shaft{k}.flange_a)")
+        equations.append(f"connect(shaft{k}.flange_b, mass{k + 1}.flange_a)")
+    return Modelica(components=tuple(components), equations=tuple(equations))
+
+
 def ladder(name: str, masses: int) -> Effect:
     """Multiple-mass effect with `masses` masses."""
 
@@ -181,4 +196,5 @@ def ladder(name: str, masses: int) -> Effect:
         spread=lambda scales, share: _spread(scales, share, masses),
         noticeable=(lambda scales, values: _noticeable(scales, values, masses)) if masses > 1 else None,
         regroup=(lambda values, share: _regroup(values, share, masses)) if masses > 2 else None,
+        modelica=_drawing(masses),
     )

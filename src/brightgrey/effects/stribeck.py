@@ -5,7 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.effects.arithmetic import exp, magnitude, sign
-from brightgrey.effects.declaration import Caution, Dimension, Draft, Effect, Parameter, Values, friction_law
+from brightgrey.effects.declaration import (
+    Caution,
+    Dimension,
+    Draft,
+    Effect,
+    Parameter,
+    Values,
+    force_on_mass,
+    friction_law,
+)
 
 
 def amplitude(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
@@ -83,4 +92,5 @@ EFFECT = Effect(
             "without Coulomb friction beside it, Stribeck friction fits nearly as well as Coulomb friction would",
         ),
     ),
+    modelica=force_on_mass(),
 )

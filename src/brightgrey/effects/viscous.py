@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Parameter, Values
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Modelica, Parameter, Values
 
 
 def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -47,4 +47,14 @@ EFFECT = Effect(
     noticeable=lambda s, values: {"f_v": 0.01 * s.torque / s.speed},
     stamp=stamp,
     law=LAW,
+    modelica=Modelica(
+        components=(
+            ("$library.Components.Damper", "$name", "d = $f_v"),
+            ("$library.Components.Fixed", "${name}_fixed", ""),
+        ),
+        equations=(
+            "connect($name.flange_a, mass$place.flange_b)",
+            "connect($name.flange_b, ${name}_fixed.flange)",
+        ),
+    ),
 )

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, ValidationError
 
@@ -30,6 +30,10 @@ from brightgrey.recordings import Signal
 from brightgrey.recordings.unit_text import parse_unit
 from brightgrey.recordings.units import Units, motion_unit
 from brightgrey.simulation import Settings
+
+if TYPE_CHECKING:
+    from brightgrey.export.exporter import Export
+    from brightgrey.recordings import Recording
 
 __all__ = ["PER_SPEED", "SCHEMA", "SPEED", "Model"]
 
@@ -113,6 +117,12 @@ class Model(Part):
     def save(self, path: str | Path) -> None:
         """Write model.json to `path`, whole or not at all."""
         write_file(path, self.text().encode())
+
+    def export(self, to: str, folder: str | Path, recording: Recording | None = None) -> Export:
+        """Write the model in another tool's form and compare it there: :func:`brightgrey.export.exporter.export`."""
+        from brightgrey.export.exporter import export
+
+        return export(self, to, folder, recording)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

@@ -1,0 +1,74 @@
+"""``brightgrey export``: a model in the form of another tool, compared with the native simulation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from brightgrey.cli.options import Json, Quiet, Step, Time, Unit, units
+
+__all__ = ["export"]
+
+
+def export(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json of an identification.")],
+    to: Annotated[
+        list[str],
+        typer.Option(
+            "--to",
+            metavar="NAME",
+            help="c, fmu, matlab, control, modelica or latex. May be repeated.",
+            show_default=False,
+        ),
+    ],
+    recording: Annotated[
+        Path | None,
+        typer.Option("--recording", metavar="FILE", help="Compare on the input of this recording."),
+    ] = None,
+    time: Time = None,
+    dt: Step = None,
+    unit: Unit = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the files go.")] = Path("export"),
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Write a model for another tool, run that tool on it, and print how far it is from the native simulation.
+
+    Without a recording both are run on a test input. The exit code is 1 where an export deviates more than it should.
+    """
+    given = units(unit or ())
+    from brightgrey.cli import show
+    from brightgrey.export.exporter import exporter
+    from brightgrey.export.files import check_folder
+    from brightgrey.export.model import Model
+
+    check_folder(out)
+    for name in to:
+        exporter(name)
+    loaded = Model.load(model)
+    from brightgrey import api
+
+    measured = api.read_for(loaded, recording, time=time, dt=dt, units=given) if recording else None
+    done = []
+    for name in to:
+        with show.working(f"exporting to {name}", silent=quiet or json):
+            done.append(loaded.export(name, out, measured))
+        if not (quiet or json):
+            typer.echo(f"{name}: {', '.join(str(file) for file in done[-1].files)}\n    {done[-1].text}")
+    if json:
+        show.as_json(
+            [
+                {
+                    "to": e.to,
+                    "files": [str(f) for f in e.files],
+                    "deviation": e.deviation,
+                    "good": e.good,
+                    "text": e.text,
+                }
+                for e in done
+            ]
+        )
+    if not all(e.good for e in done):
+        raise typer.Exit(1)

@@ -1,0 +1,385 @@
+function [y, x] = @name@(u, x0)
+%@NAME@  @title@
+%
+%   y = @name@(u) simulates the model for the input u, one value per sample,
+%   from rest. y has one row per output and one column per sample.
+%   [y, x] = @name@(u, x0) starts at the states x0 (SI) and gives the states too.
+%
+%   Sampling interval @dt@ s; between samples the input is @hold@.
+%   Input: @input@.
+%   Outputs: @outputs@.
+%   States (SI): @states@.
+%
+%   The numbers are in @name@.mat beside this file:
+%       x' = A x + B u + c + sum_k G(:,k) F_k(H(k,:) x + K(k) u),  y = C x + D u + ...
+%   (SI; parameters and settings in the recording's units). Written by brightgrey @version@.
+%
+%   Exponential Radau IIA with two stages: the linear part and the input are
+%   exact (tables E and T, matrix exponentials over a step and a third of it),
+%   the forces F run linearly through both stages and are found by Newton's
+%   method. A step is halved where its error estimate asks for it; limits are
+%   located.
+  m = load(fullfile(fileparts(mfilename('fullpath')), '@name@.mat'));
+  u = m.input_factor * u(:)';
+  if nargin < 2
+    x0 = m.rest(:) * u(1);
+  end
+  s.x = x0(:);
+  s.mode = zeros(1, m.limits);
+  for b = 1:m.limits
+    rate = m.rate(b, :) * s.x;
+    state = s.x(m.limited(b));
+    if m.high(b) <= m.low(b)
+      s.mode(b) = 2;
+    elseif state >= m.high(b) && rate >= 0
+      s.mode(b) = 1;
+    elseif state <= m.low(b) && rate <= 0
+      s.mode(b) = -1;
+    end
+  end
+  s = set_force(m, s, u(1));
+  x = zeros(m.n, numel(u));
+  xdot = x;
+  for k = 1:numel(u)
+    if k > 1
+      for base = 0:m.bases - 1
+        s = base_step(m, s, u, k - 1, base);
+      end
+    end
+    x(:, k) = s.x;
+    xdot(:, k) = rates(m, s, delayed(m, u, k));
+  end
+  both = [x; xdot];
+  y = both(m.row, :);
+  for r = find(m.differenced(:)')
+    before = y(r, 1) - m.dt * xdot(m.row(r), 1);
+    y(r, :) = diff([before, y(r, :)]) / m.dt;
+  end
+  y = y .* m.output_factor(:);
+end
+
+function value = at(u, k)
+% Input at sample k; the first and the last one go on.
+  value = u(min(max(k, 1), numel(u)));
+end
+
+function value = delayed(m, u, k)
+% Delayed input at sample k.
+  value = at(u, k - m.whole);
+  if m.shift > 0
+    value = at(u, k - m.whole - 1);
+    if m.linear
+      value = value + (at(u, k - m.whole) - value) * (1 - m.shift);
+    end
+  end
+end
+
+function d = segment(m, u, k, start, count)
+% Delayed input on the ticks [start, start + count) after sample k: value, slope,
+% and jump and ramp (of value and slope) at a knot inside, `until` after the begin.
+  per_sample = m.ticks * m.bases;
+  part = start / per_sample - m.shift;
+  i = k - m.whole;
+  inside = false;
+  if part < -1e-12
+    part = part + 1;
+    i = i - 1;
+    inside = (start + count) / per_sample - m.shift > 1e-12;
+  end
+  part = max(part, 0);
+  d = struct('value', at(u, i), 'slope', 0, 'jump', 0, 'ramp', 0, 'until', 0, 'inside', inside);
+  if m.linear
+    rise = at(u, i + 1) - at(u, i);
+    d.value = d.value + rise * part;
+    d.slope = rise / m.dt;
+  end
+  if inside
+    d.until = (m.shift * per_sample - start) * (m.dt / per_sample);
+    if m.linear
+      d.ramp = (at(u, i + 2) - at(u, i + 1) - rise) / m.dt;
+    else
+      d.jump = at(u, i + 1) - at(u, i);
+    end
+  end
+end
+
+function value = seen(d, time)
+% Input at a moment of the step.
+  value = d.value + d.slope * time;
+  if d.inside && time > d.until
+    value = value + d.jump + d.ramp * (time - d.until);
+  end
+end
+
+function A = matrix(m, s)
+% System matrix: free limited states move with their rate.
+  A = m.A;
+  for b = find(s.mode == 0)
+    A = A + m.column(:, b) * m.rate(b, :);
+  end
+end
+
+function v = rates(m, s, u)
+% x' with the forces as they are.
+  v = matrix(m, s) * s.x + m.B * u + m.c;
+  if m.channels > 0
+    v = v + m.G * s.force;
+  end
+end
+
+function s = set_force(m, s, u)
+% Forces of the present state; their rate of change is not known and taken as zero.
+  s.force = zeros(m.channels, 1);
+  if m.channels > 0
+    s.force = laws(m.H * s.x + m.K * u);
+  end
+  s.slope = zeros(m.channels, 1);
+end
+
+function w = watch(m, s, b, x)
+% Limited state b if it is free, else its rate.
+  if s.mode(b) == 0
+    w = x(m.limited(b), :);
+  else
+    w = m.rate(b, :) * x;
+  end
+end
+
+function [low, high] = interval(m, s, b)
+% Where the watched quantity has to stay.
+  low = -Inf;
+  high = Inf;
+  switch s.mode(b)
+    case 0
+      low = m.low(b);
+      high = m.high(b);
+    case 1
+      low = 0;
+    case -1
+      high = 0;
+  end
+end
+
+function out = leaves(m, s, middle, final)
+% Whether a watched quantity leaves its interval; a parabola stands for its course.
+  out = false;
+  for b = 1:m.limits
+    s0 = watch(m, s, b, s.x);
+    s1 = watch(m, s, b, middle);
+    s2 = watch(m, s, b, final);
+    slope = (s1 - s0) * 4.5 - (s2 - s0) * 0.5;
+    bend = (s2 - s0) - slope;
+    peak = slope * -0.5 / bend;
+    extreme = s2;
+    if 0 < peak && peak < 1
+      extreme = s0 + peak * (slope + peak * bend);
+    end
+    slack = (abs(s0) + abs(s2)) * 1e-12 + 1e-300;
+    [low, high] = interval(m, s, b);
+    out = out || ~(low - slack < min(s2, extreme) && max(s2, extreme) < high + slack);
+  end
+end
+
+function [failed, middle, final, F, err] = attempt(m, s, level, d)
+% Two-stage step: states at a third and at the end, forces at both.
+  bits = 1 + sum(2 .^ (find(s.mode == 0) - 1));
+  h = m.dt / (m.ticks * m.bases) * 2 ^ level;
+  E = m.E{bits, level + 1};
+  T = m.T{bits, level + 1};
+  S = m.S{bits, level + 1};
+  c = m.channels;
+  known = [s.x; d.value; d.slope; 1];
+  n = numel(known);
+  middle = T(:, 1:n) * known + T(:, end - 1:end) * [d.jump; d.ramp];
+  final = E(:, 1:n) * known + E(:, end - 1:end) * [d.jump; d.ramp];
+  F = zeros(0, 1);
+  err = 0;
+  failed = false;
+  if c == 0
+    return
+  end
+  a = [m.H * middle + m.K * seen(d, h / 3); m.H * final + m.K * seen(d, h)];
+  F = [s.force + s.slope * h / 3; s.force + s.slope * h];
+  z = a + S * F;
+  for i = 1:m.newton
+    [f1, d1] = laws(z(1:c));
+    [f2, d2] = laws(z(c + 1:end));
+    by_port = [d1; d2];
+    F = (eye(2 * c) - diag(by_port) * S) \ ([f1; f2] + by_port .* (a - z));
+    next = a + S * F;
+    change = max(abs(next - z));
+    z = next;
+  end
+  failed = ~(change < m.change) || any(isnan(z));
+  err = h * max(abs(s.force - (F(1:c) * 1.5 - F(c + 1:end) * 0.5)) .* m.gain(:));
+  middle = middle + T(:, n + 1:end - 2) * F;
+  final = final + E(:, n + 1:end - 2) * F;
+end
+
+function s = base_step(m, s, u, k, base)
+% One base step, halved where it has to be.
+  tick = m.dt / (m.ticks * m.bases);
+  position = 0;
+  level = m.levels;
+  while position < m.ticks
+    count = 2 ^ level;
+    h = count * tick;
+    d = segment(m, u, k, base * m.ticks + position, count);
+    [failed, middle, final, F, err] = attempt(m, s, level, d);
+    out = leaves(m, s, middle, final);
+    if level > 0 && (failed || out || ~(err < m.error))
+      level = level - 1;
+      continue
+    end
+    if failed || out
+      span = h;
+      if d.inside
+        span = d.until;
+      end
+      value = d.value + d.slope * span;
+      s = creep(m, s, span, d.value, d.slope);
+      if d.inside
+        slope = d.slope + d.ramp;
+        value = value + d.jump;
+        s = creep(m, s, h - span, value, slope);
+        value = value + slope * (h - span);
+      end
+      s = set_force(m, s, value);
+    else
+      s.x = final;
+      c = m.channels;
+      if c > 0
+        s.force = F(c + 1:end);
+        s.slope = (F(c + 1:end) - F(1:c)) * (1.5 / h);
+      end
+    end
+    position = position + count;
+    if level < m.levels && mod(position, 2 * count) == 0 && 8 * err < m.error
+      level = level + 1;
+    end
+  end
+end
+
+function terms = series_at(m, s, value, slope)
+% Taylor series of the motion from the present state, the laws replaced by their tangents.
+  A = matrix(m, s);
+  b0 = m.B * value + m.c;
+  b1 = m.B * slope;
+  if m.channels > 0
+    z = m.H * s.x + m.K * value;
+    [force, by_port] = laws(z);
+    A = A + m.G * diag(by_port) * m.H;
+    b0 = b0 + m.G * (force + by_port .* (m.K * value - z));
+    b1 = b1 + m.G * (by_port .* m.K) * slope;
+  end
+  terms = zeros(m.n, 16);
+  terms(:, 1) = s.x;
+  for i = 1:15
+    terms(:, i + 1) = A * terms(:, i) / i;
+    if i == 1
+      terms(:, 2) = terms(:, 2) + b0;
+    elseif i == 2
+      terms(:, 3) = terms(:, 3) + b1 / 2;
+    end
+  end
+end
+
+function span = reach(terms, span)
+% Longest span / 2^i for which the last term of the series is below rounding.
+  for i = 1:60
+    first = abs(terms(:, 1:4)) * (span .^ (0:3))';
+    if all(abs(terms(:, end)) * span ^ 15 <= 1e-14 * first + 1e-300)
+      return
+    end
+    span = span * 0.5;
+  end
+end
+
+function [moment, side] = crossing(m, s, b, terms, span)
+% First moment in (0, span] at which limited state b reaches or leaves a limit, or -1.
+  course = fliplr(watch(m, s, b, terms));
+  [low, high] = interval(m, s, b);
+  moment = -1;
+  side = 0;
+  before = 0;
+  f_before = course(end);
+  for quarter = 1:4
+    now = 0.25 * quarter * span;
+    f = polyval(course, now);
+    slack = 1e-13 * (abs(f) + abs(f_before)) + 1e-300;
+    if f > high + slack || f < low - slack
+      side = 1;
+      limit = high;
+      if f < low - slack
+        side = -1;
+        limit = low;
+      end
+      left = before;
+      moment = now;
+      for i = 1:80
+        half = 0.5 * (left + moment);
+        if half <= left || half >= moment
+          break
+        end
+        if (polyval(course, half) - limit) * side > 0
+          moment = half;
+        else
+          left = half;
+        end
+      end
+      return
+    end
+    before = now;
+    f_before = f;
+  end
+end
+
+function s = creep(m, s, span, value, slope)
+% Through all events of a short span.
+  time = 0;
+  for event = 1:200
+    terms = series_at(m, s, value + slope * time, slope);
+    piece = reach(terms, span - time);
+    which = 0;
+    for b = find(s.mode ~= 2)
+      [moment, at_side] = crossing(m, s, b, terms, piece);
+      if moment >= 0
+        piece = moment;
+        which = b;
+        side = at_side;
+      end
+    end
+    s.x = terms * (piece .^ (0:15))';
+    if which > 0
+      if s.mode(which) == 0
+        ends = [m.low(which), m.high(which)];
+        s.x(m.limited(which)) = ends(1 + (side > 0));
+        s.mode(which) = side;
+      else
+        s.mode(which) = 0;
+      end
+    end
+    time = time + piece;
+    if time >= span * (1 - 1e-12)
+      return
+    end
+  end
+  s.x(:) = NaN; % too many events: rather no result than a wrong one
+end
+
+function value = choose(condition, yes, no)
+% One of two numbers.
+  value = no;
+  if condition
+    value = yes;
+  end
+end
+
+function [force, slope] = laws(z)
+% Friction laws: force and its slope at every port.
+  force = zeros(size(z));
+  slope = zeros(size(z));
+@dispatch@
+end
+
+@laws@

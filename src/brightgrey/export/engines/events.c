@@ -1,0 +1,136 @@
+/* ---- limits that are reached within a step ---- */
+
+#define TERMS 16
+#define EVENTS 200
+
+/* Taylor series of the motion from the present state, the laws replaced by their tangents. */
+static void series_at(const @name@_state *s, double value, double slope, double series[TERMS][N])
+{
+    double X[N][N], b0[N], b1[N];
+    for (int i = 0; i < N; i++) {
+        b0[i] = B[i] * value + C0[i];
+        b1[i] = B[i] * slope;
+        for (int j = 0; j < N; j++) {
+            X[i][j] = A[i][j];
+            for (int b = 0; b < L; b++)
+                if (s->mode[b] == FREE)
+                    X[i][j] += COLUMN[b][i] * RATE[b][j];
+        }
+    }
+    for (int k = 0; k < M; k++) {
+        double force, by_port;
+        const double port = dot(H[k], s->x) + K[k] * value;
+        laws(k, port, &force, &by_port);
+        for (int i = 0; i < N; i++) {
+            b0[i] += G[k][i] * (force + by_port * (K[k] * value - port));
+            b1[i] += G[k][i] * by_port * K[k] * slope;
+            for (int j = 0; j < N; j++)
+                X[i][j] += G[k][i] * by_port * H[k][j];
+        }
+    }
+    for (int i = 0; i < N; i++)
+        series[0][i] = s->x[i];
+    for (int term = 1; term < TERMS; term++)
+        for (int i = 0; i < N; i++)
+            series[term][i] = (dot(X[i], series[term - 1]) + (term == 1 ? b0[i] : term == 2 ? b1[i] : 0.0)) / term;
+}
+
+/* Watched quantity of limited state b at a moment of the series. */
+static double follow(const @name@_state *s, int b, double series[TERMS][N], double time)
+{
+    double total = 0.0;
+    for (int term = TERMS - 1; term >= 0; term--)
+        total = total * time + watch(s, b, series[term]);
+    return total;
+}
+
+/* Longest time / 2^i for which the last term of the series is below rounding. */
+static double reach(double series[TERMS][N], double time)
+{
+    for (int halved = 0; halved < 60; halved++) {
+        const double power = pow(time, TERMS - 1);
+        int good = 1;
+        for (int i = 0; i < N; i++) {
+            double size = 0.0, p = 1.0;
+            for (int term = 0; term < 4; term++) {
+                size += fabs(series[term][i]) * p;
+                p *= time;
+            }
+            if (fabs(series[TERMS - 1][i]) * power > 1e-14 * size + 1e-300)
+                good = 0;
+        }
+        if (good)
+            break;
+        time *= 0.5;
+    }
+    return time;
+}
+
+/* First moment in (0, time] at which limited state b reaches or leaves a limit, or -1; `side` says which. */
+static double crossing(const @name@_state *s, int b, double series[TERMS][N], double time, int *side)
+{
+    double low, high, before = 0.0, f_before = follow(s, b, series, 0.0);
+    interval(s, b, &low, &high);
+    for (int quarter = 1; quarter < 5; quarter++) {
+        const double now = 0.25 * quarter * time, f = follow(s, b, series, now);
+        const double slack = 1e-13 * (fabs(f) + fabs(f_before)) + 1e-300;
+        if (f > high + slack || f < low - slack) {
+            const double limit = f > high + slack ? high : low;
+            double left = before, right = now;
+            *side = f > high + slack ? 1 : -1;
+            for (int i = 0; i < 80; i++) {
+                const double half = 0.5 * (left + right);
+                if (half <= left || half >= right)
+                    break;
+                if ((follow(s, b, series, half) - limit) * *side > 0.0)
+                    right = half;
+                else
+                    left = half;
+            }
+            return right;
+        }
+        before = now;
+        f_before = f;
+    }
+    return -1.0;
+}
+
+/* Through all events of a short span. */
+static void creep(@name@_state *s, double length, double value, double slope)
+{
+    double time = 0.0;
+    for (int event = 0; event < EVENTS; event++) {
+        double series[TERMS][N];
+        int which = -1, side = 0;
+        series_at(s, value + slope * time, slope, series);
+        double span = reach(series, length - time);
+        for (int b = 0; b < L; b++)
+            if (s->mode[b] != CLOSED) {
+                int at = 0;
+                const double moment = crossing(s, b, series, span, &at);
+                if (moment >= 0.0) {
+                    span = moment;
+                    which = b;
+                    side = at;
+                }
+            }
+        for (int i = 0; i < N; i++) {
+            double total = 0.0;
+            for (int term = TERMS - 1; term >= 0; term--)
+                total = total * span + series[term][i];
+            s->x[i] = total;
+        }
+        if (which >= 0) {
+            if (s->mode[which] == FREE) {
+                s->x[LIMITED[which]] = side > 0 ? HIGH[which] : LOW[which];
+                s->mode[which] = side;
+            } else
+                s->mode[which] = FREE;
+        }
+        time += span;
+        if (time >= length * (1.0 - 1e-12))
+            return;
+    }
+    for (int i = 0; i < N; i++)
+        s->x[i] = NAN; /* too many events: rather no result than a wrong one */
+}

@@ -1,0 +1,189 @@
+"""How expressions are written in other languages."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from brightgrey.export.symbols import Expression, walk
+
+__all__ = ["LATEX", "MATLAB", "MODELICA", "PYTHON", "C", "Language", "assignments", "latex_name", "number", "written"]
+
+_BINDING = {">=": 1, ">": 1, "<=": 1, "<": 1, "==": 1, "+": 2, "-": 2, "neg": 2, "*": 3, "/": 3}
+_ATOM = 9
+
+
+@dataclass(frozen=True)
+class Language:
+    """Spelling of operations: format strings with one ``{}`` per operand.
+
+    Attributes
+    ----------
+    calls : mapping of str to str
+        Of functions and operators; an infix operator that is not here is written as ``a + b``.
+    assign : str
+        Statement that names an intermediate result, with ``{name}`` and ``{value}``.
+    name, number : callable
+        Spelling of a symbol and of a number.
+    """
+
+    calls: Mapping[str, str]
+    assign: str
+    name: Callable[[str], str]
+    number: Callable[[float], str]
+
+
+def number(value: float) -> str:
+    """Shortest decimal that reads back exactly, with a point or an exponent."""
+    text = repr(float(value))
+    return {"inf": "HUGE_VAL", "-inf": "-HUGE_VAL"}.get(text, text)
+
+
+def _plain(name: str) -> str:
+    return name
+
+
+def latex_name(name: str) -> str:
+    r"""Symbol of the kit in LaTeX: ``omega_S`` is ``\omega_{S}``, ``J1`` is ``J_{1}``, ``M_C@2`` is ``M_{C,2}``."""
+    if name.startswith("="):  # spelled already
+        return name[1:]
+    stem, at, place = name.partition("@")
+    match = re.fullmatch(r"([A-Za-z]+)_(\w+)", stem) or re.fullmatch(r"([A-Za-z]+)(\d*)", stem)
+    head, index = match.groups() if match else (stem, "")
+    if head in ("alpha", "beta", "gamma", "lambda", "mu", "omega", "phi", "tau", "theta"):
+        head = "\\" + head
+    elif len(head) > 1:
+        head = rf"\mathrm{{{head}}}"
+    index = rf"\mathrm{{{index}}}" if len(index) > 1 else index
+    below = ",".join(part for part in (index, place if at else "") if part)
+    return f"{head}_{{{below}}}" if below else head
+
+
+def latex_number(value: float) -> str:
+    """Six digits, powers of ten written as such."""
+    text = f"{value:.6g}"
+    mantissa, e, exponent = text.partition("e")
+    return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if e else text
+
+
+C = Language(
+    {
+        "tanh": "tanh({})",
+        "exp": "exp({})",
+        "abs": "fabs({})",
+        "max": "fmax({}, {})",
+        "min": "fmin({}, {})",
+        "where": "({} ? {} : {})",
+    },
+    "const double {name} = {value};",
+    _plain,
+    number,
+)
+MATLAB = Language(
+    {
+        "tanh": "tanh({})",
+        "exp": "exp({})",
+        "abs": "abs({})",
+        "max": "max({}, {})",
+        "min": "min({}, {})",
+        "where": "choose({}, {}, {})",
+    },
+    "{name} = {value};",
+    _plain,
+    number,
+)
+PYTHON = Language(
+    {
+        "tanh": "np.tanh({})",
+        "exp": "np.exp({})",
+        "abs": "abs({})",
+        "max": "max({}, {})",
+        "min": "min({}, {})",
+        "where": "np.where({}, {}, {})",
+    },
+    "{name} = {value}",
+    _plain,
+    number,
+)
+MODELICA = Language(
+    {
+        "tanh": "tanh({})",
+        "exp": "exp({})",
+        "abs": "abs({})",
+        "max": "max({}, {})",
+        "min": "min({}, {})",
+        "where": "(if {} then {} else {})",
+    },
+    "{name} = {value};",
+    lambda name: name.replace("@", "_"),
+    number,
+)
+LATEX = Language(
+    {
+        "tanh": r"\tanh\left({}\right)",
+        "exp": r"\exp\left({}\right)",
+        "abs": r"\left|{}\right|",
+        "max": r"\max\left({}, {}\right)",
+        "min": r"\min\left({}, {}\right)",
+        "where": r"\left\{{\begin{{array}}{{ll}}{1} & \text{{if }} {0}\\ {2} & \text{{else}}\end{{array}}\right.",
+        "*": r"{}\,{}",
+        "/": r"\frac{{{}}}{{{}}}",
+        ">=": r"{} \ge {}",
+        "<=": r"{} \le {}",
+        "==": r"{} = {}",
+    },
+    "{name} = {value}",
+    latex_name,
+    latex_number,
+)
+
+
+def written(expression: Expression, language: Language, named: Mapping[tuple[object, ...], str] | None = None) -> str:
+    """Text of `expression`; parts whose key is in `named` are written by that name."""
+    return _written(expression, language, named or {})[0]
+
+
+def _written(e: Expression, language: Language, named: Mapping[tuple[object, ...], str]) -> tuple[str, int]:
+    """Text, and how tightly its outermost operator binds."""
+    if e.key in named:
+        return named[e.key], _ATOM
+    if e.operation == "symbol":
+        return language.name(e.operands[0]), _ATOM
+    if e.operation == "constant":
+        return language.number(e.operands[0]), _ATOM if e.operands[0] >= 0.0 else _BINDING["neg"]
+    texts = [_written(o, language, named) for o in e.operands]
+    form = language.calls.get(e.operation)
+    if e.operation not in _BINDING and form:
+        return form.format(*(text for text, _ in texts)), _ATOM
+    own = _BINDING[e.operation]
+    if form and form.startswith("\\frac"):
+        return form.format(*(text for text, _ in texts)), _ATOM
+    left, *right = (
+        text if binding > own or (binding == own and not i and e.operation != "neg") else f"({text})"
+        for i, (text, binding) in enumerate(texts)
+    )
+    if e.operation == "neg":
+        return f"-{left}", own
+    return form.format(left, right[0]) if form else f"{left} {e.operation} {right[0]}", own
+
+
+def assignments(results: Mapping[str, Expression], language: Language) -> list[str]:
+    """Statements for several results; functions and parts that occur more than once are computed once.
+
+    Returns the intermediate statements, then one text ``name = value`` per result in the form of the language's
+    names; the caller writes the results.
+    """
+    parts = {part.key: part for expression in results.values() for part in walk(expression)}
+    uses = Counter(o.key for part in parts.values() for o in part.operands if isinstance(o, Expression))
+    uses.update(expression.key for expression in results.values())
+    named: dict[tuple[object, ...], str] = {}
+    lines = []
+    for key, part in parts.items():
+        if uses[key] > 1 and part.operation not in ("symbol", "constant"):
+            text = written(part, language, named)
+            name = f"t{len(named) + 1}"
+            lines.append(language.assign.format(name=name, value=text))
+            named[key] = name
+    return [*lines, *(f"{name} = {written(e, language, named)}" for name, e in results.items())]

@@ -1,0 +1,244 @@
+"""All numbers that simulating a model needs, lowered as for the kernel: what the exports to other languages write down.
+
+The scheme is that of :mod:`brightgrey.simulation.step` at level ``accurate``. The matrix exponentials are worked out
+here, once, so that the target needs none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from brightgrey.effects import Dimension, Element
+from brightgrey.export.model import Model
+from brightgrey.kit import StateSpace, assemble
+from brightgrey.recordings.unit_text import parse_unit
+from brightgrey.recordings.units import Units
+from brightgrey.simulation import Settings
+from brightgrey.simulation.batch import base_steps
+from brightgrey.simulation.lowering import Lowered, lower
+from brightgrey.simulation.settings import Hold, Tolerances, tolerances
+
+__all__ = ["Output", "Scheme", "Tables", "scheme_of", "tables"]
+
+Array = NDArray[np.float64]
+_MOTIONS = ("rad", "m")
+_INPUTS = ("N m", "N", "V", "A")
+
+
+@dataclass(frozen=True)
+class Output:
+    """One output of the exported model.
+
+    Attributes
+    ----------
+    name, kind, unit : str
+        As in the recording.
+    row : int
+        Row of x, or n + row of x' for an acceleration.
+    differenced : bool
+        Difference of this and the sample before, over the sampling interval.
+    factor : float
+        Shown value over SI value.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    row: int
+    differenced: bool
+    factor: float
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A model lowered to numbers; SI inside, inputs and outputs in the recording's units.
+
+    Attributes
+    ----------
+    model : Model
+    system : StateSpace
+        As assembled.
+    low : Lowered
+        With one parameter set on the last axes.
+    dt : float
+        Sampling interval in s.
+    settings : Settings
+        Level ``accurate``.
+    tolerance : Tolerances
+    bases : int
+        Base steps per sample.
+    input_factor : float
+        SI value over shown value.
+    outputs : tuple of Output
+    """
+
+    model: Model
+    system: StateSpace
+    low: Lowered
+    dt: float
+    settings: Settings
+    tolerance: Tolerances
+    bases: int
+    input_factor: float
+    outputs: tuple[Output, ...]
+
+    @property
+    def hold(self) -> Hold:
+        """Input between samples."""
+        return self.settings.hold
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return int(self.low.A.shape[0])
+
+    @property
+    def m(self) -> int:
+        """Number of channels: ports that friction laws act at."""
+        return int(self.low.G.shape[0])
+
+    @property
+    def limited(self) -> tuple[Element, ...]:
+        """Integrators with saturation."""
+        return self.low.limited
+
+    @property
+    def delay(self) -> tuple[int, float]:
+        """Dead time in samples: whole ones, and the part of one."""
+        samples = float(np.ravel(self.low.delay)[0])
+        whole = int(np.floor(samples))
+        return whole, samples - whole
+
+    @property
+    def title(self) -> str:
+        """One line that says what the model is."""
+        return f"Drive train model {self.model.structure}"
+
+    @cached_property
+    def units(self) -> Units | None:
+        """Coherent SI units of this model; None if the input's has no name."""
+        shown = self.model.units
+        motion = next(base for base in _MOTIONS if parse_unit(base).dimension == parse_unit(shown.motion).dimension)
+        names = (shown.input, *_INPUTS)
+        fitting = (
+            u for u in map(parse_unit, names) if u.dimension == parse_unit(shown.input).dimension and u.si == 1.0
+        )
+        found = next(fitting, None)
+        return Units(found.text, motion) if found else None
+
+    def unit(self, dimension: Dimension) -> str:
+        """SI unit of a quantity."""
+        return self.units.of(dimension)[0] if self.units else "SI"
+
+    def rate(self, b: int) -> Array:
+        """Row that reads the free rate of limited state b."""
+        return np.asarray(self.limited[b].H[0], float).reshape(-1)
+
+    def limits(self, b: int) -> tuple[int, float, float]:
+        """State, lower and upper limit of limited state b."""
+        limits = self.limited[b].limits
+        assert limits is not None
+        return limits.state, float(np.ravel(limits.lower)[0]), float(np.ravel(limits.upper)[0])
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Weights of a step over 2^level ticks, by mode (bit b: limited state b is free) and level.
+
+    Attributes
+    ----------
+    end, third : ndarray, shape (modes, levels, n, n + 5 + 2 m)
+        State at the end and at a third of the step, from x, input, its slope, 1, F at a third, F at the end, and the
+        jump and the change of slope of the input at its knot.
+    coupling : ndarray, shape (modes, levels, 2 m, 2 m)
+        Ports at both stages from F at both stages.
+    """
+
+    end: Array
+    third: Array
+    coupling: Array
+
+
+def scheme_of(model: Model) -> Scheme:
+    """Lower `model`; level ``accurate`` whatever the model was fitted at."""
+    own = model.settings_si()
+    settings = Settings(own.f_tanh, own.speed_scale, "accurate", own.hold)
+    kinds = [signal.kind for signal in model.outputs]
+    natural = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
+    system = assemble(model.structure, model.values_si(), settings.f_tanh, natural)
+    dt = model.settings.sampling_time
+    low = lower(system, dt)
+    outputs = tuple(
+        Output(s.name, s.kind, s.unit, int(row), s.kind == "velocity-differenced", s.factor)
+        for s, row in zip(model.outputs, low.outputs, strict=True)
+    )
+    return Scheme(
+        model=model,
+        system=system,
+        low=low,
+        dt=dt,
+        settings=settings,
+        tolerance=tolerances("accurate", bool(low.limited)),
+        bases=int(base_steps(system, low, dt, settings)[0]),
+        input_factor=1.0 / model.input.factor,
+        outputs=outputs,
+    )
+
+
+def mode_matrix(scheme: Scheme, mode: int) -> Array:
+    """System matrix, shape (n, n), of a mode."""
+    A = np.array(scheme.low.A[:, :, 0])
+    for b, element in enumerate(scheme.limited):
+        if mode >> b & 1:
+            A += np.outer(np.asarray(element.G).reshape(-1), scheme.rate(b))
+    return A
+
+
+def _propagator(scheme: Scheme, mode: int, span: float) -> Array:
+    """Top rows of the exponential: weights of x, u, its slope, 1, F at the start, its slope."""
+    n, m = scheme.n, scheme.m
+    M = np.zeros((n + 3 + 2 * m, n + 3 + 2 * m))
+    M[:n, :n] = mode_matrix(scheme, mode)
+    M[:n, n], M[n, n + 1], M[:n, n + 2] = scheme.low.B[:, 0], 1.0, scheme.low.c[:, 0]
+    M[:n, n + 3 : n + 3 + m] = scheme.low.G[:, :, 0].T
+    M[n + 3 : n + 3 + m, n + 3 + m :] = np.eye(m)
+    return np.asarray(expm(M * span))[:n]
+
+
+def _weights(scheme: Scheme, mode: int, span: float, h: float, after: float) -> Array:
+    """Table over `span` of a step of `h`, where a knot of the input lies `after` before its end (0: none)."""
+    n, m = scheme.n, scheme.m
+    P = _propagator(scheme, mode, span)
+    value, slope = P[:, n + 3 : n + 3 + m], P[:, n + 3 + m :] * 1.5 / h
+    knot = _propagator(scheme, mode, after)[:, n : n + 2] if after > 0.0 else np.zeros((n, 2))
+    return np.hstack([P[:, : n + 3], 1.5 * value - slope, slope - 0.5 * value, knot])
+
+
+def tables(scheme: Scheme) -> Tables:
+    """Step tables of all modes and levels."""
+    n, m, top = scheme.n, scheme.m, scheme.tolerance.ticks
+    ticks = 2**top
+    tick = scheme.dt / (ticks * scheme.bases)
+    knot = scheme.delay[1] * ticks * scheme.bases
+    knot -= int(knot / ticks) * ticks
+    modes = 2 ** len(scheme.limited)
+    end = np.empty((modes, top + 1, n, n + 5 + 2 * m))
+    third = np.empty_like(end)
+    coupling = np.empty((modes, top + 1, 2 * m, 2 * m))
+    H = scheme.low.H[:, :, 0]
+    for mode in range(modes):
+        for level in range(top + 1):
+            size = 2**level
+            h = size * tick
+            after = size - (knot - int(knot / size) * size) if scheme.delay[1] > 0.0 else 0.0
+            early = max(after - size * (2.0 / 3.0), 0.0)
+            end[mode, level] = _weights(scheme, mode, h, h, after * tick)
+            third[mode, level] = _weights(scheme, mode, h / 3.0, h, early * tick)
+            forces = slice(n + 3, n + 3 + 2 * m)
+            coupling[mode, level] = np.vstack([H @ third[mode, level][:, forces], H @ end[mode, level][:, forces]])
+    return Tables(end, third, coupling)

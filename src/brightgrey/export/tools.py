@@ -1,0 +1,71 @@
+"""Other programs: finding and running them, and saying plainly what is missing."""
+
+from __future__ import annotations
+
+import importlib
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from brightgrey.errors import BrightgreyError
+
+__all__ = ["ExportError", "MissingToolError", "library", "program", "run"]
+
+_LONGEST = 600.0  # s
+
+
+class MissingToolError(Exception):
+    """What an export is verified with is not there; the message says what."""
+
+
+class ExportError(BrightgreyError):
+    """The tool chain of an export refused it or failed on it."""
+
+
+def program(name: str) -> str:
+    """Path of a program.
+
+    Raises
+    ------
+    MissingToolError
+    """
+    found = shutil.which(name)
+    if found is None:
+        raise MissingToolError(f"{name} is not installed")
+    return found
+
+
+def library(name: str, extra: str) -> Any:
+    """Python package that comes with an extra of brightgrey.
+
+    Raises
+    ------
+    MissingToolError
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise MissingToolError(f"{name} is not installed (pip install 'brightgrey[{extra}]')") from None
+
+
+def run(arguments: Sequence[str | Path], folder: Path, text: str = "") -> str:
+    """Run a program in `folder`; returns what it printed.
+
+    Raises
+    ------
+    ExportError
+        With the first line of its complaint.
+    """
+    try:
+        done = subprocess.run(
+            [str(a) for a in arguments], cwd=folder, input=text, capture_output=True, text=True, timeout=_LONGEST
+        )
+    except subprocess.TimeoutExpired:
+        raise ExportError(f"{Path(arguments[0]).name} did not end within {_LONGEST:.0f} s") from None
+    if done.returncode:
+        lines = [line for line in (done.stderr + done.stdout).splitlines() if line.strip()]
+        first = next((line for line in lines if "error" in line.lower() or line.startswith("!")), (lines or ["?"])[0])
+        raise ExportError(f"{Path(arguments[0]).name} failed: {first}")
+    return done.stdout

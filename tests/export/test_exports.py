@@ -1,0 +1,310 @@
+"""Exports: each is run by its own tool chain and compared with the native simulation."""
+
+import importlib
+import io
+import json
+import shutil
+import tempfile
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drives import drawn, random_models, random_structures
+from scipy.io import loadmat
+
+from brightgrey.cli import main
+from brightgrey.errors import SettingsError
+from brightgrey.export import exporter as exporting
+from brightgrey.export import modelica, tools
+from brightgrey.export.exporter import EXPORTS, export, exporter
+from brightgrey.export.files import write_files
+from brightgrey.export.scheme import scheme_of
+from brightgrey.export.trial import deviation, made, native, trial_of
+from brightgrey.recordings import Recording
+from brightgrey.simulation.plain import plain_response
+
+PROGRAMS = {"c": ("gcc",), "fmu": ("gcc",), "matlab": ("octave-cli",), "latex": ("pdflatex",)}
+PACKAGES = {"fmu": "fmpy", "control": "control", "modelica": "rumoca"}
+OWN_SOLVER = ("control", "modelica")
+ALL = ("position", "velocity", "acceleration")
+
+
+def needs(to):
+    """Skip where the tool chain of a target is absent."""
+    for name in PROGRAMS.get(to, ()):
+        if shutil.which(name) is None:
+            pytest.skip(f"{name} is not installed")
+    if to in PACKAGES:
+        pytest.importorskip(PACKAGES[to], reason=f"{PACKAGES[to]} is not installed")
+
+
+def compared(to, model, folder):
+    """Deviation of an export on the test input, relative to the range."""
+    scheme = scheme_of(model)
+    trial = trial_of(scheme)
+    target = exporter(to)
+    write_files(folder, target.files(scheme))
+    verified = target.verify(folder, scheme, trial)
+    if to in OWN_SOLVER:  # these may come closer to the truth than we do
+        return min(deviation(trial.y, verified.y), deviation(trial.fine, verified.y))
+    return deviation(trial.y, verified.y)
+
+
+@pytest.mark.parametrize("to", EXPORTS)
+@pytest.mark.parametrize(
+    ("structure", "options"),
+    [
+        ("two_mass+coulomb+viscous+stribeck+backlash+delay", {"kinds": ALL, "hold": "linear"}),
+        (
+            "two_mass+coulomb+gravity+current_control+delay",
+            {"kinds": ("velocity-differenced", "acceleration"), "hold": "zoh", "linear_axis": True},
+        ),
+    ],
+)
+def test_export_moves_like_the_model(to, structure, options, tmp_path):
+    needs(to)
+    assert compared(to, drawn(structure, 11, **options), tmp_path) <= exporter(to).tolerance
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("to", EXPORTS)
+def test_twenty_random_structures(to, tmp_path):
+    needs(to)
+    worst = {}
+    for i, model in enumerate(random_models(20, 1)):
+        worst[f"{i} {model.structure}"] = compared(to, model, tmp_path / str(i))
+    found = np.array(list(worst.values()))
+    print(f"{to:9} median {np.median(found):.1e}  worst {found.max():.1e}  {max(worst, key=worst.get)}")
+    assert found.max() <= exporter(to).tolerance
+
+
+def test_random_structures_have_every_effect():
+    from brightgrey.effects import registry
+
+    assert {name for structure in random_structures(20, 1) for name in structure.split("+")} == set(registry())
+
+
+@pytest.mark.parametrize("to", EXPORTS)
+def test_same_model_same_files(to):
+    if to == "fmu":
+        needs(to)
+    scheme = scheme_of(drawn("two_mass+coulomb+backlash", 5))
+    target = exporter(to)
+    assert target.files(scheme) == target.files(scheme)
+
+
+def test_tables_are_those_of_the_plain_twin(tmp_path):
+    needs("c")
+    from brightgrey.export import c_code
+
+    scheme = scheme_of(drawn("three_mass+coulomb+stribeck+backlash+delay", 2, kinds=ALL))
+    trial = trial_of(scheme)
+    write_files(tmp_path, c_code.EXPORTER.files(scheme))
+    y = c_code.verify(tmp_path, scheme, trial).y
+    plain = plain_response(scheme.system, trial.u[:80], scheme.dt, trial.x0, scheme.settings)
+    # Same steps, other root finders: what remains is rounding, carried on by stiff friction.
+    assert np.all(np.abs(y[:, :80] - plain).max(axis=1) <= 1e-8 * np.abs(plain).max(axis=1))
+
+
+def test_c_starts_anywhere_and_needs_no_start(tmp_path):
+    needs("c")
+    from brightgrey.export import c_code
+
+    scheme = scheme_of(drawn("two_mass+coulomb+backlash+current_control", 4, kinds=ALL))
+    files = c_code.EXPORTER.files(scheme)
+    text = files["drive.c"].decode() + files["drive.h"].decode()
+    assert "malloc" not in text
+    assert [line for line in text.splitlines() if line.startswith("#include <")] == ["#include <math.h>"]
+    write_files(tmp_path, files)
+    u = np.sin(0.05 * np.arange(100)) * trial_of(scheme).u.max()
+    x0 = scheme.system.rest(position=0.3, speed=2.0, u=0.1)
+    x0[scheme.system.state_names.index("lambda1")] = -0.5 * scheme.limits(0)[1]
+    trial = made(scheme, u, x0, "a start in motion")
+    assert deviation(trial.y, c_code.verify(tmp_path, scheme, trial).y) < 1e-9
+
+
+def test_fmu_says_what_it_is(tmp_path):
+    needs("fmu")
+    fmpy = importlib.import_module("fmpy")
+    model = drawn("two_mass+coulomb+viscous", 7, linear_axis=True)
+    done = export(model, "fmu", tmp_path)
+    (file,) = done.files
+    described = fmpy.read_model_description(str(file))
+    assert described.coSimulation.canInterpolateInputs
+    variables = {v.name: v for v in described.modelVariables}
+    assert (variables["torque"].causality, variables["torque"].unit) == ("input", "N")
+    assert (variables["velocity"].causality, variables["velocity"].unit) == ("output", "mm/s")
+    for name, part in model.parameters.items():
+        assert float(variables[f"parameters.{name}"].start) == part.value
+        assert variables[f"parameters.{name}"].unit == part.unit
+    units = {unit.name: unit.baseUnit for unit in described.unitDefinitions}
+    assert (units["mm/s"].m, units["mm/s"].s, units["mm/s"].factor) == (1, -1, 1e-3)
+    with zipfile.ZipFile(io.BytesIO(file.read_bytes())) as zipped:
+        assert {"modelDescription.xml", "sources/drive.c", "sources/drive.h", "sources/fmi2.c"} <= set(
+            zipped.namelist()
+        )
+    # By fmpy's own loop, which holds the input: as a drive whose input is held.
+    scheme = scheme_of(model)
+    u = trial_of(scheme).u[:200]
+    signals = np.array(list(zip(scheme.dt * np.arange(200), u, strict=True)), [("time", float), ("torque", float)])
+    step = scheme.dt
+    result = fmpy.simulate_fmu(str(file), input=signals, output_interval=step, stop_time=199 * step)
+    from dataclasses import replace
+
+    held = native(replace(scheme, settings=replace(scheme.settings, hold="zoh")), u, scheme.system.rest())
+    assert deviation(held, result["velocity"][None, :]) < 1e-9
+
+
+def test_fmu_goes_back_to_a_state_that_was_kept(tmp_path):
+    needs("fmu")
+    fmpy, fmi2 = importlib.import_module("fmpy"), importlib.import_module("fmpy.fmi2")
+    (file,) = export(drawn("two_mass+coulomb+backlash+delay", 7), "fmu", tmp_path).files
+    described, place = fmpy.read_model_description(str(file)), fmpy.extract(str(file), str(tmp_path / "unit"))
+    unit = fmi2.FMU2Slave(guid=described.guid, unzipDirectory=place, modelIdentifier="drive", instanceName="drive")
+
+    def steps():
+        for k in range(50):
+            unit.setReal([0], [5.0])
+            unit.doStep(1e-3 * k, 1e-3)
+            yield unit.getReal([1])[0]
+
+    unit.instantiate()
+    unit.setupExperiment(startTime=0.0)
+    unit.enterInitializationMode()
+    unit.exitInitializationMode()
+    first = list(steps())
+    kept = unit.getFMUState()
+    second = list(steps())
+    unit.setFMUState(kept)
+    assert list(steps()) == second
+    unit.freeFMUState(kept)
+    unit.reset()
+    unit.enterInitializationMode()
+    unit.exitInitializationMode()
+    assert list(steps()) == first
+    with pytest.raises(importlib.import_module("fmpy.fmi1").FMICallException):
+        unit.doStep(0.05, 0.7e-3)
+    unit.terminate()
+    unit.freeInstance()
+
+
+def test_mat_file_has_matrices_parameters_and_settings():
+    scheme = scheme_of(drawn("two_mass+coulomb+backlash", 5))
+    content = loadmat(io.BytesIO(exporter("matlab").files(scheme)["drive.mat"]), simplify_cells=True)
+    np.testing.assert_array_equal(content["A"], scheme.low.A[:, :, 0])
+    assert content["parameters"]["J1"]["value"] == scheme.model.parameters["J1"].value
+    assert content["parameters"]["J1"]["unit"] == "kg m²"
+    assert content["settings"]["f_tanh"] == scheme.model.settings.f_tanh
+    assert content["structure"] == str(scheme.model.structure)
+
+
+def test_control_objects(tmp_path):
+    needs("control")
+    scheme = scheme_of(drawn("two_mass+coulomb+viscous+current_control", 6, kinds=ALL))
+    from brightgrey.export import python_control
+
+    space = {}
+    exec(python_control.EXPORTER.files(scheme)["drive_control.py"], space)
+    x = scheme.system.rest(speed=0.4, u=0.2)
+    linear, known = space["linear"](x, 0.2), scheme.system.linearise(x, 0.2)
+    for name in "ABCD":
+        np.testing.assert_allclose(getattr(linear, name), getattr(known, name), rtol=1e-12, atol=1e-12)
+    nonlinear = space["nonlinear"]()
+    np.testing.assert_allclose(nonlinear.dynamics(0.0, x, [0.2]), scheme.system.derivative(x, 0.2), rtol=1e-12)
+    np.testing.assert_allclose(nonlinear.output(0.0, x, [0.2]), scheme.system.output(x, 0.2), rtol=1e-12)
+
+
+def test_modelica_uses_standard_components():
+    text = (
+        exporter("modelica").files(scheme_of(drawn("two_mass+coulomb+viscous+gravity+delay", 3)))["Drive.mo"].decode()
+    )
+    for name in ("Components.Inertia", "Components.SpringDamper", "Components.Damper", "Sources.ConstantTorque"):
+        assert f"Modelica.Mechanics.Rotational.{name} " in text
+    assert "Modelica.Blocks.Nonlinear.FixedDelay " in text
+    axis = exporter("modelica").files(scheme_of(drawn("two_mass+gravity", 3, linear_axis=True)))["Drive.mo"].decode()
+    assert "Modelica.Mechanics.Translational.Components.Mass " in axis
+
+
+def test_modelica_of_an_effect_without_a_drawing(tmp_path):
+    needs("modelica")
+    scheme = scheme_of(drawn("two_mass+coulomb+stribeck+gravity+backlash+current_control", 8, kinds=ALL))
+    trial = trial_of(scheme)
+    (tmp_path / "Drive.mo").write_text(modelica._equations(scheme))
+    assert deviation(trial.y, modelica.verify(tmp_path, scheme, trial).y) <= modelica.EXPORTER.tolerance
+
+
+@pytest.mark.parametrize("to", ["c", "matlab"])
+def test_missing_tool_is_said(to, tmp_path, monkeypatch):
+    monkeypatch.setattr(tools.shutil, "which", lambda name: None)
+    done = export(drawn("one_mass+coulomb", 1), to, tmp_path)
+    assert done.text == f"not verified: {PROGRAMS[to][0]} is not installed"
+    assert done.deviation is None
+    assert all(file.exists() for file in done.files)
+
+
+def test_missing_package_is_said(tmp_path, monkeypatch):
+    def absent(name):
+        raise ImportError(name)
+
+    target, scheme = exporter("control"), scheme_of(drawn("one_mass+coulomb", 1))
+    trial = trial_of(scheme)
+    monkeypatch.setattr(tools.importlib, "import_module", absent)
+    _, text, _ = exporting._compared(target, tmp_path, scheme, trial)
+    assert text == "not verified: control is not installed (pip install 'brightgrey[control]')"
+
+
+def test_an_export_that_is_off_is_not_good(tmp_path, monkeypatch):
+    needs("c")
+    from brightgrey.export import c_code
+
+    honest = c_code.sources
+
+    def altered(scheme):
+        text = honest(scheme)
+        return text | {"drive.c": text["drive.c"].replace("d.slope = rise / DT", "d.slope = 1.01 * rise / DT")}
+
+    monkeypatch.setattr(c_code, "sources", altered)
+    done = export(drawn("one_mass+coulomb", 1), "c", tmp_path)
+    assert not done.good
+    assert "was to be expected" in done.text
+
+
+def test_wrong_use_is_named(tmp_path):
+    model = drawn("one_mass+coulomb", 1)
+    with pytest.raises(SettingsError, match="Did you mean 'matlab'"):
+        export(model, "mathlab", tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SettingsError, match="is a file"):
+        export(model, "c", tmp_path / "file")
+    t = 2e-3 * np.arange(50)
+    other = Recording("slow.csv", t, 0.0 * t, np.sin(t)[None, :], model.input, model.outputs)
+    with pytest.raises(SettingsError, match=r"every 0\.002 s; the model every 0\.001 s"):
+        export(model, "c", tmp_path, other)
+
+
+def test_command(tmp_path, capsys):
+    needs("c")
+    model = drawn("two_mass+coulomb+viscous", 9)
+    model.save(tmp_path / "model.json")
+    t = 1e-3 * np.arange(300)
+    rows = [f"{a:.3f},{b:.5f},0.0" for a, b in zip(t, 3.0 * np.sin(40.0 * t), strict=True)]
+    (tmp_path / "run.csv").write_text("\n".join(["t [s],torque [N m],velocity [rad/s]", *rows]))
+    arguments = ["export", str(tmp_path / "model.json"), "--to", "c", "--out", str(tmp_path / "out")]
+    assert main([*arguments, "--recording", str(tmp_path / "run.csv")]) == 0
+    printed = capsys.readouterr().out
+    assert "of range on the input of run.csv (gcc, compiled and run)" in printed
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"drive.c", "drive.h"}
+    assert main([*arguments, "--json"]) == 0
+    (said,) = json.loads(capsys.readouterr().out)
+    assert (said["to"], said["good"]) == ("c", True)
+    assert said["deviation"] < 1e-6
+    assert main([*arguments[:2], "--to", "cpp"]) == 2
+    assert "unknown export 'cpp'" in capsys.readouterr().err
+
+
+def test_nothing_is_left_behind(tmp_path, monkeypatch):
+    needs("c")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    export(drawn("one_mass+coulomb", 1), "c", tmp_path / "out")
+    assert [p for p in tmp_path.iterdir() if p != Path(tmp_path / "out")] == []
