@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values, friction_law
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Fault, Parameter, Values, friction_law
 
 
 def amplitude(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
@@ -42,6 +42,7 @@ EFFECT = Effect(
             "Coulomb friction torque (force, in a linear axis)",
             bounds=lambda s: (1e-4 * s.torque, 2.0 * s.torque),
             start=lambda s: max(s.friction, 1e-2 * s.torque),
+            fault=Fault("friction"),
         ),
     ),
     stamp=stamp,

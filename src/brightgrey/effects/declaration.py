@@ -21,6 +21,7 @@ __all__ = [
     "Draft",
     "Effect",
     "Element",
+    "Fault",
     "Law",
     "Limits",
     "Parameter",
@@ -70,6 +71,21 @@ class Scales:
     offset: float
 
 
+class Fault(NamedTuple):
+    """What a change of a parameter is called when a machine is watched; parameters of one subject change together.
+
+    Attributes
+    ----------
+    subject : str
+        What people call it, e.g. ``friction``.
+    grows : bool
+        Only growth is a fault; else any change is reported.
+    """
+
+    subject: str
+    grows: bool = True
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of an effect.
@@ -88,6 +104,8 @@ class Parameter:
         ``start(scales) -> value``, a first guess within the bounds.
     scale : {'log', 'linear'}
         How to step through the range. ``log`` only for parameters that are always positive.
+    fault : Fault or None
+        What its change means when a machine is watched; None where nothing wears or is exchanged.
     """
 
     symbol: str
@@ -96,6 +114,7 @@ class Parameter:
     bounds: Callable[[Scales], tuple[float, float]]
     start: Callable[[Scales], float]
     scale: Literal["log", "linear"] = "log"
+    fault: Fault | None = None
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.effects.arithmetic import exp, magnitude, sign
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values, friction_law
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Fault, Parameter, Values, friction_law
 
 
 def amplitude(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
@@ -51,6 +51,7 @@ EFFECT = Effect(
             "Stribeck friction torque at standstill in excess of Coulomb's",
             bounds=lambda s: (1e-4 * s.torque, 2.0 * s.torque),
             start=lambda s: 0.3 * max(s.friction, 3e-2 * s.torque),
+            fault=Fault("friction"),
         ),
         Parameter(
             "omega_S",
