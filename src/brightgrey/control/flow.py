@@ -8,7 +8,7 @@ is more accurate but gives no derivatives.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ __all__ = ["Ahead", "Lanes", "ahead", "delayed_input", "exponential"]
 Array = NDArray[np.float64]
 _TAYLOR = 8
 _SMALL = 0.3
+_PIECES = (4, 16, 64)
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,8 @@ class Lanes:
     elements : tuple
     rows : tuple of int
         ``StateSpace.derivative_rows``.
+    speeds : ndarray of int
+        Which states are speeds.
     """
 
     A: Array
@@ -61,6 +64,7 @@ class Lanes:
     C: Array
     elements: tuple[_Wired, ...]
     rows: tuple[int, ...]
+    speeds: NDArray[np.int64]
 
     @classmethod
     def of(cls, system: StateSpace, lanes: int = 1) -> Lanes:
@@ -85,19 +89,17 @@ class Lanes:
             )
             for e in system.elements
         )
-        return cls(first(system.A, 2), first(system.B, 2)[:, :, 0], first(system.C, 2), elements, system.derivative_rows)
+        speeds = np.array([i for i, state in enumerate(system.states) if state.at_rest == "speed"])
+        A, B, C = first(system.A, 2), first(system.B, 2)[:, :, 0], first(system.C, 2)
+        return cls(A, B, C, elements, system.derivative_rows, speeds)
 
-    def repeated(self, times: int) -> Lanes:
-        """Every lane `times` times, side by side."""
-
-        def again(a: Array) -> Array:
-            return np.repeat(a, times, axis=0)
-
+    def picked(self, which: NDArray[np.int64]) -> Lanes:
+        """Some of the lanes; one may come several times."""
         elements = tuple(
-            _Wired(e.law, again(e.H), again(e.K), again(e.G), tuple(map(again, e.p)), e.state, again(e.low), again(e.high))
+            replace(e, H=e.H[which], K=e.K[which], G=e.G[which], p=tuple(p[which] for p in e.p), low=e.low[which], high=e.high[which])
             for e in self.elements
         )
-        return Lanes(again(self.A), again(self.B), again(self.C), elements, self.rows)
+        return replace(self, A=self.A[which], B=self.B[which], C=self.C[which], elements=elements)
 
     def field(self, z: Array, u: Array) -> tuple[Array, Array, Array]:
         """z' (K, n), its derivative by z (K, n, n) and by u (K, n) at states (K, n) and inputs (K,)."""
@@ -147,8 +149,8 @@ class Ahead(NamedTuple):
     by_input: Array
 
 
-def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, pieces: int = 1) -> Ahead:
-    """Carry states over one sampling interval.
+def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, tolerance: float) -> Ahead:
+    """Carry states over one sampling interval, in as many steps as each lane needs.
 
     Parameters
     ----------
@@ -158,14 +160,32 @@ def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, pieces: int =
         Input at begin and end; a straight line between.
     dt : float
         Interval in s.
-    pieces : int
-        Steps in the interval. More where friction turns or gaps close within one sample.
+    tolerance : float
+        How much the steps of second and third order may differ in any speed, rad/s (m/s). Where a gap closes or opens
+        within an interval the steps are at most a sixteenth of it.
     """
+    step, coarse = _steps(lanes, z, u0, u1, dt, 1, tolerance)
+    for pieces in _PIECES:
+        if not coarse.any():
+            break
+        again = np.flatnonzero(coarse)
+        finer, still = _steps(lanes.picked(again), z[again], u0[again], u1[again], dt, pieces, tolerance)
+        for whole, part in zip(step, finer, strict=True):
+            whole[again] = part
+        coarse[again] = still
+    return step
+
+
+def _steps(
+    lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, pieces: int, tolerance: float
+) -> tuple[Ahead, NDArray[np.bool_]]:
+    """Equal steps, and which lanes need smaller ones."""
     K, n = z.shape
     h = dt / pieces
-    total = np.broadcast_to(np.eye(n), (K, n, n))
+    total = np.broadcast_to(np.eye(n), (K, n, n)).copy()
     by_input = np.zeros((K, n))
     slope = (u1 - u0) / dt
+    coarse = np.zeros(K, bool)
     for part in range(pieces):
         u = u0 + slope * h * part
         rate, J, b = lanes.field(z, u)
@@ -177,13 +197,15 @@ def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, pieces: int =
         after, _, _ = lanes.field(moved, u + slope * h)
         bend = after - rate - np.einsum("kij,kj->ki", J, E[:, :n, n]) - b * (slope * h)[:, None]
         for e in lanes.elements:
-            if e.limited:  # a contact that was made or lost is no bend
+            if e.limited:  # a contact that is made or lost is no bend; it is gone through in small steps
+                coarse |= (pieces < _PIECES[1]) & (np.abs(bend[:, e.state]) * h > tolerance * dt)
                 bend -= e.G * bend[:, e.state, None]
-        moved = moved + np.linalg.solve(np.eye(n) - 0.25 * h * J, bend[:, :, None])[:, :, 0] * (h / 3.0)
-        z, put = lanes.inside(moved)
+        better = np.linalg.solve(np.eye(n) - 0.25 * h * J, bend[:, :, None])[:, :, 0] * (h / 3.0)
+        coarse |= np.abs(better[:, lanes.speeds]).max(axis=1, initial=0.0) > tolerance
+        z, put = lanes.inside(moved + better)
         by_input = np.einsum("kij,kj->ki", put, np.einsum("kij,kj->ki", E[:, :n, :n], by_input) + E[:, :n, n + 2])
         total = put @ E[:, :n, :n] @ total
-    return Ahead(z, total, by_input)
+    return Ahead(z, total, by_input), coarse
 
 
 def exponential(M: Array) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from brightgrey.control.flow import Lanes, ahead, delayed_input
 from brightgrey.kit import StateSpace
 
-__all__ = ["Filtered", "Noise", "Watched", "extended"]
+__all__ = ["Filtered", "Noise", "Record", "Watched", "clipped", "extended"]
 
 Array = NDArray[np.float64]
 
@@ -54,8 +54,8 @@ class Watched:
         Standard deviation of each state around it.
     differenced : tuple of bool
         Outputs that are a position's difference over the last interval; the system's output is that position.
-    pieces : int
-        Steps per sampling interval.
+    tolerance : float
+        Error of a step in any speed, rad/s (m/s); a tenth of the speed's noise is plenty.
     """
 
     system: StateSpace
@@ -66,7 +66,7 @@ class Watched:
     z0: Array
     spread: Array
     differenced: tuple[bool, ...]
-    pieces: int = 2
+    tolerance: float
 
 
 @dataclass(frozen=True)
@@ -160,10 +160,10 @@ def extended(watched: Watched, noise: Noise) -> Filtered:
     x, P = _begin(watched, measuring.memory)
     R = np.diag(np.square(noise.outputs))
     torque = np.broadcast_to(np.asarray(noise.torque, float), (K,))
-    out = _Record.empty(samples, K, n, len(watched.differenced))
+    out = Record.empty(samples, K, n, len(watched.differenced))
     for k in range(samples):
         if k:
-            step = ahead(lanes, x[:, :n], begin[k - 1], end[k - 1], watched.dt, watched.pieces)
+            step = ahead(lanes, x[:, :n], begin[k - 1], end[k - 1], watched.dt, watched.tolerance)
             F, push = _remembering(step.by_state, step.by_input, measuring.memory)
             P = F @ P @ F.transpose(0, 2, 1) + np.square(torque)[:, None, None] * push[:, :, None] * push[:, None, :]
             x = np.concatenate([step.z, x[:, :1]], axis=1) if measuring.memory else step.z
@@ -174,7 +174,7 @@ def extended(watched: Watched, noise: Noise) -> Filtered:
         x = x + np.einsum("kij,kj->ki", gain, innovation)
         rest = np.eye(x.shape[1]) - gain @ H
         P = rest @ P @ rest.transpose(0, 2, 1) + gain @ R @ gain.transpose(0, 2, 1)
-        x[:, :n] = _clipped(lanes, x[:, :n])
+        x[:, :n] = clipped(lanes, x[:, :n])
         out.keep(k, x[:, :n], P[:, :n, :n], innovation, S)
     return Filtered(out.z, out.std, out.innovations, out.covariances)
 
@@ -206,7 +206,7 @@ def _remembering(F: Array, push: Array, memory: int) -> tuple[Array, Array]:
     return wide, np.concatenate([push, np.zeros((K, 1))], axis=1)
 
 
-def _clipped(lanes: Lanes, z: Array) -> Array:
+def clipped(lanes: Lanes, z: Array) -> Array:
     """Limited states within their limits; a measurement gives no impulse, so nothing else moves."""
     for e in lanes.elements:
         if e.limited:
@@ -215,7 +215,7 @@ def _clipped(lanes: Lanes, z: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class _Record:
+class Record:
     """Arrays that a filter writes its results to."""
 
     z: Array
@@ -224,7 +224,7 @@ class _Record:
     covariances: Array
 
     @classmethod
-    def empty(cls, samples: int, K: int, n: int, outputs: int) -> _Record:
+    def empty(cls, samples: int, K: int, n: int, outputs: int) -> Record:
         return cls(
             np.empty((samples, K, n)),
             np.empty((samples, K, n)),
