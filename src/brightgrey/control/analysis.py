@@ -14,7 +14,7 @@ from brightgrey.control.coordinates import Twisted, twisted
 from brightgrey.control.loops import Compensator, Margins, frequencies, frequency_response, margins
 from brightgrey.control.objects import state_space
 from brightgrey.control.pieces import OperatingPoint, piece, steady
-from brightgrey.control.reach import Reach, controllability, observability
+from brightgrey.control.reach import Reach, controllability, minimal, observability
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear, StateSpace
 
@@ -92,8 +92,12 @@ class Analysis:
         return omega, frequency_response(self.linear, omega, self.dead_time)
 
     def margins(self, compensator: Compensator, *, output: int = 0, delay: float = 0.0) -> Margins:
-        """Margins with a controller on one output; `delay` in s comes on top of the drive's dead time."""
-        return margins(self.linear, compensator, output=output, dead_time=self.dead_time + delay)
+        """Margins with a controller on one output; `delay` in s comes on top of the drive's dead time.
+
+        Of the part that input and output reach: a load that coasts in an open gap is not the loop's matter.
+        """
+        one = self.linear._replace(C=self.linear.C[output : output + 1], D=self.linear.D[output : output + 1])
+        return margins(minimal(one), compensator, dead_time=self.dead_time + delay)
 
     def control(self, order: int = 4) -> Any:
         """``control.StateSpace``; the dead time is a Padé approximation of `order`."""

@@ -19,7 +19,7 @@ __all__ = ["Compensator", "Margins", "closed_poles", "frequencies", "frequency_r
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-_PER_DECADE = 400
+_PER_DECADE = 200
 _PADE = 6
 
 

@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 from brightgrey.kit import Linear
 
-__all__ = ["Reach", "controllability", "observability"]
+__all__ = ["Reach", "controllability", "minimal", "observability"]
 
 Array = NDArray[np.float64]
 _LOST = 1e-10  # what is left of a direction, relative to A, that counts as nothing
@@ -69,7 +69,7 @@ def _reach(A: Array, B: Array) -> Reach:
     def smallest(s: complex) -> float:
         return float(np.linalg.svd(np.hstack([A1 - s * np.eye(n), B1]), compute_uv=False)[-1])
 
-    rank = _krylov(A1, B1)
+    rank = _krylov(A1, B1).shape[1]
     starts = sorted(np.linalg.eigvals(A1), key=smallest)
     if rank < n:
         return Reach(rank, n, 0.0, complex(starts[0] * size))
@@ -83,8 +83,23 @@ def _reach(A: Array, B: Array) -> Reach:
     return Reach(rank, n, best, where * size)
 
 
-def _krylov(A: Array, B: Array) -> int:
-    """Dimension of span{B, A B, A² B, ..}, by orthogonal directions (block Arnoldi)."""
+def minimal(linear: Linear) -> Linear:
+    """Linear model without what the input does not reach or the outputs do not show; its states have no names.
+
+    In an open gap the load coasts on its own: a pole at the origin that no loop over the motor moves and that is no
+    matter of its stability.
+    """
+    A, scaling = matrix_balance(linear.A, permute=False, separate=True)
+    B, C = linear.B / scaling[0][:, None], linear.C * scaling[0]
+    size = float(np.linalg.norm(A, 2)) or 1.0
+    V = _krylov(A / size, B / (np.linalg.norm(B, axis=0) + 1e-300))
+    A, B, C = V.T @ A @ V, V.T @ B, C @ V
+    W = _krylov(A.T / size, C.T / (np.linalg.norm(C.T, axis=0) + 1e-300))
+    return Linear(W.T @ A @ W, W.T @ B, C @ W, linear.D)
+
+
+def _krylov(A: Array, B: Array) -> Array:
+    """Orthonormal basis of span{B, A B, A² B, ..}, direction by direction (block Arnoldi)."""
     n = len(A)
     basis = np.zeros((n, 0))
     block = B
@@ -97,4 +112,4 @@ def _krylov(A: Array, B: Array) -> int:
             break
         basis = np.hstack([basis, fresh])
         block = A @ fresh
-    return min(basis.shape[1], n)
+    return basis[:, :n]
