@@ -1,0 +1,189 @@
+"""From a recording and a model to what the filters take, and noise levels from a recording that the model explains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from brightgrey.control.coordinates import Twisted, twisted
+from brightgrey.control.kalman import Noise, Watched, extended
+from brightgrey.estimation.problem import initial_state, noise_of
+from brightgrey.kit import StateSpace, Structure, assemble
+from brightgrey.recordings import Recording
+from brightgrey.simulation import Settings
+
+__all__ = ["Seen", "noise_levels", "see", "shaft_torque"]
+
+Array = NDArray[np.float64]
+_AT_REST = 0.02  # of the speed scale: how well the first speed is known
+_TORQUES = tuple(10.0 ** (0.5 * k) for k in range(-9, 1))  # of the largest input
+_SENSORS = (0.5, 0.7, 1.0, 1.4, 2.0, 4.0)  # of the noise seen in the recording
+_FINER = tuple(10.0 ** (k / 8.0) for k in range(-3, 4))
+_ENOUGH = 6000  # samples
+_STEP_ERROR = 0.1  # of the speed's noise
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A recording as the filters take it.
+
+    Attributes
+    ----------
+    watched : Watched
+    twisted : Twisted
+        Coordinates, and the way back to all states.
+    sensors : ndarray, shape (outputs,)
+        Noise of each output as the recording shows it, SI.
+    """
+
+    watched: Watched
+    twisted: Twisted
+    sensors: Array
+
+
+def see(structure: Structure, values: Mapping[str, ArrayLike], recording: Recording, settings: Settings) -> Seen:
+    """Prepare `recording` for a filter with the model `values` of `structure`.
+
+    Parameters
+    ----------
+    structure : Structure
+    values : mapping of str to float or ndarray, shape (K,)
+        SI. Arrays watch the recording with K parameter sets at once.
+    recording : Recording
+    settings : Settings
+        ``f_tanh`` and ``speed_scale`` are used.
+
+    Returns
+    -------
+    Seen
+    """
+    kinds = [signal.kind for signal in recording.outputs]
+    differenced = tuple(kind == "velocity-differenced" for kind in kinds)
+    outputs = ["position" if d else kind for d, kind in zip(differenced, kinds, strict=True)]
+    system = assemble(structure, values, settings.f_tanh, outputs)
+    coordinates = twisted(system)
+    K = system.batch[0] if system.batch else 1
+    sensors = np.asarray(noise_of(recording))
+    speed = _AT_REST * settings.speed_scale
+    z0, spread = _start(coordinates, initial_state(recording, system), K, speed, float(np.abs(recording.u).max()))
+    if "position" in kinds:
+        spread[:, 0] = sensors[kinds.index("position")]
+    watched = Watched(
+        coordinates.system,
+        np.repeat(recording.u[:, None], K, axis=1),
+        np.repeat(recording.y.T[:, None], K, axis=1),
+        recording.dt,
+        recording.hold,
+        z0,
+        spread,
+        differenced,
+        _STEP_ERROR * _speed_noise(kinds, sensors, settings),
+    )
+    return Seen(watched, coordinates, sensors)
+
+
+def _speed_noise(kinds: list[str], sensors: Array, settings: Settings) -> float:
+    """Size of speed that does not matter: the noise of a measured one, else a thousandth of the largest."""
+    seen = [s for kind, s in zip(kinds, sensors, strict=True) if kind.startswith("velocity")]
+    return float(np.clip(min(seen, default=0.0), 1e-4 * settings.speed_scale, 1e-2 * settings.speed_scale))
+
+
+def _start(coordinates: Twisted, x0: Array, K: int, speed: float, torque: float) -> tuple[Array, Array]:
+    """First state and its spread, both shape (K, n): at rest as measured, gaps anywhere."""
+    system = coordinates.system
+    n = len(system.states)
+    z0 = np.repeat((coordinates.W @ x0)[None], K, axis=0)
+    spread = np.zeros((K, n))
+    A = np.broadcast_to(system.A.reshape(n, n, -1), (n, n, K))
+    fastest = np.sqrt(np.abs(A).sum(axis=(0, 1)))  # a bound of the turning rate; twists are small against it
+    for i, state in enumerate(system.states):
+        if state.at_rest == "speed":
+            spread[:, i] = speed
+        elif state.at_rest == "input":
+            spread[:, i] = _AT_REST * torque
+        elif state.name.startswith("twist"):
+            spread[:, i] = speed / fastest
+    for e in system.elements:
+        if e.limits is not None:
+            low, high = np.broadcast_to(e.limits.lower, (K,)), np.broadcast_to(e.limits.upper, (K,))
+            z0[:, e.limits.state] = 0.5 * (low + high)
+            spread[:, e.limits.state] = (high - low) / np.sqrt(12.0)
+    return z0, spread
+
+
+def noise_levels(
+    structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings
+) -> Noise:
+    """Noise levels under which the model explains `recording` best.
+
+    Parameters
+    ----------
+    structure, values, settings
+        The model, SI.
+    recording : Recording
+        One that the model was identified from: what is found here is the measure of what is normal.
+
+    Returns
+    -------
+    Noise
+
+    Notes
+    -----
+    Maximum likelihood of the innovations over the standard deviation of a disturbing torque and one factor on the sensors'
+    noise, on a grid and a finer one around its best point; of a long recording the middle 6000 samples.
+    """
+    part = _middle(recording)
+    torque = float(np.abs(part.u).max()) or 1.0
+    seen = see(structure, values, part, settings)
+    grid = [(t * torque, s) for t in _TORQUES for s in _SENSORS]
+    best = _likeliest(seen, grid)
+    best = _likeliest(seen, [(best[0] * t, best[1] * s) for t in _FINER for s in _FINER])
+    return Noise(best[0], best[1] * seen.sensors)
+
+
+def _middle(recording: Recording) -> Recording:
+    extra = recording.samples - _ENOUGH
+    if extra <= 0:
+        return recording
+    part = slice(extra // 2, extra // 2 + _ENOUGH)
+    return replace(recording, t=recording.t[part], u=recording.u[part], y=recording.y[:, part])
+
+
+def _likeliest(seen: Seen, grid: list[tuple[float, float]]) -> tuple[float, float]:
+    """Torque and sensor factor with the largest likelihood; all of a grid are filtered side by side."""
+    found: list[float] = []
+    for factor in sorted({s for _, s in grid}):
+        torques = np.array([t for t, s in grid if s == factor])
+        w = seen.watched
+        lanes = len(torques)
+        wide = replace(
+            w,
+            u=np.repeat(w.u, lanes, axis=1),
+            y=np.repeat(w.y, lanes, axis=1),
+            z0=np.repeat(w.z0, lanes, axis=0),
+            spread=np.repeat(w.spread, lanes, axis=0),
+        )
+        found += extended(wide, Noise(torques, factor * seen.sensors)).log_likelihood.tolist()
+    ordered = [(t, s) for factor in sorted({s for _, s in grid}) for t, s in grid if s == factor]
+    return ordered[int(np.nanargmax(found))]
+
+
+def shaft_torque(system: StateSpace, z: Array) -> Array:
+    """Torque that the first shaft takes from mass 1, shape (...,), for states `z` (..., n) of a system in twist coordinates.
+
+    Read from the assembled matrices: what of mass 1's acceleration is neither input nor friction, times its inertia.
+    """
+    v = system.state_names.index("v1")
+    row = system.A[v].copy()
+    drive = [i for i, state in enumerate(system.states) if state.at_rest == "input"]
+    per_torque = float(row[drive[0]]) if drive else float(system.B[v, 0])
+    row[drive] = 0.0
+    rate = z @ row
+    for e in system.elements:
+        if e.limits is not None:
+            ports = np.einsum("pj,...j->p...", e.H, z)
+            rate = rate + e.G[v] * e.law.value(tuple(ports), e.p)[0]
+    return np.asarray(-rate / per_torque)
