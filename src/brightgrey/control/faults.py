@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,9 @@ __all__ = ["Finding", "faults", "groups"]
 Array = NDArray[np.float64]
 _DIFFERENCE = 0.01  # of the logarithm: contacts make smaller ones rough
 _FACTORS = (0.6, 0.8, 1.25, 1.6, 2.2, 3.0)  # sizes tried first: contacts make the likelihood many-humped
-_FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.02)
-_TURNS = 8
-_SETTLED = 1e-3
+_FRACTIONS = (1.0, 0.3, 0.05)
+_TURNS = 5
+_SETTLED = 0.3  # standard deviations that a step still moves
 _TELLING = 0.5  # a change by half has to be detectable, or the recording does not decide
 
 
@@ -116,9 +116,8 @@ def faults(
         raise SettingsError(f"matters is {matters:g} (0 to {_TELLING:g}) and confidence {confidence:g} (0.5 to 1)")
     kinds = groups(structure)
     trial = _Trial(structure, values, recording, settings, noise, tuple(kinds.values()))
-    size = _estimated(trial)
-    slopes, white = trial.slopes(size)
-    covariance = _covariance(slopes, white)
+    size, likelihood, slopes, white = _estimated(trial)
+    covariance = _covariance(slopes, white) if np.isfinite(likelihood) else np.full((len(size),) * 2, np.inf)
     findings = []
     for i, (fault, names) in enumerate(kinds.items()):
         own = max(((std or {}).get(name, 0.0) / abs(values[name]) for name in names), default=0.0)
@@ -149,19 +148,35 @@ class _Trial:
 
     def likelihoods(self, sizes: Array) -> Array:
         """Log-likelihood of each, -inf where the filter diverged."""
-        found = self.run(sizes).log_likelihood
-        return np.where(np.isfinite(found), found, -np.inf)
+        return _finite(self.run(sizes).log_likelihood)
 
-    def slopes(self, size: Array) -> tuple[Array, Array]:
-        """Derivative of the whitened innovations by the sizes, shape (samples, groups), and the innovations."""
-        steps = _DIFFERENCE * np.eye(len(size))
-        white = self.run(np.vstack([size, size + steps, size - steps])).white
-        flat = white.transpose(0, 2, 1).reshape(-1, white.shape[1])
-        m = len(size)
-        return (flat[:, 1 : m + 1] - flat[:, m + 1 :]) / (2.0 * _DIFFERENCE), flat[:, 0]
+    def around(self, sizes: Array) -> list[_Point]:
+        """Each of the sizes with the derivatives there, all filtered side by side."""
+        K, m = sizes.shape
+        steps = _DIFFERENCE * np.vstack([np.zeros((1, m)), np.eye(m), -np.eye(m)])
+        found = self.run((sizes[:, None] + steps).reshape(-1, m))
+        white = found.white.transpose(1, 0, 2).reshape(K, 2 * m + 1, -1)
+        slopes = (white[:, 1 : m + 1] - white[:, m + 1 :]) / (2.0 * _DIFFERENCE)
+        likelihood = _finite(found.log_likelihood).reshape(K, -1)[:, 0]
+        usable = np.isfinite(slopes).all(axis=(1, 2))
+        likelihood = np.where(usable, likelihood, -np.inf)
+        return [_Point(sizes[i], float(likelihood[i]), slopes[i].T, white[i, 0]) for i in range(K)]
 
 
-def _estimated(trial: _Trial) -> Array:
+class _Point(NamedTuple):
+    """Sizes of the faults, the likelihood there, the whitened innovations and their derivatives."""
+
+    size: Array
+    likelihood: float
+    slopes: Array
+    white: Array
+
+
+def _finite(likelihood: Array) -> Array:
+    return np.where(np.isfinite(likelihood), likelihood, -np.inf)
+
+
+def _estimated(trial: _Trial) -> _Point:
     """Sizes with the largest likelihood: a coarse look along each, then Gauss-Newton with several step lengths at once."""
     m = len(trial.groups)
     tries = [np.zeros(m)]
@@ -170,20 +185,21 @@ def _estimated(trial: _Trial) -> Array:
     found = trial.likelihoods(np.array(tries))
     if not np.isfinite(found[0]):
         raise SettingsError("the filter diverges with the model as it is: it does not belong to this recording")
-    size, best = tries[int(np.argmax(found))], float(np.max(found))
+    (here,) = trial.around(tries[int(np.argmax(found))][None])
     for _ in range(_TURNS):
-        slopes, white = trial.slopes(size)
-        step = -np.linalg.lstsq(slopes, white, rcond=None)[0]
+        if not np.isfinite(here.likelihood):
+            break
+        step = -np.linalg.lstsq(here.slopes, here.white, rcond=None)[0]
+        if np.abs(step * np.linalg.norm(here.slopes, axis=0)).max() < _SETTLED:
+            break
         step *= min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-12))
-        ahead = np.array([size + fraction * step for fraction in _FRACTIONS])
-        found = trial.likelihoods(ahead)
-        if not found.max() > best:
+        best = max(
+            trial.around(np.array([here.size + fraction * step for fraction in _FRACTIONS])), key=lambda p: p.likelihood
+        )
+        if not best.likelihood > here.likelihood:
             break
-        size, gained = ahead[int(np.argmax(found))], float(found.max()) - best
-        best = float(found.max())
-        if gained < _SETTLED:
-            break
-    return np.asarray(size)
+        here = best
+    return here
 
 
 def _covariance(slopes: Array, white: Array) -> Array:

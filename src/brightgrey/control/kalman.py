@@ -28,12 +28,17 @@ class Noise:
     ----------
     torque : float or ndarray, shape (K,)
         Standard deviation of a torque beside the input, held over each sampling interval, N m (N).
-    outputs : ndarray, shape (outputs,)
+    outputs : ndarray, shape (outputs,) or (K, outputs)
         Standard deviation of each measured output.
     """
 
     torque: float | Array
     outputs: Array
+
+    def sensors(self, lanes: int) -> Array:
+        """Covariance of the measurement, shape (K, outputs, outputs)."""
+        std = np.broadcast_to(self.outputs, (lanes, np.shape(self.outputs)[-1]))
+        return np.asarray(np.square(std)[:, :, None] * np.eye(std.shape[1]))
 
 
 @dataclass(frozen=True)
@@ -158,7 +163,7 @@ def extended(watched: Watched, noise: Noise) -> Filtered:
     delay = np.broadcast_to(np.asarray(watched.system.dead_time, float), (K,))
     begin, end = delayed_input(watched.u, watched.dt, delay, watched.hold)
     x, P = _begin(watched, measuring.memory)
-    R = np.diag(np.square(noise.outputs))
+    R = noise.sensors(K)
     torque = np.broadcast_to(np.asarray(noise.torque, float), (K,))
     out = Record.empty(samples, K, n, len(watched.differenced))
     for k in range(samples):

@@ -50,7 +50,7 @@ def unscented(watched: Watched, noise: Noise) -> Filtered:
     z = watched.z0.copy()
     P = np.zeros((K, n, n))
     P[:, range(n), range(n)] = np.square(watched.spread)
-    R = np.diag(np.square(noise.outputs))
+    R = noise.sensors(K)
     torque = np.broadcast_to(np.asarray(noise.torque, float), (K,))
     out = Record.empty(samples, K, n, watched.y.shape[2])
     for k in range(samples):

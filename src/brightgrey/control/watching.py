@@ -19,9 +19,9 @@ __all__ = ["Seen", "noise_levels", "see", "shaft_torque"]
 
 Array = NDArray[np.float64]
 _AT_REST = 0.02  # of the speed scale: how well the first speed is known
-_TORQUES = tuple(10.0 ** (0.5 * k) for k in range(-9, 1))  # of the largest input
-_SENSORS = (0.5, 0.7, 1.0, 1.4, 2.0, 4.0)  # of the noise seen in the recording
-_FINER = tuple(10.0 ** (k / 8.0) for k in range(-3, 4))
+_TORQUES = tuple(10.0 ** (0.5 * k) for k in range(-8, 1))  # of the largest input
+_SENSORS = (0.5, 1.0, 2.0, 4.0)  # of the noise seen in the recording
+_FINER = tuple(10.0 ** (k / 8.0) for k in range(-2, 3))
 _ENOUGH = 6000  # samples
 _STEP_ERROR = 0.1  # of the speed's noise
 
@@ -154,21 +154,17 @@ def _middle(recording: Recording) -> Recording:
 
 def _likeliest(seen: Seen, grid: list[tuple[float, float]]) -> tuple[float, float]:
     """Torque and sensor factor with the largest likelihood; all of a grid are filtered side by side."""
-    found: list[float] = []
-    for factor in sorted({s for _, s in grid}):
-        torques = np.array([t for t, s in grid if s == factor])
-        w = seen.watched
-        lanes = len(torques)
-        wide = replace(
-            w,
-            u=np.repeat(w.u, lanes, axis=1),
-            y=np.repeat(w.y, lanes, axis=1),
-            z0=np.repeat(w.z0, lanes, axis=0),
-            spread=np.repeat(w.spread, lanes, axis=0),
-        )
-        found += extended(wide, Noise(torques, factor * seen.sensors)).log_likelihood.tolist()
-    ordered = [(t, s) for factor in sorted({s for _, s in grid}) for t, s in grid if s == factor]
-    return ordered[int(np.nanargmax(found))]
+    w, lanes = seen.watched, len(grid)
+    wide = replace(
+        w,
+        u=np.repeat(w.u, lanes, axis=1),
+        y=np.repeat(w.y, lanes, axis=1),
+        z0=np.repeat(w.z0, lanes, axis=0),
+        spread=np.repeat(w.spread, lanes, axis=0),
+    )
+    torques, factors = np.array(grid).T
+    found = extended(wide, Noise(torques, factors[:, None] * seen.sensors)).log_likelihood
+    return grid[int(np.argmax(np.where(np.isfinite(found), found, -np.inf)))]
 
 
 def shaft_torque(system: StateSpace, z: Array) -> Array:
