@@ -57,7 +57,9 @@ def wilson(hits: int, of: int) -> str:
     return f"{hits} of {of} = {100 * p:.1f} % ({100 * (center - half):.1f} to {100 * (center + half):.1f})"
 
 
-def recorded(structure: Structure, values: dict[str, float], rng: np.random.Generator, *, every: int = 1, torque: float = 0.0):
+def recorded(
+    structure: Structure, values: dict[str, float], rng: np.random.Generator, *, every: int = 1, torque: float = 0.0
+):
     """Recording of a drive by the reference solver; `torque` is the size of a disturbance that is not recorded."""
     u = E.torque()[::every]
     dt = E.dt * every
@@ -90,7 +92,10 @@ def consistency(runs: int, seed: int, names: Iterable[str]) -> None:
                     continue
                 total = run_filter(watched, Noise(torque, sensor)).nis.sum()
                 hits[filter_name] += bool(low < total < high)
-        print(f"{name}: extended {wilson(hits['extended'], tried)}; unscented {wilson(hits['unscented'], min(tried, runs // 4))}", flush=True)
+        print(
+            f"{name}: extended {wilson(hits['extended'], tried)}; unscented {wilson(hits['unscented'], min(tried, runs // 4))}",
+            flush=True,
+        )
 
 
 def fundamental(y: np.ndarray, dt: float) -> tuple[float, float]:
@@ -112,7 +117,17 @@ def fundamental(y: np.ndarray, dt: float) -> tuple[float, float]:
 def cycle(structure: str, rng: np.random.Generator) -> tuple[float, float] | None:
     """Relative errors of frequency and amplitude of one predicted stable limit cycle, None if there is none."""
     placed = Structure.parse(structure)
-    values = {"J1": 0.004, "J2": 0.016, "c1": 5000.0, "d1": 2.0, "M_C": 0.05, "f_v": 0.01, "alpha": 0.01, "T_1": 2e-3, "T_d": 1e-3}
+    values = {
+        "J1": 0.004,
+        "J2": 0.016,
+        "c1": 5000.0,
+        "d1": 2.0,
+        "M_C": 0.05,
+        "f_v": 0.01,
+        "alpha": 0.01,
+        "T_1": 2e-3,
+        "T_d": 1e-3,
+    }
     values = {n: values[n] * float(np.exp(rng.uniform(-0.3, 0.3))) for n in placed.parameters}
     dt, samples = 5e-4, 1600
     system = assemble(placed, values, E.f_tanh)
@@ -170,7 +185,9 @@ def watch(name: str, runs: int, seed: int, seconds: float) -> None:
         truth = random_values(structure.parameters, rng)
         u = E.torque()[::2]
         try:
-            if agreement(structure, truth, u, 2 * E.dt, f_tanh=E.f_tanh, outputs=("velocity", "position"), both=False).chaotic:
+            if agreement(
+                structure, truth, u, 2 * E.dt, f_tanh=E.f_tanh, outputs=("velocity", "position"), both=False
+            ).chaotic:
                 left_out += 1
                 continue
             model = {n: v * float(np.exp(MODEL_STD * rng.normal())) for n, v in truth.items()}
@@ -190,28 +207,51 @@ def watch(name: str, runs: int, seed: int, seconds: float) -> None:
                         c["hit"] += alarm
                         c["undecidable"] += finding.verdict == "not decidable"
                         if not alarm:
-                            print("  missed", run, finding.text, {n: float(f"{v:.3g}") for n, v in truth.items()}, flush=True)
+                            print(
+                                "  missed",
+                                run,
+                                finding.text,
+                                {n: float(f"{v:.3g}") for n, v in truth.items()},
+                                flush=True,
+                            )
                     else:
                         c["healthy"] += 1
                         c["false"] += alarm
                         alarms += alarm
                         if alarm:
-                            print("  false", run, broken, finding.text, {n: float(f"{v:.3g}") for n, v in truth.items()}, flush=True)
+                            print(
+                                "  false",
+                                run,
+                                broken,
+                                finding.text,
+                                {n: float(f"{v:.3g}") for n, v in truth.items()},
+                                flush=True,
+                            )
                 if not broken:
                     clean["cases"] += 1
                     clean["alarm"] += alarms > 0
         except (UnsettledError, BrightgreyError) as why:
             print("  no result", run, why, flush=True)
-    print(f"{name}: {drives} drives, seed {seed}, {left_out} chaotic ones left out, {time.process_time() - began:.0f} s")
+    print(
+        f"{name}: {drives} drives, seed {seed}, {left_out} chaotic ones left out, {time.process_time() - began:.0f} s"
+    )
     print(f"  healthy recordings with any alarm: {wilson(clean['alarm'], clean['cases'])}")
     for subject, c in count.items():
-        print(f"  {subject}: detected {wilson(c['hit'], c['cases'])}, not decidable {c['undecidable']}; alarmed without cause {wilson(c['false'], c['healthy'])}", flush=True)
+        print(
+            f"  {subject}: detected {wilson(c['hit'], c['cases'])}, not decidable {c['undecidable']}; alarmed without cause {wilson(c['false'], c['healthy'])}",
+            flush=True,
+        )
 
 
 def emps() -> None:
     """The filter over the measured axis: what the innovations say about its model."""
     recording = read_recording(
-        DATA / "emps" / "DATA_EMPS.mat", input="vir", outputs=["qm:position"], time="t", input_gain=35.15065, units={"vir": "N", "qm": "m"}
+        DATA / "emps" / "DATA_EMPS.mat",
+        input="vir",
+        outputs=["qm:position"],
+        time="t",
+        input_gain=35.15065,
+        units={"vir": "N", "qm": "m"},
     )
     model = identify(recording, "one_mass+coulomb+viscous+gravity", starts=2, level="fast").model
     structure, values, settings = model.structure, model.values_si(), model.settings_si()
@@ -232,7 +272,9 @@ def emps() -> None:
         ("near standstill", np.abs(speed) <= 0.1 * fast),
     ):
         w = white[where]
-        print(f"{text:16}: mean {w.mean():+.3f} ± {1.96 * w.std() / np.sqrt(len(w)):.3f}, size {w.std():.3f}, {len(w)} samples")
+        print(
+            f"{text:16}: mean {w.mean():+.3f} ± {1.96 * w.std() / np.sqrt(len(w)):.3f}, size {w.std():.3f}, {len(w)} samples"
+        )
 
 
 def main() -> None:

@@ -16,6 +16,7 @@ from brightgrey.cli.demo import demo
 from brightgrey.cli.effects import effects
 from brightgrey.cli.identify import identify
 from brightgrey.cli.simulate import simulate
+from brightgrey.cli.work import analyse, control, watch
 from brightgrey.errors import BrightgreyError
 
 __all__ = ["app", "main"]
@@ -54,6 +55,9 @@ app.command()(demo)
 app.command()(identify)
 app.command()(simulate)
 app.command()(effects)
+app.command()(analyse)
+app.command()(control)
+app.command()(watch)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

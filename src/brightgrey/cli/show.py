@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from brightgrey.api import Result, Simulation
     from brightgrey.report.tables import FitRow
 
-__all__ = ["as_json", "effects", "result", "simulation", "working"]
+__all__ = ["as_json", "effects", "plain_table", "result", "screen", "simulation", "working"]
 
 PIPED_WIDTH = 120  # nobody's window: wide enough that no row is folded
 
 
-def _console(*, stderr: bool = False) -> Console:
+def screen(*, stderr: bool = False) -> Console:
     """Make a console that prints names of columns as they are, brackets and all."""
     stream = sys.stderr if stderr else sys.stdout
     piped = not stream.isatty() and "COLUMNS" not in os.environ
@@ -34,7 +34,7 @@ def _console(*, stderr: bool = False) -> Console:
 @contextmanager
 def working(what: str, *, silent: bool) -> Iterator[None]:
     """Show on a terminal's stderr that something is going on."""
-    console = _console(stderr=True)
+    console = screen(stderr=True)
     if silent or not console.is_terminal:
         yield
         return
@@ -56,9 +56,9 @@ def result(found: Result, folder: Path, *, quiet: bool, json: bool) -> None:
         return
     from brightgrey.report.tables import FIXED, fit_rows, parameter_rows, remarks, sentence
 
-    console = _console()
+    console = screen()
     console.print(Text(str(found.model.structure), style="bold"))
-    table = _table("parameter", "estimate >", "unit")
+    table = plain_table("parameter", "estimate >", "unit")
     for row in parameter_rows(found.model):
         doubtful = row.note and row.note != FIXED
         table.add_row(row.name, row.estimate, row.unit, style="yellow" if doubtful else None)
@@ -81,7 +81,7 @@ def simulation(done: Simulation, file: Path | None, *, quiet: bool, json: bool) 
         return
     from brightgrey.report.tables import fit_row
 
-    console = _console()
+    console = screen()
     console.print(Text(f"{done.model.structure} on {done.trace.name}", style="bold"))
     units = {signal.name: signal.unit for signal in done.trace.outputs}
     _fits(console, [fit_row(name, "", fit, units[name]) for name, fit in done.fit.items()])
@@ -93,7 +93,7 @@ def simulation(done: Simulation, file: Path | None, *, quiet: bool, json: bool) 
 
 def effects(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print the function set."""
-    console = _console()
+    console = screen()
     for row in rows:
         console.print(Text.assemble((row["name"], "bold"), f"  {row['title']}"))
         console.print(f"  {row['equation']}")
@@ -104,7 +104,7 @@ def effects(rows: Sequence[Mapping[str, Any]]) -> None:
         console.print()
 
 
-def _table(*columns: str) -> Table:
+def plain_table(*columns: str) -> Table:
     """Table without a frame; a column whose name ends in > is aligned to the right."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
     for column in columns:
@@ -116,7 +116,7 @@ def _table(*columns: str) -> Table:
 def _fits(console: Console, rows: Sequence[FitRow]) -> None:
     """One row per output; `on` is left out where it says nothing."""
     several = any(row.on for row in rows)
-    table = _table("output", *(["on"] if several else []), "fit/% >", "RMSE >", "unit")
+    table = plain_table("output", *(["on"] if several else []), "fit/% >", "RMSE >", "unit")
     for row in rows:
         table.add_row(row.output, *([row.on] if several else []), row.fit_percent, row.rmse, row.unit)
     console.print(table)

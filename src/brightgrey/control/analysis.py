@@ -150,7 +150,9 @@ def zeros(linear: Linear, output: int = 0) -> Complex:
     scale = float(np.linalg.norm(linear.A, 2)) or 1.0
     rows = np.append(np.full(n, 1.0 / scale), 1.0 / (np.abs(M[n]).max() or 1.0))
     columns = np.append(np.ones(n), scale / (np.abs(linear.B).max() or 1.0))
-    alpha, beta = eig(rows[:, None] * M * columns, rows[:, None] * N * columns * scale, right=False, homogeneous_eigvals=True)
+    alpha, beta = eig(
+        rows[:, None] * M * columns, rows[:, None] * N * columns * scale, right=False, homogeneous_eigvals=True
+    )
     finite = np.abs(beta) > 1e-8 * np.abs(alpha)
     return np.asarray(alpha[finite] / beta[finite] * scale)
 

@@ -76,7 +76,9 @@ def speed_loop(analysis: Analysis, gain: float, reset: float, delay: float) -> M
     return margins(one, _pi(gain, reset), dead_time=analysis.dead_time + delay)
 
 
-def position_loop(analysis: Analysis, position: float, gain: float, reset: float, delay: float) -> tuple[Margins, float]:
+def position_loop(
+    analysis: Analysis, position: float, gain: float, reset: float, delay: float
+) -> tuple[Margins, float]:
     """Margins of the whole cascade opened at the drive's input, and the peak of the response from q_ref to q."""
     q, v = _output(analysis, "position"), _output(analysis, "velocity")
     both = Linear(analysis.linear.A, analysis.linear.B, (v + position * q)[None], np.zeros((1, 1)))
@@ -89,7 +91,9 @@ def position_loop(analysis: Analysis, position: float, gain: float, reset: float
     return found, float(np.abs(position * way / (1.0 + loop)).max())
 
 
-def cascade(analyses: Sequence[Analysis], inertia: float, dt: float, *, computing: float = 0.0, goal: Goal | None = None) -> Cascade:
+def cascade(
+    analyses: Sequence[Analysis], inertia: float, dt: float, *, computing: float = 0.0, goal: Goal | None = None
+) -> Cascade:
     """Suggest the gains of the cascade: the stiffest that keep the goal in all models.
 
     Parameters

@@ -31,8 +31,10 @@ __all__ = ["Finding", "faults", "groups"]
 Array = NDArray[np.float64]
 _DIFFERENCE = 0.01  # of the logarithm: contacts make smaller ones rough
 _FACTORS = (0.6, 0.8, 1.25, 1.6, 2.2, 3.0)  # sizes tried first: contacts make the likelihood many-humped
-_FRACTIONS = (1.0, 0.3, 0.05)
+_FRACTIONS = (1.0, 0.3)
 _TURNS = 5
+_MOST_DOUBT = 0.5  # of a parameter: beyond it the prior says nothing, and steps would leave the model
+_SINGULAR = 1e10
 _SETTLED = 0.3  # standard deviations that a step still moves
 _TELLING = 0.5  # a change by half has to be detectable, or the recording does not decide
 
@@ -115,51 +117,66 @@ def faults(
     if not (0.0 <= matters < _TELLING and 0.5 < confidence < 1.0):
         raise SettingsError(f"matters is {matters:g} (0 to {_TELLING:g}) and confidence {confidence:g} (0.5 to 1)")
     kinds = groups(structure)
-    trial = _Trial(structure, values, recording, settings, noise, tuple(kinds.values()))
-    size, likelihood, slopes, white = _estimated(trial)
-    covariance = _covariance(slopes, white) if np.isfinite(likelihood) else np.full((len(size),) * 2, np.inf)
-    findings = []
-    for i, (fault, names) in enumerate(kinds.items()):
-        own = max(((std or {}).get(name, 0.0) / abs(values[name]) for name in names), default=0.0)
-        spread = math.hypot(math.sqrt(max(covariance[i, i], 0.0)), own)
-        findings.append(_finding(fault, names, float(size[i]), spread, matters, confidence))
-    return tuple(findings)
+    doubts = {n: abs(s / values[n]) for n, s in (std or {}).items() if s > 0.0 and values[n] != 0.0}
+    doubtful = {n: min(s, _MOST_DOUBT) for n, s in doubts.items()}
+    changes = (*kinds.values(), *((name,) for name in doubtful))
+    prior = np.array([0.0] * len(kinds) + [s**-2 for s in doubtful.values()])
+    trial = _Trial(structure, values, recording, settings, noise, changes, prior)
+    found = _estimated(trial)
+    spread = _spread(found, prior)
+    return tuple(
+        _finding(fault, names, float(found.size[i]), float(spread[i]), matters, confidence)
+        for i, (fault, names) in enumerate(kinds.items())
+    )
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """The recording filtered with changed models."""
+    """The recording filtered with changed models.
+
+    What may change: the faults, of which nothing is known beforehand, then every parameter on its own, as far as the model
+    does not know it; `prior` is how well it does, 1 over the variance of its logarithm, 0 for the faults.
+    """
 
     structure: Structure
     values: Mapping[str, float]
     recording: Recording
     settings: Settings
     noise: Noise
-    groups: tuple[tuple[str, ...], ...]
+    changes: tuple[tuple[str, ...], ...]
+    prior: Array
 
     def run(self, sizes: Array) -> Filtered:
-        """Filter with the logarithms of all factors, shape (K, groups), side by side."""
+        """Filter with the logarithms of all factors, shape (K, changes), side by side."""
         values = {name: np.full(len(sizes), value) for name, value in self.values.items()}
-        for i, names in enumerate(self.groups):
+        for i, names in enumerate(self.changes):
             for name in names:
                 values[name] = values[name] * np.exp(sizes[:, i])
         with np.errstate(all="ignore"):  # a model far off may diverge: it has no likelihood then
             return extended(see(self.structure, values, self.recording, self.settings).watched, self.noise)
 
-    def likelihoods(self, sizes: Array) -> Array:
-        """Log-likelihood of each, -inf where the filter diverged."""
-        return _finite(self.run(sizes).log_likelihood)
+    def posterior(self, found: Filtered, sizes: Array) -> Array:
+        """Log-likelihood of each with the prior, -inf where the filter diverged."""
+        likelihood = found.log_likelihood - 0.5 * np.square(sizes) @ self.prior
+        return np.where(np.isfinite(likelihood), likelihood, -np.inf)
+
+    def tried(self, sizes: Array) -> Array:
+        """Posterior of each size, filtered side by side."""
+        return self.posterior(self.run(sizes), sizes)
 
     def around(self, sizes: Array) -> list[_Point]:
         """Each of the sizes with the derivatives there, all filtered side by side."""
         K, m = sizes.shape
-        steps = _DIFFERENCE * np.vstack([np.zeros((1, m)), np.eye(m), -np.eye(m)])
-        found = self.run((sizes[:, None] + steps).reshape(-1, m))
-        white = found.white.transpose(1, 0, 2).reshape(K, 2 * m + 1, -1)
-        slopes = (white[:, 1 : m + 1] - white[:, m + 1 :]) / (2.0 * _DIFFERENCE)
-        likelihood = _finite(found.log_likelihood).reshape(K, -1)[:, 0]
-        usable = np.isfinite(slopes).all(axis=(1, 2))
-        likelihood = np.where(usable, likelihood, -np.inf)
+        steps = _DIFFERENCE * np.vstack([np.zeros((1, m)), np.eye(m), -np.eye(m)[self.prior == 0.0]])
+        at = (sizes[:, None] + steps).reshape(-1, m)
+        found = self.run(at)
+        likelihood = self.posterior(found, at).reshape(K, -1)[:, 0]
+        white = found.white.transpose(1, 0, 2).reshape(K, len(steps), -1)
+        below = np.repeat(white[:, :1], m, axis=1)
+        below[:, self.prior == 0.0] = white[:, m + 1 :]
+        wide = np.where(self.prior == 0.0, 2.0, 1.0)[:, None] * _DIFFERENCE
+        slopes = (white[:, 1 : m + 1] - below) / wide
+        likelihood = np.where(np.isfinite(slopes).all(axis=(1, 2)), likelihood, -np.inf)
         return [_Point(sizes[i], float(likelihood[i]), slopes[i].T, white[i, 0]) for i in range(K)]
 
 
@@ -172,25 +189,23 @@ class _Point(NamedTuple):
     white: Array
 
 
-def _finite(likelihood: Array) -> Array:
-    return np.where(np.isfinite(likelihood), likelihood, -np.inf)
-
-
 def _estimated(trial: _Trial) -> _Point:
     """Sizes with the largest likelihood: a coarse look along each, then Gauss-Newton with several step lengths at once."""
-    m = len(trial.groups)
+    m = len(trial.changes)
     tries = [np.zeros(m)]
-    for i in range(m):
+    for i in np.flatnonzero(trial.prior == 0.0):
         tries += [np.log(factor) * np.eye(m)[i] for factor in _FACTORS]
-    found = trial.likelihoods(np.array(tries))
+    found = trial.tried(np.array(tries))
     if not np.isfinite(found[0]):
         raise SettingsError("the filter diverges with the model as it is: it does not belong to this recording")
     (here,) = trial.around(tries[int(np.argmax(found))][None])
     for _ in range(_TURNS):
         if not np.isfinite(here.likelihood):
             break
-        step = -np.linalg.lstsq(here.slopes, here.white, rcond=None)[0]
-        if np.abs(step * np.linalg.norm(here.slopes, axis=0)).max() < _SETTLED:
+        root = np.diag(np.sqrt(trial.prior))
+        design, miss = np.vstack([here.slopes, root]), np.concatenate([here.white, root @ here.size])
+        step = -np.linalg.lstsq(design, miss, rcond=None)[0]
+        if np.abs(step * np.linalg.norm(design, axis=0)).max() < _SETTLED:
             break
         step *= min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-12))
         best = max(
@@ -202,22 +217,23 @@ def _estimated(trial: _Trial) -> _Point:
     return here
 
 
-def _covariance(slopes: Array, white: Array) -> Array:
-    """Covariance of the estimate, with autocorrelated innovations allowed for."""
-    information = slopes.T @ slopes
-    if np.linalg.matrix_rank(information) < len(information):
-        return np.full_like(information, np.inf)
+def _spread(found: _Point, prior: Array) -> Array:
+    """Standard deviation of each estimated size, with autocorrelated innovations allowed for."""
+    slopes, white = found.slopes, found.white
+    information = slopes.T @ slopes + np.diag(prior) if np.isfinite(found.likelihood) else np.zeros((len(prior),) * 2)
+    scale = np.sqrt(np.diag(information))
+    if not np.all(scale > 0.0) or np.linalg.cond(information / scale[:, None] / scale) > _SINGULAR:
+        return np.full(len(prior), np.inf)
     scores = slopes * white[:, None]
-    total = scores.T @ scores
+    total = scores.T @ scores + np.diag(prior)
     lags = max(1, int(len(white) ** (1.0 / 3.0)))
     for lag in range(1, lags + 1):
         part = scores[lag:].T @ scores[:-lag]
         total += (1.0 - lag / (lags + 1.0)) * (part + part.T)
     inverse = np.linalg.inv(information)
-    robust = inverse @ total @ inverse
+    robust = np.diag(inverse @ total @ inverse)
     plain = np.diag(inverse) * max(1.0, float(np.mean(white**2)))
-    grown = np.maximum(np.diag(robust), plain)
-    return np.asarray(np.diag(grown))
+    return np.asarray(np.sqrt(np.maximum(robust, plain)))
 
 
 def _finding(fault: Fault, names: Sequence[str], size: float, std: float, matters: float, confidence: float) -> Finding:
@@ -230,7 +246,9 @@ def _finding(fault: Fault, names: Sequence[str], size: float, std: float, matter
     factor = math.exp(size)
     if sure >= confidence:
         word = "has grown" if fault.grows else "has changed"
-        text = f"{fault.subject} {word}: {factor:.2f} times the model's ({low:.2f} to {high:.2f}), {100 * sure:.1f} % sure"
+        text = (
+            f"{fault.subject} {word}: {factor:.2f} times the model's ({low:.2f} to {high:.2f}), {100 * sure:.1f} % sure"
+        )
         return Finding(fault.subject, tuple(names), "changed", factor, (low, high), sure, text)
     if not z * std < math.log1p(_TELLING) - up:
         text = f"{fault.subject}: not decidable from this recording"

@@ -85,7 +85,9 @@ def lqr(A: Array, B: Array, Q: Array, R: Array) -> Gain:
     K = np.linalg.solve(np.atleast_2d(R), B.T @ P)
     poles = np.linalg.eigvals(A - B @ K)
     if np.any(poles.real >= -_ESCAPED * np.abs(poles).max()):
-        raise SettingsError("the Riccati equation has no stabilising solution: a mode cannot be moved or is not weighted")
+        raise SettingsError(
+            "the Riccati equation has no stabilising solution: a mode cannot be moved or is not weighted"
+        )
     return Gain(K, poles)
 
 

@@ -96,13 +96,21 @@ class Lanes:
     def picked(self, which: NDArray[np.int64]) -> Lanes:
         """Some of the lanes; one may come several times."""
         elements = tuple(
-            replace(e, H=e.H[which], K=e.K[which], G=e.G[which], p=tuple(p[which] for p in e.p), low=e.low[which], high=e.high[which])
+            replace(
+                e,
+                H=e.H[which],
+                K=e.K[which],
+                G=e.G[which],
+                p=tuple(p[which] for p in e.p),
+                low=e.low[which],
+                high=e.high[which],
+            )
             for e in self.elements
         )
         return replace(self, A=self.A[which], B=self.B[which], C=self.C[which], elements=elements)
 
     def field(self, z: Array, u: Array) -> tuple[Array, Array, Array]:
-        """z' (K, n), its derivative by z (K, n, n) and by u (K, n) at states (K, n) and inputs (K,)."""
+        """Z' (K, n), its derivative by z (K, n, n) and by u (K, n) at states (K, n) and inputs (K,)."""
         J, b = self.A.copy(), self.B.copy()
         rate = np.einsum("kij,kj->ki", self.A, z) + self.B * u[:, None]
         for e in self.elements:

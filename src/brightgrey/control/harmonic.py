@@ -270,7 +270,9 @@ def _refined(loop: _Loop, start: Array) -> LimitCycle | None:
     step = 1e-3
     by_a = (miss(solution.x + [step, 0.0]) - miss(solution.x - [step, 0.0])) / (2.0 * step)
     by_w = (miss(solution.x + [0.0, step]) - miss(solution.x - [0.0, step])) / (2.0 * step)
-    return LimitCycle(w / (2.0 * np.pi), float(wanted[0]), amplitudes, bool(by_a[0] * by_w[1] - by_a[1] * by_w[0] > 0.0))
+    return LimitCycle(
+        w / (2.0 * np.pi), float(wanted[0]), amplitudes, bool(by_a[0] * by_w[1] - by_a[1] * by_w[0] > 0.0)
+    )
 
 
 def _same(a: LimitCycle, b: LimitCycle) -> bool:

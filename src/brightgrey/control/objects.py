@@ -41,9 +41,7 @@ def state_space(
         Of the approximation.
     """
     control = python_control()
-    plant = control.ss(
-        *linear, states=list(states), inputs=["u"], outputs=list(outputs), name="drive"
-    )
+    plant = control.ss(*linear, states=list(states), inputs=["u"], outputs=list(outputs), name="drive")
     if dead_time <= 0.0:
         return plant
     delay = control.ss(control.tf(*control.pade(dead_time, order)), inputs=["u"], outputs=["delayed"], name="dead_time")

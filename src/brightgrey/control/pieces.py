@@ -82,7 +82,7 @@ class Piece:
         return z
 
     def derivative(self, z: Array, u: float) -> Array:
-        """z' on this piece, shape (m,)."""
+        """Z' on this piece, shape (m,)."""
         rate = self.smooth.derivative(z, u)
         if self.contact == "gap":
             for e in self.limited:
@@ -200,4 +200,3 @@ def _columns(M: Array) -> Array:
     """Size of each column, 1 for columns of zeros: twists and torques differ by many powers of ten."""
     size = np.linalg.norm(M, axis=0)
     return np.where(size > 0.0, size, 1.0)
-

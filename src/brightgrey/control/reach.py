@@ -76,7 +76,10 @@ def _reach(A: Array, B: Array) -> Reach:
     best, where = smallest(starts[0]), complex(starts[0])
     for start in starts[:2]:
         found = minimize(
-            lambda p: smallest(complex(p[0], p[1])), [start.real, start.imag], method="Nelder-Mead", options={"maxiter": 200}
+            lambda p: smallest(complex(p[0], p[1])),
+            [start.real, start.imag],
+            method="Nelder-Mead",
+            options={"maxiter": 200},
         )
         if found.fun < best:
             best, where = float(found.fun), complex(found.x[0], found.x[1])

@@ -114,9 +114,7 @@ def _start(coordinates: Twisted, x0: Array, K: int, speed: float, torque: float)
     return z0, spread
 
 
-def noise_levels(
-    structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings
-) -> Noise:
+def noise_levels(structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings) -> Noise:
     """Noise levels under which the model explains `recording` best.
 
     Parameters
