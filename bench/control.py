@@ -5,7 +5,8 @@
     python bench/control.py faults [--runs N] [--seed S] [--structure S]
     python bench/control.py emps
 
-Recordings of `consistency` and `faults` come from the reference solver (random drives in plausible ranges, the torque of the
+Recordings of `consistency` and `faults` come from the reference solver (random drives in plausible ranges, the torque
+of the
 paper's experiment), with white noise of 0.05 % of the peak speed and quantisation of half of it.
 """
 
@@ -93,7 +94,8 @@ def consistency(runs: int, seed: int, names: Iterable[str]) -> None:
                 total = run_filter(watched, Noise(torque, sensor)).nis.sum()
                 hits[filter_name] += bool(low < total < high)
         print(
-            f"{name}: extended {wilson(hits['extended'], tried)}; unscented {wilson(hits['unscented'], min(tried, runs // 4))}",
+            f"{name}: extended {wilson(hits['extended'], tried)}; "
+            f"unscented {wilson(hits['unscented'], min(tried, runs // 4))}",
             flush=True,
         )
 
@@ -164,8 +166,9 @@ def cycles(runs: int, seed: int) -> None:
         f, a = np.abs(np.array(errors)).T if errors else (np.zeros(0), np.zeros(0))
         good = int(np.sum((f <= 0.15) & (a <= 0.15)))
         print(
-            f"{name}: within 15 % {wilson(good, len(errors))}; predicted in {len(errors)} of {runs}; median error of frequency "
-            f"{100 * np.median(f):.1f} %, of amplitude {100 * np.median(a):.1f} %, worst {100 * f.max():.0f} and {100 * a.max():.0f} %",
+            f"{name}: within 15 % {wilson(good, len(errors))}; predicted in {len(errors)} of {runs}; "
+            f"median error of frequency {100 * np.median(f):.1f} %, of amplitude {100 * np.median(a):.1f} %, "
+            f"worst {100 * f.max():.0f} and {100 * a.max():.0f} %",
             flush=True,
         )
 
@@ -238,7 +241,8 @@ def watch(name: str, runs: int, seed: int, seconds: float) -> None:
     print(f"  healthy recordings with any alarm: {wilson(clean['alarm'], clean['cases'])}")
     for subject, c in count.items():
         print(
-            f"  {subject}: detected {wilson(c['hit'], c['cases'])}, not decidable {c['undecidable']}; alarmed without cause {wilson(c['false'], c['healthy'])}",
+            f"  {subject}: detected {wilson(c['hit'], c['cases'])}, not decidable {c['undecidable']}; "
+            f"alarmed without cause {wilson(c['false'], c['healthy'])}",
             flush=True,
         )
 
@@ -273,7 +277,8 @@ def emps() -> None:
     ):
         w = white[where]
         print(
-            f"{text:16}: mean {w.mean():+.3f} ± {1.96 * w.std() / np.sqrt(len(w)):.3f}, size {w.std():.3f}, {len(w)} samples"
+            f"{text:16}: mean {w.mean():+.3f} ± {1.96 * w.std() / np.sqrt(len(w)):.3f}, size {w.std():.3f}, "
+            f"{len(w)} samples"
         )
 
 

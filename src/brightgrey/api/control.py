@@ -190,6 +190,6 @@ def watch(
 
 
 def whiteness(filtered: Filtered) -> float:
-    """Correlation of neighbouring innovations: 0 for a model that leaves only noise, near 1 for one that is systematically off."""
+    """Correlation of neighbouring innovations: 0 for a model that leaves only noise, 1 for one that is always off."""
     white = filtered.white[1:, 0]
     return float(np.mean(white[1:] * white[:-1]) / np.mean(white**2))

@@ -37,8 +37,9 @@ def _margins(found: Margins) -> dict[str, Any]:
 def _margins_line(found: Margins) -> str:
     stable = "stable" if found.stable else "UNSTABLE"
     return (
-        f"{stable}, gain margin {found.gain:.3g}, phase margin {found.phase:.3g}°, delay margin {1e3 * found.delay:.3g} ms, "
-        f"sensitivity peak {found.sensitivity:.3g}, crossover {found.crossover / (2 * math.pi):.3g} Hz"
+        f"{stable}, gain margin {found.gain:.3g}, phase margin {found.phase:.3g}°, "
+        f"delay margin {1e3 * found.delay:.3g} ms, sensitivity peak {found.sensitivity:.3g}, "
+        f"crossover {found.crossover / (2 * math.pi):.3g} Hz"
     )
 
 

@@ -95,7 +95,7 @@ def watch(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Look for faults in a new recording: has friction or backlash grown, has the load changed?"""
+    """Look for faults in a new recording: friction or backlash that have grown, a load that has changed."""
     given = units(unit or ())
     from brightgrey.cli import show, show_work
     from brightgrey.export.model import Model

@@ -86,7 +86,7 @@ class Analysis:
         return swings(zeros(self.linear, output))
 
     def bode(self, omega: Array | None = None) -> tuple[Array, Complex]:
-        """Angular frequencies in rad/s, shape (m,), and responses of all outputs, shape (outputs, m), dead time exact."""
+        """Angular frequencies in rad/s, (m,), and responses of all outputs, (outputs, m), dead time exact."""
         if omega is None:
             omega = frequencies([*self.poles, *(z for i in range(len(self.outputs)) for z in zeros(self.linear, i))])
         return omega, frequency_response(self.linear, omega, self.dead_time)

@@ -24,7 +24,7 @@ _RESET = 4.0  # reset time in units of 1/crossover: costs 14 degrees of phase
 
 @dataclass(frozen=True)
 class Goal:
-    """What a suggested loop has to keep: gain margin (factor), phase margin (degrees), peaks of sensitivity and position."""
+    """What a loop has to keep: gain margin (factor), phase margin (degrees), peaks of sensitivity and position."""
 
     gain: float = 2.0
     phase: float = 45.0
@@ -34,7 +34,9 @@ class Goal:
 
 @dataclass(frozen=True)
 class Cascade:
-    """Gains of the cascade ``v_ref = position (q_ref - q) + q_ref'``, ``u = speed ((v_ref - v) + integral of it / reset)``.
+    """Gains of the cascade.
+
+    ``v_ref = position (q_ref - q) + q_ref'``, ``u = speed (e + integral of e / reset)`` with ``e = v_ref - v``.
 
     Attributes
     ----------

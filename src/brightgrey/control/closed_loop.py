@@ -1,4 +1,4 @@
-"""Closed loop on the non-linear model: a sampled controller, its torque limited and held, around the accurate simulation."""
+"""Closed loop on the non-linear model: a sampled controller, its torque limited and held, around it."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def closed_loop(
                 x = response(plant, np.array([u, u]), span, x, held).y[:, -1, 0]
         if not np.all(np.isfinite(x)):
             raise SettingsError(f"the closed loop diverges after {k * dt:.4g} s")
-    return Closed(dt * np.arange(samples), torque, xs, ys, system.state_names)
+    return Closed(np.asarray(dt * np.arange(samples), float), torque, xs, ys, system.state_names)
 
 
 def _given(torque: Array, push: Array, k: int) -> float:

@@ -7,6 +7,7 @@ observed nor does it matter, and it would be a pole at the origin which no veloc
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,11 +59,11 @@ def twisted(system: StateSpace, *, keep_position: bool = False) -> Twisted:
     shift[positions] = 1.0
     W = np.zeros((n, n))
     W[0, positions[0]] = 1.0
-    for row, (i, j) in enumerate(zip(positions[:-1], positions[1:], strict=True), start=1):
+    for row, (i, j) in enumerate(pairwise(positions), start=1):
         W[row, i], W[row, j] = 1.0, -1.0
     for row, i in enumerate(others, start=len(positions)):
         W[row, i] = 1.0
-    V = np.linalg.inv(W)
+    V: Array = np.linalg.inv(W).astype(np.float64)
     names = [
         system.states[positions[0]],
         *(replace(system.states[i], name=f"twist{k}", at_rest="zero") for k, i in enumerate(positions[:-1], start=1)),

@@ -1,6 +1,7 @@
-"""Fault detection: has friction grown, backlash grown, the load changed since the model was identified?
+"""Fault detection: which physical change a new recording shows against the model.
 
-The declarations say which parameters belong to one fault. The innovations of a filter with the model are white as long as the
+The declarations say which parameters belong to one fault. The innovations of a filter with the model are white as
+long as the
 drive is the model's; a fault makes them follow their derivative by the size of the fault. That size is estimated from
 them (Gauss-Newton on the whitened innovations), with a covariance that allows for innovations which are not quite
 white (Newey, West 1987, doi:10.2307/1913610), and a fault is reported when it is larger than what matters, at the
@@ -134,7 +135,8 @@ def faults(
 class _Trial:
     """The recording filtered with changed models.
 
-    What may change: the faults, of which nothing is known beforehand, then every parameter on its own, as far as the model
+    What may change: the faults, of which nothing is known beforehand, then every parameter on its own, as far as the
+    model
     does not know it; `prior` is how well it does, 1 over the variance of its logarithm, 0 for the faults.
     """
 
@@ -190,7 +192,7 @@ class _Point(NamedTuple):
 
 
 def _estimated(trial: _Trial) -> _Point:
-    """Sizes with the largest likelihood: a coarse look along each, then Gauss-Newton with several step lengths at once."""
+    """Sizes with the largest likelihood: a coarse look along each, then Gauss-Newton."""
     m = len(trial.changes)
     tries = [np.zeros(m)]
     for i in np.flatnonzero(trial.prior == 0.0):

@@ -1,6 +1,7 @@
 """State control of the linear model: linear-quadratic and by pole placement, with an integral of the control error.
 
-Designed in twist coordinates and in contact: an absolute position that nothing shows and a position in the gap that stands
+Designed in twist coordinates and in contact: an absolute position that nothing shows and a position in the gap that
+stands
 still are states no input moves, and with them the Riccati equation has no stabilising solution.
 """
 
@@ -82,8 +83,8 @@ def lqr(A: Array, B: Array, Q: Array, R: Array) -> Gain:
         P = solve_continuous_are(A, B, Q, R)
     except (LinAlgError, ValueError) as error:
         raise SettingsError(f"the Riccati equation has no stabilising solution ({error})") from None
-    K = np.linalg.solve(np.atleast_2d(R), B.T @ P)
-    poles = np.linalg.eigvals(A - B @ K)
+    K = np.asarray(np.linalg.solve(np.atleast_2d(R), B.T @ P), float)
+    poles = np.asarray(np.linalg.eigvals(A - B @ K), complex)
     if np.any(poles.real >= -_ESCAPED * np.abs(poles).max()):
         raise SettingsError(
             "the Riccati equation has no stabilising solution: a mode cannot be moved or is not weighted"
@@ -105,7 +106,7 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> Gain:
         K = place_poles(A, B, np.asarray(poles)).gain_matrix
     except ValueError as error:
         raise SettingsError(f"these poles cannot be placed: {error}") from None
-    found = np.linalg.eigvals(A - B @ K)
+    found = np.asarray(np.linalg.eigvals(A - B @ K), complex)
     miss = max(float(np.abs(found - p).min()) for p in poles)
     if miss > 1e-3 * float(np.abs(np.asarray(poles)).max()):
         raise SettingsError("these poles cannot be placed: a mode is out of the input's reach")
@@ -123,7 +124,8 @@ def state_control(
 ) -> StateControl:
     """Design a state feedback with integral action.
 
-    Without `poles` it is linear-quadratic: errors of the output are weighed against the torque that is worth spending on
+    Without `poles` it is linear-quadratic: errors of the output are weighed against the torque that is worth spending
+    on
     them (Bryson's rule), their integral so that it is gone after about `settling`.
 
     Parameters

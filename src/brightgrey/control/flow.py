@@ -1,7 +1,8 @@
 """One sampling interval ahead, with its derivative, for many parameter sets or states side by side.
 
 An exponential Rosenbrock step (exprb32, Hochbruck, Ostermann, Schweitzer 2009, doi:10.1137/080717717): linear part and
-ramp of the input exact, the bend of the laws to third order, whatever the slope of friction. The same matrix exponential
+ramp of the input exact, the bend of the laws to third order, whatever the slope of friction. The same matrix
+exponential
 gives the transition matrix of the linearisation, which is what an extended Kalman filter asks for. The compiled kernel
 is more accurate but gives no derivatives.
 """
@@ -235,7 +236,8 @@ def exponential(M: Array) -> Array:
 def delayed_input(u: Array, dt: float, delay: Array, hold: str) -> tuple[Array, Array]:
     """Delayed input at begin and end of every interval, both shape (samples - 1, K).
 
-    A held input is replaced by its mean over the interval, a straight line between samples by the one through the delayed
+    A held input is replaced by its mean over the interval, a straight line between samples by the one through the
+    delayed
     values there: exact for delays of whole samples.
 
     Parameters

@@ -1,10 +1,12 @@
 """Describing functions, and the limit cycles they predict.
 
-Every element of the model is replaced by what it does to the fundamental of an oscillation (Gelb, Vander Velde 1968). An
+Every element of the model is replaced by what it does to the fundamental of an oscillation (Gelb, Vander Velde 1968).
+An
 element with limits is followed over a period, so a gap needs no formula of its own. The loop ``L(j w, a)`` for an
 oscillation of the torque with amplitude a keeps itself up where ``1 + L = 0``.
 
-Not for oscillations far from a sine, such as hunting by stick-slip with long rests, and only around standstill with laws
+Not for oscillations far from a sine, such as hunting by stick-slip with long rests, and only around standstill with
+laws
 that are odd; a constant torque is held by the controller's integral and left out.
 """
 
@@ -99,7 +101,7 @@ def _gap_gain(half: float, feedback: float, omega: Array, amplitude: Array) -> C
         state = np.clip(decay * state + gain * amplitude * np.cos(2.0 * np.pi * (k + 0.5) / _PERIOD), -half, half)
         if k >= _PERIOD // 2:
             total += state * np.exp(-2j * np.pi * (k + 1) / _PERIOD)
-    return total * 2.0 / _PERIOD / amplitude
+    return np.asarray(total * 2.0 / _PERIOD / amplitude, complex)
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,7 @@ class _Loop:
         """Sizes to look at: from a gap that is just not crossed to one that is hardly felt, or of the torque."""
         if self.gap is None:
             return np.geomspace(*torque, _AMPLITUDES)
-        half, port, feedback = _gap_of(self.gap)
+        half, _, feedback = _gap_of(self.gap)
         return np.geomspace(1e-3, 1e4, 2 * _AMPLITUDES) * half * abs(feedback)
 
     def oscillation(self, omega: Array, level: float) -> tuple[Complex, Array]:
@@ -156,7 +158,7 @@ class _Loop:
                 gains[i] = mixed
             if change < _SETTLED:
                 break
-        return X, torque
+        return np.asarray(X, complex), np.asarray(torque, float)
 
     def gain(self, omega: Array, level: float) -> tuple[Complex, Complex, Array]:
         """Loop gain L at each frequency, the states, and the amplitude of the wanted torque."""
@@ -235,9 +237,9 @@ def limit_cycles(
     loop = _Loop(transformed, compensator, output, total, limit)
     grid = np.geomspace(*omega, _FREQUENCIES)
     levels = loop.levels(torque)
-    map_of = np.array([loop.gain(grid, a)[0] for a in levels])
+    map_of: Complex = np.array([loop.gain(grid, a)[0] for a in levels], complex)
     found: list[LimitCycle] = []
-    for i, k in _cells(1.0 + map_of):
+    for i, k in _cells(np.asarray(1.0 + map_of, complex)):
         cycle = _refined(loop, np.log([levels[i], grid[k]]))
         if cycle and torque[0] <= cycle.torque <= torque[1] and not any(_same(cycle, other) for other in found):
             found.append(cycle)
@@ -260,7 +262,7 @@ def _refined(loop: _Loop, start: Array) -> LimitCycle | None:
         L = loop.gain(np.exp(p[1:]), float(np.exp(p[0])))[0][0]
         return np.array([1.0 + L.real, L.imag])
 
-    solution = least_squares(miss, start, bounds=(start - _NEAR, start + _NEAR), diff_step=1e-4)
+    solution = least_squares(miss, start, bounds=(start - _NEAR, start + _NEAR), diff_step=np.full(2, 1e-4))
     if np.abs(solution.fun).max() > _MET:
         return None
     level, w = (float(v) for v in np.exp(solution.x))
@@ -268,11 +270,9 @@ def _refined(loop: _Loop, start: Array) -> LimitCycle | None:
     amplitudes = np.abs(loop.system.C @ X[0])
     # Loeb's criterion: growing oscillations must come to lie outside of the critical point.
     step = 1e-3
-    by_a = (miss(solution.x + [step, 0.0]) - miss(solution.x - [step, 0.0])) / (2.0 * step)
-    by_w = (miss(solution.x + [0.0, step]) - miss(solution.x - [0.0, step])) / (2.0 * step)
-    return LimitCycle(
-        w / (2.0 * np.pi), float(wanted[0]), amplitudes, bool(by_a[0] * by_w[1] - by_a[1] * by_w[0] > 0.0)
-    )
+    by_a, by_w = ((miss(solution.x + d) - miss(solution.x - d)) / (2.0 * step) for d in step * np.eye(2))
+    turn = float(by_a[0] * by_w[1] - by_a[1] * by_w[0])
+    return LimitCycle(w / (2.0 * np.pi), float(wanted[0]), amplitudes, turn > 0.0)
 
 
 def _same(a: LimitCycle, b: LimitCycle) -> bool:

@@ -1,6 +1,7 @@
 """Extended Kalman filter: the state of a drive from its recording, the Jacobian from the element table.
 
-The form of the model gives the linearisation for free, so no effect is named here. The disturbance is a torque beside the
+The form of the model gives the linearisation for free, so no effect is named here. The disturbance is a torque beside
+the
 input, held over each sampling interval; what the sensors add is white.
 """
 
@@ -153,7 +154,8 @@ def extended(watched: Watched, noise: Noise) -> Filtered:
 
     Notes
     -----
-    The update is Joseph's. A contact is decided at the expected state; where friction or contacts are uncertain within the
+    The update is Joseph's. A contact is decided at the expected state; where friction or contacts are uncertain
+    within the
     state's spread, compare with :func:`brightgrey.control.unscented.unscented`.
     """
     samples, K = watched.u.shape
@@ -230,6 +232,7 @@ class Record:
 
     @classmethod
     def empty(cls, samples: int, K: int, n: int, outputs: int) -> Record:
+        """Room for `samples` of K lanes with n states."""
         return cls(
             np.empty((samples, K, n)),
             np.empty((samples, K, n)),
@@ -238,5 +241,6 @@ class Record:
         )
 
     def keep(self, k: int, x: Array, P: Array, innovation: Array, S: Array) -> None:
+        """Write down sample k."""
         self.z[k], self.innovations[k], self.covariances[k] = x, innovation, S
         self.std[k] = np.sqrt(np.maximum(np.einsum("kii->ki", P), 0.0))

@@ -49,8 +49,8 @@ class Compensator:
         top, bottom = (np.trim_zeros(np.atleast_1d(np.asarray(c, float)), "f") for c in (numerator, denominator))
         if not len(bottom) or not len(top) or len(top) > len(bottom):
             raise SettingsError(
-                f"controller {list(numerator)}/{list(denominator)}: the numerator has to be there and its degree must not "
-                "exceed the denominator's"
+                f"controller {list(numerator)}/{list(denominator)}: the numerator has to be there "
+                "and its degree must not exceed the denominator's"
             )
         if len(bottom) == 1:
             return cls(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[top[0] / bottom[0]]]))
@@ -58,7 +58,7 @@ class Compensator:
 
     def at(self, omega: Array) -> Complex:
         """Frequency response, shape (frequencies,), at angular frequencies in rad/s."""
-        return frequency_response(Linear(self.A, self.B, self.C, self.D), omega)[0]
+        return np.asarray(frequency_response(Linear(self.A, self.B, self.C, self.D), omega)[0])
 
     def discrete(self, dt: float) -> Compensator:
         """Sampled every `dt` seconds, by the trapezoidal rule (Tustin)."""

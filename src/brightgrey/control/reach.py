@@ -61,13 +61,16 @@ def _reach(A: Array, B: Array) -> Reach:
     n = len(A)
     balanced, scaling = matrix_balance(A, permute=False, separate=True)
     size = float(np.linalg.norm(balanced, 2)) or 1.0
-    A1 = balanced / size
+    A1: Array = np.asarray(balanced / size, float)
     B1 = B / scaling[0][:, None]
     widths = np.linalg.norm(B1, axis=0)
     B1 = B1 / np.where(widths > 0.0, widths, 1.0)
 
     def smallest(s: complex) -> float:
         return float(np.linalg.svd(np.hstack([A1 - s * np.eye(n), B1]), compute_uv=False)[-1])
+
+    def away(p: Array) -> float:
+        return smallest(complex(p[0], p[1]))
 
     rank = _krylov(A1, B1).shape[1]
     starts = sorted(np.linalg.eigvals(A1), key=smallest)
@@ -76,8 +79,8 @@ def _reach(A: Array, B: Array) -> Reach:
     best, where = smallest(starts[0]), complex(starts[0])
     for start in starts[:2]:
         found = minimize(
-            lambda p: smallest(complex(p[0], p[1])),
-            [start.real, start.imag],
+            away,
+            np.array([start.real, start.imag]),
             method="Nelder-Mead",
             options={"maxiter": 200},
         )
@@ -95,9 +98,9 @@ def minimal(linear: Linear) -> Linear:
     A, scaling = matrix_balance(linear.A, permute=False, separate=True)
     B, C = linear.B / scaling[0][:, None], linear.C * scaling[0]
     size = float(np.linalg.norm(A, 2)) or 1.0
-    V = _krylov(A / size, B / (np.linalg.norm(B, axis=0) + 1e-300))
+    V = _krylov(np.asarray(A / size, float), B / (np.linalg.norm(B, axis=0) + 1e-300))
     A, B, C = V.T @ A @ V, V.T @ B, C @ V
-    W = _krylov(A.T / size, C.T / (np.linalg.norm(C.T, axis=0) + 1e-300))
+    W = _krylov(np.asarray(A.T / size, float), C.T / (np.linalg.norm(C.T, axis=0) + 1e-300))
     return Linear(W.T @ A @ W, W.T @ B, C @ W, linear.D)
 
 

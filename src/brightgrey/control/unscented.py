@@ -79,7 +79,7 @@ def unscented(watched: Watched, noise: Noise) -> Filtered:
 
 def _points(mean: Array, P: Array) -> tuple[Array, Array, Array]:
     """Sigma points, shape (K, 2 m + 1, m), and their weights for mean and covariance."""
-    K, m = mean.shape
+    m = mean.shape[1]
     scale = _ALPHA**2 * (m + _KAPPA)
     size = np.sqrt(np.maximum(np.einsum("kii->ki", P), 1e-300))
     correlation = P / size[:, :, None] / size[:, None, :] + _FLOOR * np.eye(m)

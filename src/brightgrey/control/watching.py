@@ -130,7 +130,8 @@ def noise_levels(structure: Structure, values: Mapping[str, float], recording: R
 
     Notes
     -----
-    Maximum likelihood of the innovations over the standard deviation of a disturbing torque and one factor on the sensors'
+    Maximum likelihood of the innovations over the standard deviation of a disturbing torque and one factor on the
+    sensors'
     noise, on a grid and a finer one around its best point; of a long recording the middle 6000 samples.
     """
     part = _middle(recording)
@@ -166,7 +167,7 @@ def _likeliest(seen: Seen, grid: list[tuple[float, float]]) -> tuple[float, floa
 
 
 def shaft_torque(system: StateSpace, z: Array) -> Array:
-    """Torque that the first shaft takes from mass 1, shape (...,), for states `z` (..., n) of a system in twist coordinates.
+    """Torque that the first shaft takes from mass 1, shape (...,), for states `z` (..., n) in twist coordinates.
 
     Read from the assembled matrices: what of mass 1's acceleration is neither input nor friction, times its inertia.
     """
