@@ -6,8 +6,7 @@
     python bench/control.py emps
 
 Recordings of `consistency` and `faults` come from the reference solver (random drives in plausible ranges, the torque
-of the
-paper's experiment), with white noise of 0.05 % of the peak speed and quantisation of half of it.
+of the paper's experiment), with white noise of 0.05 % of the peak speed and quantisation of half of it.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """Fault detection: which physical change a new recording shows against the model.
 
 The declarations say which parameters belong to one fault. The innovations of a filter with the model are white as
-long as the
-drive is the model's; a fault makes them follow their derivative by the size of the fault. That size is estimated from
-them (Gauss-Newton on the whitened innovations), with a covariance that allows for innovations which are not quite
-white (Newey, West 1987, doi:10.2307/1913610), and a fault is reported when it is larger than what matters, at the
-confidence asked for.
+long as the drive is the model's; a fault makes them follow their derivative by the size of the fault. That size is
+estimated from them (Gauss-Newton on the whitened innovations), with a covariance that allows for innovations which
+are not quite white (Newey, West 1987, doi:10.2307/1913610), and a fault is reported when it is larger than what
+matters, at the confidence asked for.
 """
 
 from __future__ import annotations
@@ -119,14 +118,22 @@ def faults(
         raise SettingsError(f"matters is {matters:g} (0 to {_TELLING:g}) and confidence {confidence:g} (0.5 to 1)")
     kinds = groups(structure)
     doubts = {n: abs(s / values[n]) for n, s in (std or {}).items() if s > 0.0 and values[n] != 0.0}
-    doubtful = {n: min(s, _MOST_DOUBT) for n, s in doubts.items()}
+    watched = {name for names in kinds.values() for name in names}
+    doubtful = {n: min(s, _MOST_DOUBT) for n, s in doubts.items() if n not in watched}
     changes = (*kinds.values(), *((name,) for name in doubtful))
     prior = np.array([0.0] * len(kinds) + [s**-2 for s in doubtful.values()])
     trial = _Trial(structure, values, recording, settings, noise, changes, prior)
     found = _estimated(trial)
     spread = _spread(found, prior)
     return tuple(
-        _finding(fault, names, float(found.size[i]), float(spread[i]), matters, confidence)
+        _finding(
+            fault,
+            names,
+            float(found.size[i]),
+            math.hypot(float(spread[i]), max(doubts.get(name, 0.0) for name in names)),
+            matters,
+            confidence,
+        )
         for i, (fault, names) in enumerate(kinds.items())
     )
 
@@ -135,9 +142,8 @@ def faults(
 class _Trial:
     """The recording filtered with changed models.
 
-    What may change: the faults, of which nothing is known beforehand, then every parameter on its own, as far as the
-    model
-    does not know it; `prior` is how well it does, 1 over the variance of its logarithm, 0 for the faults.
+    What may change: the faults, of which nothing is known beforehand, then every other parameter on its own, as far
+    as the model does not know it; `prior` is how well it does, 1 over the variance of its logarithm, 0 for the faults.
     """
 
     structure: Structure

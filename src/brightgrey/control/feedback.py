@@ -1,8 +1,7 @@
 """State control of the linear model: linear-quadratic and by pole placement, with an integral of the control error.
 
 Designed in twist coordinates and in contact: an absolute position that nothing shows and a position in the gap that
-stands
-still are states no input moves, and with them the Riccati equation has no stabilising solution.
+stands still are states no input moves, and with them the Riccati equation has no stabilising solution.
 """
 
 from __future__ import annotations
@@ -125,8 +124,7 @@ def state_control(
     """Design a state feedback with integral action.
 
     Without `poles` it is linear-quadratic: errors of the output are weighed against the torque that is worth spending
-    on
-    them (Bryson's rule), their integral so that it is gone after about `settling`.
+    on them (Bryson's rule), their integral so that it is gone after about `settling`.
 
     Parameters
     ----------

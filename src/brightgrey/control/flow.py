@@ -1,10 +1,9 @@
 """One sampling interval ahead, with its derivative, for many parameter sets or states side by side.
 
-An exponential Rosenbrock step (exprb32, Hochbruck, Ostermann, Schweitzer 2009, doi:10.1137/080717717): linear part and
-ramp of the input exact, the bend of the laws to third order, whatever the slope of friction. The same matrix
-exponential
-gives the transition matrix of the linearisation, which is what an extended Kalman filter asks for. The compiled kernel
-is more accurate but gives no derivatives.
+An exponential Rosenbrock step (exprb32, Hochbruck, Ostermann, Schweitzer 2009, doi:10.1137/080717717): linear part
+and ramp of the input exact, the bend of the laws to third order, whatever the slope of friction. The same matrix
+exponential gives the transition matrix of the linearisation, which is what an extended Kalman filter asks for. The
+compiled kernel is more accurate but gives no derivatives.
 """
 
 from __future__ import annotations
@@ -237,8 +236,7 @@ def delayed_input(u: Array, dt: float, delay: Array, hold: str) -> tuple[Array, 
     """Delayed input at begin and end of every interval, both shape (samples - 1, K).
 
     A held input is replaced by its mean over the interval, a straight line between samples by the one through the
-    delayed
-    values there: exact for delays of whole samples.
+    delayed values there: exact for delays of whole samples.
 
     Parameters
     ----------

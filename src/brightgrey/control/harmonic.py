@@ -6,12 +6,12 @@ element with limits is followed over a period, so a gap needs no formula of its 
 oscillation of the torque with amplitude a keeps itself up where ``1 + L = 0``.
 
 Not for oscillations far from a sine, such as hunting by stick-slip with long rests, and only around standstill with
-laws
-that are odd; a constant torque is held by the controller's integral and left out.
+laws that are odd; a constant torque is held by the controller's integral and left out.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,7 +70,7 @@ def describing_function(element: Element, amplitude: Array) -> Array:
     amplitude : ndarray
         Above 0, any shape.
     """
-    angle = (np.arange(_QUADRATURE) + 0.5) * (0.5 * np.pi / _QUADRATURE)  # a quarter; the law is odd
+    angle = (np.arange(_QUADRATURE) + 0.5) * (0.5 * np.pi / _QUADRATURE)  # a quarter will do: the law is odd
     # Stretched to the zero crossing, where friction turns within a small part of the period.
     angle = 0.5 * np.pi * (1.0 - (1.0 - angle / (0.5 * np.pi)) ** 3)
     edges = np.concatenate([[0.0], 0.5 * (angle[1:] + angle[:-1]), [0.5 * np.pi]])
@@ -276,4 +276,4 @@ def _refined(loop: _Loop, start: Array) -> LimitCycle | None:
 
 
 def _same(a: LimitCycle, b: LimitCycle) -> bool:
-    return abs(np.log(a.frequency / b.frequency)) < 0.02 and abs(np.log(a.torque / b.torque)) < 0.05
+    return abs(math.log(a.frequency / b.frequency)) < 0.02 and abs(math.log(a.torque / b.torque)) < 0.05

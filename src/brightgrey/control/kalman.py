@@ -1,8 +1,7 @@
 """Extended Kalman filter: the state of a drive from its recording, the Jacobian from the element table.
 
 The form of the model gives the linearisation for free, so no effect is named here. The disturbance is a torque beside
-the
-input, held over each sampling interval; what the sensors add is white.
+the input, held over each sampling interval; what the sensors add is white.
 """
 
 from __future__ import annotations
@@ -155,8 +154,7 @@ def extended(watched: Watched, noise: Noise) -> Filtered:
     Notes
     -----
     The update is Joseph's. A contact is decided at the expected state; where friction or contacts are uncertain
-    within the
-    state's spread, compare with :func:`brightgrey.control.unscented.unscented`.
+    within the state's spread, compare with :func:`brightgrey.control.unscented.unscented`.
     """
     samples, K = watched.u.shape
     lanes = Lanes.of(watched.system, K)

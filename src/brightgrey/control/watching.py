@@ -131,8 +131,7 @@ def noise_levels(structure: Structure, values: Mapping[str, float], recording: R
     Notes
     -----
     Maximum likelihood of the innovations over the standard deviation of a disturbing torque and one factor on the
-    sensors'
-    noise, on a grid and a finer one around its best point; of a long recording the middle 6000 samples.
+    sensors' noise, on a grid and a finer one around its best point; of a long recording the middle 6000 samples.
     """
     part = _middle(recording)
     torque = float(np.abs(part.u).max()) or 1.0
