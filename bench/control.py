@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import time
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -25,7 +24,7 @@ from brightgrey import identify, read_recording
 from brightgrey.control.analysis import analyse
 from brightgrey.control.closed_loop import closed_loop
 from brightgrey.control.controllers import OutputFeedback
-from brightgrey.control.faults import faults, groups
+from brightgrey.control.faults import Case, faults, groups
 from brightgrey.control.harmonic import limit_cycles
 from brightgrey.control.kalman import Noise, extended
 from brightgrey.control.loops import Compensator
@@ -172,78 +171,58 @@ def cycles(runs: int, seed: int) -> None:
         )
 
 
-def watch(name: str, runs: int, seed: int, seconds: float) -> None:
-    """Detections and false alarms; the model differs from the drive as an identification's would."""
-    structure = Structure.parse(name)
+def cases_of(structure: Structure, run: int, seed: int) -> list[tuple[str, Case]] | None:
+    """One drive: healthy and with each fault; None if it is chaotic. The model is off as an identification's would be."""
+    rng = np.random.default_rng([seed, run])
     kinds = groups(structure)
-    subjects = [fault.subject for fault in kinds]
-    count = {s: {"hit": 0, "cases": 0, "undecidable": 0, "false": 0, "healthy": 0} for s in subjects}
-    clean = {"alarm": 0, "cases": 0}
-    began, drives, left_out = time.process_time(), 0, 0
+    truth = random_values(structure.parameters, rng)
+    u, dt = E.torque()[::2], 2 * E.dt
+    if agreement(structure, truth, u, dt, f_tanh=E.f_tanh, outputs=("velocity", "position"), both=False).chaotic:
+        return None
+    model = {n: v * float(np.exp(MODEL_STD * rng.normal())) for n, v in truth.items()}
+    std = {n: MODEL_STD * abs(v) for n, v in model.items()}
+    noise = noise_levels(structure, model, recorded(structure, truth, rng, every=2), SETTINGS)
+    cases = []
+    for broken in (None, *kinds):
+        factor = FAULTS[broken.subject] if broken else 1.0
+        now = {n: v * (factor if broken and n in kinds[broken] else 1.0) for n, v in truth.items()}
+        recording = recorded(structure, now, rng, every=2)
+        cases.append((broken.subject if broken else "", Case(model, recording, noise, std)))
+    return cases
+
+
+def watch(name: str, runs: int, seed: int) -> None:
+    """Detections and false alarms."""
+    structure = Structure.parse(name)
+    cases: list[tuple[str, Case]] = []
+    left_out = 0
     for run in range(runs):
-        if time.process_time() - began > seconds:
-            break
-        rng = np.random.default_rng([seed, run])
-        truth = random_values(structure.parameters, rng)
-        u = E.torque()[::2]
         try:
-            if agreement(
-                structure, truth, u, 2 * E.dt, f_tanh=E.f_tanh, outputs=("velocity", "position"), both=False
-            ).chaotic:
-                left_out += 1
-                continue
-            model = {n: v * float(np.exp(MODEL_STD * rng.normal())) for n, v in truth.items()}
-            std = {n: MODEL_STD * abs(v) for n, v in model.items()}
-            noise = noise_levels(structure, model, recorded(structure, truth, rng, every=2), SETTINGS)
-            drives += 1
-            for broken in (None, *kinds):
-                factor = FAULTS[broken.subject] if broken else 1.0
-                now = {n: v * (factor if broken and n in kinds[broken] else 1.0) for n, v in truth.items()}
-                recording = recorded(structure, now, rng, every=2)
-                alarms = 0
-                for finding in faults(structure, model, recording, SETTINGS, noise, std=std):
-                    c = count[finding.subject]
-                    alarm = finding.verdict == "changed"
-                    if broken and finding.subject == broken.subject:
-                        c["cases"] += 1
-                        c["hit"] += alarm
-                        c["undecidable"] += finding.verdict == "not decidable"
-                        if not alarm:
-                            print(
-                                "  missed",
-                                run,
-                                finding.text,
-                                {n: float(f"{v:.3g}") for n, v in truth.items()},
-                                flush=True,
-                            )
-                    else:
-                        c["healthy"] += 1
-                        c["false"] += alarm
-                        alarms += alarm
-                        if alarm:
-                            print(
-                                "  false",
-                                run,
-                                broken,
-                                finding.text,
-                                {n: float(f"{v:.3g}") for n, v in truth.items()},
-                                flush=True,
-                            )
-                if not broken:
-                    clean["cases"] += 1
-                    clean["alarm"] += alarms > 0
-        except (UnsettledError, BrightgreyError) as why:
-            print("  no result", run, why, flush=True)
-    print(
-        f"{name}: {drives} drives, seed {seed}, {left_out} chaotic ones left out, {time.process_time() - began:.0f} s"
-    )
-    print(f"  healthy recordings with any alarm: {wilson(clean['alarm'], clean['cases'])}")
-    for subject, c in count.items():
+            found = cases_of(structure, run, seed)
+        except UnsettledError:
+            found = None
+        left_out += found is None
+        cases += found or []
+    print(f"{name}: {runs - left_out} drives, seed {seed}, {left_out} chaotic ones left out", flush=True)
+    results = faults(structure, SETTINGS, [case for _, case in cases])
+    alarms = [any(f.verdict == "changed" for f in fs) for (b, _), fs in zip(cases, results, strict=True) if not b]
+    print(f"  healthy recordings with any alarm: {wilson(sum(alarms), len(alarms))}")
+    for subject in (fault.subject for fault in groups(structure)):
+        own = [(b, next(f for f in fs if f.subject == subject)) for (b, _), fs in zip(cases, results, strict=True)]
+        guilty = [f for b, f in own if b == subject]
+        others = [f for b, f in own if b != subject]
+        hits, false = (sum(f.verdict == "changed" for f in part) for part in (guilty, others))
+        open_ones = sum(f.verdict == "not decidable" for f in guilty)
+        decided = len(guilty) - open_ones
         print(
-            f"  {subject}: detected {wilson(c['hit'], c['cases'])}, not decidable {c['undecidable']}; "
-            f"alarmed without cause {wilson(c['false'], c['healthy'])}",
+            f"  {subject}: detected {wilson(hits, len(guilty))}, not decidable {open_ones}, of the decidable "
+            f"{wilson(hits, decided)}; alarmed without cause {wilson(false, len(others))}",
             flush=True,
         )
+        for (_, case), (b, f) in zip(cases, own, strict=True):
+            if (b == subject) != (f.verdict == "changed"):
+                brief = {n: float(f"{v:.2g}") for n, v in case.values.items()}
+                print(f"    {b or 'healthy'}: {f.text}  {brief}")
 
 
 def emps() -> None:
@@ -265,7 +244,7 @@ def emps() -> None:
     speed = found.z[100:, 0, 1]
     print(f"disturbing force {noise.torque:.3g} N per sample, position noise {noise.outputs[0]:.3g} m")
     print(f"NIS mean {float((white**2).mean()):.3f}, share above 3.84: {float((white**2 > 3.84).mean()):.4f}")
-    for lag in (1, 2, 5, 10, 100):
+    for lag in (1, 2, 3, 4, 5, 10, 100):
         r = float(np.mean(white[lag:] * white[:-lag]) / np.mean(white**2))
         print(f"autocorrelation at lag {lag:3d}: {r:+.3f} (white: within {1.96 / np.sqrt(len(white)):.3f})")
     fast = np.abs(speed).max()
@@ -287,7 +266,6 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--structure", default="two_mass+coulomb+viscous+backlash")
-    parser.add_argument("--seconds", type=float, default=450.0, help="processor time after which no new drive is begun")
     options = parser.parse_args()
     if options.what == "consistency":
         names = (
@@ -300,7 +278,7 @@ def main() -> None:
     elif options.what == "cycles":
         cycles(options.runs, options.seed)
     elif options.what == "faults":
-        watch(options.structure, options.runs, options.seed, options.seconds)
+        watch(options.structure, options.runs, options.seed)
     else:
         emps()
 

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.stats import chi2
 
 from brightgrey.control.coordinates import twisted
-from brightgrey.control.faults import faults, groups
+from brightgrey.control.faults import Case, faults, groups
 from brightgrey.control.flow import Lanes, ahead, delayed_input, exponential
 from brightgrey.control.kalman import Noise, extended
 from brightgrey.control.unscented import unscented
@@ -39,7 +39,7 @@ def test_steps_follow_the_reference(text):
     begin, end = delayed_input(u[:, None], E.dt, np.array([float(np.asarray(system.dead_time))]), "linear")
     z, v = np.zeros((1, len(system.states))), [0.0]
     for k in range(len(u) - 1):
-        z = ahead(lanes, z, begin[k], end[k], E.dt, 1e-3).z
+        z = ahead(lanes, z, begin[k], end[k], E.dt, np.full(1, 1e-3)).z
         v.append(z[0, system.state_names.index("v1")])
     exact = reference(text, values_of(text), u, E.dt, f_tanh=E.f_tanh)[0]
     assert np.abs(np.array(v) - exact).max() < 2e-3 * np.abs(exact).max()
@@ -49,12 +49,12 @@ def test_derivatives_of_a_step_are_those_of_differences():
     system = twisted(system_of("two_mass+coulomb+viscous+stribeck+current_control")).system
     lanes = Lanes.of(system)
     z, u = np.array([[0.01, 0.3, 0.1, 1.0]]), np.array([2.0])
-    step = ahead(lanes, z, u, u, E.dt, np.inf)
+    step = ahead(lanes, z, u, u, E.dt, np.full(1, np.inf))
     size = 1e-6
     for i in range(4):
-        moved = ahead(lanes, z + size * np.eye(4)[i], u, u, E.dt, np.inf).z - step.z
+        moved = ahead(lanes, z + size * np.eye(4)[i], u, u, E.dt, np.full(1, np.inf)).z - step.z
         assert_allclose(moved[0] / size, step.by_state[0, :, i], atol=1e-2 * np.abs(step.by_state).max())
-    moved = ahead(lanes, z, u + size, u + size, E.dt, np.inf).z - step.z
+    moved = ahead(lanes, z, u + size, u + size, E.dt, np.full(1, np.inf)).z - step.z
     assert_allclose(moved[0] / size, step.by_input[0], rtol=1e-2, atol=1e-6)
 
 
@@ -62,8 +62,10 @@ def test_a_set_never_depends_on_its_neighbours():
     system = twisted(system_of(FULL)).system
     z = np.random.default_rng(1).normal(size=(5, len(system.states))) * 0.01
     u = np.linspace(-5.0, 5.0, 5)
-    together = ahead(Lanes.of(system, 5), z, u, u, 1e-3, 1e-5)
-    alone = [ahead(Lanes.of(system), z[i : i + 1], u[i : i + 1], u[i : i + 1], 1e-3, 1e-5) for i in range(5)]
+    together = ahead(Lanes.of(system, 5), z, u, u, 1e-3, np.full(5, 1e-5))
+    alone = [
+        ahead(Lanes.of(system), z[i : i + 1], u[i : i + 1], u[i : i + 1], 1e-3, np.full(1, 1e-5)) for i in range(5)
+    ]
     for whole, *parts in zip(together, *alone, strict=True):
         assert_allclose(whole, np.concatenate(parts), rtol=1e-13, atol=1e-15)
 
@@ -134,14 +136,8 @@ def test_every_fault_is_declared_by_its_effects():
 def test_a_fault_is_named_and_nothing_else(changed, guilty):
     text = "two_mass+coulomb+viscous"
     std = {name: 0.01 * value for name, value in values_of(text).items()}
-    found = faults(
-        Structure.parse(text),
-        values_of(text),
-        recorded(text, 11, **changed),
-        SETTINGS,
-        Noise(1e-3, np.array([0.02])),
-        std=std,
-    )
+    case = Case(values_of(text), recorded(text, 11, **changed), Noise(1e-3, np.array([0.02])), std)
+    (found,) = faults(Structure.parse(text), SETTINGS, [case])
     assert [f.subject for f in found if f.verdict == "changed"] == ([guilty] if guilty else [])
     for finding in found:
         expected = {"friction": 1.5, "load": 1.3}[finding.subject] if finding.subject == guilty else 1.0
@@ -152,6 +148,4 @@ def test_a_fault_is_named_and_nothing_else(changed, guilty):
 def test_wrong_thresholds_are_refused():
     text = "one_mass+coulomb"
     with pytest.raises(SettingsError, match="confidence"):
-        faults(
-            Structure.parse(text), values_of(text), recorded(text, 1), SETTINGS, Noise(1.0, np.ones(1)), confidence=2.0
-        )
+        faults(Structure.parse(text), SETTINGS, [], confidence=2.0)

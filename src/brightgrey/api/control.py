@@ -10,7 +10,7 @@ from brightgrey.control.analysis import Analysis
 from brightgrey.control.analysis import analyse as analyse_system
 from brightgrey.control.cascade import Cascade
 from brightgrey.control.cascade import cascade as suggest_cascade
-from brightgrey.control.faults import Finding, faults
+from brightgrey.control.faults import Case, Finding, faults
 from brightgrey.control.feedback import StateControl, state_control
 from brightgrey.control.kalman import Filtered, Noise, extended
 from brightgrey.control.pieces import CONTACTS, steady
@@ -182,9 +182,8 @@ def watch(
         name: (part.std or 0.0) / model.units.of(model.structure.parameters[name].dimension)[1]
         for name, part in model.parameters.items()
     }
-    findings = faults(
-        model.structure, values, recording, settings, noise, std=std, matters=matters, confidence=confidence
-    )
+    case = Case(values, recording, noise, std)
+    (findings,) = faults(model.structure, settings, [case], matters=matters, confidence=confidence)
     seen = see(model.structure, values, recording, settings)
     return Watch(seen, extended(seen.watched, noise), noise, findings)
 

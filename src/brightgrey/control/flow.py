@@ -157,7 +157,7 @@ class Ahead(NamedTuple):
     by_input: Array
 
 
-def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, tolerance: float) -> Ahead:
+def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, tolerance: Array) -> Ahead:
     """Carry states over one sampling interval, in as many steps as each lane needs.
 
     Parameters
@@ -168,7 +168,7 @@ def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, tolerance: fl
         Input at begin and end; a straight line between.
     dt : float
         Interval in s.
-    tolerance : float
+    tolerance : ndarray, shape (K,)
         How much the steps of second and third order may differ in any speed, rad/s (m/s). Where a gap closes or opens
         within an interval the steps are at most a sixteenth of it.
     """
@@ -177,7 +177,7 @@ def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, tolerance: fl
         if not coarse.any():
             break
         again = np.flatnonzero(coarse)
-        finer, still = _steps(lanes.picked(again), z[again], u0[again], u1[again], dt, pieces, tolerance)
+        finer, still = _steps(lanes.picked(again), z[again], u0[again], u1[again], dt, pieces, tolerance[again])
         for whole, part in zip(step, finer, strict=True):
             whole[again] = part
         coarse[again] = still
@@ -185,7 +185,7 @@ def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, tolerance: fl
 
 
 def _steps(
-    lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, pieces: int, tolerance: float
+    lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, pieces: int, tolerance: Array
 ) -> tuple[Ahead, NDArray[np.bool_]]:
     """Equal steps, and which lanes need smaller ones."""
     K, n = z.shape

@@ -59,7 +59,7 @@ class Watched:
         Standard deviation of each state around it.
     differenced : tuple of bool
         Outputs that are a position's difference over the last interval; the system's output is that position.
-    tolerance : float
+    tolerance : ndarray, shape (K,)
         Error of a step in any speed, rad/s (m/s); a tenth of the speed's noise is plenty.
     """
 
@@ -71,7 +71,7 @@ class Watched:
     z0: Array
     spread: Array
     differenced: tuple[bool, ...]
-    tolerance: float
+    tolerance: Array
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,7 @@ def unscented(watched: Watched, noise: Noise) -> Filtered:
     n = one.A.shape[1]
     points = 2 * (n + 1) + 1  # the disturbance torque is a state of its own
     lanes = one.picked(np.repeat(np.arange(K), points))
+    tolerance = np.repeat(watched.tolerance, points)
     delay = np.broadcast_to(np.asarray(watched.system.dead_time, float), (K,))
     begin, end = delayed_input(watched.u, watched.dt, delay, watched.hold)
     z = watched.z0.copy()
@@ -61,7 +62,7 @@ def unscented(watched: Watched, noise: Noise) -> Filtered:
             flat = spread.reshape(K * points, n + 1)
             u0 = np.repeat(begin[k - 1], points) + flat[:, n]
             u1 = np.repeat(end[k - 1], points) + flat[:, n]
-            moved = ahead(lanes, flat[:, :n], u0, u1, watched.dt, watched.tolerance).z.reshape(K, points, n)
+            moved = ahead(lanes, flat[:, :n], u0, u1, watched.dt, tolerance).z.reshape(K, points, n)
             z = np.einsum("p,kpi->ki", mean_weights, moved)
             apart = moved - z[:, None]
             P = np.einsum("p,kpi,kpj->kij", weights, apart, apart)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from brightgrey.control.coordinates import Twisted, twisted
 from brightgrey.control.kalman import Noise, Watched, extended
+from brightgrey.errors import RecordingError
 from brightgrey.estimation.problem import initial_state, noise_of
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
@@ -35,8 +36,8 @@ class Seen:
     watched : Watched
     twisted : Twisted
         Coordinates, and the way back to all states.
-    sensors : ndarray, shape (outputs,)
-        Noise of each output as the recording shows it, SI.
+    sensors : ndarray, shape (K, outputs)
+        Noise of each output as its recording shows it, SI.
     """
 
     watched: Watched
@@ -44,15 +45,21 @@ class Seen:
     sensors: Array
 
 
-def see(structure: Structure, values: Mapping[str, ArrayLike], recording: Recording, settings: Settings) -> Seen:
-    """Prepare `recording` for a filter with the model `values` of `structure`.
+def see(
+    structure: Structure,
+    values: Mapping[str, ArrayLike],
+    recording: Recording | Sequence[Recording],
+    settings: Settings,
+) -> Seen:
+    """Prepare recordings for a filter with the model `values` of `structure`.
 
     Parameters
     ----------
     structure : Structure
     values : mapping of str to float or ndarray, shape (K,)
-        SI. Arrays watch the recording with K parameter sets at once.
-    recording : Recording
+        SI. Arrays watch with K parameter sets at once.
+    recording : Recording or sequence of Recording
+        One for all parameter sets, or one for each; then of the same length, signals, sampling time and hold.
     settings : Settings
         ``f_tanh`` and ``speed_scale`` are used.
 
@@ -60,23 +67,26 @@ def see(structure: Structure, values: Mapping[str, ArrayLike], recording: Record
     -------
     Seen
     """
-    kinds = [signal.kind for signal in recording.outputs]
+    first = recording if isinstance(recording, Recording) else recording[0]
+    kinds = [signal.kind for signal in first.outputs]
     differenced = tuple(kind == "velocity-differenced" for kind in kinds)
     outputs = ["position" if d else kind for d, kind in zip(differenced, kinds, strict=True)]
     system = assemble(structure, values, settings.f_tanh, outputs)
-    coordinates = twisted(system)
     K = system.batch[0] if system.batch else 1
-    sensors = np.asarray(noise_of(recording))
-    speed = _AT_REST * settings.speed_scale
-    z0, spread = _start(coordinates, initial_state(recording, system), K, speed, float(np.abs(recording.u).max()))
+    each = [first] * K if isinstance(recording, Recording) else list(recording)
+    _check_alike(each, K)
+    coordinates = twisted(system)
+    own = {id(r): (np.asarray(noise_of(r)), initial_state(r, system), float(np.abs(r.u).max())) for r in each}
+    sensors, starts, torques = (np.array(part) for part in zip(*(own[id(r)] for r in each), strict=True))
+    z0, spread = _start(coordinates, starts, _AT_REST * settings.speed_scale, _AT_REST * torques)
     if "position" in kinds:
-        spread[:, 0] = sensors[kinds.index("position")]
+        spread[:, 0] = sensors[:, kinds.index("position")]
     watched = Watched(
         coordinates.system,
-        np.repeat(recording.u[:, None], K, axis=1),
-        np.repeat(recording.y.T[:, None], K, axis=1),
-        recording.dt,
-        recording.hold,
+        np.stack([r.u for r in each], axis=1),
+        np.stack([r.y.T for r in each], axis=1),
+        first.dt,
+        first.hold,
         z0,
         spread,
         differenced,
@@ -85,17 +95,28 @@ def see(structure: Structure, values: Mapping[str, ArrayLike], recording: Record
     return Seen(watched, coordinates, sensors)
 
 
-def _speed_noise(kinds: list[str], sensors: Array, settings: Settings) -> float:
-    """Size of speed that does not matter: the noise of a measured one, else a thousandth of the largest."""
-    seen = [s for kind, s in zip(kinds, sensors, strict=True) if kind.startswith("velocity")]
-    return float(np.clip(min(seen, default=0.0), 1e-4 * settings.speed_scale, 1e-2 * settings.speed_scale))
+def _check_alike(each: Sequence[Recording], lanes: int) -> None:
+    """Refuse recordings that cannot be filtered side by side."""
+    natures = {(r.samples, r.dt, r.hold, tuple(s.kind for s in r.outputs)) for r in each}
+    if len(each) != lanes or len(natures) != 1:
+        raise RecordingError(
+            f"{len(each)} recordings for {lanes} parameter sets; one for each is wanted, all of the same length, signals, "
+            "sampling time and hold"
+        )
 
 
-def _start(coordinates: Twisted, x0: Array, K: int, speed: float, torque: float) -> tuple[Array, Array]:
+def _speed_noise(kinds: Sequence[str], sensors: Array, settings: Settings) -> Array:
+    """Size of speed that does not matter, shape (K,): the noise of a measured one, else a thousandth of the largest."""
+    seen = [i for i, kind in enumerate(kinds) if kind.startswith("velocity")]
+    least = sensors[:, seen].min(axis=1) if seen else np.zeros(len(sensors))
+    return np.asarray(np.clip(least, 1e-4 * settings.speed_scale, 1e-2 * settings.speed_scale))
+
+
+def _start(coordinates: Twisted, x0: Array, speed: float, torque: Array) -> tuple[Array, Array]:
     """First state and its spread, both shape (K, n): at rest as measured, gaps anywhere."""
     system = coordinates.system
-    n = len(system.states)
-    z0 = np.repeat((coordinates.W @ x0)[None], K, axis=0)
+    n, K = len(system.states), len(x0)
+    z0 = x0 @ coordinates.W.T
     spread = np.zeros((K, n))
     A = np.broadcast_to(system.A.reshape(n, n, -1), (n, n, K))
     fastest = np.sqrt(np.abs(A).sum(axis=(0, 1)))  # a bound of the turning rate; twists are small against it
@@ -103,7 +124,7 @@ def _start(coordinates: Twisted, x0: Array, K: int, speed: float, torque: float)
         if state.at_rest == "speed":
             spread[:, i] = speed
         elif state.at_rest == "input":
-            spread[:, i] = _AT_REST * torque
+            spread[:, i] = torque
         elif state.name.startswith("twist"):
             spread[:, i] = speed / fastest
     for e in system.elements:
@@ -139,7 +160,7 @@ def noise_levels(structure: Structure, values: Mapping[str, float], recording: R
     grid = [(t * torque, s) for t in _TORQUES for s in _SENSORS]
     best = _likeliest(seen, grid)
     best = _likeliest(seen, [(best[0] * t, best[1] * s) for t in _FINER for s in _FINER])
-    return Noise(best[0], best[1] * seen.sensors)
+    return Noise(best[0], best[1] * seen.sensors[0])
 
 
 def _middle(recording: Recording) -> Recording:
@@ -159,6 +180,7 @@ def _likeliest(seen: Seen, grid: list[tuple[float, float]]) -> tuple[float, floa
         y=np.repeat(w.y, lanes, axis=1),
         z0=np.repeat(w.z0, lanes, axis=0),
         spread=np.repeat(w.spread, lanes, axis=0),
+        tolerance=np.repeat(w.tolerance, lanes),
     )
     torques, factors = np.array(grid).T
     found = extended(wide, Noise(torques, factors[:, None] * seen.sensors)).log_likelihood
