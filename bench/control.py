@@ -172,7 +172,7 @@ def cycles(runs: int, seed: int) -> None:
 
 
 def cases_of(structure: Structure, run: int, seed: int) -> list[tuple[str, Case]] | None:
-    """One drive: healthy and with each fault; None if it is chaotic. The model is off as an identification's would be."""
+    """One drive, healthy and with each fault; None if it is chaotic. The model is off as after an identification."""
     rng = np.random.default_rng([seed, run])
     kinds = groups(structure)
     truth = random_values(structure.parameters, rng)

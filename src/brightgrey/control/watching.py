@@ -100,8 +100,8 @@ def _check_alike(each: Sequence[Recording], lanes: int) -> None:
     natures = {(r.samples, r.dt, r.hold, tuple(s.kind for s in r.outputs)) for r in each}
     if len(each) != lanes or len(natures) != 1:
         raise RecordingError(
-            f"{len(each)} recordings for {lanes} parameter sets; one for each is wanted, all of the same length, signals, "
-            "sampling time and hold"
+            f"{len(each)} recordings for {lanes} parameter sets; one for each is wanted, all of the same length, "
+            "signals, sampling time and hold"
         )
 
 
