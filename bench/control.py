@@ -75,27 +75,27 @@ def consistency(runs: int, seed: int, names: Iterable[str]) -> None:
     sensor = np.array([np.hypot(NOISE, STEP / np.sqrt(12.0))])
     torque = 0.05
     for name in names:
-        structure, hits, tried = Structure.parse(name), {"extended": 0, "unscented": 0}, 0
+        structure = Structure.parse(name)
+        drawn, recordings = [], []
         for run in range(runs):
             rng = np.random.default_rng([seed, run])
             values = random_values(structure.parameters, rng)
             try:
-                recording = recorded(structure, values, rng, torque=torque)
+                recordings.append(recorded(structure, values, rng, torque=torque))
             except UnsettledError:
                 continue
-            watched = see(structure, values, recording, SETTINGS).watched
-            tried += 1
-            low, high = chi2.ppf([0.025, 0.975], recording.samples)
-            for filter_name, run_filter in (("extended", extended), ("unscented", unscented)):
-                if filter_name == "unscented" and run >= runs // 4:
-                    continue
-                total = run_filter(watched, Noise(torque, sensor)).nis.sum()
-                hits[filter_name] += bool(low < total < high)
-        print(
-            f"{name}: extended {wilson(hits['extended'], tried)}; "
-            f"unscented {wilson(hits['unscented'], min(tried, runs // 4))}",
-            flush=True,
-        )
+            drawn.append(values)
+        arrays = {n: np.array([values[n] for values in drawn]) for n in structure.parameters}
+        watched = see(structure, arrays, recordings, SETTINGS).watched
+        low, high = chi2.ppf([0.025, 0.975], len(watched.u))
+        for run_filter in (extended, unscented):
+            total = run_filter(watched, Noise(torque, sensor)).nis.sum(axis=0)
+            inside = (low < total) & (total < high)
+            odd = ", ".join(f"{t / len(watched.u):.2f}" for t in np.sort(total[~inside]))
+            print(
+                f"{name}: {run_filter.__name__} {wilson(int(inside.sum()), len(inside))}; mean NIS outside: {odd}",
+                flush=True,
+            )
 
 
 def fundamental(y: np.ndarray, dt: float) -> tuple[float, float]:
