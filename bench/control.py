@@ -53,7 +53,7 @@ def wilson(hits: int, of: int) -> str:
     p, z = hits / of, 1.96
     center = (p + z * z / (2 * of)) / (1 + z * z / of)
     half = z * np.sqrt(p * (1 - p) / of + z * z / (4 * of * of)) / (1 + z * z / of)
-    return f"{hits} of {of} = {100 * p:.1f} % ({100 * (center - half):.1f} to {100 * (center + half):.1f})"
+    return f"{hits} of {of} = {100 * p:.1f} % ({100 * max(center - half, 0.0):.1f} to {100 * (center + half):.1f})"
 
 
 def recorded(
