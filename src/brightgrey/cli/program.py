@@ -18,6 +18,7 @@ from brightgrey.cli.export import export
 from brightgrey.cli.identify import identify
 from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.simulate import simulate
+from brightgrey.cli.work import analyse, control, watch
 from brightgrey.errors import BrightgreyError
 
 __all__ = ["app", "main"]
@@ -58,6 +59,9 @@ app.command()(simulate)
 app.command()(export)
 app.command()(effects)
 app.command()(reproduce)
+app.command()(analyse)
+app.command()(control)
+app.command()(watch)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

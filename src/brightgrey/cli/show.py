@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from brightgrey.report.tables import FitRow
     from brightgrey.search.evidence import Evidence
 
-__all__ = ["as_json", "effects", "reproduction", "result", "simulation", "working"]
+__all__ = ["as_json", "effects", "plain_table", "reproduction", "result", "screen", "simulation", "working"]
 
 _TOP = 10  # structures of the ranking that are shown
 PIPED_WIDTH = 120  # nobody's window: wide enough that no row is folded
 
 
-def _console(*, stderr: bool = False) -> Console:
+def screen(*, stderr: bool = False) -> Console:
     """Make a console that prints names of columns as they are, brackets and all."""
     stream = sys.stderr if stderr else sys.stdout
     piped = not stream.isatty() and "COLUMNS" not in os.environ
@@ -39,7 +39,7 @@ def _console(*, stderr: bool = False) -> Console:
 @contextmanager
 def working(what: str, *, silent: bool) -> Iterator[None]:
     """Show on a terminal's stderr that something is going on."""
-    console = _console(stderr=True)
+    console = screen(stderr=True)
     if silent or not console.is_terminal:
         yield
         return
@@ -61,9 +61,9 @@ def result(found: Result, folder: Path, *, quiet: bool, json: bool) -> None:
         return
     from brightgrey.report.tables import FIXED, fit_rows, parameter_rows, remarks, sentence
 
-    console = _console()
+    console = screen()
     console.print(Text(str(found.model.structure), style="bold"))
-    table = _table("parameter", "estimate >", "unit")
+    table = plain_table("parameter", "estimate >", "unit")
     for row in parameter_rows(found.model):
         doubtful = row.note and row.note != FIXED
         table.add_row(row.name, row.estimate, row.unit, style="yellow" if doubtful else None)
@@ -89,7 +89,7 @@ def simulation(done: Simulation, file: Path | None, *, quiet: bool, json: bool) 
         return
     from brightgrey.report.tables import fit_row
 
-    console = _console()
+    console = screen()
     console.print(Text(f"{done.model.structure} on {done.trace.name}", style="bold"))
     units = {signal.name: signal.unit for signal in done.trace.outputs}
     _fits(console, [fit_row(name, "", fit, units[name]) for name, fit in done.fit.items()])
@@ -107,8 +107,8 @@ def reproduction(done: Reproduction, folder: Path, *, quiet: bool, json: bool) -
     if json:
         as_json(asdict(rates))
         return
-    console = _console()
-    table = _table("seed >", "best structure", "verdict", "true first in generation >", "simulations >")
+    console = screen()
+    table = plain_table("seed >", "best structure", "verdict", "true first in generation >", "simulations >")
     for row in done.repetitions:
         first = "-" if row.first is None else str(row.first)
         table.add_row(str(row.seed), row.best, row.best_verdict, first, str(row.simulations))
@@ -133,7 +133,7 @@ def _rate(count: int, of: int, interval: tuple[float, float]) -> str:
 
 def effects(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print the function set."""
-    console = _console()
+    console = screen()
     for row in rows:
         console.print(Text.assemble((row["name"], "bold"), f"  {row['title']}"))
         console.print(f"  {row['equation']}")
@@ -144,7 +144,7 @@ def effects(rows: Sequence[Mapping[str, Any]]) -> None:
         console.print()
 
 
-def _table(*columns: str) -> Table:
+def plain_table(*columns: str) -> Table:
     """Table without a frame; a column whose name ends in > is aligned to the right."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
     for column in columns:
@@ -156,7 +156,7 @@ def _table(*columns: str) -> Table:
 def _fits(console: Console, rows: Sequence[FitRow]) -> None:
     """One row per output; `on` is left out where it says nothing."""
     several = any(row.on for row in rows)
-    table = _table("output", *(["on"] if several else []), "fit/% >", "RMSE >", "unit")
+    table = plain_table("output", *(["on"] if several else []), "fit/% >", "RMSE >", "unit")
     for row in rows:
         table.add_row(row.output, *([row.on] if several else []), row.fit_percent, row.rmse, row.unit)
     console.print(table)
@@ -164,7 +164,7 @@ def _fits(console: Console, rows: Sequence[FitRow]) -> None:
 
 def _evidence(console: Console, evidence: Evidence) -> None:
     """Verdict on every effect, and the minimal structures if there are several."""
-    table = _table("effect", "verdict", "reason")
+    table = plain_table("effect", "verdict", "reason")
     styles = {"needed": "bold", "not decidable": "yellow"}
     for card in evidence.cards:
         table.add_row(card.effect, card.verdict, card.reason, style=styles.get(card.verdict))
@@ -178,7 +178,7 @@ def _evidence(console: Console, evidence: Evidence) -> None:
 
 def _top(console: Console, ranking: Sequence[Row]) -> None:
     """The first structures of the ranking."""
-    table = _table("rank >", "structure", "parameters >", "fit/% >", "BIC >", "tied")
+    table = plain_table("rank >", "structure", "parameters >", "fit/% >", "BIC >", "tied")
     for rank, row in enumerate(ranking[:_TOP], 1):
         value = "-" if row.criterion is None else f"{row.criterion:.1f}"
         cells = (str(row.n_parameters), f"{row.fit_percent:.3f}", value, "yes" if row.tied else "")

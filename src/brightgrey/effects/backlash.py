@@ -8,7 +8,18 @@ from typing import Any
 import numpy as np
 
 from brightgrey.effects.arithmetic import negative_part, positive_part
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Limits, Modelica, Parameter, State, Values
+from brightgrey.effects.declaration import (
+    Dimension,
+    Draft,
+    Effect,
+    Fault,
+    Law,
+    Limits,
+    Modelica,
+    Parameter,
+    State,
+    Values,
+)
 
 
 def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -107,6 +118,7 @@ EFFECT = Effect(
             "half the gap",
             bounds=lambda s: (1e-6 * s.travel, 0.5 * s.travel),
             start=lambda s: 1e-3 * s.travel,
+            fault=Fault("backlash"),
         ),
     ),
     noticeable=lambda s, values: {"alpha": 1e-3 * s.travel},

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Parameter, Values, force_on_mass, friction_law
+from brightgrey.effects.declaration import (
+    Dimension,
+    Draft,
+    Effect,
+    Fault,
+    Parameter,
+    Values,
+    force_on_mass,
+    friction_law,
+)
 
 
 def amplitude(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
@@ -42,6 +51,7 @@ EFFECT = Effect(
             "Coulomb friction torque (force, in a linear axis)",
             bounds=lambda s: (1e-4 * s.torque, 2.0 * s.torque),
             start=lambda s: max(s.friction, 1e-2 * s.torque),
+            fault=Fault("friction"),
         ),
     ),
     noticeable=lambda s, values: {"M_C": 0.01 * s.torque},

@@ -23,6 +23,7 @@ __all__ = [
     "Draft",
     "Effect",
     "Element",
+    "Fault",
     "Law",
     "Limits",
     "Modelica",
@@ -74,6 +75,21 @@ class Scales:
     offset: float
 
 
+class Fault(NamedTuple):
+    """What a change of a parameter is called when a machine is watched; parameters of one subject change together.
+
+    Attributes
+    ----------
+    subject : str
+        What people call it, e.g. ``friction``.
+    grows : bool
+        Only growth is a fault; else any change is reported.
+    """
+
+    subject: str
+    grows: bool = True
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of an effect.
@@ -95,6 +111,8 @@ class Parameter:
     lag : bool
         A time by which the input comes late, to first order: below a sampling interval it is sampling, and of
         several of them a recording may show the sum only.
+    fault : Fault or None
+        What its change means when a machine is watched; None where nothing wears or is exchanged.
     """
 
     symbol: str
@@ -104,6 +122,7 @@ class Parameter:
     start: Callable[[Scales], float]
     scale: Literal["log", "linear"] = "log"
     lag: bool = False
+    fault: Fault | None = None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Modelica, Parameter, Scales, State, Values
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Fault, Modelica, Parameter, Scales, State, Values
 
 __all__ = ["ladder"]
 
@@ -42,7 +42,10 @@ def fastest(scales: Scales) -> float:
 
 
 def inertia(i: int, masses: int) -> Parameter:
-    """Moment of inertia of mass i; alone it is the total inertia, else anything below about it."""
+    """Moment of inertia of mass i; alone it is the total inertia, else anything below about it.
+
+    The last mass carries the load.
+    """
     low = 0.2 if masses == 1 else 0.001
     return Parameter(
         f"J{i}",
@@ -50,6 +53,7 @@ def inertia(i: int, masses: int) -> Parameter:
         f"moment of inertia of mass {i} (mass, in a linear axis)",
         bounds=lambda s: (low * s.inertia, 5.0 * s.inertia),
         start=lambda s: s.inertia / masses,
+        fault=Fault("load", grows=False) if i == masses else None,
     )
 
 

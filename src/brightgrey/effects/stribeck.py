@@ -10,6 +10,7 @@ from brightgrey.effects.declaration import (
     Dimension,
     Draft,
     Effect,
+    Fault,
     Parameter,
     Values,
     force_on_mass,
@@ -60,6 +61,7 @@ EFFECT = Effect(
             "Stribeck friction torque at standstill in excess of Coulomb's",
             bounds=lambda s: (1e-4 * s.torque, 2.0 * s.torque),
             start=lambda s: 0.3 * max(s.friction, 3e-2 * s.torque),
+            fault=Fault("friction"),
         ),
         Parameter(
             "omega_S",

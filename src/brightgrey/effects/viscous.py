@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Law, Modelica, Parameter, Values
+from brightgrey.effects.declaration import Dimension, Draft, Effect, Fault, Law, Modelica, Parameter, Values
 
 
 def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -42,6 +42,7 @@ EFFECT = Effect(
             "viscous friction coefficient",
             bounds=lambda s: (1e-5 * s.torque / s.speed, 5.0 * s.torque / s.speed),
             start=lambda s: max(s.viscous, 1e-3 * s.torque / s.speed),
+            fault=Fault("friction"),
         ),
     ),
     noticeable=lambda s, values: {"f_v": 0.01 * s.torque / s.speed},

@@ -14,7 +14,7 @@ from brightgrey.estimation.scales import speed_of
 from brightgrey.kit import StateSpace
 from brightgrey.recordings import Recording
 
-__all__ = ["Initial", "Onset", "Unknown", "check_initial", "noise_of"]
+__all__ = ["Initial", "Onset", "Unknown", "check_initial", "initial_state", "noise_of"]
 
 Array = NDArray[np.float64]
 Initial = Literal["auto", "rest", "samples", "estimated"]
@@ -49,6 +49,12 @@ def noise_of(recording: Recording) -> Array:
     spread = 1.4826 * np.median(np.abs(bend), axis=1) / np.sqrt(6.0)
     least = np.maximum(recording.resolution / np.sqrt(12.0), 1e-12 * recording.y.std(axis=1))
     return np.asarray(np.maximum(spread, least))
+
+
+def initial_state(recording: Recording, system: StateSpace) -> Array:
+    """State, shape (n,), before the first sample of `recording` where nothing about it is searched for."""
+    onset = Onset.of(recording)
+    return system.rest(onset.position, onset.speed, float(recording.u[0]))
 
 
 @dataclass(frozen=True)

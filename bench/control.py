@@ -1,0 +1,287 @@
+"""Kalman filter, limit cycles and fault detection on simulated and measured drives: the numbers of docs/results.md.
+
+    python bench/control.py consistency [--runs N] [--seed S]
+    python bench/control.py cycles [--runs N] [--seed S]
+    python bench/control.py faults [--runs N] [--seed S] [--structure S]
+    python bench/control.py emps
+
+Recordings of `consistency` and `faults` come from the reference solver (random drives in plausible ranges, the torque
+of the paper's experiment), with white noise of 0.05 % of the peak speed and quantisation of half of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.stats import chi2
+
+from brightgrey import identify, read_recording
+from brightgrey.control.analysis import analyse
+from brightgrey.control.closed_loop import closed_loop
+from brightgrey.control.controllers import OutputFeedback
+from brightgrey.control.faults import Case, faults, groups
+from brightgrey.control.harmonic import limit_cycles
+from brightgrey.control.kalman import Noise, extended
+from brightgrey.control.loops import Compensator
+from brightgrey.control.unscented import unscented
+from brightgrey.control.watching import noise_levels, see
+from brightgrey.errors import BrightgreyError
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.excitation.plants import random_values
+from brightgrey.kit import Structure, assemble
+from brightgrey.recordings import Recording, Signal
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import UnsettledError, agreement, reference
+
+NOISE = 0.02  # rad/s
+STEP = 0.01  # rad/s
+SETTINGS = Settings(E.f_tanh, E.speed)
+FAULTS = {"friction": 1.5, "backlash": 2.0, "load": 1.3}
+MODEL_STD = 0.02  # relative error of the model's parameters, as an identification leaves it
+DATA = Path(os.environ.get("BRIGHTGREY_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+
+def wilson(hits: int, of: int) -> str:
+    """Share with its 95 % Wilson interval."""
+    if not of:
+        return "no case"
+    p, z = hits / of, 1.96
+    center = (p + z * z / (2 * of)) / (1 + z * z / of)
+    half = z * np.sqrt(p * (1 - p) / of + z * z / (4 * of * of)) / (1 + z * z / of)
+    return f"{hits} of {of} = {100 * p:.1f} % ({100 * max(center - half, 0.0):.1f} to {100 * (center + half):.1f})"
+
+
+def recorded(
+    structure: Structure, values: dict[str, float], rng: np.random.Generator, *, every: int = 1, torque: float = 0.0
+):
+    """Recording of a drive by the reference solver; `torque` is the size of a disturbance that is not recorded."""
+    u = E.torque()[::every]
+    dt = E.dt * every
+    pushed = u + torque * rng.normal(size=len(u))
+    hold = "zoh" if torque else "linear"
+    v = reference(structure, values, pushed, dt, f_tanh=E.f_tanh, hold=hold)[0]
+    y = np.round((v + NOISE * rng.normal(size=len(v))) / STEP) * STEP
+    signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
+    return Recording("simulated", dt * np.arange(len(u)), u, y[None], *signals, hold=hold)
+
+
+def consistency(runs: int, seed: int, names: Iterable[str]) -> None:
+    """Share of runs whose summed NIS lies in its 95 % band, both filters."""
+    sensor = np.array([np.hypot(NOISE, STEP / np.sqrt(12.0))])
+    torque = 0.05
+    for name in names:
+        structure = Structure.parse(name)
+        drawn, recordings = [], []
+        for run in range(runs):
+            rng = np.random.default_rng([seed, run])
+            values = random_values(structure.parameters, rng)
+            try:
+                recordings.append(recorded(structure, values, rng, torque=torque))
+            except UnsettledError:
+                continue
+            drawn.append(values)
+        arrays = {n: np.array([values[n] for values in drawn]) for n in structure.parameters}
+        watched = see(structure, arrays, recordings, SETTINGS).watched
+        low, high = chi2.ppf([0.025, 0.975], len(watched.u))
+        for run_filter in (extended, unscented):
+            total = run_filter(watched, Noise(torque, sensor)).nis.sum(axis=0)
+            inside = (low < total) & (total < high)
+            odd = ", ".join(f"{t / len(watched.u):.2f}" for t in np.sort(total[~inside]))
+            print(
+                f"{name}: {run_filter.__name__} {wilson(int(inside.sum()), len(inside))}; mean NIS outside: {odd}",
+                flush=True,
+            )
+
+
+def fundamental(y: np.ndarray, dt: float) -> tuple[float, float]:
+    """Frequency in Hz and amplitude of the strongest oscillation."""
+    y = y - y.mean()
+    t = dt * np.arange(len(y))
+    spectrum = np.abs(np.fft.rfft(y * np.hanning(len(y)), 8 * len(y)))
+    first = spectrum.argmax() / (8 * len(y) * dt)
+
+    def fitted(f: float) -> tuple[float, float]:
+        M = np.column_stack([np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t)])
+        c = np.linalg.lstsq(M, y, rcond=None)[0]
+        return float(((y - M @ c) ** 2).sum()), float(np.hypot(*c))
+
+    best = minimize_scalar(lambda f: fitted(f)[0], bounds=(0.97 * first, 1.03 * first), method="bounded").x
+    return float(best), fitted(best)[1]
+
+
+def cycle(structure: str, rng: np.random.Generator) -> tuple[float, float] | None:
+    """Relative errors of frequency and amplitude of one predicted stable limit cycle, None if there is none."""
+    placed = Structure.parse(structure)
+    values = {
+        "J1": 0.004,
+        "J2": 0.016,
+        "c1": 5000.0,
+        "d1": 2.0,
+        "M_C": 0.05,
+        "f_v": 0.01,
+        "alpha": 0.01,
+        "T_1": 2e-3,
+        "T_d": 1e-3,
+    }
+    values = {n: values[n] * float(np.exp(rng.uniform(-0.3, 0.3))) for n in placed.parameters}
+    dt, samples = 5e-4, 1600
+    system = assemble(placed, values, E.f_tanh)
+    # As much gain as makes the drive's most nervous piece unstable by 5 to 40 %.
+    soft = Compensator.of([1.0, 5.0], [1.0, 0.0])
+    edge = min(analyse(system, speed=10.0, contact=c).margins(soft, delay=dt / 2).gain for c in ("forward", "gap"))
+    gain = edge * float(rng.uniform(1.05, 1.4))
+    controller = Compensator.of([gain, 5.0 * gain], [1.0, 0.0])
+    limit = np.inf if "backlash" in placed.names else 3.0
+    found = limit_cycles(system, controller, torque=(1e-2, 1e3), omega=(50.0, 4000.0), delay=dt / 2, limit=limit)
+    stable = [c for c in found if c.stable]
+    if not stable:
+        return None
+    start = system.rest()
+    start[system.state_names.index("v1")] = float(stable[-1].outputs[0])
+    settings = Settings(E.f_tanh, max(10.0 * float(stable[-1].outputs[0]), 1.0))
+    try:
+        run = closed_loop(
+            system, OutputFeedback(controller, dt, np.zeros(samples)), samples, dt, settings, limit=limit, x0=start
+        )
+    except BrightgreyError:
+        return np.inf, np.inf
+    f, a = fundamental(run.y[samples // 2 :, 0], dt)
+    return f / stable[-1].frequency - 1.0, a / float(stable[-1].outputs[0]) - 1.0
+
+
+def cycles(runs: int, seed: int) -> None:
+    for name in (
+        "two_mass+coulomb+viscous+current_control+delay",
+        "two_mass+viscous+backlash+current_control+delay",
+        "two_mass+coulomb+viscous+backlash+current_control+delay",
+    ):
+        errors = [e for i in range(runs) if (e := cycle(name, np.random.default_rng([seed, i])))]
+        f, a = np.abs(np.array(errors)).T if errors else (np.zeros(0), np.zeros(0))
+        good = int(np.sum((f <= 0.15) & (a <= 0.15)))
+        print(
+            f"{name}: within 15 % {wilson(good, len(errors))}; predicted in {len(errors)} of {runs}; "
+            f"median error of frequency {100 * np.median(f):.1f} %, of amplitude {100 * np.median(a):.1f} %, "
+            f"worst {100 * f.max():.0f} and {100 * a.max():.0f} %",
+            flush=True,
+        )
+
+
+def cases_of(structure: Structure, run: int, seed: int) -> list[tuple[str, Case]] | None:
+    """One drive, healthy and with each fault; None if it is chaotic. The model is off as after an identification."""
+    rng = np.random.default_rng([seed, run])
+    kinds = groups(structure)
+    truth = random_values(structure.parameters, rng)
+    u, dt = E.torque()[::2], 2 * E.dt
+    if agreement(structure, truth, u, dt, f_tanh=E.f_tanh, outputs=("velocity", "position"), both=False).chaotic:
+        return None
+    model = {n: v * float(np.exp(MODEL_STD * rng.normal())) for n, v in truth.items()}
+    std = {n: MODEL_STD * abs(v) for n, v in model.items()}
+    noise = noise_levels(structure, model, recorded(structure, truth, rng, every=2), SETTINGS)
+    cases = []
+    for broken in (None, *kinds):
+        factor = FAULTS[broken.subject] if broken else 1.0
+        now = {n: v * (factor if broken and n in kinds[broken] else 1.0) for n, v in truth.items()}
+        recording = recorded(structure, now, rng, every=2)
+        cases.append((broken.subject if broken else "", Case(model, recording, noise, std)))
+    return cases
+
+
+def watch(name: str, runs: int, seed: int) -> None:
+    """Detections and false alarms."""
+    structure = Structure.parse(name)
+    cases: list[tuple[str, Case]] = []
+    left_out = 0
+    for run in range(runs):
+        try:
+            found = cases_of(structure, run, seed)
+        except UnsettledError:
+            found = None
+        left_out += found is None
+        cases += found or []
+    print(f"{name}: {runs - left_out} drives, seed {seed}, {left_out} chaotic ones left out", flush=True)
+    results = faults(structure, SETTINGS, [case for _, case in cases])
+    alarms = [any(f.verdict == "changed" for f in fs) for (b, _), fs in zip(cases, results, strict=True) if not b]
+    print(f"  healthy recordings with any alarm: {wilson(sum(alarms), len(alarms))}")
+    for subject in (fault.subject for fault in groups(structure)):
+        own = [(b, next(f for f in fs if f.subject == subject)) for (b, _), fs in zip(cases, results, strict=True)]
+        guilty = [f for b, f in own if b == subject]
+        others = [f for b, f in own if b != subject]
+        hits, false = (sum(f.verdict == "changed" for f in part) for part in (guilty, others))
+        open_ones = sum(f.verdict == "not decidable" for f in guilty)
+        decided = len(guilty) - open_ones
+        print(
+            f"  {subject}: detected {wilson(hits, len(guilty))}, not decidable {open_ones}, of the decidable "
+            f"{wilson(hits, decided)}; alarmed without cause {wilson(false, len(others))}",
+            flush=True,
+        )
+        for (_, case), (b, f) in zip(cases, own, strict=True):
+            if (b == subject) != (f.verdict == "changed"):
+                brief = {n: float(f"{v:.2g}") for n, v in case.values.items()}
+                print(f"    {b or 'healthy'}: {f.text}  {brief}")
+
+
+def emps() -> None:
+    """The filter over the measured axis: what the innovations say about its model."""
+    recording = read_recording(
+        DATA / "emps" / "DATA_EMPS.mat",
+        input="vir",
+        outputs=["qm:position"],
+        time="t",
+        input_gain=35.15065,
+        units={"vir": "N", "qm": "m"},
+    )
+    model = identify(recording, "one_mass+coulomb+viscous+gravity", starts=2, level="fast").model
+    structure, values, settings = model.structure, model.values_si(), model.settings_si()
+    noise = noise_levels(structure, values, recording, settings)
+    seen = see(structure, values, recording, settings)
+    found = extended(seen.watched, noise)
+    white = found.white[100:, 0, 0]
+    speed = found.z[100:, 0, 1]
+    print(f"disturbing force {noise.torque:.3g} N per sample, position noise {noise.outputs[0]:.3g} m")
+    print(f"NIS mean {float((white**2).mean()):.3f}, share above 3.84: {float((white**2 > 3.84).mean()):.4f}")
+    for lag in (1, 2, 3, 4, 5, 10, 100):
+        r = float(np.mean(white[lag:] * white[:-lag]) / np.mean(white**2))
+        print(f"autocorrelation at lag {lag:3d}: {r:+.3f} (white: within {1.96 / np.sqrt(len(white)):.3f})")
+    fast = np.abs(speed).max()
+    for text, where in (
+        ("forward", speed > 0.1 * fast),
+        ("backward", speed < -0.1 * fast),
+        ("near standstill", np.abs(speed) <= 0.1 * fast),
+    ):
+        w = white[where]
+        print(
+            f"{text:16}: mean {w.mean():+.3f} ± {1.96 * w.std() / np.sqrt(len(w)):.3f}, size {w.std():.3f}, "
+            f"{len(w)} samples"
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("consistency", "cycles", "faults", "emps"))
+    parser.add_argument("--runs", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--structure", default="two_mass+coulomb+viscous+backlash")
+    options = parser.parse_args()
+    if options.what == "consistency":
+        names = (
+            "one_mass+coulomb+viscous+stribeck+gravity",
+            "two_mass+coulomb+viscous",
+            "two_mass+coulomb+viscous+stribeck+gravity+current_control+delay",
+            "two_mass+coulomb+viscous+backlash",
+        )
+        consistency(options.runs, options.seed, names)
+    elif options.what == "cycles":
+        cycles(options.runs, options.seed)
+    elif options.what == "faults":
+        watch(options.structure, options.runs, options.seed)
+    else:
+        emps()
+
+
+if __name__ == "__main__":
+    main()

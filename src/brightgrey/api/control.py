@@ -1,0 +1,194 @@
+"""A model at work: analysis at an operating point, control design, watching a machine. Inside it is SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from brightgrey.control.analysis import Analysis
+from brightgrey.control.analysis import analyse as analyse_system
+from brightgrey.control.cascade import Cascade
+from brightgrey.control.cascade import cascade as suggest_cascade
+from brightgrey.control.faults import Case, Finding, faults
+from brightgrey.control.feedback import StateControl, state_control
+from brightgrey.control.kalman import Filtered, Noise, extended
+from brightgrey.control.pieces import CONTACTS, steady
+from brightgrey.control.watching import Seen, noise_levels, see
+from brightgrey.effects import Dimension
+from brightgrey.errors import SettingsError
+from brightgrey.export.model import SPEED, Model
+from brightgrey.kit import assemble
+from brightgrey.recordings import Recording
+
+__all__ = ["Design", "Watch", "analyse", "design", "inertia", "watch", "whiteness"]
+
+TORQUE = Dimension(input=1, motion=0, time=0)
+_HALF_SPEED = 0.5
+_ERROR = 0.05  # of the speed scale: an error worth the whole torque
+
+
+@dataclass(frozen=True)
+class Design:
+    """Suggested control of a drive, SI.
+
+    Attributes
+    ----------
+    analyses : tuple of Analysis
+        What the cascade was designed for: in contact, and in the gap if there is one.
+    cascade : Cascade
+    state : StateControl
+        Of speed, linear-quadratic with integral action.
+    delay : float
+        Assumed lag of the sampled controller, s.
+    """
+
+    analyses: tuple[Analysis, ...]
+    cascade: Cascade
+    state: StateControl
+    delay: float
+
+
+@dataclass(frozen=True)
+class Watch:
+    """A recording watched by a Kalman filter.
+
+    Attributes
+    ----------
+    seen : Seen
+        Coordinates and data of the filter.
+    filtered : Filtered
+        Estimated states and innovations, SI.
+    noise : Noise
+    findings : tuple of Finding
+    """
+
+    seen: Seen
+    filtered: Filtered
+    noise: Noise
+    findings: tuple[Finding, ...]
+
+
+def _outputs(model: Model) -> list[str]:
+    return ["velocity" if s.kind == "velocity-differenced" else s.kind for s in model.outputs]
+
+
+def analyse(model: Model, *, speed: float | None = None, contact: str = "forward") -> Analysis:
+    """Linearise a model in steady motion.
+
+    Parameters
+    ----------
+    model : Model
+    speed : float, optional
+        In the model's units; half of the recording's largest speed if not given.
+    contact : {'forward', 'backward', 'gap'}
+        Where a gap stands.
+
+    Returns
+    -------
+    Analysis
+        In SI; ``.control()`` gives a ``control.StateSpace``.
+
+    Raises
+    ------
+    SettingsError
+        For an unknown contact or where no such motion exists.
+    """
+    settings = model.settings_si()
+    system = assemble(model.structure, model.values_si(), settings.f_tanh, _outputs(model))
+    at = _HALF_SPEED * settings.speed_scale if speed is None else speed / model.units.of(SPEED)[1]
+    return analyse_system(system, speed=at, contact=contact)
+
+
+def design(
+    model: Model, *, torque: float, sampling_time: float | None = None, computing: float = 0.0, settling: float = 0.05
+) -> Design:
+    """Suggest the gains of the cascade and of a state control of speed.
+
+    Parameters
+    ----------
+    model : Model
+    torque : float
+        Largest torque of the drive, in the input's unit.
+    sampling_time : float, optional
+        Of the controller in s; the recording's if not given.
+    computing : float
+        Time from sampling to output in s.
+    settling : float
+        Time in s after which the state control shall have forgotten a constant disturbance.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    SettingsError
+        Where no such control exists.
+    """
+    if not torque > 0.0:
+        raise SettingsError(f"torque is {torque:g}; it has to be above 0")
+    dt = model.settings.sampling_time if sampling_time is None else sampling_time
+    if not (dt > 0.0 and computing >= 0.0 and settling > 0.0):
+        raise SettingsError("sampling time and settling time have to be above 0, the computing time must not be below")
+    settings, values = model.settings_si(), model.values_si()
+    system = assemble(model.structure, values, settings.f_tanh, ("position", "velocity"))
+    speed = _HALF_SPEED * settings.speed_scale
+    gaps = any(e.limits is not None for e in system.elements)
+    analyses = tuple(
+        analyse_system(system, speed=speed, contact=c) for c in CONTACTS if c == "forward" or (c == "gap" and gaps)
+    )
+    moving = assemble(model.structure, values, settings.f_tanh, ("velocity",))
+    delay = 0.5 * dt + computing
+    state = state_control(
+        analyse_system(moving, speed=speed),
+        largest_error=_ERROR * settings.speed_scale,
+        torque=torque / model.units.of(TORQUE)[1],
+        settling=settling,
+    )
+    return Design(analyses, suggest_cascade(analyses, inertia(analyses[0]), dt, computing=computing), state, delay)
+
+
+def inertia(analysis: Analysis) -> float:
+    """Inertia of all masses together, SI: what an acceleration adds to the torque of steady motion."""
+    on, speed = analysis.point.piece, analysis.point.speed
+    return float(steady(on, speed, 1.0).u - steady(on, speed).u)
+
+
+def watch(
+    model: Model, recording: Recording, *, normal: Recording, matters: float = 0.1, confidence: float = 0.99
+) -> Watch:
+    """Run a Kalman filter over a new recording and look for faults.
+
+    Parameters
+    ----------
+    model : Model
+    recording : Recording
+        With the model's signals.
+    normal : Recording
+        One without fault, for the noise levels: that which the model was identified from.
+    matters : float
+        Relative change that is not yet worth reporting.
+    confidence : float
+        At which a change is reported.
+
+    Returns
+    -------
+    Watch
+    """
+    settings, values = model.settings_si(), model.values_si()
+    noise = noise_levels(model.structure, values, normal, settings)
+    std = {
+        name: (part.std or 0.0) / model.units.of(model.structure.parameters[name].dimension)[1]
+        for name, part in model.parameters.items()
+    }
+    case = Case(values, recording, noise, std)
+    (findings,) = faults(model.structure, settings, [case], matters=matters, confidence=confidence)
+    seen = see(model.structure, values, recording, settings)
+    return Watch(seen, extended(seen.watched, noise), noise, findings)
+
+
+def whiteness(filtered: Filtered) -> float:
+    """Correlation of neighbouring innovations: 0 for a model that leaves only noise, 1 for one that is always off."""
+    white = filtered.white[1:, 0]
+    return float(np.mean(white[1:] * white[:-1]) / np.mean(white**2))

@@ -1,0 +1,169 @@
+"""Analysis, design and watching in the terminal."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from rich.text import Text
+
+from brightgrey.cli.show import as_json, plain_table, screen
+
+if TYPE_CHECKING:
+    from brightgrey.api.control import Design, Watch
+    from brightgrey.control.analysis import Analysis
+    from brightgrey.control.loops import Margins
+    from brightgrey.control.reach import Reach
+
+__all__ = ["analysis", "design", "watched"]
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _margins(found: Margins) -> dict[str, Any]:
+    return {
+        "stable": found.stable,
+        "gain": _finite(found.gain),
+        "gain_down": found.gain_down,
+        "phase": _finite(found.phase),
+        "delay": _finite(found.delay),
+        "sensitivity": found.sensitivity,
+        "crossover": found.crossover,
+    }
+
+
+def _margins_line(found: Margins) -> str:
+    stable = "stable" if found.stable else "UNSTABLE"
+    return (
+        f"{stable}, gain margin {found.gain:.3g}, phase margin {found.phase:.3g}°, "
+        f"delay margin {1e3 * found.delay:.3g} ms, sensitivity peak {found.sensitivity:.3g}, "
+        f"crossover {found.crossover / (2 * math.pi):.3g} Hz"
+    )
+
+
+def _reach(found: Reach) -> dict[str, Any]:
+    return {"rank": found.rank, "order": found.order, "distance": found.distance}
+
+
+def analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json: bool) -> None:
+    """Print what the linear model says."""
+    if json:
+        as_json(
+            {
+                "speed": found.point.speed,
+                "input": found.point.u,
+                "contact": found.point.piece.contact,
+                "states": found.states,
+                "stability": found.verdict,
+                "poles": [[p.real, p.imag] for p in found.poles.tolist()],
+                "resonances": [s._asdict() for s in found.resonances],
+                "antiresonances": {
+                    o: [s._asdict() for s in found.antiresonances(i)] for i, o in enumerate(found.outputs)
+                },
+                "controllability": _reach(found.controllability),
+                "observability": _reach(found.observability),
+                "dead_time": found.dead_time,
+                "margins": None if margins is None else _margins(margins),
+            }
+        )
+        return
+    if quiet:
+        return
+    out = screen()
+    out.print(Text(f"{found.verdict} at speed {found.point.speed:.4g}, input {found.point.u:.4g} (SI)", style="bold"))
+    rows = plain_table("pole in 1/s", "frequency in Hz >", "damping >")
+    for pole in found.poles.tolist():
+        if pole.imag > 0.0:
+            rows.add_row(
+                f"{pole.real:.4g} ± {pole.imag:.4g}i",
+                f"{abs(pole) / (2 * math.pi):.4g}",
+                f"{-pole.real / abs(pole):.3g}",
+            )
+        elif pole.imag == 0.0:
+            rows.add_row(f"{pole.real:.4g}", "", "")
+    out.print(rows)
+    for i, name in enumerate(found.outputs):
+        dips = ", ".join(f"{s.frequency:.4g} Hz (damping {s.damping:.3g})" for s in found.antiresonances(i))
+        out.print(f"antiresonances of {name}: {dips or 'none'}")
+    for word, reach in (("controllable", found.controllability), ("observable", found.observability)):
+        out.print(f"{word}: {reach.rank} of {reach.order} states, distance {reach.distance:.2g}")
+    if found.dead_time:
+        out.print(f"dead time: {1e3 * found.dead_time:.4g} ms")
+    if margins is not None:
+        out.print(f"with the controller: {_margins_line(margins)}", soft_wrap=True)
+
+
+def design(found: Design, *, quiet: bool, json: bool) -> None:
+    """Print suggested gains and the margins they reach."""
+    c, s = found.cascade, found.state
+    contacts = [a.point.piece.contact for a in found.analyses]
+    reached = s.margins(found.delay)
+    if json:
+        as_json(
+            {
+                "cascade": {
+                    "position": c.position,
+                    "speed": c.speed,
+                    "reset": c.reset,
+                    "speed_margins": {k: _margins(m) for k, m in zip(contacts, c.speed_margins, strict=True)},
+                    "position_margins": {k: _margins(m) for k, m in zip(contacts, c.position_margins, strict=True)},
+                },
+                "state_control": {
+                    "states": s.analysis.states,
+                    "gains": s.K.tolist(),
+                    "integral": s.integral,
+                    "poles": [[p.real, p.imag] for p in s.poles.tolist()],
+                    "margins": _margins(reached),
+                },
+            }
+        )
+        return
+    if quiet:
+        return
+    out = screen()
+    out.print(Text("cascade", style="bold"))
+    out.print(f"position gain {c.position:.4g} 1/s, speed gain {c.speed:.4g} (SI), reset time {1e3 * c.reset:.4g} ms")
+    for kind, inner, outer in zip(contacts, c.speed_margins, c.position_margins, strict=True):
+        out.print(f"speed loop ({kind}): {_margins_line(inner)}", soft_wrap=True)
+        out.print(f"whole cascade ({kind}): {_margins_line(outer)}", soft_wrap=True)
+    out.print(Text("state control of speed with integral action", style="bold"))
+    gains = ", ".join(f"{name} {value:.4g}" for name, value in zip(s.analysis.states, s.K.tolist(), strict=True))
+    out.print(f"gains (SI): {gains}, integral {s.integral:.4g}", soft_wrap=True)
+    out.print(f"opened at the input: {_margins_line(reached)}", soft_wrap=True)
+
+
+def watched(found: Watch, *, quiet: bool, json: bool) -> None:
+    """Print what has changed."""
+    from brightgrey.api.control import whiteness
+
+    nis = float(found.filtered.nis.mean()) / found.filtered.innovations.shape[2]
+    if json:
+        as_json(
+            {
+                "findings": [
+                    {
+                        "subject": f.subject,
+                        "parameters": f.parameters,
+                        "verdict": f.verdict,
+                        "factor": f.factor,
+                        "ci95": f.ci95,
+                        "confidence": f.confidence,
+                    }
+                    for f in found.findings
+                ],
+                "innovations": {"size": nis, "correlation": whiteness(found.filtered)},
+            }
+        )
+        return
+    if quiet:
+        return
+    out = screen()
+    for finding in found.findings:
+        out.print(Text(finding.text, style="bold" if finding.verdict == "changed" else ""), soft_wrap=True)
+    if not found.findings:
+        out.print("the structure knows no fault")
+    out.print(
+        f"innovations: {nis:.3g} times the expected power, correlation of neighbours {whiteness(found.filtered):.2f}"
+    )

@@ -1,0 +1,120 @@
+"""``brightgrey analyse``, ``control``, ``watch``: a model at work."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from brightgrey.cli.options import Json, Quiet, Step, Time, Unit, number, units
+from brightgrey.errors import SettingsError
+
+__all__ = ["analyse", "control", "watch"]
+
+ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="model.json of an identification.")]
+CONTROLLER = "'NUMERATOR / DENOMINATOR', coefficients of falling powers of s, e.g. '0.5 10 / 1 0'"
+
+
+def analyse(
+    model: ModelFile,
+    speed: Annotated[
+        float | None,
+        typer.Option("--speed", metavar="X", help="Steady speed. Default: half of the recording's largest."),
+    ] = None,
+    contact: Annotated[
+        str,
+        typer.Option("--contact", metavar="forward|backward|gap", help="Where a gap stands."),
+    ] = "forward",
+    controller: Annotated[
+        str | None,
+        typer.Option("--controller", metavar="N/D", help=f"Controller from the first output's error: {CONTROLLER}."),
+    ] = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Linearise a model in steady motion: poles, resonances, what input and output reach, margins.
+
+    Poles in 1/s, margins for a controller in SI units of the model.
+    """
+    coefficients = _controller(controller) if controller else None
+    from brightgrey.cli import show_work
+    from brightgrey.export.model import Model
+
+    loaded = Model.load(model)
+    from brightgrey.api.control import analyse as run
+    from brightgrey.control.loops import Compensator
+
+    found = run(loaded, speed=speed, contact=contact)
+    margins = found.margins(Compensator.of(*coefficients)) if coefficients else None
+    show_work.analysis(found, margins, quiet=quiet, json=json)
+
+
+def control(
+    model: ModelFile,
+    torque: Annotated[float, typer.Option("--torque", metavar="X", help="Largest torque, in the input's unit.")],
+    dt: Annotated[
+        float | None,
+        typer.Option("--dt", metavar="S", help="Sampling time of the controller in s. Default: the recording's."),
+    ] = None,
+    computing: Annotated[
+        float, typer.Option("--computing", metavar="S", help="Time from sampling to output in s.")
+    ] = 0.0,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Suggest gains: the cascade of P position and PI speed control, and a state control with integral action.
+
+    Gains are in SI units: N m, rad (N, m; or the input's unit) and s.
+    """
+    from brightgrey.cli import show, show_work
+    from brightgrey.export.model import Model
+
+    loaded = Model.load(model)
+    from brightgrey.api.control import design
+
+    with show.working("designing", silent=quiet or json):
+        found = design(loaded, torque=torque, sampling_time=dt, computing=computing)
+    show_work.design(found, quiet=quiet, json=json)
+
+
+def watch(
+    model: ModelFile,
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording to be watched, CSV or MAT.")],
+    normal: Annotated[
+        Path,
+        typer.Option("--normal", metavar="FILE", help="A recording without fault: the one the model came from."),
+    ],
+    matters: Annotated[
+        float, typer.Option("--matters", metavar="X", help="Relative change that is not yet worth reporting.")
+    ] = 0.1,
+    confidence: Annotated[float, typer.Option("--confidence", metavar="P", help="At which to report a change.")] = 0.99,
+    time: Time = None,
+    dt: Step = None,
+    unit: Unit = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Look for faults in a new recording: friction or backlash that have grown, a load that has changed."""
+    given = units(unit or ())
+    from brightgrey.cli import show, show_work
+    from brightgrey.export.model import Model
+
+    loaded = Model.load(model)
+    from brightgrey import api
+    from brightgrey.api.control import watch as run
+
+    with show.working("watching", silent=quiet or json):
+        before, now = (api.read_for(loaded, f, time=time, dt=dt, units=given) for f in (normal, recording))
+        found = run(loaded, now, normal=before, matters=matters, confidence=confidence)
+    show_work.watched(found, quiet=quiet, json=json)
+
+
+def _controller(text: str) -> tuple[list[float], list[float]]:
+    """Numerator and denominator of ``--controller``."""
+    top, slash, bottom = text.partition("/")
+    parts = [part.replace(",", " ").split() for part in (top, bottom)]
+    if not slash or not all(parts):
+        raise SettingsError(f"--controller '{text}': wanted is {CONTROLLER}")
+    first, second = ([number("--controller", value, CONTROLLER) for value in part] for part in parts)
+    return first, second

@@ -1,0 +1,1 @@
+"""A model at work: analysis, state feedback, Kalman filter and fault detection."""

@@ -1,0 +1,163 @@
+"""What the linear model at an operating point says: poles, stability, reach, resonances, frequency response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eig
+
+from brightgrey.control.coordinates import Twisted, twisted
+from brightgrey.control.loops import Compensator, Margins, frequencies, frequency_response, margins
+from brightgrey.control.objects import state_space
+from brightgrey.control.pieces import OperatingPoint, piece, steady
+from brightgrey.control.reach import Reach, controllability, minimal, observability
+from brightgrey.errors import SettingsError
+from brightgrey.kit import Linear, StateSpace
+
+__all__ = ["Analysis", "Swing", "analyse", "swings", "zeros"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+_AT_REST = 1e-9  # of the fastest pole: a pole this near to the axis is on it
+
+
+class Swing(NamedTuple):
+    """A conjugate pair of poles or zeros: frequency in Hz, damping ratio (negative: it grows)."""
+
+    frequency: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """Linear model of a drive at an operating point, deviations in SI.
+
+    Attributes
+    ----------
+    point : OperatingPoint
+        Steady motion, its input and its state in twist coordinates.
+    linear : Linear
+        Exact linearisation; states as `states`, in contact without the position in the gap.
+    states, outputs : tuple of str
+    dead_time : float
+        Of the input, in s; not in `linear`.
+    """
+
+    point: OperatingPoint
+    linear: Linear
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    dead_time: float
+
+    @cached_property
+    def poles(self) -> Complex:
+        """Poles in 1/s, the slowest first."""
+        found = np.linalg.eigvals(self.linear.A)
+        return np.asarray(found[np.argsort(np.abs(found), kind="stable")])
+
+    @property
+    def verdict(self) -> Literal["stable", "marginal", "unstable"]:
+        """``marginal``: a pole on the axis (an integrator) and none beyond."""
+        edge = _AT_REST * max(1.0, float(np.abs(self.poles).max(initial=0.0)))
+        largest = float(self.poles.real.max(initial=-np.inf))
+        return "unstable" if largest > edge else "marginal" if largest >= -edge else "stable"
+
+    @cached_property
+    def controllability(self) -> Reach:
+        """Which states the input reaches, and how close that is to being lost."""
+        return controllability(self.linear)
+
+    @cached_property
+    def observability(self) -> Reach:
+        """Which states the outputs show, and how close that is to being lost."""
+        return observability(self.linear)
+
+    @property
+    def resonances(self) -> tuple[Swing, ...]:
+        """Pairs of complex poles, the lowest frequency first."""
+        return swings(self.poles)
+
+    def antiresonances(self, output: int = 0) -> tuple[Swing, ...]:
+        """Pairs of complex zeros from the input to one output."""
+        return swings(zeros(self.linear, output))
+
+    def bode(self, omega: Array | None = None) -> tuple[Array, Complex]:
+        """Angular frequencies in rad/s, (m,), and responses of all outputs, (outputs, m), dead time exact."""
+        if omega is None:
+            omega = frequencies([*self.poles, *(z for i in range(len(self.outputs)) for z in zeros(self.linear, i))])
+        return omega, frequency_response(self.linear, omega, self.dead_time)
+
+    def margins(self, compensator: Compensator, *, output: int = 0, delay: float = 0.0) -> Margins:
+        """Margins with a controller on one output; `delay` in s comes on top of the drive's dead time.
+
+        Of the part that input and output reach: a load that coasts in an open gap is not the loop's matter.
+        """
+        one = self.linear._replace(C=self.linear.C[output : output + 1], D=self.linear.D[output : output + 1])
+        return margins(minimal(one), compensator, dead_time=self.dead_time + delay)
+
+    def control(self, order: int = 4) -> Any:
+        """``control.StateSpace``; the dead time is a Padé approximation of `order`."""
+        return state_space(self.linear, self.states, self.outputs, self.dead_time, order)
+
+
+def analyse(
+    system: StateSpace | Twisted, *, speed: float = 0.0, contact: str = "forward", keep_position: bool = False
+) -> Analysis:
+    """Linearise a system in steady motion.
+
+    Parameters
+    ----------
+    system : StateSpace or Twisted
+        One parameter set.
+    speed : float
+        Of all masses, rad/s (m/s).
+    contact : {'forward', 'backward', 'gap'}
+        Where the gap stands; without a gap it changes nothing.
+    keep_position : bool
+        Keep the absolute position even if no output shows it.
+
+    Returns
+    -------
+    Analysis
+
+    Raises
+    ------
+    SettingsError
+        For a batch, an unknown contact, or where no such steady motion exists.
+    """
+    transformed = system if isinstance(system, Twisted) else twisted(system, keep_position=keep_position)
+    if transformed.system.batch:
+        raise SettingsError("analysis takes one parameter set, this is a batch")
+    on = piece(transformed, contact)
+    point = steady(on, speed)
+    outputs = transformed.system.outputs
+    return Analysis(point, point.linear, on.names, outputs, float(np.asarray(transformed.system.dead_time)))
+
+
+def zeros(linear: Linear, output: int = 0) -> Complex:
+    """Finite invariant zeros in 1/s from the input to one output.
+
+    Generalised eigenvalues of Rosenbrock's system matrix; those at infinity are left out.
+    """
+    n = len(linear.A)
+    M = np.block([[linear.A, linear.B], [linear.C[output : output + 1], linear.D[output : output + 1]]])
+    N = np.zeros_like(M)
+    N[:n, :n] = np.eye(n)
+    scale = float(np.linalg.norm(linear.A, 2)) or 1.0
+    rows = np.append(np.full(n, 1.0 / scale), 1.0 / (np.abs(M[n]).max() or 1.0))
+    columns = np.append(np.ones(n), scale / (np.abs(linear.B).max() or 1.0))
+    alpha, beta = eig(
+        rows[:, None] * M * columns, rows[:, None] * N * columns * scale, right=False, homogeneous_eigvals=True
+    )
+    finite = np.abs(beta) > 1e-8 * np.abs(alpha)
+    return np.asarray(alpha[finite] / beta[finite] * scale)
+
+
+def swings(rates: Complex) -> tuple[Swing, ...]:
+    """Conjugate pairs among poles or zeros, the lowest frequency first."""
+    pairs = sorted((r for r in rates if r.imag > 1e-6 * abs(r)), key=abs)
+    return tuple(Swing(float(abs(r) / (2.0 * np.pi)), float(-r.real / abs(r))) for r in pairs)

@@ -1,0 +1,175 @@
+"""Sampled controllers for the closed loop: state feedback, cascade, and any linear one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.control.cascade import Cascade
+from brightgrey.control.closed_loop import Reference
+from brightgrey.control.feedback import StateControl
+from brightgrey.control.loops import Compensator
+from brightgrey.control.pieces import Piece, steady
+from brightgrey.excitation import Motion
+
+__all__ = ["CascadeControl", "OutputFeedback", "StateFeedback", "feedforward"]
+
+Array = NDArray[np.float64]
+
+
+def feedforward(on: Piece, motion: Motion, *, torque: bool = True) -> Reference:
+    """Reference with the torque that the model needs for it: inertia, friction and gravity.
+
+    Parameters
+    ----------
+    on : Piece
+        In contact: in the gap no torque reaches the load.
+    motion : Motion
+    torque : bool
+        Without it the torque is 0, for comparison.
+    """
+    u = np.zeros(len(motion.t))
+    if torque:
+        u = np.array([steady(on, v, a).u for v, a in zip(motion.velocity, motion.acceleration, strict=True)])
+    return Reference(motion.position, motion.velocity, motion.acceleration, u)
+
+
+@dataclass(frozen=True)
+class OutputFeedback:
+    """A linear controller on one output.
+
+    Attributes
+    ----------
+    compensator : Compensator
+        Continuous; it is sampled by the trapezoidal rule.
+    dt : float
+    reference : ndarray, shape (samples,)
+        Wanted output.
+    output : int
+    """
+
+    compensator: Compensator
+    dt: float
+    reference: Array
+    output: int = 0
+
+    @cached_property
+    def _sampled(self) -> Compensator:
+        return self.compensator.discrete(self.dt)
+
+    def start(self) -> Array:
+        """All states of the controller at 0."""
+        return np.zeros(len(self.compensator.A))
+
+    def act(self, memory: Array, k: int, x: Array, y: Array) -> tuple[float, Array]:
+        """Wanted torque from the control error."""
+        c, e = self._sampled, self.reference[k] - y[self.output]
+        return float((c.C @ memory + c.D[:, 0] * e)[0]), c.A @ memory + c.B[:, 0] * e
+
+    def settle(self, memory: Array, wanted: float, given: float) -> Array:
+        """No anti-windup: the loop stays the linear one that was analysed."""
+        return memory
+
+
+@dataclass(frozen=True)
+class StateFeedback:
+    """State control with integral of the control error, on the states of the model.
+
+    The wind-up of the shafts is taken without the gap, whichever side it is closed on.
+
+    Attributes
+    ----------
+    control : StateControl
+    reference : Reference
+    dt : float
+    """
+
+    control: StateControl
+    reference: Reference
+    dt: float
+
+    @cached_property
+    def _read(self) -> Array:
+        """From x to the states that the gains belong to, shape (n, N)."""
+        on = self.control.analysis.point.piece
+        W, keep, frozen = on.twisted.W, list(on.kept), list(on.frozen)
+        if not frozen:
+            return W
+        A = on.system.A
+        positions = [i for i in keep if on.system.states[i].dimension == on.system.states[frozen[0]].dimension]
+        fold = np.linalg.lstsq(A[:, positions], A[:, frozen], rcond=None)[0]
+        read = W[keep].copy()
+        for row, i in enumerate(positions):
+            read[keep.index(i)] += fold[row] @ W[frozen]
+        return np.asarray(read)
+
+    @cached_property
+    def _wanted(self) -> Array:
+        """Reference of those states, shape (samples, n)."""
+        on = self.control.analysis.point.piece
+        r = self.reference
+        z = np.array([steady(on, v, a).z for v, a in zip(r.velocity, r.acceleration, strict=True)])
+        x = z @ on.twisted.V.T
+        moves = np.array([1.0 if state.at_rest == "position" else 0.0 for state in on.system.states])
+        carried = on.twisted.V @ moves
+        x += np.outer(r.position, carried) if moves.any() else 0.0
+        return x @ self._read.T
+
+    @property
+    def _aim(self) -> Array:
+        """Wanted course of the controlled output, shape (samples,)."""
+        kind = self.control.analysis.outputs[self.control.output]
+        return np.asarray(getattr(self.reference, kind))
+
+    def start(self) -> float:
+        """Integral of the control error."""
+        return 0.0
+
+    def act(self, memory: float, k: int, x: Array, y: Array) -> tuple[float, float]:
+        """Wanted torque: feedforward, state feedback, integral."""
+        error = y[self.control.output] - self._aim[k]
+        integral = memory + self.dt * error
+        u = self.reference.torque[k] - self.control.K @ (self._read @ x - self._wanted[k])
+        return float(u - self.control.integral * integral), integral
+
+    def settle(self, memory: float, wanted: float, given: float) -> float:
+        """Take back what the limit has cut off."""
+        return memory + (wanted - given) / self.control.integral if wanted != given else memory
+
+
+@dataclass(frozen=True)
+class CascadeControl:
+    """P position around PI speed, from position and speed of mass 1.
+
+    Attributes
+    ----------
+    cascade : Cascade
+    reference : Reference
+    dt : float
+    position, speed : int
+        Which states position and speed of mass 1 are.
+    """
+
+    cascade: Cascade
+    reference: Reference
+    dt: float
+    position: int
+    speed: int
+
+    def start(self) -> float:
+        """Integral part of the torque."""
+        return 0.0
+
+    def act(self, memory: float, k: int, x: Array, y: Array) -> tuple[float, float]:
+        """Wanted torque."""
+        c, r = self.cascade, self.reference
+        error = c.position * (r.position[k] - x[self.position]) + r.velocity[k] - x[self.speed]
+        integral = memory + c.speed * self.dt / c.reset * error
+        return float(r.torque[k] + c.speed * error + integral), integral
+
+    def settle(self, memory: float, wanted: float, given: float) -> float:
+        """Take back what the limit has cut off, as far as it is the integral's."""
+        return memory + given - wanted

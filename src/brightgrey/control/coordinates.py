@@ -1,0 +1,103 @@
+"""Twist coordinates: shafts by their twist, and no absolute position where nothing reads it.
+
+A drive whose speed is measured turns as one without anybody noticing where it stands: that position can neither be
+observed nor does it matter, and it would be a pole at the origin which no velocity controller moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.effects import State
+from brightgrey.kit import StateSpace
+
+__all__ = ["Twisted", "twisted"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Twisted:
+    """A system in twist coordinates ``z = W x``, and the way back ``x = V z``.
+
+    Attributes
+    ----------
+    system : StateSpace
+        The same system; states ``q1`` (if it is kept), ``twist1``.., ``v1``.., and the others as they were.
+    W : ndarray, shape (m, n)
+    V : ndarray, shape (n, m)
+        Where the absolute position was dropped, mass 1 stands at 0.
+    """
+
+    system: StateSpace
+    W: Array
+    V: Array
+
+
+def twisted(system: StateSpace, *, keep_position: bool = False) -> Twisted:
+    """Transform `system` to twist coordinates ``twist_k = q_k - q_(k+1)``.
+
+    Parameters
+    ----------
+    system : StateSpace
+        One parameter set or K.
+    keep_position : bool
+        Keep the absolute position even if neither an output nor an element reads it.
+
+    Returns
+    -------
+    Twisted
+    """
+    positions = [i for i, state in enumerate(system.states) if state.at_rest == "position"]
+    others = [i for i in range(len(system.states)) if i not in positions]
+    n = len(system.states)
+    shift = np.zeros(n)
+    shift[positions] = 1.0
+    W = np.zeros((n, n))
+    W[0, positions[0]] = 1.0
+    for row, (i, j) in enumerate(pairwise(positions), start=1):
+        W[row, i], W[row, j] = 1.0, -1.0
+    for row, i in enumerate(others, start=len(positions)):
+        W[row, i] = 1.0
+    V: Array = np.linalg.inv(W).astype(np.float64)
+    names = [
+        system.states[positions[0]],
+        *(replace(system.states[i], name=f"twist{k}", at_rest="zero") for k, i in enumerate(positions[:-1], start=1)),
+        *(system.states[i] for i in others),
+    ]
+    if not keep_position and not _reads(system, shift):
+        W, V, names = W[1:], V[:, 1:], names[1:]
+    return Twisted(_transformed(system, W, V, tuple(names)), W, V)
+
+
+def _reads(system: StateSpace, shift: Array) -> bool:
+    """Whether anything in `system` notices that all masses are moved by the same way."""
+    rows = [system.A, system.C, *(element.H for element in system.elements)]
+    for matrix in rows:
+        size = np.abs(matrix).max(initial=0.0)
+        if np.abs(np.einsum("ij...,j->i...", matrix, shift)).max(initial=0.0) > 1e-9 * size:
+            return True
+    return False
+
+
+def _transformed(system: StateSpace, W: Array, V: Array, states: tuple[State, ...]) -> StateSpace:
+    names = [state.name for state in states]
+    elements = []
+    for e in system.elements:
+        limits = e.limits and replace(e.limits, state=names.index(system.states[e.limits.state].name))
+        H = np.einsum("pi...,ik->pk...", e.H, V)
+        elements.append(replace(e, H=H, G=np.einsum("ki,i...->k...", W, e.G), limits=limits))
+    rows = tuple(names.index(system.states[row].name) if row >= 0 else -1 for row in system.derivative_rows)
+    return replace(
+        system,
+        A=np.einsum("ai,ij...,jb->ab...", W, system.A, V),
+        B=np.einsum("ai,ij...->aj...", W, system.B),
+        C=np.einsum("oi...,ib->ob...", system.C, V),
+        elements=tuple(elements),
+        states=states,
+        derivative_rows=rows,
+    )

@@ -1,0 +1,205 @@
+"""Fault detection: which physical change a new recording shows against the model.
+
+The declarations say which parameters belong to one fault. The innovations of a filter with the model are white as
+long as the drive is the model's; a fault makes them follow their derivative by the size of the fault. That size is
+estimated from them (Gauss-Newton on the whitened innovations), with a covariance that allows for innovations which
+are not quite white (Newey, West 1987, doi:10.2307/1913610), and a fault is reported when it is larger than what
+matters, at the confidence asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from brightgrey.control.changes import Point, Trial, estimated
+from brightgrey.control.kalman import Noise
+from brightgrey.effects import Fault
+from brightgrey.errors import SettingsError
+from brightgrey.kit import Structure
+from brightgrey.recordings import Recording
+from brightgrey.simulation import Settings
+
+__all__ = ["Case", "Finding", "faults", "groups"]
+
+Array = NDArray[np.float64]
+_MOST_DOUBT = 0.5  # of a parameter: beyond it the prior says nothing, and steps would leave the model
+_SINGULAR = 1e10
+_TELLING = 0.5  # a change by half has to be detectable, or the recording does not decide
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a recording says about one kind of fault.
+
+    Attributes
+    ----------
+    subject : str
+        E.g. ``friction``.
+    parameters : tuple of str
+        That were changed together.
+    verdict : {'changed', 'as before', 'not decidable'}
+    factor : float
+        Estimated size now over size in the model.
+    ci95 : (low, high)
+    confidence : float
+        Probability that the change is larger than what matters.
+    text : str
+        One sentence.
+    """
+
+    subject: str
+    parameters: tuple[str, ...]
+    verdict: Literal["changed", "as before", "not decidable"]
+    factor: float
+    ci95: tuple[float, float]
+    confidence: float
+    text: str
+
+
+def groups(structure: Structure) -> Mapping[Fault, tuple[str, ...]]:
+    """Parameters of `structure` by the fault that their change is called."""
+    found: dict[Fault, list[str]] = {}
+    for name, parameter in structure.parameters.items():
+        if parameter.fault is not None:
+            found.setdefault(parameter.fault, []).append(name)
+    return {fault: tuple(names) for fault, names in found.items()}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording and the model it is held against.
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        The model's parameters, SI.
+    recording : Recording
+    noise : Noise
+        From a recording without fault, :func:`brightgrey.control.watching.noise_levels`.
+    std : mapping of str to float
+        Standard deviations of the model's parameters, SI: a fault must stand out from them, too.
+    """
+
+    values: Mapping[str, float]
+    recording: Recording
+    noise: Noise
+    std: Mapping[str, float] = field(default_factory=dict)
+
+
+def faults(
+    structure: Structure,
+    settings: Settings,
+    cases: Sequence[Case],
+    *,
+    matters: float = 0.1,
+    confidence: float = 0.99,
+) -> list[tuple[Finding, ...]]:
+    """Look for faults in new recordings; several are filtered side by side.
+
+    Parameters
+    ----------
+    structure, settings
+        Of the model, SI.
+    cases : sequence of Case
+        Recordings of the same length, signals and sampling time.
+    matters : float
+        Relative change that is not yet worth reporting.
+    confidence : float
+        At which a change is reported.
+
+    Returns
+    -------
+    list of tuple of Finding
+        For each case one finding per kind of fault that the structure knows; *not decidable* where the filter diverges.
+
+    Raises
+    ------
+    SettingsError
+        If `matters` or `confidence` is out of range.
+    """
+    if not (0.0 <= matters < _TELLING and 0.5 < confidence < 1.0):
+        raise SettingsError(f"matters is {matters:g} (0 to {_TELLING:g}) and confidence {confidence:g} (0.5 to 1)")
+    kinds = groups(structure)
+    trials = [_trial(case, kinds) for case in cases]
+    found = estimated(structure, settings, trials)
+    return [
+        _findings(case, kinds, point, _spread(point, trial.prior), matters, confidence)
+        for case, trial, point in zip(cases, trials, found, strict=True)
+    ]
+
+
+def _doubts(case: Case) -> dict[str, float]:
+    """Relative standard deviations of the model's parameters."""
+    return {n: abs(s / case.values[n]) for n, s in case.std.items() if s > 0.0 and case.values[n] != 0.0}
+
+
+def _trial(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> Trial:
+    """What may have changed: the faults freely, all other parameters as far as the model does not know them."""
+    watched = {name for names in kinds.values() for name in names}
+    doubtful = {n: min(s, _MOST_DOUBT) for n, s in _doubts(case).items() if n not in watched}
+    changes = (*kinds.values(), *((name,) for name in doubtful))
+    prior = np.array([0.0] * len(kinds) + [s**-2 for s in doubtful.values()])
+    return Trial(case.values, case.recording, case.noise, changes, prior)
+
+
+def _findings(
+    case: Case,
+    kinds: Mapping[Fault, tuple[str, ...]],
+    point: Point,
+    spread: Array,
+    matters: float,
+    confidence: float,
+) -> tuple[Finding, ...]:
+    doubts = _doubts(case)
+    own = [max(doubts.get(name, 0.0) for name in names) for names in kinds.values()]
+    return tuple(
+        _finding(fault, names, float(point.size[i]), math.hypot(spread[i], own[i]), matters, confidence)
+        for i, (fault, names) in enumerate(kinds.items())
+    )
+
+
+def _spread(found: Point, prior: Array) -> Array:
+    """Standard deviation of each estimated size, with autocorrelated innovations allowed for."""
+    slopes, white = found.slopes, found.white
+    information = slopes.T @ slopes + np.diag(prior) if np.isfinite(found.posterior) else np.zeros((len(prior),) * 2)
+    scale = np.sqrt(np.diag(information))
+    if not np.all(scale > 0.0) or np.linalg.cond(information / scale[:, None] / scale) > _SINGULAR:
+        return np.full(len(prior), np.inf)
+    scores = slopes * white[:, None]
+    total = scores.T @ scores + np.diag(prior)
+    lags = max(1, int(len(white) ** (1.0 / 3.0)))
+    for lag in range(1, lags + 1):
+        part = scores[lag:].T @ scores[:-lag]
+        total += (1.0 - lag / (lags + 1.0)) * (part + part.T)
+    inverse = np.linalg.inv(information)
+    robust = np.diag(inverse @ total @ inverse)
+    plain = np.diag(inverse) * max(1.0, float(np.mean(white**2)))
+    return np.asarray(np.sqrt(np.maximum(robust, plain)))
+
+
+def _finding(fault: Fault, names: Sequence[str], size: float, std: float, matters: float, confidence: float) -> Finding:
+    up, down = math.log1p(matters), -math.log1p(matters)
+    z = float(ndtri(confidence))
+    above = float(ndtr((size - up) / std)) if std > 0.0 else float(size > up)
+    below = 0.0 if fault.grows else float(ndtr((down - size) / std)) if std > 0.0 else float(size < down)
+    sure = max(above, below)
+    low, high = (math.exp(min(max(size + s * 1.96 * std, -50.0), 50.0)) for s in (-1.0, 1.0))
+    factor = math.exp(size)
+    if sure >= confidence:
+        word = "has grown" if fault.grows else "has changed"
+        text = (
+            f"{fault.subject} {word}: {factor:.2f} times the model's ({low:.2f} to {high:.2f}), {100 * sure:.1f} % sure"
+        )
+        return Finding(fault.subject, tuple(names), "changed", factor, (low, high), sure, text)
+    if not z * std < math.log1p(_TELLING) - up:
+        text = f"{fault.subject}: not decidable from this recording"
+        return Finding(fault.subject, tuple(names), "not decidable", factor, (low, high), sure, text)
+    text = f"{fault.subject}: as before, {factor:.2f} times the model's ({low:.2f} to {high:.2f})"
+    return Finding(fault.subject, tuple(names), "as before", factor, (low, high), sure, text)

@@ -1,0 +1,168 @@
+"""State control of the linear model: linear-quadratic and by pole placement, with an integral of the control error.
+
+Designed in twist coordinates and in contact: an absolute position that nothing shows and a position in the gap that
+stands still are states no input moves, and with them the Riccati equation has no stabilising solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, solve_continuous_are
+from scipy.signal import place_poles
+
+from brightgrey.control.analysis import Analysis
+from brightgrey.control.loops import Compensator, Margins, margins
+from brightgrey.errors import SettingsError
+from brightgrey.kit import Linear
+
+__all__ = ["Gain", "StateControl", "lqr", "place", "state_control"]
+
+Array = NDArray[np.float64]
+_ESCAPED = 1e-9  # of the fastest pole: a closed-loop pole this near to the axis has not been moved
+
+
+class Gain(NamedTuple):
+    """Feedback ``u = -K x`` and the poles in 1/s that it leaves."""
+
+    K: Array
+    poles: NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class StateControl:
+    """Feedback ``u = u_ref - K (z - z_ref) - integral * (integral of y - y_ref)``.
+
+    Attributes
+    ----------
+    analysis : Analysis
+        The linear model it was designed for.
+    output : int
+        The controlled output.
+    K : ndarray, shape (n,)
+        Gains of ``analysis.states``.
+    integral : float
+        Gain of the integrated control error.
+    poles : ndarray, shape (n + 1,)
+        Of the closed loop, without dead time.
+    """
+
+    analysis: Analysis
+    output: int
+    K: Array
+    integral: float
+    poles: NDArray[np.complex128]
+
+    def margins(self, delay: float = 0.0) -> Margins:
+        """Margins of the loop opened at the drive's input; `delay` in s comes on top of the drive's dead time."""
+        A, B = _with_integral(self.analysis.linear, self.output)
+        loop = Linear(A, B, np.append(self.K, self.integral)[None], np.zeros((1, 1)))
+        return margins(loop, Compensator.of([1.0], [1.0]), dead_time=self.analysis.dead_time + delay)
+
+
+def lqr(A: Array, B: Array, Q: Array, R: Array) -> Gain:
+    """Feedback that minimises the integral of ``x' Q x + u' R u``.
+
+    Parameters
+    ----------
+    A, B : ndarray, shape (n, n), (n, inputs)
+    Q, R : ndarray, shape (n, n), (inputs, inputs)
+
+    Raises
+    ------
+    SettingsError
+        If no stabilising solution exists: a mode on or right of the axis that the input does not move or the weights
+        do not see.
+    """
+    try:
+        P = solve_continuous_are(A, B, Q, R)
+    except (LinAlgError, ValueError) as error:
+        raise SettingsError(f"the Riccati equation has no stabilising solution ({error})") from None
+    K = np.asarray(np.linalg.solve(np.atleast_2d(R), B.T @ P), float)
+    poles = np.asarray(np.linalg.eigvals(A - B @ K), complex)
+    if np.any(poles.real >= -_ESCAPED * np.abs(poles).max()):
+        raise SettingsError(
+            "the Riccati equation has no stabilising solution: a mode cannot be moved or is not weighted"
+        )
+    return Gain(K, poles)
+
+
+def place(A: Array, B: Array, poles: Sequence[complex]) -> Gain:
+    """Feedback that moves the poles to `poles` (1/s); the same pole at most once per input.
+
+    Raises
+    ------
+    SettingsError
+        For a wrong number of poles, poles without their conjugates, or poles that cannot be reached.
+    """
+    if len(poles) != len(A):
+        raise SettingsError(f"{len(poles)} poles for a system of order {len(A)}")
+    try:
+        K = place_poles(A, B, np.asarray(poles)).gain_matrix
+    except ValueError as error:
+        raise SettingsError(f"these poles cannot be placed: {error}") from None
+    found = np.asarray(np.linalg.eigvals(A - B @ K), complex)
+    miss = max(float(np.abs(found - p).min()) for p in poles)
+    if miss > 1e-3 * float(np.abs(np.asarray(poles)).max()):
+        raise SettingsError("these poles cannot be placed: a mode is out of the input's reach")
+    return Gain(K, found)
+
+
+def state_control(
+    analysis: Analysis,
+    *,
+    largest_error: float | None = None,
+    torque: float = 1.0,
+    settling: float = 0.1,
+    poles: Sequence[complex] | None = None,
+    output: int = 0,
+) -> StateControl:
+    """Design a state feedback with integral action.
+
+    Without `poles` it is linear-quadratic: errors of the output are weighed against the torque that is worth spending
+    on them (Bryson's rule), their integral so that it is gone after about `settling`.
+
+    Parameters
+    ----------
+    analysis : Analysis
+    largest_error : float, optional
+        Error of the output that is worth `torque`, in its SI unit; needed without `poles`.
+    torque : float
+        N m (N).
+    settling : float
+        Time in s after which a constant disturbance shall be forgotten.
+    poles : sequence of complex, optional
+        One more than the model has states.
+    output : int
+
+    Returns
+    -------
+    StateControl
+
+    Raises
+    ------
+    SettingsError
+        Where no such feedback exists.
+    """
+    A, B = _with_integral(analysis.linear, output)
+    if poles is not None:
+        gain = place(A, B, poles)
+    elif largest_error is None or not (largest_error > 0.0 and torque > 0.0 and settling > 0.0):
+        raise SettingsError("state control needs a largest error, a torque and a settling time above 0, or poles")
+    else:
+        c = np.append(analysis.linear.C[output], 0.0) / largest_error
+        i = np.append(np.zeros(len(analysis.linear.A)), 1.0) / (largest_error * settling)
+        gain = lqr(A, B, np.outer(c, c) + np.outer(i, i), np.array([[torque**-2]]))
+    return StateControl(analysis, output, gain.K[0, :-1], float(gain.K[0, -1]), gain.poles)
+
+
+def _with_integral(linear: Linear, output: int) -> tuple[Array, Array]:
+    """System with the integral of one output as its last state."""
+    n = len(linear.A)
+    A = np.zeros((n + 1, n + 1))
+    A[:n, :n], A[n, :n] = linear.A, linear.C[output]
+    return A, np.vstack([linear.B, linear.D[output : output + 1]])

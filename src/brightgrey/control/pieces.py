@@ -1,0 +1,202 @@
+"""One smooth piece of a system with gaps: every gap either closed on one side or open.
+
+On such a piece the right-hand side is smooth and the linearisation has no kinks. In contact the position in the gap
+stands still at its limit; as a state that no input moves it would leave a Riccati equation without stabilising
+solution, so the linear model goes without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.control.coordinates import Twisted
+from brightgrey.effects import Element
+from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.kit import Linear, StateSpace
+
+__all__ = ["CONTACTS", "Contact", "OperatingPoint", "Piece", "piece", "steady"]
+
+Array = NDArray[np.float64]
+Contact = Literal["forward", "backward", "gap"]
+CONTACTS: tuple[Contact, ...] = get_args(Contact)
+_STEPS = 20
+_BALANCED = 1e-8  # of the largest rate that takes part in a balance
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A system on one side of all its gaps, or inside them.
+
+    Attributes
+    ----------
+    twisted : Twisted
+    contact : {'forward', 'backward', 'gap'}
+        Gap closed so that the motor pushes the load forward or backward, or open. Without a gap it changes nothing.
+    """
+
+    twisted: Twisted
+    contact: Contact
+
+    @property
+    def system(self) -> StateSpace:
+        """The system in twist coordinates."""
+        return self.twisted.system
+
+    @cached_property
+    def smooth(self) -> StateSpace:
+        """The system with its gaps held: only elements without limits."""
+        return replace(self.system, elements=tuple(e for e in self.system.elements if e.limits is None))
+
+    @cached_property
+    def limited(self) -> tuple[Element, ...]:
+        """The elements that are integrators with saturation."""
+        return tuple(e for e in self.system.elements if e.limits is not None)
+
+    @property
+    def frozen(self) -> tuple[int, ...]:
+        """States that stand still on this piece."""
+        return () if self.contact == "gap" else tuple(e.limits.state for e in self.limited if e.limits is not None)
+
+    @property
+    def kept(self) -> tuple[int, ...]:
+        """States of the linear model."""
+        return tuple(i for i in range(len(self.system.states)) if i not in self.frozen)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the linear model's states."""
+        return tuple(self.system.state_names[i] for i in self.kept)
+
+    def start(self, speed: float) -> Array:
+        """State, shape (m,), in which all masses move at `speed` and every gap is as the piece says."""
+        z = np.array([speed if state.at_rest == "speed" else 0.0 for state in self.system.states])
+        for e in self.limited:
+            assert e.limits is not None
+            low, high = float(e.limits.lower), float(e.limits.upper)
+            z[e.limits.state] = {"forward": high, "backward": low, "gap": 0.5 * (low + high)}[self.contact]
+        return z
+
+    def derivative(self, z: Array, u: float) -> Array:
+        """Z' on this piece, shape (m,)."""
+        rate = self.smooth.derivative(z, u)
+        if self.contact == "gap":
+            for e in self.limited:
+                rate = rate + e.G * float(e.H[0] @ z + e.K[0] * u)
+        return rate
+
+    def jacobian(self, z: Array, u: float) -> Linear:
+        """Exact linearisation on this piece over all states, frozen ones included."""
+        A, B, C, D = self.smooth.linearise(z, u)
+        if self.contact == "gap":
+            for e in self.limited:
+                A = A + np.outer(e.G, e.H[0])
+                B = B + np.outer(e.G, e.K[:1])
+            for out, row in enumerate(self.system.derivative_rows):
+                if row >= 0:
+                    C[out], D[out] = A[row], B[row]
+        return Linear(A, B, C, D)
+
+    def linear(self, z: Array, u: float) -> Linear:
+        """Linear model over the states that move on this piece (`names`)."""
+        full, keep = self.jacobian(z, u), list(self.kept)
+        return Linear(full.A[np.ix_(keep, keep)], full.B[keep], full.C[:, keep], full.D)
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Steady motion on one piece.
+
+    Attributes
+    ----------
+    piece : Piece
+    z : ndarray, shape (m,)
+        State in twist coordinates.
+    u : float
+        Input that keeps the motion up, N m (N).
+    speed, acceleration : float
+        Of all masses, rad/s and rad/s² (m).
+    """
+
+    piece: Piece
+    z: Array
+    u: float
+    speed: float
+    acceleration: float
+
+    @cached_property
+    def linear(self) -> Linear:
+        """Exact linearisation at this point."""
+        return self.piece.linear(self.z, self.u)
+
+
+def piece(transformed: Twisted, contact: str = "forward") -> Piece:
+    """Check `contact` and make the piece.
+
+    Raises
+    ------
+    SettingsError
+        For an unknown contact.
+    """
+    for allowed in CONTACTS:
+        if contact == allowed:
+            return Piece(transformed, allowed)
+    raise SettingsError(unknown_name("contact", contact, CONTACTS))
+
+
+def steady(on: Piece, speed: float = 0.0, acceleration: float = 0.0) -> OperatingPoint:
+    """Find twists, gaps and input under which all masses keep `speed` and `acceleration`.
+
+    Parameters
+    ----------
+    on : Piece
+    speed, acceleration : float
+        rad/s and rad/s² (m/s, m/s²).
+
+    Returns
+    -------
+    OperatingPoint
+
+    Raises
+    ------
+    SettingsError
+        If there is no such motion, as with an open gap and a load that needs torque.
+    """
+    system = on.system
+    speeds = [i for i, state in enumerate(system.states) if state.at_rest == "speed"]
+    held = {*speeds, *on.frozen, *(i for i, state in enumerate(system.states) if state.at_rest == "position")}
+    free = [i for i in range(len(system.states)) if i not in held]
+    moving = [i for i, state in enumerate(system.states) if state.at_rest == "position"]
+    rows = [i for i in range(len(system.states)) if i not in moving]
+    wanted = np.zeros(len(system.states))
+    wanted[speeds] = acceleration
+    z, u = on.start(speed), 0.0
+    for _ in range(_STEPS):
+        miss = (wanted - on.derivative(z, u))[rows]
+        slope = on.jacobian(z, u)
+        M = np.column_stack([slope.A[np.ix_(rows, free)], slope.B[rows, 0]])
+        size = _columns(M)
+        step = np.linalg.lstsq(M / size, miss, rcond=1e-12)[0]
+        z[free] += step[:-1] / size[:-1]
+        u += float(step[-1] / size[-1])
+        if np.abs(step).max() <= 1e-12 * np.abs(np.append(z[free], u) * size).max():
+            break
+    miss = np.abs((wanted - on.derivative(z, u))[rows])
+    slope = on.jacobian(z, u)
+    terms = np.abs(slope.A[rows]) @ np.abs(z) + np.abs(slope.B[rows, 0] * u) + abs(acceleration)
+    if np.any(miss > _BALANCED * terms.max(initial=1e-300)):
+        raise SettingsError(
+            f"no steady motion at speed {speed:g} and acceleration {acceleration:g} with contact '{on.contact}': "
+            "the load gets no torque"
+        )
+    return OperatingPoint(on, z, u, speed, acceleration)
+
+
+def _columns(M: Array) -> Array:
+    """Size of each column, 1 for columns of zeros: twists and torques differ by many powers of ten."""
+    size = np.linalg.norm(M, axis=0)
+    return np.where(size > 0.0, size, 1.0)

@@ -1,0 +1,205 @@
+"""From a recording and a model to what the filters take, and noise levels from a recording that the model explains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from brightgrey.control.coordinates import Twisted, twisted
+from brightgrey.control.kalman import Noise, Watched, extended
+from brightgrey.errors import RecordingError
+from brightgrey.estimation.onset import initial_state, noise_of
+from brightgrey.kit import StateSpace, Structure, assemble
+from brightgrey.recordings import Recording
+from brightgrey.simulation import Settings
+
+__all__ = ["Seen", "noise_levels", "see", "shaft_torque"]
+
+Array = NDArray[np.float64]
+_AT_REST = 0.02  # of the speed scale: how well the first speed is known
+_TORQUES = tuple(10.0 ** (0.5 * k) for k in range(-8, 1))  # of the largest input
+_SENSORS = (0.5, 1.0, 2.0, 4.0)  # of the noise seen in the recording
+_FINER = tuple(10.0 ** (k / 8.0) for k in range(-2, 3))
+_ENOUGH = 6000  # samples
+_STEP_ERROR = 0.1  # of the speed's noise
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A recording as the filters take it.
+
+    Attributes
+    ----------
+    watched : Watched
+    twisted : Twisted
+        Coordinates, and the way back to all states.
+    sensors : ndarray, shape (K, outputs)
+        Noise of each output as its recording shows it, SI.
+    """
+
+    watched: Watched
+    twisted: Twisted
+    sensors: Array
+
+
+def see(
+    structure: Structure,
+    values: Mapping[str, ArrayLike],
+    recording: Recording | Sequence[Recording],
+    settings: Settings,
+) -> Seen:
+    """Prepare recordings for a filter with the model `values` of `structure`.
+
+    Parameters
+    ----------
+    structure : Structure
+    values : mapping of str to float or ndarray, shape (K,)
+        SI. Arrays watch with K parameter sets at once.
+    recording : Recording or sequence of Recording
+        One for all parameter sets, or one for each; then of the same length, signals, sampling time and hold.
+    settings : Settings
+        ``f_tanh`` and ``speed_scale`` are used.
+
+    Returns
+    -------
+    Seen
+    """
+    first = recording if isinstance(recording, Recording) else recording[0]
+    kinds = [signal.kind for signal in first.outputs]
+    differenced = tuple(kind == "velocity-differenced" for kind in kinds)
+    outputs = ["position" if d else kind for d, kind in zip(differenced, kinds, strict=True)]
+    system = assemble(structure, values, settings.f_tanh, outputs)
+    K = system.batch[0] if system.batch else 1
+    each = [first] * K if isinstance(recording, Recording) else list(recording)
+    _check_alike(each, K)
+    coordinates = twisted(system)
+    own = {id(r): (np.asarray(noise_of(r)), initial_state(r, system), float(np.abs(r.u).max())) for r in each}
+    sensors, starts, torques = (np.array(part) for part in zip(*(own[id(r)] for r in each), strict=True))
+    z0, spread = _start(coordinates, starts, _AT_REST * settings.speed_scale, _AT_REST * torques)
+    if "position" in kinds:
+        spread[:, 0] = sensors[:, kinds.index("position")]
+    watched = Watched(
+        coordinates.system,
+        np.stack([r.u for r in each], axis=1),
+        np.stack([r.y.T for r in each], axis=1),
+        first.dt,
+        first.hold,
+        z0,
+        spread,
+        differenced,
+        _STEP_ERROR * _speed_noise(kinds, sensors, settings),
+    )
+    return Seen(watched, coordinates, sensors)
+
+
+def _check_alike(each: Sequence[Recording], lanes: int) -> None:
+    """Refuse recordings that cannot be filtered side by side."""
+    natures = {(r.samples, r.dt, r.hold, tuple(s.kind for s in r.outputs)) for r in each}
+    if len(each) != lanes or len(natures) != 1:
+        raise RecordingError(
+            f"{len(each)} recordings for {lanes} parameter sets; one for each is wanted, all of the same length, "
+            "signals, sampling time and hold"
+        )
+
+
+def _speed_noise(kinds: Sequence[str], sensors: Array, settings: Settings) -> Array:
+    """Size of speed that does not matter, shape (K,): the noise of a measured one, else a thousandth of the largest."""
+    seen = [i for i, kind in enumerate(kinds) if kind.startswith("velocity")]
+    least = sensors[:, seen].min(axis=1) if seen else np.zeros(len(sensors))
+    return np.asarray(np.clip(least, 1e-4 * settings.speed_scale, 1e-2 * settings.speed_scale))
+
+
+def _start(coordinates: Twisted, x0: Array, speed: float, torque: Array) -> tuple[Array, Array]:
+    """First state and its spread, both shape (K, n): at rest as measured, gaps anywhere."""
+    system = coordinates.system
+    n, K = len(system.states), len(x0)
+    z0 = x0 @ coordinates.W.T
+    spread = np.zeros((K, n))
+    A = np.broadcast_to(system.A.reshape(n, n, -1), (n, n, K))
+    fastest = np.sqrt(np.abs(A).sum(axis=(0, 1)))  # a bound of the turning rate; twists are small against it
+    for i, state in enumerate(system.states):
+        if state.at_rest == "speed":
+            spread[:, i] = speed
+        elif state.at_rest == "input":
+            spread[:, i] = torque
+        elif state.name.startswith("twist"):
+            spread[:, i] = speed / fastest
+    for e in system.elements:
+        if e.limits is not None:
+            low, high = np.broadcast_to(e.limits.lower, (K,)), np.broadcast_to(e.limits.upper, (K,))
+            z0[:, e.limits.state] = 0.5 * (low + high)
+            spread[:, e.limits.state] = (high - low) / np.sqrt(12.0)
+    return z0, spread
+
+
+def noise_levels(structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings) -> Noise:
+    """Noise levels under which the model explains `recording` best.
+
+    Parameters
+    ----------
+    structure, values, settings
+        The model, SI.
+    recording : Recording
+        One that the model was identified from: what is found here is the measure of what is normal.
+
+    Returns
+    -------
+    Noise
+
+    Notes
+    -----
+    Maximum likelihood of the innovations over the standard deviation of a disturbing torque and one factor on the
+    sensors' noise, on a grid and a finer one around its best point; of a long recording the middle 6000 samples.
+    """
+    part = _middle(recording)
+    torque = float(np.abs(part.u).max()) or 1.0
+    seen = see(structure, values, part, settings)
+    grid = [(t * torque, s) for t in _TORQUES for s in _SENSORS]
+    best = _likeliest(seen, grid)
+    best = _likeliest(seen, [(best[0] * t, best[1] * s) for t in _FINER for s in _FINER])
+    return Noise(best[0], best[1] * seen.sensors[0])
+
+
+def _middle(recording: Recording) -> Recording:
+    extra = recording.samples - _ENOUGH
+    if extra <= 0:
+        return recording
+    part = slice(extra // 2, extra // 2 + _ENOUGH)
+    return replace(recording, t=recording.t[part], u=recording.u[part], y=recording.y[:, part])
+
+
+def _likeliest(seen: Seen, grid: list[tuple[float, float]]) -> tuple[float, float]:
+    """Torque and sensor factor with the largest likelihood; all of a grid are filtered side by side."""
+    w, lanes = seen.watched, len(grid)
+    wide = replace(
+        w,
+        u=np.repeat(w.u, lanes, axis=1),
+        y=np.repeat(w.y, lanes, axis=1),
+        z0=np.repeat(w.z0, lanes, axis=0),
+        spread=np.repeat(w.spread, lanes, axis=0),
+        tolerance=np.repeat(w.tolerance, lanes),
+    )
+    torques, factors = np.array(grid).T
+    found = extended(wide, Noise(torques, factors[:, None] * seen.sensors)).log_likelihood
+    return grid[int(np.argmax(np.where(np.isfinite(found), found, -np.inf)))]
+
+
+def shaft_torque(system: StateSpace, z: Array) -> Array:
+    """Torque that the first shaft takes from mass 1, shape (...,), for states `z` (..., n) in twist coordinates.
+
+    Read from the assembled matrices: what of mass 1's acceleration is neither input nor friction, times its inertia.
+    """
+    v = system.state_names.index("v1")
+    row = system.A[v].copy()
+    drive = [i for i, state in enumerate(system.states) if state.at_rest == "input"]
+    per_torque = float(row[drive[0]]) if drive else float(system.B[v, 0])
+    row[drive] = 0.0
+    rate = z @ row
+    for e in system.elements:
+        if e.limits is not None:
+            ports = np.einsum("pj,...j->p...", e.H, z)
+            rate = rate + e.G[v] * e.law.value(tuple(ports), e.p)[0]
+    return np.asarray(-rate / per_torque)

@@ -1,0 +1,51 @@
+"""Commands that put a model to work, and their wrong use."""
+
+import json
+
+import pytest
+
+pytest.importorskip("control", reason="python-control is not installed")
+
+
+def test_analyse_says_poles_and_margins(call, drive):
+    done = call("analyse", drive.out / "model.json", "--controller", "0.5 10 / 1 0", "--json")
+    assert done.code == 0, done.err
+    found = json.loads(done.out)
+    assert found["stability"] == "stable"
+    assert found["poles"][0][0] == pytest.approx(-drive.truth["f_v"] / drive.truth["J1"], rel=0.2)
+    assert found["margins"]["stable"]
+    assert "phase margin" in call("analyse", drive.out / "model.json", "--controller", "0.5 10 / 1 0").out
+
+
+def test_control_suggests_gains(call, drive):
+    done = call("control", drive.out / "model.json", "--torque", "2", "--json")
+    assert done.code == 0, done.err
+    found = json.loads(done.out)
+    assert found["cascade"]["speed_margins"]["forward"]["phase"] >= 45.0
+    assert found["state_control"]["margins"]["stable"]
+    assert "reset time" in call("control", drive.out / "model.json", "--torque", "2").out
+
+
+def test_watch_finds_nothing_in_a_healthy_drive(call, drive):
+    model = drive.out / "model.json"
+    done = call("watch", model, drive.folder / "b.csv", "--normal", drive.folder / "a.csv", "--json")
+    assert done.code == 0, done.err
+    verdicts = {f["subject"]: f["verdict"] for f in json.loads(done.out)["findings"]}
+    assert set(verdicts) == {"friction", "load"}
+    assert "changed" not in verdicts.values()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("analyse", "--controller", "1 2"), "NUMERATOR / DENOMINATOR"),
+        (("analyse", "--controller", "1 0 / 1"), "degree"),
+        (("analyse", "--contact", "gapp"), "Did you mean 'gap'"),
+        (("control", "--torque", "-1"), "above 0"),
+    ],
+)
+def test_wrong_use_ends_with_one_line(call, drive, options, says):
+    done = call(options[0], drive.out / "model.json", *options[1:])
+    assert done.code == 2
+    assert says in done.err
+    assert len(done.err.splitlines()) == 1

@@ -1,0 +1,44 @@
+"""A drive with everything that control has to do with."""
+
+import numpy as np
+
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.kit import Structure, assemble
+from brightgrey.recordings import Recording, Signal
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
+
+VALUES = {
+    "J1": 0.012,
+    "J2": 0.008,
+    "c1": 75.0,
+    "d1": 0.036,
+    "M_C": 0.9,
+    "f_v": 0.015,
+    "M_S": 0.6,
+    "omega_S": 5.5,
+    "M_G": 1.0,
+    "alpha": 0.02,
+    "T_1": 1e-3,
+    "T_d": 1.5e-3,
+}
+SETTINGS = Settings(E.f_tanh, E.speed)
+
+
+def values_of(text, **changed):
+    return {name: {**VALUES, **changed}[name] for name in Structure.parse(text).parameters}
+
+
+def system_of(text, outputs=("velocity",), **changed):
+    return assemble(Structure.parse(text), values_of(text, **changed), E.f_tanh, outputs)
+
+
+def recorded(text, seed, noise=0.02, torque=0.0, **changed):
+    """Recording by the reference solver with white noise, and a disturbance that is not recorded."""
+    rng = np.random.default_rng(seed)
+    u, hold = E.torque()[::2], "zoh" if torque else "linear"
+    pushed = u + torque * rng.normal(size=len(u))
+    v = reference(text, values_of(text, **changed), pushed, 2 * E.dt, f_tanh=E.f_tanh, hold=hold)[0]
+    y = v + noise * rng.normal(size=len(v))
+    signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
+    return Recording("simulated", 2 * E.dt * np.arange(len(u)), u, y[None], *signals, hold=hold)

@@ -1,0 +1,126 @@
+"""The linear model against formulas, finite differences and python-control."""
+
+import numpy as np
+import pytest
+from control_drives import VALUES, system_of
+from numpy.testing import assert_allclose
+
+from brightgrey.control.analysis import analyse, zeros
+from brightgrey.control.coordinates import twisted
+from brightgrey.control.loops import Compensator, frequency_response, margins
+from brightgrey.control.pieces import CONTACTS, piece, steady
+from brightgrey.control.reach import controllability, minimal, observability
+from brightgrey.errors import SettingsError
+from brightgrey.excitation.plants import random_values
+from brightgrey.kit import PAPER, Linear, assemble
+
+control = pytest.importorskip("control", reason="python-control is not installed")
+
+ALL = [str(s) for s in PAPER.structures()]
+J1, J2, C1, D1 = (VALUES[name] for name in ("J1", "J2", "c1", "d1"))
+
+
+def test_two_mass_poles_and_zeros_follow_the_formulas():
+    found = analyse(system_of("two_mass"))
+    resonance = np.roots([1.0, D1 * (1 / J1 + 1 / J2), C1 * (1 / J1 + 1 / J2)])
+    antiresonance = np.roots([1.0, D1 / J2, C1 / J2])
+    assert_allclose(np.sort_complex(found.poles), np.sort_complex([0.0, *resonance]), atol=1e-9)
+    assert_allclose(np.sort_complex(zeros(found.linear)), np.sort_complex(antiresonance), rtol=1e-9)
+    (swing,), (dip,) = found.resonances, found.antiresonances()
+    assert swing.frequency == pytest.approx(abs(resonance[0]) / (2 * np.pi))
+    assert dip.damping == pytest.approx(-antiresonance[0].real / abs(antiresonance[0]))
+    assert found.verdict == "marginal"
+
+
+def test_absolute_position_is_kept_only_where_something_reads_it():
+    assert analyse(system_of("two_mass")).states == ("twist1", "v1", "v2")
+    assert "q1" in analyse(system_of("two_mass", outputs=("position",))).states
+
+
+@pytest.mark.parametrize("text", ALL[::23])
+def test_linearisation_is_that_of_the_kit_inside_each_piece(text):
+    structure = PAPER.parse(text)
+    values = random_values(structure.parameters, np.random.default_rng(3))
+    system = assemble(structure, values, 2.5, ("velocity", "acceleration"))
+    both = twisted(system)
+    for contact in CONTACTS:
+        on = piece(both, contact)
+        z = on.start(7.0)
+        names = both.system.state_names
+        if "lambda1" in names:  # shaft unwound, and pushed outwards where it is in contact
+            z[names.index("twist1")] = z[names.index("lambda1")]
+            z[names.index("v1")] += {"forward": 1e-3, "gap": 0.0, "backward": -1e-3}[contact]
+        x = both.V @ z
+        A = both.W @ system.linearise(x, 0.0).A @ both.V
+        mine = on.jacobian(both.W @ x, 0.0)
+        assert_allclose(mine.A, A, rtol=1e-9, atol=1e-9 * np.abs(A).max())
+        assert_allclose(mine.C[1], A[names.index("v1")], atol=1e-9 * np.abs(A).max())
+
+
+def test_steady_motion_carries_friction_gravity_and_acceleration():
+    system = system_of("two_mass+coulomb+viscous+gravity+backlash+current_control")
+    point = steady(piece(twisted(system), "forward"), 10.0, 50.0)
+    friction = 0.9 * np.tanh(2.5 * 10.0) + 0.015 * 10.0
+    assert point.u == pytest.approx(50.0 * (J1 + J2) + friction - 1.0, rel=1e-9)
+    with pytest.raises(SettingsError, match="no steady motion"):
+        steady(piece(twisted(system), "gap"), 10.0, 50.0)
+
+
+def test_reach_finds_a_lost_state_and_its_nearness():
+    reached = controllability(Linear(np.diag([-1.0, -2.0]), np.array([[1.0], [1.0]]), np.eye(2)[:1], np.zeros((1, 1))))
+    lost = controllability(Linear(np.diag([-1.0, -2.0]), np.array([[1.0], [0.0]]), np.eye(2)[:1], np.zeros((1, 1))))
+    near = controllability(Linear(np.diag([-1.0, -2.0]), np.array([[1.0], [1e-5]]), np.eye(2)[:1], np.zeros((1, 1))))
+    assert reached.complete
+    assert reached.distance > 0.05
+    assert (lost.rank, lost.distance) == (1, 0.0)
+    assert lost.where == pytest.approx(-2.0)
+    assert near.complete
+    assert near.distance == pytest.approx(0.5e-5, rel=0.2)
+
+
+def test_an_open_gap_cuts_the_load_off():
+    found = analyse(system_of("two_mass+backlash"), contact="gap")
+    assert not found.controllability.complete
+    assert not found.observability.complete
+    small = minimal(found.linear)
+    omega = np.geomspace(1.0, 1e3, 20)
+    assert len(small.A) == 1  # the motor alone
+    assert_allclose(frequency_response(small, omega), frequency_response(found.linear, omega), rtol=1e-9)
+    assert observability(small).complete
+
+
+@pytest.mark.parametrize("gain", [0.05, 0.5, 3.0])
+def test_margins_are_those_of_python_control(gain):
+    found = analyse(system_of("two_mass+viscous+current_control"))
+    pi = Compensator.of([gain, 20.0 * gain], [1.0, 0.0])
+    mine = found.margins(pi)
+    loop = control.tf([gain, 20.0 * gain], [1.0, 0.0]) * found.control()
+    gm, pm, sm, _, _, _ = control.stability_margins(loop)
+    assert mine.phase == pytest.approx(pm, rel=1e-3)
+    assert mine.sensitivity == pytest.approx(1.0 / sm, rel=1e-3)
+    closed = control.feedback(loop, 1)
+    assert mine.stable == bool(np.all(closed.poles().real < 0.0))
+    if np.isfinite(mine.gain):
+        assert mine.gain == pytest.approx(gm, rel=1e-3)
+
+
+def test_the_delay_margin_is_where_the_loop_turns_unstable():
+    linear = analyse(system_of("two_mass+viscous")).linear
+    pi = Compensator.of([0.6, 6.0], [1.0, 0.0])
+    delay = margins(linear, pi).delay
+    assert margins(linear, pi, dead_time=0.97 * delay).stable
+    assert not margins(linear, pi, dead_time=1.03 * delay).stable
+
+
+def test_dead_time_is_exact_in_the_frequency_response():
+    found = analyse(system_of("one_mass+viscous+delay"))
+    omega, response = found.bode(np.array([10.0, 100.0]))
+    expected = np.exp(-1j * omega * 1.5e-3) / (J1 * 1j * omega + 0.015)
+    assert_allclose(response[0], expected, rtol=1e-12)
+
+
+def test_wrong_use_is_said():
+    with pytest.raises(SettingsError, match="forward"):
+        analyse(system_of("two_mass+backlash"), contact="forwards")
+    with pytest.raises(SettingsError, match="degree"):
+        Compensator.of([1.0, 0.0], [1.0])

@@ -1,0 +1,123 @@
+"""State control, cascade and the closed loop on the non-linear model."""
+
+import numpy as np
+import pytest
+from control_drives import SETTINGS, VALUES, system_of
+from numpy.testing import assert_allclose
+from scipy.linalg import expm
+
+from brightgrey.control.analysis import analyse
+from brightgrey.control.cascade import Goal, cascade
+from brightgrey.control.closed_loop import closed_loop, standstill
+from brightgrey.control.controllers import CascadeControl, OutputFeedback, StateFeedback, feedforward
+from brightgrey.control.coordinates import twisted
+from brightgrey.control.feedback import lqr, place, state_control
+from brightgrey.control.loops import Compensator
+from brightgrey.control.pieces import piece
+from brightgrey.errors import SettingsError
+from brightgrey.excitation import Limits, reversing
+
+DT = 1e-3
+MOTION = reversing(1.5, Limits(20.0, 250.0, 15000.0), dt=DT, samples=400, before=0.02, between=0.02)
+
+
+def test_lqr_is_that_of_python_control():
+    control = pytest.importorskip("control")
+    linear = analyse(system_of("two_mass+viscous+current_control")).linear
+    Q, R = np.diag([1.0, 2.0, 3.0, 0.1]), np.array([[0.5]])
+    K, _, poles = control.lqr(linear.A, linear.B, Q, R)
+    mine = lqr(linear.A, linear.B, Q, R)
+    assert_allclose(mine.K, K, rtol=1e-8)
+    assert_allclose(np.sort_complex(mine.poles), np.sort_complex(poles), rtol=1e-8)
+
+
+def test_poles_come_to_lie_where_they_are_wanted():
+    linear = analyse(system_of("two_mass+viscous")).linear
+    wanted = np.array([-50.0, -60.0 + 80.0j, -60.0 - 80.0j])
+    assert_allclose(np.sort_complex(place(linear.A, linear.B, wanted).poles), np.sort_complex(wanted), rtol=1e-8)
+    with pytest.raises(SettingsError, match="2 poles for a system of order 3"):
+        place(linear.A, linear.B, [-1.0, -2.0])
+
+
+def test_no_stabilising_solution_in_the_gap_but_in_contact():
+    system = system_of("two_mass+viscous+backlash")
+    state_control(analyse(system, contact="backward"), largest_error=1.0, torque=5.0)
+    with pytest.raises(SettingsError, match="stabilising"):
+        state_control(analyse(system, contact="gap"), largest_error=1.0, torque=5.0)
+
+
+def test_a_linear_drive_is_simulated_exactly():
+    """One mass with a P controller: the sampled loop has a formula."""
+    gain, start = 1.5, 4.0
+    system = system_of("one_mass+viscous")
+    x0 = system.rest(speed=start)
+    loop = OutputFeedback(Compensator.of([gain], [1.0]), DT, np.zeros(100))
+    run = closed_loop(system, loop, 100, DT, SETTINGS, x0=x0)
+    a, J = -VALUES["f_v"] / VALUES["J1"], VALUES["J1"]
+    factor = np.exp(a * DT) - gain / J * np.expm1(a * DT) / a
+    assert_allclose(run.y[:, 0], start * factor ** np.arange(100), rtol=1e-6, atol=1e-6 * start)
+
+
+def test_dead_time_of_a_part_of_a_sample_is_kept():
+    """Torque held from 1.5 samples after it was asked for."""
+    system = system_of("one_mass+viscous+delay", T_d=1.5 * DT)
+    loop = OutputFeedback(Compensator.of([1.0], [1.0]), DT, np.concatenate([[2.0], np.zeros(9)]))
+    run = closed_loop(system, loop, 4, DT, SETTINGS)
+    a, J = -VALUES["f_v"] / VALUES["J1"], VALUES["J1"]
+    assert run.y[1, 0] == 0.0
+    assert run.y[2, 0] == pytest.approx(2.0 / J * np.expm1(a * 0.5 * DT) / a, rel=1e-6)
+    assert run.u[0] == 2.0
+
+
+def test_state_control_follows_within_the_torque_limit_and_feedforward_helps():
+    system = system_of("two_mass+coulomb+viscous+gravity+backlash+current_control")
+    found = state_control(analyse(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
+    assert np.all(found.poles.real < 0.0)
+    reached = found.margins(0.5 * DT)
+    assert reached.stable
+    assert reached.phase > 45.0
+    errors = []
+    for torque in (True, False):
+        reference = feedforward(piece(twisted(system), "forward"), MOTION, torque=torque)
+        run = closed_loop(system, StateFeedback(found, reference, DT), 400, DT, SETTINGS, limit=8.0)
+        assert np.abs(run.u).max() <= 8.0
+        errors.append(float(np.sqrt(np.mean((run.state("v1") - MOTION.velocity) ** 2))))
+    assert errors[0] < 0.5 * errors[1]
+
+
+def test_integral_action_forgets_a_disturbance():
+    system = system_of("two_mass+coulomb+viscous+gravity")
+    found = state_control(analyse(system, speed=10.0), largest_error=1.0, torque=4.0, settling=0.02)
+    run = closed_loop(
+        system, StateFeedback(found, standstill(500), DT), 500, DT, SETTINGS, disturbance=np.full(500, 0.8)
+    )
+    assert np.abs(run.state("v1")).max() > 0.02
+    assert np.abs(run.state("v1")[-50:]).max() < 0.02 * np.abs(run.state("v1")).max()
+
+
+def test_the_suggested_cascade_keeps_its_goal_and_follows():
+    system = system_of("two_mass+coulomb+viscous+backlash", outputs=("position", "velocity"))
+    goal = Goal()
+    analyses = [analyse(system, speed=10.0, contact=contact) for contact in ("forward", "gap")]
+    found = cascade(analyses, VALUES["J1"] + VALUES["J2"], DT, goal=goal)
+    for reached in (*found.speed_margins, *found.position_margins):
+        assert reached.stable
+        assert reached.gain >= goal.gain
+        assert reached.phase >= goal.phase
+        assert reached.sensitivity <= goal.sensitivity
+    reference = feedforward(piece(twisted(system), "forward"), MOTION)
+    names = system.state_names
+    controller = CascadeControl(found, reference, DT, names.index("q1"), names.index("v1"))
+    run = closed_loop(system, controller, 400, DT, SETTINGS, limit=10.0)
+    assert np.abs(run.state("q1") - MOTION.position).max() < 0.05 * MOTION.position.max()
+
+
+def test_sampling_a_compensator_keeps_its_step_response():
+    lag = Compensator.of([2.0], [0.05, 1.0])
+    sampled = lag.discrete(1e-3)
+    state, y = np.zeros(1), []
+    for _ in range(200):
+        y.append(float((sampled.C @ state + sampled.D[:, 0])[0]))
+        state = sampled.A @ state + sampled.B[:, 0]
+    exact = [2.0 * (1.0 - float(expm(np.array([[-(k + 0.5) * 1e-3 / 0.05]]))[0, 0])) for k in range(200)]
+    assert_allclose(y, exact, atol=2e-3)

@@ -1,0 +1,151 @@
+"""Kalman filters: one step ahead, consistency, what they estimate; fault detection."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from control_drives import SETTINGS, VALUES, E, recorded, system_of, values_of
+from numpy.testing import assert_allclose
+from scipy.linalg import expm
+from scipy.stats import chi2
+
+from brightgrey.control.coordinates import twisted
+from brightgrey.control.faults import Case, faults, groups
+from brightgrey.control.flow import Lanes, ahead, delayed_input, exponential
+from brightgrey.control.kalman import Noise, extended
+from brightgrey.control.unscented import unscented
+from brightgrey.control.watching import noise_levels, see, shaft_torque
+from brightgrey.effects import registry
+from brightgrey.errors import SettingsError
+from brightgrey.kit import Structure
+from brightgrey.recordings import Signal
+from brightgrey.simulation.reference import reference
+
+FULL = "two_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
+
+
+def test_exponentials_are_those_of_scipy():
+    M = np.random.default_rng(0).normal(size=(4, 5, 5)) * np.array([0.1, 1.0, 10.0, 100.0])[:, None, None]
+    for mine, matrix in zip(exponential(M), M, strict=True):
+        exact = expm(matrix)
+        assert_allclose(mine, exact, atol=1e-9 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("text", ["two_mass+coulomb+viscous+stribeck+gravity+current_control", FULL])
+def test_steps_follow_the_reference(text):
+    system = twisted(system_of(text)).system
+    lanes = Lanes.of(system)
+    u = E.torque()[:900]
+    begin, end = delayed_input(u[:, None], E.dt, np.array([float(np.asarray(system.dead_time))]), "linear")
+    z, v = np.zeros((1, len(system.states))), [0.0]
+    for k in range(len(u) - 1):
+        z = ahead(lanes, z, begin[k], end[k], E.dt, np.full(1, 1e-3)).z
+        v.append(z[0, system.state_names.index("v1")])
+    exact = reference(text, values_of(text), u, E.dt, f_tanh=E.f_tanh)[0]
+    assert np.abs(np.array(v) - exact).max() < 2e-3 * np.abs(exact).max()
+
+
+def test_derivatives_of_a_step_are_those_of_differences():
+    system = twisted(system_of("two_mass+coulomb+viscous+stribeck+current_control")).system
+    lanes = Lanes.of(system)
+    z, u = np.array([[0.01, 0.3, 0.1, 1.0]]), np.array([2.0])
+    step = ahead(lanes, z, u, u, E.dt, np.full(1, np.inf))
+    size = 1e-6
+    for i in range(4):
+        moved = ahead(lanes, z + size * np.eye(4)[i], u, u, E.dt, np.full(1, np.inf)).z - step.z
+        assert_allclose(moved[0] / size, step.by_state[0, :, i], atol=1e-2 * np.abs(step.by_state).max())
+    moved = ahead(lanes, z, u + size, u + size, E.dt, np.full(1, np.inf)).z - step.z
+    assert_allclose(moved[0] / size, step.by_input[0], rtol=1e-2, atol=1e-6)
+
+
+def test_a_set_never_depends_on_its_neighbours():
+    system = twisted(system_of(FULL)).system
+    z = np.random.default_rng(1).normal(size=(5, len(system.states))) * 0.01
+    u = np.linspace(-5.0, 5.0, 5)
+    together = ahead(Lanes.of(system, 5), z, u, u, 1e-3, np.full(5, 1e-5))
+    alone = [
+        ahead(Lanes.of(system), z[i : i + 1], u[i : i + 1], u[i : i + 1], 1e-3, np.full(1, 1e-5)) for i in range(5)
+    ]
+    for whole, *parts in zip(together, *alone, strict=True):
+        assert_allclose(whole, np.concatenate(parts), rtol=1e-13, atol=1e-15)
+
+
+@pytest.mark.parametrize("run", [extended, unscented])
+def test_innovations_are_as_large_as_expected(run):
+    """One recording inside a band that a right filter leaves once in 10,000 times."""
+    text, torque = "two_mass+coulomb+viscous+stribeck", 0.05
+    recording = recorded(text, 4, torque=torque)
+    seen = see(Structure.parse(text), values_of(text), recording, SETTINGS)
+    found = run(seen.watched, Noise(torque, np.array([0.02])))
+    low, high = chi2.ppf([5e-5, 1 - 5e-5], recording.samples)
+    assert low < found.nis.sum() < high
+
+
+def test_hidden_motion_torque_and_gap_are_estimated():
+    text = "two_mass+coulomb+viscous+backlash"
+    recording = recorded(text, 2)
+    hidden = reference(
+        text, values_of(text), recording.u, recording.dt, f_tanh=E.f_tanh, outputs=("v2", "lambda1", "q1", "q2", "v1")
+    )
+    v2, gap, q1, q2, v1 = hidden
+    seen = see(Structure.parse(text), values_of(text), recording, SETTINGS)
+    found = extended(seen.watched, Noise(1e-3, np.array([0.02])))
+    names = seen.watched.system.state_names
+    settled = slice(len(v2) // 3, None)
+    assert np.sqrt(np.mean((found.z[settled, 0, names.index("v2")] - v2[settled]) ** 2)) < 0.02 * np.abs(v2).max()
+    assert np.sqrt(np.mean((found.z[settled, 0, names.index("lambda1")] - gap[settled]) ** 2)) < 0.1 * VALUES["alpha"]
+    wound = VALUES["c1"] * (q1 - q2 - gap)
+    rates = np.gradient(q1 - q2 - gap, recording.dt)
+    torque = shaft_torque(seen.watched.system, found.z[:, 0])
+    exact = wound + VALUES["d1"] * rates
+    assert np.sqrt(np.mean((torque - exact)[settled] ** 2)) < 0.05 * np.abs(exact).max()
+    assert np.abs(v1).max() > 1.0
+
+
+def test_a_differenced_velocity_is_filtered_as_such():
+    text = "one_mass+coulomb+viscous"
+    plain = recorded(text, 1, noise=0.0)
+    q = reference(text, values_of(text), plain.u, plain.dt, f_tanh=E.f_tanh, outputs=("position",))[0]
+    y = np.diff(q, prepend=q[0]) / plain.dt
+    recording = replace(plain, y=y[None], outputs=(Signal("velocity", "velocity-differenced", "rad/s"),))
+    found = []
+    for watched in (recording, replace(recording, outputs=(Signal("velocity", "velocity", "rad/s"),))):
+        seen = see(Structure.parse(text), values_of(text), watched, SETTINGS)
+        found.append(float(np.abs(extended(seen.watched, Noise(1e-3, np.array([0.02]))).innovations).max()))
+    assert found[0] < 0.02 * found[1]
+
+
+def test_noise_levels_are_found_from_a_recording():
+    text = "one_mass+coulomb+viscous"
+    found = noise_levels(Structure.parse(text), values_of(text), recorded(text, 7, torque=0.1), SETTINGS)
+    assert found.outputs[0] == pytest.approx(0.02, rel=0.3)
+    assert found.torque == pytest.approx(0.1, rel=0.5)
+
+
+def test_every_fault_is_declared_by_its_effects():
+    declared = {p.fault.subject for effect in registry().values() for p in effect.parameters if p.fault}
+    found = groups(Structure.parse(FULL))
+    assert {fault.subject for fault in found} == declared
+    assert found[next(f for f in found if f.subject == "load")] == ("J2",)
+
+
+@pytest.mark.parametrize(
+    ("changed", "guilty"),
+    [({}, None), ({"M_C": 1.35, "f_v": 0.0225}, "friction"), ({"J2": 0.0104}, "load")],
+)
+def test_a_fault_is_named_and_nothing_else(changed, guilty):
+    text = "two_mass+coulomb+viscous"
+    std = {name: 0.01 * value for name, value in values_of(text).items()}
+    case = Case(values_of(text), recorded(text, 11, **changed), Noise(1e-3, np.array([0.02])), std)
+    (found,) = faults(Structure.parse(text), SETTINGS, [case])
+    assert [f.subject for f in found if f.verdict == "changed"] == ([guilty] if guilty else [])
+    for finding in found:
+        expected = {"friction": 1.5, "load": 1.3}[finding.subject] if finding.subject == guilty else 1.0
+        assert finding.ci95[0] < expected * 1.02
+        assert finding.ci95[1] > expected * 0.98
+
+
+def test_wrong_thresholds_are_refused():
+    text = "one_mass+coulomb"
+    with pytest.raises(SettingsError, match="confidence"):
+        faults(Structure.parse(text), SETTINGS, [], confidence=2.0)

@@ -1,0 +1,86 @@
+"""Describing functions against formulas, and limit cycles against simulation."""
+
+import numpy as np
+import pytest
+from control_drives import system_of
+
+from brightgrey.control.closed_loop import closed_loop
+from brightgrey.control.controllers import OutputFeedback
+from brightgrey.control.harmonic import _gap_gain, describing_function, limit_cycles, saturation_gain
+from brightgrey.control.loops import Compensator
+from brightgrey.errors import SettingsError
+from brightgrey.simulation import Settings
+
+NERVOUS = {"J1": 0.004, "J2": 0.016, "c1": 5000.0, "d1": 2.0, "M_C": 0.05, "f_v": 0.01, "alpha": 0.01}
+NERVOUS |= {"T_1": 2e-3, "T_d": 1e-3}
+DT = 5e-4
+
+
+def test_coulomb_has_that_of_a_relay():
+    (element,) = [e for e in system_of("one_mass+coulomb").elements if not e.law.affine]
+    amplitude = np.array([4.0, 40.0, 400.0])
+    found = describing_function(element, amplitude)
+    assert found[2] == pytest.approx(-4.0 * 0.9 / (np.pi * 400.0), rel=1e-3)
+    assert describing_function(element, np.array([1e-4]))[0] == pytest.approx(-0.9 * 2.5, rel=1e-4)
+    assert np.all(np.diff(found) > 0.0)
+
+
+def test_saturation_has_its_formula():
+    t = np.linspace(0.0, 2.0 * np.pi, 200001)
+    clipped = np.clip(3.0 * np.sin(t), -1.0, 1.0) * np.sin(t)
+    numeric = np.sum(0.5 * (clipped[1:] + clipped[:-1]) * np.diff(t)) / np.pi / 3.0
+    assert saturation_gain(3.0, 1.0) == pytest.approx(numeric, rel=1e-8)
+    assert saturation_gain(0.5, 1.0) == 1.0
+
+
+def test_a_gap_that_is_not_crossed_integrates():
+    omega, feedback = np.array([50.0]), -200.0
+    found = _gap_gain(1e9, feedback, omega, np.array([1.0]))
+    assert found[0] == pytest.approx(1.0 / (1j * 50.0 + 200.0), rel=5e-2)
+
+
+def fundamental(y, dt):
+    t = dt * np.arange(len(y))
+    y = y - y.mean()
+    crossings = np.flatnonzero((y[:-1] < 0.0) & (y[1:] >= 0.0))
+    at = t[crossings] - y[crossings] * dt / (y[crossings + 1] - y[crossings])
+    frequency = (len(at) - 1) / (at[-1] - at[0])
+    M = np.column_stack([np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)])
+    return frequency, float(np.hypot(*np.linalg.lstsq(M, y, rcond=None)[0]))
+
+
+@pytest.mark.parametrize(
+    ("text", "gain", "limit"),
+    [
+        ("two_mass+coulomb+viscous+current_control+delay", 10.0, 3.0),
+        ("two_mass+coulomb+viscous+backlash+current_control+delay", 5.0, np.inf),
+    ],
+)
+def test_predicted_limit_cycles_are_found_by_simulation(text, gain, limit):
+    system = system_of(text, **NERVOUS)
+    controller = Compensator.of([gain, 5.0 * gain], [1.0, 0.0])
+    found = limit_cycles(system, controller, torque=(0.1, 500.0), omega=(50.0, 4000.0), delay=DT / 2, limit=limit)
+    cycle = [c for c in found if c.stable][-1]
+    start = system.rest()
+    start[system.state_names.index("v1")] = 0.7 * cycle.outputs[0]
+    run = closed_loop(
+        system, OutputFeedback(controller, DT, np.zeros(800)), 800, DT, Settings(2.5, 100.0), limit=limit, x0=start
+    )
+    frequency, amplitude = fundamental(run.y[400:, 0], DT)
+    assert frequency == pytest.approx(cycle.frequency, rel=0.15)
+    assert amplitude == pytest.approx(cycle.outputs[0], rel=0.15)
+
+
+def test_a_quiet_loop_has_none():
+    system = system_of("two_mass+viscous+current_control+delay", **NERVOUS)
+    assert limit_cycles(system, Compensator.of([0.5, 2.0], [1.0, 0.0]), torque=(0.1, 100.0), omega=(50.0, 4000.0)) == ()
+
+
+def test_acceleration_is_refused():
+    with pytest.raises(SettingsError, match="acceleration"):
+        limit_cycles(
+            system_of("one_mass", outputs=("acceleration",)),
+            Compensator.of([1.0], [1.0]),
+            torque=(0.1, 1.0),
+            omega=(1.0, 10.0),
+        )
