@@ -2,7 +2,8 @@
 
 A structure contains others: those with an effect or a mass less. Descending from their optima, with the further effect
 drawn anew, costs little, and no structure ends worse than one it contains, since it could do without the effect. Optima
-that only show with all friction in the model are found in one *hub* for each number of masses.
+that only show with all friction in the model, or with all that delays the torque, are found in *hubs*, two for each
+number of masses.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.problem import Problem
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.identification import Identification
-from brightgrey.search.lattice import effects_of, ladder_of, simpler, without_ladder
+from brightgrey.search.lattice import effects_of, ladder_of, largest_within, without_ladder
 
 __all__ = ["Fitted", "Options", "fit_all", "fit_one"]
 
@@ -34,7 +35,7 @@ class Options:
     Attributes
     ----------
     parents : int
-        Simpler structures whose optima are looked at, beside that of the hub.
+        Simpler structures whose optima are looked at, beside those of the hubs.
     starts : int
         Descents: from the best of these optima.
     fresh, patience : int
@@ -117,19 +118,19 @@ def fit_all(
         sizes.setdefault(s.masses + len(s.placed), []).append(s)
     done: dict[Structure, Fitted] = {}
 
-    hubs: dict[Placed, Fitted] = {}
+    hubs: list[Fitted] = []
 
     def hub(structure: Structure) -> Fitted:
         return _from_everywhere(task, structure, how, seed)
 
     def one(structure: Structure) -> Fitted:
-        parents = [done[s] for s in simpler(structure, done)]
-        return fit_one(task, structure, parents, hubs[ladder_of(structure)], how, [seed, order[structure]])
+        near = [h for h in hubs if ladder_of(h.structure) == ladder_of(structure)]
+        parents = [done[s] for s in largest_within(structure, done)]
+        return fit_one(task, structure, parents, near, how, [seed, order[structure]])
 
     with ThreadPoolExecutor(1) as single:
         pool = executor or single
-        for fitted in pool.map(hub, _hubs(structures)):
-            hubs[ladder_of(fitted.structure)] = fitted
+        hubs += pool.map(hub, _hubs(structures))
         for size in sorted(sizes):
             found = list(pool.map(one, sizes[size]))
             for fitted in found:
@@ -140,19 +141,28 @@ def fit_all(
 
 
 def _hubs(structures: Sequence[Structure]) -> list[Structure]:
-    """For every ladder the structure with the most laws of one port at most, and nothing else if possible.
+    """For every ladder the structures that find what simpler ones cannot.
 
-    It finds the resonances with the friction that hides them, which simpler structures cannot.
+    One has the most laws of one port at most, and nothing else if possible: resonances show with the friction that
+    hides them. The other has all effects but laws of two ports: resonances show with what delays the torque.
     """
 
-    def rank(structure: Structure) -> tuple[int, int]:
-        laws = [p.effect.law is not None and p.effect.law.ports <= 1 for p in without_ladder(structure)]
-        return laws.count(False), -laws.count(True)
+    def laws(structure: Structure) -> list[int]:
+        """Ports of the laws; 0 for effects without one."""
+        return [p.effect.law.ports if p.effect.law else 0 for p in without_ladder(structure)]
+
+    def friction(structure: Structure) -> tuple[int, int]:
+        ports = laws(structure)
+        return len(ports) - ports.count(1), -ports.count(1)
+
+    def linear(structure: Structure) -> tuple[int, int]:
+        ports = laws(structure)
+        return sum(n > 1 for n in ports), -len(ports)
 
     ladders: dict[Placed, list[Structure]] = {}
     for s in structures:
         ladders.setdefault(ladder_of(s), []).append(s)
-    return [min(group, key=rank) for group in ladders.values()]
+    return list(dict.fromkeys(min(group, key=rank) for group in ladders.values() for rank in (friction, linear)))
 
 
 def _from_everywhere(task: Identification, structure: Structure, options: Options, seed: int) -> Fitted:
@@ -168,17 +178,15 @@ def fit_one(
     task: Identification,
     structure: Structure,
     parents: Sequence[Fitted],
-    hub: Fitted,
+    hubs: Sequence[Fitted],
     options: Options,
     seed: Sequence[int],
 ) -> Fitted:
-    """Fit one structure, begun where its best `parents` and its `hub` have ended."""
-    if structure == hub.structure:
-        return hub
+    """Fit one structure, begun where its best `parents` and the `hubs` of its ladder have ended."""
     problem, space = task.problem(structure), task.space(structure)
     rng = np.random.default_rng(list(seed))
     best = sorted(parents, key=lambda p: p.cost)[: options.parents]
-    begins = sorted((_extended(task, problem, space, f, options.drawn, rng) for f in (*best, hub)), key=lambda b: b[0])
+    begins = sorted((_extended(task, problem, space, f, options.drawn, rng) for f in (*best, *hubs)), key=lambda b: b[0])
     ends = descend_many(
         problem,
         space,
