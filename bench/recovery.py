@@ -7,9 +7,9 @@
 A drive is known by its number: true structure (of the candidates), values over wide ranges
 (`brightgrey.excitation.plants`), motion (reversing, chirp, multisine, in turn), colour of the noise, encoder
 or not. Data come from the reference solver. `--noise` is the standard deviation over the peak speed. `run` skips what
-the file already holds. Held-out error is that on another motion of the same drive with the same noise, and "matters" says that
-removing an effect from the true structure and fitting anew raises it by more than 5 % (noise counts as at least 1e-4 of
-the standard deviation, or nothing but rounding would be left to compare with).
+the file already holds. Held-out error is that on another motion of the same drive with the same noise; an effect matters
+if removing it from the true structure and fitting anew raises it by more than 5 % (noise counts as at least 1e-4 of the
+standard deviation, or nothing but rounding would be left to compare with).
 """
 
 from __future__ import annotations

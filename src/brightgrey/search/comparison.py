@@ -100,6 +100,8 @@ class Whitening:
 
     def base(self, judged: Judged) -> Array:
         """Orthonormal base of the whitened derivatives, shape (residuals, rank)."""
+        if not judged.inside:
+            return np.zeros((len(judged.descent.residual), 0))
         J = self.white(judged.descent.jacobian[:, list(judged.inside)])
         size = np.linalg.norm(J, axis=0)
         J = np.asarray(J[:, size > 0.0] / size[size > 0.0])

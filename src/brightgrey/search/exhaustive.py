@@ -65,7 +65,7 @@ class Fitted:
     ----------
     structure : Structure
     values : mapping of str to float
-        SI, fixed ones included.
+        SI, fixed ones and unknown parts of initial states included.
     cost : float
         Weighted sum of squared residuals at the level of the search.
     free : int
@@ -167,7 +167,7 @@ def _hubs(structures: Sequence[Structure]) -> list[Structure]:
 
 def _from_everywhere(task: Identification, structure: Structure, options: Options, seed: int) -> Fitted:
     """Fit a structure of which nothing is known."""
-    problem, space = task.problem(structure), task.space(structure)
+    problem, space = task.problem(structure), task.space(structure, initial=True)
     found = explore(problem, space, task.settings, [], starts=options.fresh, patience=options.patience, seed=seed)
     end = min(found.ends, key=lambda e: e.cost)
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
@@ -183,10 +183,12 @@ def fit_one(
     seed: Sequence[int],
 ) -> Fitted:
     """Fit one structure, begun where its best `parents` and the `hubs` of its ladder have ended."""
-    problem, space = task.problem(structure), task.space(structure)
+    problem, space = task.problem(structure), task.space(structure, initial=True)
     rng = np.random.default_rng(list(seed))
     best = sorted(parents, key=lambda p: p.cost)[: options.parents]
-    begins = sorted((_extended(task, problem, space, f, options.drawn, rng) for f in (*best, *hubs)), key=lambda b: b[0])
+    begins = sorted(
+        (_extended(task, problem, space, f, options.drawn, rng) for f in (*best, *hubs)), key=lambda b: b[0]
+    )
     ends = descend_many(
         problem,
         space,

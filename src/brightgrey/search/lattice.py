@@ -6,7 +6,16 @@ from collections.abc import Collection, Iterable
 
 from brightgrey.kit import Placed, Structure
 
-__all__ = ["contains", "effects_of", "extensions", "ladder_of", "largest_within", "minimal", "simpler", "without_ladder"]
+__all__ = [
+    "contains",
+    "effects_of",
+    "extensions",
+    "ladder_of",
+    "largest_within",
+    "minimal",
+    "simpler",
+    "without_ladder",
+]
 
 
 def ladder_of(structure: Structure) -> Placed:
