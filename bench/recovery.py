@@ -7,9 +7,9 @@
 A drive is known by its number: true structure (of the candidates), values over wide ranges
 (`brightgrey.excitation.plants`), motion (reversing, chirp, multisine, in turn), colour of the noise, encoder
 or not. Data come from the reference solver. `--noise` is the standard deviation over the peak speed. `run` skips what
-the file already holds. Held-out error is that on another motion of the same drive with the same noise; an effect matters
-if removing it from the true structure and fitting anew raises it by more than 5 % (noise counts as at least 1e-4 of the
-standard deviation, or nothing but rounding would be left to compare with).
+the file already holds. Held-out error is that on another motion of the same drive with the same noise. An effect
+matters if removing it from the true structure and fitting anew raises that error by more than 5 % (noise counts as
+at least 1e-4 of the standard deviation, or nothing but rounding would be left to compare with).
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.plants import random_values
@@ -109,7 +110,7 @@ def held_out(task: Identification, fitted: Mapping[Structure, Fitted], test: Rec
     found = {}
     for s, f in fitted.items():
         values = {name: np.array([f.values.get(name, v)]) for name, v in {**task.standard(s), **f.values}.items()}
-        problem = other.problem(s)
+        problem = Problem.of(s, other.recordings, initial="rest")
         cost = float(problem.costs(values, other.settings)[0])
         found[s] = cost / problem.weights[0] ** 2 / test.samples + floor
     return found
@@ -196,6 +197,7 @@ def row(
     }
     problem = task.problem(truth)
     exact = {name: np.array([value]) for name, value in drive.values.items()}
+    exact |= {part.name: np.clip([0.0], part.low, part.high) for part in problem.unknown}
     return {
         "seed": drive.seed,
         "number": drive.number,
