@@ -198,6 +198,20 @@ class _Scale:
         here = self.bench.judge(structure).cost + self.doubt
         return float(np.sqrt((self.bench.judge(without).cost + self.doubt) / here) - 1.0)
 
+    def sampling(self, structure: Structure, effect: str) -> str | None:
+        """What to say of an effect that only makes the input late by less than a sample: data can be taken that way."""
+        placed = Placed.parse(effect)
+        if placed not in structure.placed or not placed.effect.parameters:
+            return None
+        if not all(p.lag for p in placed.effect.parameters):
+            return None
+        values = self.bench.judge(structure).values
+        total = sum(values[placed.parameter(p.symbol)] for p in placed.effect.parameters)
+        interval = self.bench.task.scales.interval
+        if total >= interval:
+            return None
+        return f"it fits, but {total:.2g} s are less than one sample ({interval:.2g} s): sampling looks like that"
+
     def card(self, effect: str, minimal: Sequence[Structure], optional: Collection[str]) -> Card:
         """Evidence for one effect, with the refits that it rests on."""
         having = [s for s in minimal if _has(s, effect)]
@@ -205,6 +219,9 @@ class _Scale:
         loss = self.loss(best, effect) if _has(best, effect) else None
         gain = None if _has(best, effect) else self.gain(best, effect)
         if len(having) == len(minimal):
+            late = self.sampling(best, effect)
+            if late is not None:
+                return Card(effect, "not decidable", loss, gain, late)
             grows = "no structure without it fits"
             if loss is not None:
                 grows = f"without it the residual grows by {100.0 * loss:.3g} %"

@@ -1,7 +1,8 @@
 """All structures of a grammar, simple to complex, each begun where those that it contains have ended.
 
 A structure contains others: those with an effect or a mass less. Descending from their optima, with the further effect
-drawn anew, costs little, and no structure ends worse than one it contains, since it could do without the effect. Optima
+drawn anew, costs little, and no structure ends worse than one it contains, since it could do without the effect. Then
+the other way: an optimum that a larger structure has found without need for its further effect is handed down. Optima
 that only show with all friction in the model, or with all that delays the torque, are found in *hubs*, two for each
 number of masses.
 """
@@ -10,7 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +23,12 @@ from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.problem import Problem
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.identification import Identification
-from brightgrey.search.lattice import effects_of, ladder_of, largest_within, without_ladder
+from brightgrey.search.lattice import effects_of, extensions, ladder_of, largest_within, without_ladder
 
 __all__ = ["Fitted", "Options", "fit_all", "fit_one"]
 
 Array = NDArray[np.float64]
+_IMPROVED = 0.999  # of the cost: what is worth another descent
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,47 @@ def fit_all(
                 done[fitted.structure] = fitted
                 if progress is not None:
                     progress(fitted)
+        for size in sorted(sizes, reverse=True):
+            for fitted in pool.map(partial(_from_above, task, done, how), sizes[size]):
+                done[fitted.structure] = fitted
+    for s in done:
+        done[s] = _at_least_as_good(done[s], [done[t] for t in largest_within(s, done)])
     return done
+
+
+def _from_above(
+    task: Identification, done: Mapping[Structure, Fitted], options: Options, structure: Structure
+) -> Fitted:
+    """Descend once more where a larger structure did better and does without what it has beyond this one."""
+    own = done[structure]
+    problem, space = task.problem(structure), task.space(structure, initial=True)
+    larger = [
+        done[s].values
+        for s in extensions(structure, done)
+        if done[s].cost < own.cost and not done[s].idle and set(space.names) <= set(done[s].values)
+    ]
+    if not larger:
+        return own
+    begins = np.array([[values[name] for name in space.names] for values in larger]).T
+    begins = np.clip(begins, space.low[:, None], space.high[:, None])
+    cost = problem.costs(space.named(begins), task.settings)
+    if not cost.min() < _IMPROVED * own.cost:
+        return own
+    begin = begins[:, [int(np.argmin(cost))]]
+    (end,) = descend_many(
+        problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, rival=own.cost
+    )
+    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+    return Fitted(structure, named, end.cost, len(space.names), (), own.batches + 1 + end.evaluations)
+
+
+def _at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
+    """`own`, or what the best structure `within` it has if that is better: it could do without the effect."""
+    best = min(within, key=lambda f: f.cost, default=own)
+    if own.cost <= best.cost:
+        return own
+    idle = (*best.idle, *effects_of(own.structure, best.structure))
+    return replace(own, values={**own.values, **best.values}, cost=best.cost, idle=idle)
 
 
 def _hubs(structures: Sequence[Structure]) -> list[Structure]:
@@ -201,10 +244,8 @@ def fit_one(
     end = min(ends, key=lambda e: e.cost)
     batches = len(begins) + max(e.evaluations for e in ends)
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    if best and not end.cost <= best[0].cost:
-        idle = (*best[0].idle, *effects_of(structure, best[0].structure))
-        return Fitted(structure, {**named, **best[0].values}, best[0].cost, len(space.names), idle, batches)
-    return Fitted(structure, named, end.cost, len(space.names), (), batches)
+    cost = end.cost if np.isfinite(end.cost) else np.inf
+    return _at_least_as_good(Fitted(structure, named, cost, len(space.names), (), batches), best)
 
 
 def _extended(
