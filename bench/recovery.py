@@ -57,10 +57,10 @@ def torque(motion: str, rng: np.random.Generator) -> Array:
     if motion == "chirp":  # logarithmic from 1 to 100 Hz
         rate = np.log(100.0) / duration
         u = np.sin(2.0 * np.pi * np.expm1(rate * t) / rate)
-    else:  # the first 60 harmonics of the recording's length, equally strong but for the lowest
+    else:  # the first 60 harmonics of the recording's length; lower ones are stronger, to reach about the same speed
         k = np.arange(1, 61)
         phase = rng.uniform(0.0, 2.0 * np.pi, k.size)
-        u = np.sum(np.sin(2.0 * np.pi * k[:, None] * t / duration + phase[:, None]), axis=0)
+        u = np.sum(np.sin(2.0 * np.pi * k[:, None] * t / duration + phase[:, None]) / np.sqrt(k)[:, None], axis=0)
     ramp = np.minimum(1.0, t / 0.02)  # from rest
     return np.round(peak * ramp * u / np.abs(u).max(), 3)
 
