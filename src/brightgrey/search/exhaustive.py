@@ -229,14 +229,15 @@ def fit_one(
     problem, space = task.problem(structure), task.space(structure, initial=True)
     rng = np.random.default_rng(list(seed))
     best = sorted(parents, key=lambda p: p.cost)[: options.parents]
-    begins = sorted(
-        (_extended(task, problem, space, f, options.drawn, rng) for f in (*best, *hubs)), key=lambda b: b[0]
-    )
+    # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
+    origins = best if best and _two_ports(structure) else [*best, *hubs]
+    begins = sorted((_extended(task, problem, space, f, options.drawn, rng) for f in origins), key=lambda b: b[0])
+    chosen = np.stack([values for _, values in begins[: options.starts]], axis=1)
     ends = descend_many(
         problem,
         space,
         task.settings,
-        np.stack([values for _, values in begins[: options.starts]], axis=1),
+        chosen,
         limit=options.rounds,
         tolerance=options.tolerance,
         rival=best[0].cost if best else np.inf,
@@ -246,6 +247,11 @@ def fit_one(
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
     cost = end.cost if np.isfinite(end.cost) else np.inf
     return _at_least_as_good(Fitted(structure, named, cost, len(space.names), (), batches), best)
+
+
+def _two_ports(structure: Structure) -> bool:
+    """Whether it has a law of two ports, which takes several times as long to simulate."""
+    return any(p.effect.law is not None and p.effect.law.ports > 1 for p in structure.placed)
 
 
 def _extended(
@@ -259,10 +265,12 @@ def _extended(
     kept[own] = np.array([parent.values[space.names[i]] for i in own])[:, None]
     tried = [kept]
     for rows in (block.rows for block in space.blocks):
-        if any(i not in own for i in rows):
+        if any(i not in own for i in rows) and any(i in own for i in rows):
             anew = np.array(kept)
             anew[list(rows)] = candidates[list(rows)]
             tried.append(anew)
+    if len(own) == len(space.names):
+        tried = [kept[:, :1]]
     begins = np.clip(np.concatenate(tried, axis=1), space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
     return float(cost.min()), np.asarray(begins[:, int(np.argmin(cost))])
