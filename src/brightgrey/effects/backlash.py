@@ -121,7 +121,8 @@ EFFECT = Effect(
             fault=Fault("backlash"),
         ),
     ),
-    noticeable=lambda s, values: {"alpha": 1e-3 * s.travel},
+    # A gap as wide as a tenth of the shaft's twist under full torque.
+    noticeable=lambda s, values: {"alpha": min(0.05 * s.torque / values["c1"], 1e-3 * s.travel)},
     stamp=stamp,
     law=LAW,
     memory=True,

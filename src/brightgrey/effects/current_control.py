@@ -44,7 +44,7 @@ EFFECT = Effect(
             lag=True,
         ),
     ),
-    noticeable=lambda s, values: {"T_1": s.interval},
+    noticeable=lambda s, values: {"T_1": 0.2 * s.interval},  # lags by 7 degrees at a tenth of the sampling rate
     stamp=stamp,
     memory=True,
     spread=lambda s, share: 0.2 * s.interval * 250.0**share,  # a fifth of a sample to fifty

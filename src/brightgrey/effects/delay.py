@@ -34,7 +34,7 @@ EFFECT = Effect(
             lag=True,
         ),
     ),
-    noticeable=lambda s, values: {"T_d": s.interval},
+    noticeable=lambda s, values: {"T_d": 0.2 * s.interval},  # lags by 7 degrees at a tenth of the sampling rate
     stamp=stamp,
     spread=lambda s, share: 0.1 * s.interval * 500.0**share,  # a tenth of a sample to fifty
     modelica=Modelica(block=("Modelica.Blocks.Nonlinear.FixedDelay", "delayTime = $T_d")),

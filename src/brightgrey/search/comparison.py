@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import chi2, ncx2
 
-from brightgrey.estimation.coloured import Autoregression
+from brightgrey.estimation.coloured import Autoregression, levinson
 from brightgrey.estimation.leastsquares import Descent
 from brightgrey.estimation.uncertainty import noise_models
 from brightgrey.kit import Structure
@@ -64,19 +64,24 @@ class Whitening:
     models : tuple of Autoregression
     lengths : tuple of int
         Of the stretches.
-    floor : float
-        Variance of the noise, in that of the residuals' weights, that no stretch falls below.
+    doubt : tuple of float
+        Variances of what simulation and sensor may be off by beside that noise. They count as white and independent of
+        it, and are part of `models`.
     """
 
     models: tuple[Autoregression, ...]
     lengths: tuple[int, ...]
-    floor: float
+    doubt: tuple[float, ...]
 
     @classmethod
-    def of(cls, judged: Judged, lengths: Sequence[int], floor: float = 0.0) -> Whitening:
-        """Filters from the residual of a structure that fits well."""
+    def of(cls, judged: Judged, lengths: Sequence[int], doubt: Sequence[float] | None = None) -> Whitening:
+        """Filters from the residual of a structure that fits well; no doubt by default."""
         jacobian = judged.descent.jacobian[:, list(judged.inside)]
-        return cls(noise_models(judged.descent.residual, jacobian, lengths), tuple(lengths), floor)
+        models = noise_models(judged.descent.residual, jacobian, lengths)
+        beside = tuple(doubt) if doubt is not None else (0.0,) * len(lengths)
+        return cls(
+            tuple(_with_white(model, d) for model, d in zip(models, beside, strict=True)), tuple(lengths), beside
+        )
 
     @property
     def samples(self) -> int:
@@ -88,13 +93,15 @@ class Whitening:
         parts = np.split(x, np.cumsum(self.lengths)[:-1])
         tiny = np.finfo(float).tiny
         white = [
-            lfilter(model.a, [1.0], part, axis=0) / np.sqrt(max(model.variance, self.floor, tiny))
+            lfilter(model.a, [1.0], part, axis=0) / np.sqrt(max(model.variance, tiny))
             for model, part in zip(self.models, parts, strict=True)
         ]
         return np.asarray(np.concatenate(white))
 
     def base(self, judged: Judged) -> Array:
         """Orthonormal base of the whitened derivatives, shape (residuals, rank)."""
+        if not judged.inside:
+            return np.zeros((len(judged.descent.residual), 0))
         J = self.white(judged.descent.jacobian[:, list(judged.inside)])
         size = np.linalg.norm(J, axis=0)
         J = np.asarray(J[:, size > 0.0] / size[size > 0.0])
@@ -105,14 +112,29 @@ class Whitening:
         return base
 
     def misfit(self, judged: Judged) -> float:
-        """Sum of squared whitened residuals that generalised least squares leaves."""
+        """Sum of squared whitened residuals that generalised least squares leaves, and the doubt's share in it."""
         r, Q = self.white(judged.descent.residual), self.base(judged)
-        return float(r @ r - np.square(Q.T @ r).sum())
+        share = [
+            length * d * float(np.square(model.a).sum()) / max(model.variance, np.finfo(float).tiny)
+            for model, length, d in zip(self.models, self.lengths, self.doubt, strict=True)
+        ]
+        return float(max(r @ r - np.square(Q.T @ r).sum(), 0.0)) + sum(share)
 
     def unexplained(self, judged: Judged, change: Array) -> float:
         """Squared size of a change of the (weighted) outputs that the parameters of `judged` cannot imitate."""
         c, Q = self.white(change), self.base(judged)
         return float(max(c @ c - np.square(Q.T @ c).sum(), 0.0))
+
+
+def _with_white(model: Autoregression, variance: float) -> Autoregression:
+    """Autoregression of the same order for the sum with white noise."""
+    if not variance > 0.0:
+        return model
+    if not model.variance > 0.0:
+        return Autoregression((1.0,), variance)
+    c = model.autocovariance(model.order + 1)
+    c[0] += variance
+    return levinson(c) or Autoregression((1.0,), float(c[0]))
 
 
 def significance(small: float, big: float, samples: int) -> float:

@@ -29,6 +29,7 @@ _MATERIAL = 1.01  # ratio of costs below which a difference does not matter, how
 _SHOWN = 0.8  # power from which a recording is said to show an effect
 _NOTABLE = 0.02  # part of the residual's RMS that an effect explains from which it is not called needless
 _SLACK = 1.02  # ratio of costs within which a structure is always looked at
+_ACCURACY = 1e-4  # of an output's standard deviation: what neither simulation nor sensor is trusted in
 _MOST = 24  # structures that are examined
 _RARE = 1e-3
 
@@ -129,12 +130,17 @@ class _Scale:
         reference = bench.judge(best.structure)
         lengths = [r.samples for r in task.recordings for _ in r.outputs]
         weights = task.problem(best.structure).weights
-        floor = float(np.min([np.square(r.resolution * weights).min() / 12.0 for r in task.recordings]))
-        return cls(bench, Whitening.of(reference, lengths, floor), fitted)
+        off = np.concatenate([_ACCURACY * r.y.std(axis=1) * weights for r in task.recordings])
+        return cls(bench, Whitening.of(reference, lengths, np.square(off).tolist()), fitted)
+
+    @property
+    def doubt(self) -> float:
+        """Weighted sum of squares that simulation and sensor may leave even if the model is right."""
+        return float(np.dot(self.whitening.lengths, self.whitening.doubt))
 
     def misfit(self, judged: Judged) -> float:
-        """Whitened sum of squares, not below what the sensor's resolution leaves."""
-        return max(self.whitening.misfit(judged), 1e-3 * self.whitening.samples)
+        """Whitened sum of squares."""
+        return max(self.whitening.misfit(judged), 1e-300)
 
     def criterion(self, judged: Judged) -> float:
         """Bayesian information criterion (Schwarz 1978) of the whitened residuals."""
@@ -143,7 +149,7 @@ class _Scale:
 
     def better(self, big: Judged, small: Judged, tests: int) -> bool:
         """Whether `big` fits significantly and materially better; `tests` structures are compared with `small`."""
-        if small.cost <= _MATERIAL * big.cost:
+        if small.cost + self.doubt <= _MATERIAL * (big.cost + self.doubt):
             return False
         found = significance(self.misfit(small), self.misfit(big), self.whitening.samples)
         return found > threshold(big.free - small.free, LEVEL / max(tests, 1))
@@ -183,16 +189,30 @@ class _Scale:
         more = self.with_effect(structure, effect)
         if more is None:
             return 0.0
-        here = max(self.bench.judge(structure).cost, 1e-300)
-        return float(1.0 - np.sqrt(min(self.bench.judge(more).cost / here, 1.0)))
+        here = self.bench.judge(structure).cost + self.doubt
+        return float(1.0 - np.sqrt(min((self.bench.judge(more).cost + self.doubt) / here, 1.0)))
 
     def loss(self, structure: Structure, effect: str) -> float | None:
         """By how much the residual's RMS grows without `effect`, a ratio minus 1; None if nothing is left then."""
         without = self.without_effect(structure, effect)
         if without is None:
             return None
-        here = max(self.bench.judge(structure).cost, 1e-300)
-        return float(np.sqrt(self.bench.judge(without).cost / here) - 1.0)
+        here = self.bench.judge(structure).cost + self.doubt
+        return float(np.sqrt((self.bench.judge(without).cost + self.doubt) / here) - 1.0)
+
+    def sampling(self, structure: Structure, effect: str) -> str | None:
+        """What to say of an effect that only makes the input late by less than a sample: data can be taken that way."""
+        placed = Placed.parse(effect)
+        if placed not in structure.placed or not placed.effect.parameters:
+            return None
+        if not all(p.lag for p in placed.effect.parameters):
+            return None
+        values = self.bench.judge(structure).values
+        total = sum(values[placed.parameter(p.symbol)] for p in placed.effect.parameters)
+        interval = self.bench.task.scales.interval
+        if total >= interval:
+            return None
+        return f"it fits, but {total:.2g} s are less than one sample ({interval:.2g} s): sampling looks like that"
 
     def card(self, effect: str, minimal: Sequence[Structure], optional: Collection[str]) -> Card:
         """Evidence for one effect, with the refits that it rests on."""
@@ -201,6 +221,9 @@ class _Scale:
         loss = self.loss(best, effect) if has(best, effect) else None
         gain = None if has(best, effect) else self.gain(best, effect)
         if len(having) == len(minimal):
+            late = self.sampling(best, effect)
+            if late is not None:
+                return Card(effect, "not decidable", loss, gain, late)
             grows = "no structure without it fits"
             if loss is not None:
                 grows = f"without it the residual is {1.0 + loss:.3g} times as large"
@@ -254,7 +277,7 @@ def _minimal_structures(scale: _Scale, progress: Callable[[Structure], None] | N
 
 def _next(scale: _Scale, n: float, accepted: Sequence[Judged], examined: Collection[Structure]) -> Structure | None:
     """Simplest structure that may be adequate by all that is known now and contains none of those accepted."""
-    cost = {s: scale.bench.cost(s) for s in scale.known}
+    cost = {s: scale.bench.cost(s) + scale.doubt for s in scale.known}
     least = min(scale.known.values(), key=lambda f: (cost[f.structure], f.free))
 
     def hopeful(f: Fitted) -> bool:

@@ -1,15 +1,18 @@
 """All structures of a grammar, simple to complex, each begun where those that it contains have ended.
 
 A structure contains others: those with an effect or a mass less. Descending from their optima, with the further effect
-drawn anew, costs little, and no structure ends worse than one it contains, since it could do without the effect. Optima
-that only show with all friction in the model are found in one *hub* for each number of masses.
+drawn anew, costs little, and no structure ends worse than one it contains, since it could do without the effect. Then
+the other way: an optimum that a larger structure has found without need for its further effect is handed down. Optima
+that only show with all friction in the model, or with all that delays the torque, are found in *hubs*, two for each
+number of masses.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +23,12 @@ from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.problem import Problem
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.identification import Identification
-from brightgrey.search.lattice import effects_of, ladder_of, simpler, without_ladder
+from brightgrey.search.lattice import effects_of, extensions, ladder_of, largest_within, without_ladder
 
 __all__ = ["Fitted", "Options", "fit_all", "fit_one"]
 
 Array = NDArray[np.float64]
+_IMPROVED = 0.999  # of the cost: what is worth another descent
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,7 @@ class Options:
     Attributes
     ----------
     parents : int
-        Simpler structures whose optima are looked at, beside that of the hub.
+        Simpler structures whose optima are looked at, beside those of the hubs.
     starts : int
         Descents: from the best of these optima.
     fresh, patience : int
@@ -64,7 +68,7 @@ class Fitted:
     ----------
     structure : Structure
     values : mapping of str to float
-        SI, fixed ones included.
+        SI, fixed ones and unknown parts of initial states included.
     cost : float
         Weighted sum of squared residuals at the level of the search.
     free : int
@@ -117,47 +121,96 @@ def fit_all(
         sizes.setdefault(s.masses + len(s.placed), []).append(s)
     done: dict[Structure, Fitted] = {}
 
-    hubs: dict[Placed, Fitted] = {}
+    hubs: list[Fitted] = []
 
     def hub(structure: Structure) -> Fitted:
         return _from_everywhere(task, structure, how, seed)
 
     def one(structure: Structure) -> Fitted:
-        parents = [done[s] for s in simpler(structure, done)]
-        return fit_one(task, structure, parents, hubs[ladder_of(structure)], how, [seed, order[structure]])
+        near = [h for h in hubs if ladder_of(h.structure) == ladder_of(structure)]
+        parents = [done[s] for s in largest_within(structure, done)]
+        return fit_one(task, structure, parents, near, how, [seed, order[structure]])
 
     with ThreadPoolExecutor(1) as single:
         pool = executor or single
-        for fitted in pool.map(hub, _hubs(structures)):
-            hubs[ladder_of(fitted.structure)] = fitted
+        hubs += pool.map(hub, _hubs(structures))
         for size in sorted(sizes):
             found = list(pool.map(one, sizes[size]))
             for fitted in found:
                 done[fitted.structure] = fitted
                 if progress is not None:
                     progress(fitted)
+        for size in sorted(sizes, reverse=True):
+            for fitted in pool.map(partial(_from_above, task, done, how), sizes[size]):
+                done[fitted.structure] = fitted
+    for s in done:
+        done[s] = _at_least_as_good(done[s], [done[t] for t in largest_within(s, done)])
     return done
 
 
-def _hubs(structures: Sequence[Structure]) -> list[Structure]:
-    """For every ladder the structure with the most laws of one port at most, and nothing else if possible.
+def _from_above(
+    task: Identification, done: Mapping[Structure, Fitted], options: Options, structure: Structure
+) -> Fitted:
+    """Descend once more where a larger structure did better and does without what it has beyond this one."""
+    own = done[structure]
+    problem, space = task.problem(structure), task.space(structure, initial=True)
+    larger = [
+        done[s].values
+        for s in extensions(structure, done)
+        if done[s].cost < own.cost and not done[s].idle and set(space.names) <= set(done[s].values)
+    ]
+    if not larger:
+        return own
+    begins = np.array([[values[name] for name in space.names] for values in larger]).T
+    begins = np.clip(begins, space.low[:, None], space.high[:, None])
+    cost = problem.costs(space.named(begins), task.settings)
+    if not cost.min() < _IMPROVED * own.cost:
+        return own
+    begin = begins[:, [int(np.argmin(cost))]]
+    (end,) = descend_many(
+        problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, rival=own.cost
+    )
+    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+    return Fitted(structure, named, end.cost, len(space.names), (), own.batches + 1 + end.evaluations)
 
-    It finds the resonances with the friction that hides them, which simpler structures cannot.
+
+def _at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
+    """`own`, or what the best structure `within` it has if that is better: it could do without the effect."""
+    best = min(within, key=lambda f: f.cost, default=own)
+    if own.cost <= best.cost:
+        return own
+    idle = (*best.idle, *effects_of(own.structure, best.structure))
+    return replace(own, values={**own.values, **best.values}, cost=best.cost, idle=idle)
+
+
+def _hubs(structures: Sequence[Structure]) -> list[Structure]:
+    """For every ladder the structures that find what simpler ones cannot.
+
+    One has the most laws of one port at most, and nothing else if possible: resonances show with the friction that
+    hides them. The other has all effects but laws of two ports: resonances show with what delays the torque.
     """
 
-    def rank(structure: Structure) -> tuple[int, int]:
-        laws = [p.effect.law is not None and p.effect.law.ports <= 1 for p in without_ladder(structure)]
-        return laws.count(False), -laws.count(True)
+    def laws(structure: Structure) -> list[int]:
+        """Ports of the laws; 0 for effects without one."""
+        return [p.effect.law.ports if p.effect.law else 0 for p in without_ladder(structure)]
+
+    def friction(structure: Structure) -> tuple[int, int]:
+        ports = laws(structure)
+        return len(ports) - ports.count(1), -ports.count(1)
+
+    def linear(structure: Structure) -> tuple[int, int]:
+        ports = laws(structure)
+        return sum(n > 1 for n in ports), -len(ports)
 
     ladders: dict[Placed, list[Structure]] = {}
     for s in structures:
         ladders.setdefault(ladder_of(s), []).append(s)
-    return [min(group, key=rank) for group in ladders.values()]
+    return list(dict.fromkeys(min(group, key=rank) for group in ladders.values() for rank in (friction, linear)))
 
 
 def _from_everywhere(task: Identification, structure: Structure, options: Options, seed: int) -> Fitted:
     """Fit a structure of which nothing is known."""
-    problem, space = task.problem(structure), task.space(structure)
+    problem, space = task.problem(structure), task.space(structure, initial=True)
     found = explore(problem, space, task.settings, [], starts=options.fresh, patience=options.patience, seed=seed)
     end = min(found.ends, key=lambda e: e.cost)
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
@@ -168,22 +221,23 @@ def fit_one(
     task: Identification,
     structure: Structure,
     parents: Sequence[Fitted],
-    hub: Fitted,
+    hubs: Sequence[Fitted],
     options: Options,
     seed: Sequence[int],
 ) -> Fitted:
-    """Fit one structure, begun where its best `parents` and its `hub` have ended."""
-    if structure == hub.structure:
-        return hub
-    problem, space = task.problem(structure), task.space(structure)
+    """Fit one structure, begun where its best `parents` and the `hubs` of its ladder have ended."""
+    problem, space = task.problem(structure), task.space(structure, initial=True)
     rng = np.random.default_rng(list(seed))
     best = sorted(parents, key=lambda p: p.cost)[: options.parents]
-    begins = sorted((_extended(task, problem, space, f, options.drawn, rng) for f in (*best, hub)), key=lambda b: b[0])
+    # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
+    origins = best if best and _two_ports(structure) else [*best, *hubs]
+    begins = sorted((_extended(task, problem, space, f, options.drawn, rng) for f in origins), key=lambda b: b[0])
+    chosen = np.stack([values for _, values in begins[: options.starts]], axis=1)
     ends = descend_many(
         problem,
         space,
         task.settings,
-        np.stack([values for _, values in begins[: options.starts]], axis=1),
+        chosen,
         limit=options.rounds,
         tolerance=options.tolerance,
         rival=best[0].cost if best else np.inf,
@@ -191,10 +245,13 @@ def fit_one(
     end = min(ends, key=lambda e: e.cost)
     batches = len(begins) + max(e.evaluations for e in ends)
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    if best and not end.cost <= best[0].cost:
-        idle = (*best[0].idle, *effects_of(structure, best[0].structure))
-        return Fitted(structure, {**named, **best[0].values}, best[0].cost, len(space.names), idle, batches)
-    return Fitted(structure, named, end.cost, len(space.names), (), batches)
+    cost = end.cost if np.isfinite(end.cost) else np.inf
+    return _at_least_as_good(Fitted(structure, named, cost, len(space.names), (), batches), best)
+
+
+def _two_ports(structure: Structure) -> bool:
+    """Whether it has a law of two ports, which takes several times as long to simulate."""
+    return any(p.effect.law is not None and p.effect.law.ports > 1 for p in structure.placed)
 
 
 def _extended(
@@ -208,10 +265,12 @@ def _extended(
     kept[own] = np.array([parent.values[space.names[i]] for i in own])[:, None]
     tried = [kept]
     for rows in (block.rows for block in space.blocks):
-        if any(i not in own for i in rows):
+        if any(i not in own for i in rows) and any(i in own for i in rows):
             anew = np.array(kept)
             anew[list(rows)] = candidates[list(rows)]
             tried.append(anew)
+    if len(own) == len(space.names):
+        tried = [kept[:, :1]]
     begins = np.clip(np.concatenate(tried, axis=1), space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
     return float(cost.min()), np.asarray(begins[:, int(np.argmin(cost))])

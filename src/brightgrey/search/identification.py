@@ -56,14 +56,15 @@ class Identification:
             if name not in known:
                 raise SettingsError(unknown_name("parameter", name, sorted(known)))
 
-    def space(self, structure: Structure) -> Search:
-        """Ranges of the free parameters of `structure`."""
+    def space(self, structure: Structure, *, initial: bool = False) -> Search:
+        """Ranges of the free parameters of `structure`; with `initial` those of unknown initial states, too."""
         own = structure.parameters
         return search_space(
             structure,
             self.scales,
             {name: limits for name, limits in self.bounds.items() if name in own},
             {name: value for name, value in self.fixed.items() if name in own},
+            self.problem(structure).unknown if initial else (),
         )
 
     def problem(self, structure: Structure) -> Problem:

@@ -50,7 +50,7 @@ class Bench:
         known = self.judged.get(structure)
         if known is not None and (structure in self.deep or not deep):
             return known
-        task, problem, space = self.task, self.task.problem(structure), self.task.space(structure)
+        task, problem, space = self.task, self.task.problem(structure), self.task.space(structure, initial=True)
         begins = self._starts(structure)
         if deep:
             named = [dict(zip(space.names, b.tolist(), strict=True)) for b in begins.T]
@@ -80,7 +80,7 @@ class Bench:
 
     def _starts(self, structure: Structure) -> Array:
         """Best starts from the structure's own fit and those of its relatives, shape (P, S), SI."""
-        space, problem = self.task.space(structure), self.task.problem(structure)
+        space, problem = self.task.space(structure, initial=True), self.task.problem(structure)
         rng = np.random.default_rng([self.seed, len(space.names)])
         own: list[Mapping[str, float]] = [self.fitted[structure].values] if structure in self.fitted else []
         kin: list[tuple[float, Mapping[str, float]]] = []
@@ -108,5 +108,7 @@ class Bench:
     def outputs(self, structure: Structure, sets: Sequence[Mapping[str, float]]) -> Array:
         """Weighted residuals at the accurate level for some values, shape (residuals, K)."""
         problem = self.task.problem(structure)
-        values = {name: np.array([s[name] for s in sets]) for name in structure.parameters}
+        names = (*structure.parameters, *(part.name for part in problem.unknown))
+        start = {part.name: part.start for part in problem.unknown}
+        values = {name: np.array([{**start, **s}[name] for s in sets]) for name in names}
         return problem.residuals(values, replace(self.task.settings, level="accurate"))

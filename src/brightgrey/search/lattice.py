@@ -6,7 +6,16 @@ from collections.abc import Collection, Iterable
 
 from brightgrey.kit import Placed, Structure
 
-__all__ = ["contains", "effects_of", "extensions", "ladder_of", "minimal", "simpler", "without_ladder"]
+__all__ = [
+    "contains",
+    "effects_of",
+    "extensions",
+    "ladder_of",
+    "largest_within",
+    "minimal",
+    "simpler",
+    "without_ladder",
+]
 
 
 def ladder_of(structure: Structure) -> Placed:
@@ -36,6 +45,15 @@ def simpler(structure: Structure, among: Iterable[Structure]) -> list[Structure]
 def extensions(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
     """Structures `among` others that have one effect, or one mass, more than `structure`."""
     return [s for s in among if _size(s) == _size(structure) + 1 and contains(s, structure)]
+
+
+def largest_within(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
+    """Largest of the structures `among` others that `structure` contains: none of them contains another."""
+    found: list[Structure] = []
+    for s in sorted((s for s in among if s != structure and contains(structure, s)), key=_size, reverse=True):
+        if not any(contains(t, s) for t in found):
+            found.append(s)
+    return found
 
 
 def minimal(structures: Collection[Structure]) -> list[Structure]:

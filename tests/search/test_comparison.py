@@ -1,0 +1,102 @@
+"""Comparison of two fits on linear regressions with noise whose colour is known."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from brightgrey.estimation.leastsquares import Descent
+from brightgrey.kit import PAPER
+from brightgrey.search.comparison import Judged, Whitening, power, significance, threshold
+
+SAMPLES = 600
+LEVEL = 0.02
+
+
+def judged(y, X, count):
+    """Least squares with the first `count` columns; residuals are simulated minus measured."""
+    J = X[:, :count]
+    values, *_ = np.linalg.lstsq(J, y, rcond=None)
+    residual = J @ values - y
+    descent = Descent(values, float(residual @ residual), True, 1, residual, J)
+    return Judged(PAPER.parse("one_mass"), {}, descent, count, tuple(range(count)))
+
+
+def regressors(rng, count=6):
+    """Slow and fast columns, as derivatives of a simulation are."""
+    t = np.linspace(0.0, 1.0, SAMPLES)
+    return np.stack([np.cos((0.5 + 2.5 * k) * np.pi * t + rng.uniform(0, 6)) for k in range(count)], axis=1)
+
+
+def noise(rng, pole):
+    white = rng.standard_normal(SAMPLES + 300)
+    return lfilter([1.0], [1.0, -pole], white)[300:]
+
+
+def found(rng, pole, size=0.0):
+    """Twice the log-likelihood ratio for the last two of six columns, which are there with `size`."""
+    X = regressors(rng)
+    y = X[:, :4] @ np.array([3.0, -2.0, 1.0, 1.0]) + noise(rng, pole) + size * X[:, 4:].sum(axis=1)
+    small, big = judged(y, X, 4), judged(y, X, 6)
+    whitening = Whitening.of(big, [SAMPLES])
+    return significance(whitening.misfit(small), whitening.misfit(big), SAMPLES), whitening, small, X
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.5, 0.9])
+def test_rate_of_false_alarms(pole):
+    """Two per cent are asked for; an estimated colour may double that, not more (400 draws)."""
+    rng = np.random.default_rng(int(100 * pole))
+    alarms = sum(found(rng, pole)[0] > threshold(2, LEVEL) for _ in range(400))
+    assert alarms <= 0.04 * 400 + 2.3 * np.sqrt(0.04 * 400)
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_power_is_what_is_promised(pole):
+    """Columns as large as a power of 80 % asks for are found in about so many draws."""
+    rng = np.random.default_rng(5)
+    hits, promised = 0, []
+    for _ in range(150):
+        _, whitening, small, X = found(rng, pole)
+        unit = whitening.unexplained(small, X[:, 4:].sum(axis=1))
+        sizes = np.geomspace(0.01, 100.0, 200)
+        size = sizes[np.argmax([power(s * s * unit, 2, LEVEL) >= 0.8 for s in sizes])]
+        promised.append(power(size * size * unit, 2, LEVEL))
+        hits += found(rng, pole, size)[0] > threshold(2, LEVEL)
+    assert np.mean(promised) == pytest.approx(0.8, abs=0.05)
+    assert hits / 150 == pytest.approx(0.8, abs=0.15)
+
+
+def test_whitened_noise_is_white():
+    rng = np.random.default_rng(3)
+    X = regressors(rng)
+    e = noise(rng, 0.9)
+    white = Whitening.of(judged(e, X, 2), [SAMPLES]).white(e)[20:]
+    assert white.std() == pytest.approx(1.0, abs=0.1)
+    assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.15
+
+
+def test_stretches_are_whitened_apart():
+    rng = np.random.default_rng(4)
+    quiet, loud = 0.1 * noise(rng, 0.5), 10.0 * noise(rng, 0.0)
+    e = np.concatenate([quiet, loud])
+    fit = judged(e, np.ones((2 * SAMPLES, 1)), 1)
+    white = Whitening.of(fit, [SAMPLES, SAMPLES]).white(e)
+    for part in np.split(white, 2):
+        assert part[20:].std() == pytest.approx(1.0, abs=0.1)
+
+
+def test_what_the_parameters_can_imitate_is_explained():
+    rng = np.random.default_rng(6)
+    X = regressors(rng)
+    small = judged(noise(rng, 0.5), X, 3)
+    whitening = Whitening.of(small, [SAMPLES])
+    inside, outside = X[:, :3] @ np.array([1.0, 2.0, -1.0]), X[:, 5]
+    assert whitening.unexplained(small, inside) < 1e-9 * whitening.unexplained(small, outside)
+
+
+def test_derivatives_that_vanish_are_left_out():
+    y = np.random.default_rng(7).standard_normal(SAMPLES)
+    X = np.zeros((SAMPLES, 2))
+    fit = judged(y, X, 2)
+    whitening = Whitening.of(fit, [SAMPLES])
+    assert whitening.base(fit).shape == (SAMPLES, 0)
+    assert whitening.misfit(fit) == pytest.approx(SAMPLES, rel=0.01)

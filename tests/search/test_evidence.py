@@ -1,0 +1,120 @@
+"""What small recordings say about the effects of a restricted set of structures."""
+
+import numpy as np
+import pytest
+
+from brightgrey.estimation import scales
+from brightgrey.kit import PAPER
+from brightgrey.recordings import Recording, Signal
+from brightgrey.search import Identification
+from brightgrey.search.evidence import weigh
+from brightgrey.search.exhaustive import fit_all
+from brightgrey.search.lattice import contains
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
+
+DT = 0.002
+F_TANH = 5.0
+
+
+def task_of(structure, values, torque, noise, *, begin=0, f_tanh=F_TANH):
+    (v,) = reference(structure, values, torque, DT, f_tanh=f_tanh)
+    y = (v + noise * np.random.default_rng(1).normal(size=v.size))[begin:]
+    t = DT * np.arange(y.size)
+    recording = Recording(
+        "made", t, torque[begin:], y[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),)
+    )
+    known = scales(recording)
+    return Identification((recording,), known, Settings(f_tanh=f_tanh, speed_scale=known.speed, level="fast"))
+
+
+def structures(effects, ladders=("one_mass",)):
+    """All of the grammar's that have nothing but these."""
+    allowed = {*effects, *ladders}
+    return [s for s in PAPER.structures() if set(s.names) <= allowed]
+
+
+def evidence(task, effects, ladders=("one_mass",)):
+    return weigh(task, fit_all(task, structures(effects, ladders)))
+
+
+def reversing():
+    t = DT * np.arange(500)
+    return 3.0 * np.sign(np.sin(2.0 * np.pi * 2.0 * t + 0.7)) * np.minimum(1.0, 20.0 * t)
+
+
+def one_way():
+    """Speed does not fall near standstill again once it has risen."""
+    t = DT * np.arange(700)
+    return 2.0 * np.minimum(1.0, 10.0 * t) + 1.2 * np.sin(2.0 * np.pi * 3.0 * t) * (t > 0.4)
+
+
+@pytest.fixture(scope="module")
+def friction():
+    values = {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
+    return evidence(
+        task_of("one_mass+coulomb+viscous", values, reversing(), 0.1), ("coulomb", "viscous", "gravity", "delay")
+    )
+
+
+def test_the_truth_is_the_only_minimal_structure(friction):
+    assert [str(j.structure) for j in friction.minimal] == ["one_mass+coulomb+viscous"]
+    verdicts = {c.effect: c.verdict for c in friction.cards}
+    assert verdicts == {"coulomb": "needed", "viscous": "needed", "gravity": "not needed", "delay": "not needed"}
+    assert friction.optional == ()
+
+
+def test_cards_carry_what_they_rest_on(friction):
+    for card in friction.cards:
+        assert card.reason
+        assert not card.reason.endswith(".")
+        if card.verdict == "needed":
+            assert card.loss > 0.01
+        else:
+            assert 0.0 <= card.gain < 0.01
+
+
+def test_the_best_criterion_is_that_of_a_minimal_structure(friction):
+    best = min(friction.criterion, key=lambda s: friction.criterion[s])
+    assert contains(best, friction.minimal[0].structure)
+
+
+def test_constant_torque_is_coulomb_friction_if_speed_never_turns():
+    values = {"J1": 0.02, "M_C": 0.4, "f_v": 0.03}
+    found = evidence(
+        task_of("one_mass+coulomb+viscous", values, one_way(), 0.1, begin=200),
+        ("coulomb", "viscous", "gravity", "stribeck"),
+    )
+    verdicts = {c.effect: c.verdict for c in found.cards}
+    assert verdicts["viscous"] == "needed"
+    assert verdicts["coulomb"] != "not needed"
+    assert verdicts["gravity"] == "not decidable"
+    assert verdicts["stribeck"] == "not decidable"
+
+
+def test_masses_are_needed_cumulatively():
+    values = {"J1": 0.012, "J2": 0.01, "c1": 25.0, "d1": 0.05, "f_v": 0.03}
+    found = evidence(
+        task_of("two_mass+viscous", values, reversing(), 0.1), ("viscous",), ("one_mass", "two_mass", "three_mass")
+    )
+    verdicts = {c.effect: c.verdict for c in found.cards}
+    assert verdicts["two_mass"] == "needed"
+    assert verdicts["viscous"] == "needed"
+    assert verdicts["three_mass"] != "needed"
+    assert "one_mass" not in verdicts
+
+
+def test_a_recording_in_which_nothing_moves_decides_nothing():
+    task = task_of("one_mass+coulomb", {"J1": 0.02, "M_C": 0.12}, 0.02 * reversing(), 0.1, f_tanh=500.0)
+    found = evidence(task, ("coulomb", "viscous"))
+    assert {c.verdict for c in found.cards} <= {"not decidable"}
+
+
+def test_nearly_exact_data_need_no_effect_beyond_the_truth():
+    values = {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
+    found = evidence(
+        task_of("one_mass+coulomb+viscous", values, reversing(), 0.0),
+        ("coulomb", "viscous", "stribeck", "gravity", "delay"),
+        ("one_mass", "two_mass"),
+    )
+    assert [str(j.structure) for j in found.minimal] == ["one_mass+coulomb+viscous"]

@@ -1,0 +1,51 @@
+"""Which structure contains which."""
+
+import pytest
+
+from brightgrey.kit import PAPER
+from brightgrey.search.lattice import contains, effects_of, extensions, minimal, simpler
+
+ALL = list(PAPER.structures())
+
+
+def s(text):
+    return PAPER.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("big", "small", "held"),
+    [
+        ("two_mass+coulomb", "one_mass+coulomb", True),
+        ("two_mass+coulomb", "two_mass", True),
+        ("two_mass+coulomb", "one_mass+viscous", False),
+        ("one_mass+coulomb", "two_mass", False),
+        ("one_mass", "one_mass", True),
+        ("four_mass+delay", "one_mass", True),
+    ],
+)
+def test_masses_count_cumulatively(big, small, held):
+    assert contains(s(big), s(small)) is held
+
+
+@pytest.mark.parametrize("structure", ALL[::37], ids=str)
+def test_neighbours_differ_by_one_step(structure):
+    for big in extensions(structure, ALL):
+        assert structure in simpler(big, ALL)
+        assert contains(big, structure)
+        assert len(effects_of(big, structure)) == 1
+        assert abs(big.masses - structure.masses) + abs(len(big.placed) - len(structure.placed)) == 1
+
+
+def test_everything_is_between_the_smallest_and_the_largest():
+    assert minimal(ALL) == [s("one_mass")]
+    most = [t for t in ALL if not extensions(t, ALL)]
+    assert most == [max(ALL, key=lambda t: (t.masses, len(t.placed)))]
+
+
+def test_minimal_ones_keep_their_order():
+    given = [s("two_mass+coulomb"), s("one_mass+viscous"), s("two_mass+coulomb+viscous"), s("one_mass+coulomb+delay")]
+    assert minimal(given) == [given[0], given[1], given[3]]
+
+
+def test_effects_beyond_name_the_masses_first():
+    assert effects_of(s("three_mass+coulomb+delay"), s("one_mass+delay")) == ("three_mass", "coulomb")
