@@ -72,6 +72,8 @@ class Evidence:
     cards : tuple of Card
     judged : mapping of Structure to Judged
         All structures that were refitted.
+    criterion : mapping of Structure to float
+        Bayesian information criterion of their whitened residuals; less is better.
     independent : float
         Number of independent samples that the residuals are worth.
     """
@@ -80,6 +82,7 @@ class Evidence:
     optional: tuple[str, ...]
     cards: tuple[Card, ...]
     judged: Mapping[Structure, Judged]
+    criterion: Mapping[Structure, float]
     independent: float
 
 
@@ -111,7 +114,9 @@ def weigh(
     }
     optional = tuple(e for e in effects if any(e in of and not of[e] for of in shown.values()))
     cards = tuple(scale.card(e, structures, optional) for e in effects)
-    return Evidence(tuple(minimal), optional, cards, dict(scale.bench.judged), _independent(scale))
+    judged = dict(scale.bench.judged)
+    criterion = {s: scale.criterion(j) for s, j in judged.items()}
+    return Evidence(tuple(minimal), optional, cards, judged, criterion, _independent(scale))
 
 
 @dataclass
