@@ -29,7 +29,11 @@ def state(folder):
 
 
 CASES = {
-    "no structure": (("identify", "good.csv", *GOOD[:4]), ["--structure", "brightgrey effects"]),
+    "unknown search": (("identify", "good.csv", *GOOD[:4], "--search", "exhaustiv"), ["Did you mean 'exhaustive'?"]),
+    "unknown wish": (
+        ("identify", "good.csv", *GOOD[:4], "--require", "colomb"),
+        ["Did you mean 'coulomb'?"],
+    ),
     "unknown effect": (
         ("identify", "good.csv", *GOOD[:5], "one_mas"),
         ["'one_mas'", "Did you mean 'one_mass'?"],

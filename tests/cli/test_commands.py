@@ -264,7 +264,7 @@ def test_reproduce(tmp_path, call):
     ("options", "message"),
     [
         (("--search", "genetics"), "Did you mean 'genetic'"),
-        (("--search", "genetic", "--structure", STRUCTURE), "exclude each other"),
+        (("--search", "genetic", "--structure", STRUCTURE), "--structure excludes --search"),
         (("--structure", STRUCTURE, "--k-p", 1), "--k-p belongs to a search"),
         (("--search", "genetic", "--mutation", "points=0.1"), "Did you mean 'point'"),
         (("--search", "genetic", "--mutation", "point"), "NAME=PROBABILITY"),

@@ -47,7 +47,7 @@ def test_estimated_speed_is_limited_by_the_sensors_noise():
 def test_position_in_the_gap_is_searched_for_where_a_recording_begins_in_motion():
     structure = PAPER.parse("two_mass+viscous+backlash")
     values = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "f_v": 0.05, "alpha": 0.05}
-    x0 = np.array([0.0, 0.0, 8.0, 8.0, -0.06])  # 0.6 of the gap
+    x0 = np.array([0.0, 0.06, 8.0, 8.0, -0.06])  # 0.6 of the gap, the shaft relaxed
     recording = drive(8.0, 0.01, structure=structure, values=values, x0=x0)
     names = [part.name for part in Onset.of(recording, "auto", "", ("lambda1",)).unknown]
     assert names == ["speed(0)", "lambda1(0)/width"]

@@ -9,9 +9,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.effects import Element
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.scales import speed_of
-from brightgrey.kit import StateSpace
+from brightgrey.kit import Placed, StateSpace
 from brightgrey.recordings import Recording
 
 __all__ = ["Initial", "Onset", "Unknown", "check_initial", "initial_state", "noise_of"]
@@ -114,7 +115,7 @@ class Onset:
     def state(self, system: StateSpace, u: float, values: Mapping[str, Array]) -> Array:
         """Initial states, shape (n, K) or (n, 1): of the unknown parts, `values` holds arrays of shape (K,).
 
-        A limited state is counted in widths of its range, from its upper limit.
+        A limited state is counted in widths of its range, from its upper limit; the shaft it stands in is relaxed.
         """
 
         def known(name: str, otherwise: float) -> Array:
@@ -132,7 +133,19 @@ class Onset:
                 low, high = element.limits.lower, element.limits.upper
                 share = known(f"{system.state_names[element.limits.state]}(0)/width", 0.0)
                 rows[element.limits.state] = np.atleast_1d(high + share * (high - low))
-        return np.array(np.broadcast_arrays(*rows))
+        x = np.array(np.broadcast_arrays(*rows))
+        for element in system.elements:
+            if element.limits is not None:
+                _relax(x, system, element)
+        return x
+
+
+def _relax(x: Array, system: StateSpace, element: Element) -> None:
+    """Shift the masses behind a limited state so that it rests: a shaft that moves evenly is not wound up."""
+    row = element.H[0].reshape(len(x), -1)
+    place = Placed.parse(element.name).place
+    behind = [i for i, name in enumerate(system.state_names) if name.startswith("q") and int(name[1:]) > place]
+    x[behind] -= (row * x).sum(axis=0) / row[behind].sum(axis=0)
 
 
 def _speed_noise(recording: Recording, noise: Array) -> float:

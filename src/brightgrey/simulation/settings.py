@@ -87,4 +87,4 @@ def tolerances(level: Level, limits: bool = False) -> Tolerances:
     """
     if level == "fast":
         return Tolerances(error=1e-5 if limits else 1e-4, newton=1, change=1e-3, ticks=5, turn=1.0, most=8)
-    return Tolerances(error=1e-7 if limits else 5e-7, newton=2, change=1e-4, ticks=7, turn=0.5, most=64)
+    return Tolerances(error=1e-8 if limits else 5e-7, newton=2, change=1e-4, ticks=7, turn=0.5, most=64)
