@@ -97,9 +97,9 @@ def _root(course: Any, limit: Any, left: Any, right: Any, scale: Any, lane: Any)
         if not (left < guess < right):
             guess = 0.5 * (left + right)
         if abs(guess - moment) <= 1e-16 * scale or guess <= left or guess >= right:
-            return right
+            return guess
         moment = guess
-    return right
+    return moment
 
 
 @inner
