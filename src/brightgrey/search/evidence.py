@@ -30,6 +30,7 @@ _SHOWN = 0.8  # power from which a recording is said to show an effect
 _NOTABLE = 0.02  # part of the residual's RMS that an effect explains from which it is not called needless
 _SLACK = 1.02  # ratio of costs within which a structure is always looked at
 _ACCURACY = 1e-4  # of an output's standard deviation: what neither simulation nor sensor is trusted in
+_ROUGH = 3e-4  # the same at the level of the search; it is worse than that in few of a hundred drives
 _MOST = 24  # structures that are examined
 _RARE = 1e-3
 
@@ -275,7 +276,8 @@ def _minimal_structures(scale: _Scale, progress: Callable[[Structure], None] | N
 
 def _next(scale: _Scale, n: float, accepted: Sequence[Judged], examined: Collection[Structure]) -> Structure | None:
     """Simplest structure that may be adequate by all that is known now and contains none of those accepted."""
-    cost = {s: scale.bench.cost(s) + scale.doubt for s in scale.known}
+    rough = scale.doubt * (_ROUGH / _ACCURACY) ** 2
+    cost = {s: scale.bench.cost(s) + rough for s in scale.known}
     least = min(scale.known.values(), key=lambda f: (cost[f.structure], f.free))
 
     def hopeful(f: Fitted) -> bool:
