@@ -154,7 +154,12 @@ class _Scale:
         return found > threshold(big.free - small.free, LEVEL / max(tests, 1))
 
     def shown(self, structure: Structure, effect: str) -> bool:
-        """Whether the recording would have shown `effect` beside `structure` at the least size that matters."""
+        """Whether the recording shows that `effect` is not there at the least size that matters, beside `structure`.
+
+        It would have been found: its power is enough for small changes. And it is refuted: with the effect held at
+        that size and all else fitted anew, the fit is significantly worse. Friction bends so much that small changes
+        alone promise too much.
+        """
         big = self.with_effect(structure, effect)
         placed = Placed.parse(effect)
         if big is None or placed.effect.noticeable is None:
@@ -162,12 +167,17 @@ class _Scale:
         judged = self.bench.judge(structure)
         task = self.bench.task
         changed = placed.effect.noticeable(task.scales, judged.values)
-        values = {**task.standard(big), **judged.values}
-        values |= {placed.parameter(symbol): float(value) for symbol, value in changed.items()}
+        least = {placed.parameter(symbol): float(value) for symbol, value in changed.items()}
+        values = {**task.standard(big), **judged.values, **least}
         change = self.bench.outputs(big, [values])[:, 0] - judged.descent.residual
         size = self.whitening.unexplained(judged, change)
         tests = len(extensions(structure, self.known))
-        return power(size, len(placed.effect.parameters), LEVEL / max(tests, 1)) >= _SHOWN
+        if power(size, len(placed.effect.parameters), LEVEL / max(tests, 1)) < _SHOWN:
+            return False
+        own = {name: value for name, value in least.items() if name not in structure.parameters}
+        held = self.bench.held(big, values, own)
+        found = significance(self.misfit(held), self.misfit(judged), self.whitening.samples)
+        return found > threshold(1, LEVEL)
 
     def with_effect(self, structure: Structure, effect: str) -> Structure | None:
         """Least structure that has `effect` beyond `structure`, one mass or one effect more."""

@@ -24,6 +24,17 @@ _RELATIVES = 6  # starts that are taken over from relatives
 _DESCENTS = 3  # of the best of all starts
 
 
+def _finished(task: Identification, structure: Structure, begin: Array) -> Judged:
+    """Last descent, at the accurate level."""
+    problem, space = task.problem(structure), task.space(structure, initial=True)
+    end = descend(problem, space, replace(task.settings, level="accurate"), begin)
+    theta, low, high = (space.inward(v) for v in (end.values, space.low, space.high))
+    near = _AT_BOUND * (high - low)
+    inside = np.flatnonzero((theta - low > near) & (high - theta > near))
+    values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+    return Judged(structure, values, end, len(space.names), tuple(inside.tolist()))
+
+
 @dataclass
 class Bench:
     """Keeps what has been refitted.
@@ -63,15 +74,20 @@ class Bench:
         else:
             ends = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=np.inf)
         best = min(ends, key=lambda e: e.cost)
-        end = descend(problem, space, replace(task.settings, level="accurate"), best.values)
+        end = _finished(task, structure, best.values)
         if known is not None and known.cost <= end.cost:
             return known
-        theta, low, high = (space.inward(v) for v in (end.values, space.low, space.high))
-        near = _AT_BOUND * (high - low)
-        inside = np.flatnonzero((theta - low > near) & (high - theta > near))
-        values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-        self.judged[structure] = Judged(structure, values, end, len(space.names), tuple(inside.tolist()))
-        return self.judged[structure]
+        self.judged[structure] = end
+        return end
+
+    def held(self, structure: Structure, values: Mapping[str, float], held: Mapping[str, float]) -> Judged:
+        """Refit from `values` with some of them held; nothing is kept."""
+        task = replace(self.task, fixed={**self.task.fixed, **held})
+        space = task.space(structure, initial=True)
+        begin = np.array([values.get(name, start) for name, start in zip(space.names, space.start, strict=True)])
+        begin = np.clip(begin, space.low, space.high)
+        (end,) = descend_many(task.problem(structure), space, task.settings, begin[:, None], tolerance=1e-4)
+        return _finished(task, structure, end.values)
 
     def cost(self, structure: Structure) -> float:
         """Least cost known of `structure`: its own, or that of a refitted one that it contains."""
