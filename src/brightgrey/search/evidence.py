@@ -19,7 +19,7 @@ from brightgrey.search.comparison import Judged, Whitening, power, significance,
 from brightgrey.search.exhaustive import Fitted
 from brightgrey.search.identification import Identification
 from brightgrey.search.judging import Bench
-from brightgrey.search.lattice import contains, effects_of, extensions, ladder_of, simpler
+from brightgrey.search.lattice import contains, effects_of, extensions, ladder_of, minimal, simpler
 
 __all__ = ["Card", "Evidence", "weigh"]
 
@@ -100,8 +100,8 @@ def weigh(
         Called with every structure that is examined.
     """
     scale = _Scale.of(task, fitted, seed)
-    minimal = _minimal_structures(scale, progress)
-    structures = [j.structure for j in minimal]
+    found = _minimal_structures(scale, progress)
+    structures = [j.structure for j in found]
     effects = _all_effects(fitted)
     shown = {
         s: {e: scale.shown(s, e) and not scale.gain(s, e) > _NOTABLE for e in effects if not _has(s, e)}
@@ -110,7 +110,7 @@ def weigh(
     optional = tuple(e for e in effects if any(e in of and not of[e] for of in shown.values()))
     cards = tuple(scale.card(e, structures, optional) for e in effects)
     criterion = {s: scale.criterion(j) for s, j in scale.bench.judged.items()}
-    return Evidence(tuple(minimal), optional, cards, criterion)
+    return Evidence(tuple(found), optional, cards, criterion)
 
 
 @dataclass
@@ -223,13 +223,13 @@ class _Scale:
             return None
         return f"it fits, but {total:.2g} s are less than one sample ({interval:.2g} s): sampling looks like that"
 
-    def card(self, effect: str, minimal: Sequence[Structure], optional: Collection[str]) -> Card:
-        """Evidence for one effect, with the refits that it rests on."""
-        having = [s for s in minimal if _has(s, effect)]
-        best = minimal[0]
+    def card(self, effect: str, found: Sequence[Structure], optional: Collection[str]) -> Card:
+        """Evidence for one effect, with the refits that it rests on; `found` are the minimal structures."""
+        having = [s for s in found if _has(s, effect)]
+        best = found[0]
         loss = self.loss(best, effect) if _has(best, effect) else None
         gain = None if _has(best, effect) else self.gain(best, effect)
-        if len(having) == len(minimal):
+        if len(having) == len(found):
             late = self.sampling(best, effect)
             if late is not None:
                 return Card(effect, "not decidable", loss, gain, late)
@@ -238,7 +238,7 @@ class _Scale:
                 grows = f"without it the residual grows by {100.0 * loss:.3g} %"
             return Card(effect, "needed", loss, gain, grows)
         if having:
-            others = next(s for s in minimal if s not in having)
+            others = next(s for s in found if s not in having)
             return Card(effect, "not decidable", loss, gain, f"{having[0]} and {others} fit equally well")
         if effect not in optional:
             return Card(
@@ -268,7 +268,7 @@ def _has(structure: Structure, effect: str) -> bool:
 
 
 def _minimal_structures(scale: _Scale, progress: Callable[[Structure], None] | None) -> list[Judged]:
-    """Adequate structures that contain no other adequate one: simple ones first, until none is left to be examined."""
+    """Adequate structures that contain no other adequate one: hopeful ones first, until none is left to be examined."""
     n = _independent(scale)
     accepted: list[Judged] = []
     examined: set[Structure] = set()
@@ -281,11 +281,18 @@ def _minimal_structures(scale: _Scale, progress: Callable[[Structure], None] | N
             progress(structure)
         if _adequate(scale, structure):
             accepted.append(scale.bench.judge(structure))
-    return sorted(accepted, key=scale.criterion)
+    rejected = sorted(examined - {j.structure for j in accepted}, key=str)
+    improved = [s for s in rejected if scale.bench.improve(s)]
+    accepted += [scale.bench.judge(s) for s in improved if _adequate(scale, s)]
+    least = minimal([j.structure for j in accepted])
+    return sorted((j for j in accepted if j.structure in least), key=scale.criterion)
 
 
 def _next(scale: _Scale, n: float, accepted: Sequence[Judged], examined: Collection[Structure]) -> Structure | None:
-    """Simplest structure that may be adequate by all that is known now and contains none of those accepted."""
+    """Structure that may be adequate by all that is known now and contains none of those accepted.
+
+    Of several the one with the least Bayesian information criterion, by the number of independent samples.
+    """
     rough = scale.doubt * (_ROUGH / _ACCURACY) ** 2
     cost = {s: scale.bench.cost(s) + rough for s in scale.known}
     least = min(scale.known.values(), key=lambda f: (cost[f.structure], f.free))
@@ -300,7 +307,11 @@ def _next(scale: _Scale, n: float, accepted: Sequence[Judged], examined: Collect
         for f in scale.known.values()
         if f.structure not in examined and hopeful(f) and not any(contains(f.structure, j.structure) for j in accepted)
     ]
-    return min(left, key=lambda f: (f.free, cost[f.structure])).structure if left else None
+
+    def promise(f: Fitted) -> tuple[float, int]:
+        return n * float(np.log(max(cost[f.structure], 1e-300))) + f.free * float(np.log(n)), f.free
+
+    return min(left, key=promise).structure if left else None
 
 
 def _adequate(scale: _Scale, structure: Structure) -> bool:

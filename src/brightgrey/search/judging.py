@@ -20,6 +20,7 @@ __all__ = ["Bench"]
 
 Array = NDArray[np.float64]
 _AT_BOUND = 1e-4  # of the searched range
+_IMPROVED = 0.999  # of the cost: what counts as better
 _RELATIVES = 6  # starts that are taken over from relatives
 _DESCENTS = 3  # of the best of all starts
 
@@ -79,6 +80,27 @@ class Bench:
             return known
         self.judged[structure] = end
         return end
+
+    def improve(self, structure: Structure) -> bool:
+        """Refit from a larger structure that has meanwhile come to fit better; whether that has helped."""
+        own, task = self.judged[structure], self.task
+        problem, space = task.problem(structure), task.space(structure, initial=True)
+        larger = [
+            [j.values.get(name, start) for name, start in zip(space.names, space.start, strict=True)]
+            for s, j in self.judged.items()
+            if s != structure and contains(s, structure) and j.cost < _IMPROVED * own.cost
+        ]
+        if not larger:
+            return False
+        begins = np.clip(np.array(larger).T, space.low[:, None], space.high[:, None])
+        cost = problem.costs(space.named(begins), task.settings)
+        begin = begins[:, [int(np.argmin(cost))]]
+        (end,) = descend_many(problem, space, task.settings, begin, limit=30, tolerance=1e-4, rival=own.cost)
+        new = _finished(task, structure, end.values)
+        if new.cost >= _IMPROVED * own.cost:
+            return False
+        self.judged[structure] = new
+        return True
 
     def held(self, structure: Structure, values: Mapping[str, float], held: Mapping[str, float]) -> Judged:
         """Refit from `values` with some of them held; nothing is kept."""
