@@ -1,5 +1,7 @@
 """Comparison of two fits on linear regressions with noise whose colour is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -93,10 +95,21 @@ def test_what_the_parameters_can_imitate_is_explained():
     assert whitening.unexplained(small, inside) < 1e-9 * whitening.unexplained(small, outside)
 
 
+def test_a_parameter_at_its_bound_imitates_but_does_not_fit():
+    rng = np.random.default_rng(8)
+    X = regressors(rng)
+    free = judged(noise(rng, 0.5) + X[:, 2], X, 3)
+    bound = replace(free, inside=(0, 1))
+    whitening = Whitening.of(free, [SAMPLES])
+    assert whitening.unexplained(bound, X[:, 2]) == whitening.unexplained(free, X[:, 2])
+    moved = replace(bound, descent=bound.descent._replace(residual=bound.descent.residual + 5.0 * X[:, 2]))
+    assert whitening.misfit(moved) > 2.0 * whitening.misfit(free)
+
+
 def test_derivatives_that_vanish_are_left_out():
     y = np.random.default_rng(7).standard_normal(SAMPLES)
     X = np.zeros((SAMPLES, 2))
     fit = judged(y, X, 2)
     whitening = Whitening.of(fit, [SAMPLES])
-    assert whitening.base(fit).shape == (SAMPLES, 0)
+    assert whitening.base(fit, fit.inside).shape == (SAMPLES, 0)
     assert whitening.misfit(fit) == pytest.approx(SAMPLES, rel=0.01)

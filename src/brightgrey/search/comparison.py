@@ -98,11 +98,11 @@ class Whitening:
         ]
         return np.asarray(np.concatenate(white))
 
-    def base(self, judged: Judged) -> Array:
-        """Orthonormal base of the whitened derivatives, shape (residuals, rank)."""
-        if not judged.inside:
+    def base(self, judged: Judged, columns: Sequence[int]) -> Array:
+        """Orthonormal base of some whitened derivatives, shape (residuals, rank)."""
+        if not len(columns):
             return np.zeros((len(judged.descent.residual), 0))
-        J = self.white(judged.descent.jacobian[:, list(judged.inside)])
+        J = self.white(judged.descent.jacobian[:, list(columns)])
         size = np.linalg.norm(J, axis=0)
         J = np.asarray(J[:, size > 0.0] / size[size > 0.0])
         if not J.shape[1]:
@@ -113,7 +113,7 @@ class Whitening:
 
     def misfit(self, judged: Judged) -> float:
         """Sum of squared whitened residuals that generalised least squares leaves, and the doubt's share in it."""
-        r, Q = self.white(judged.descent.residual), self.base(judged)
+        r, Q = self.white(judged.descent.residual), self.base(judged, judged.inside)
         share = [
             length * d * float(np.square(model.a).sum()) / max(model.variance, np.finfo(float).tiny)
             for model, length, d in zip(self.models, self.lengths, self.doubt, strict=True)
@@ -121,8 +121,11 @@ class Whitening:
         return float(max(r @ r - np.square(Q.T @ r).sum(), 0.0)) + sum(share)
 
     def unexplained(self, judged: Judged, change: Array) -> float:
-        """Squared size of a change of the (weighted) outputs that the parameters of `judged` cannot imitate."""
-        c, Q = self.white(change), self.base(judged)
+        """Squared size of a change of the (weighted) outputs that the parameters of `judged` cannot imitate.
+
+        Those at a bound count, too: they can leave it.
+        """
+        c, Q = self.white(change), self.base(judged, range(judged.descent.jacobian.shape[1]))
         return float(max(c @ c - np.square(Q.T @ c).sum(), 0.0))
 
 

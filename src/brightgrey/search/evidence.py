@@ -19,7 +19,7 @@ from brightgrey.search.comparison import Judged, Whitening, power, significance,
 from brightgrey.search.exhaustive import Fitted
 from brightgrey.search.identification import Identification
 from brightgrey.search.judging import Bench
-from brightgrey.search.lattice import contains, effects_of, extensions, ladder_of, simpler
+from brightgrey.search.lattice import contains, effects_of, extensions, ladder_of, minimal, simpler
 
 __all__ = ["Card", "Evidence", "has", "weigh"]
 
@@ -30,6 +30,7 @@ _SHOWN = 0.8  # power from which a recording is said to show an effect
 _NOTABLE = 0.02  # part of the residual's RMS that an effect explains from which it is not called needless
 _SLACK = 1.02  # ratio of costs within which a structure is always looked at
 _ACCURACY = 1e-4  # of an output's standard deviation: what neither simulation nor sensor is trusted in
+_ROUGH = 3e-4  # the same at the level of the search; it is worse than that in few of a hundred drives
 _MOST = 24  # structures that are examined
 _RARE = 1e-3
 
@@ -105,8 +106,8 @@ def weigh(
         Called with every structure that is examined.
     """
     scale = _Scale.of(task, fitted, seed)
-    minimal = _minimal_structures(scale, progress)
-    structures = [j.structure for j in minimal]
+    found = _minimal_structures(scale, progress)
+    structures = [j.structure for j in found]
     effects = _all_effects(fitted)
     shown = {
         s: {e: scale.shown(s, e) and not scale.gain(s, e) > _NOTABLE for e in effects if not has(s, e)}
@@ -116,7 +117,7 @@ def weigh(
     cards = tuple(scale.card(e, structures, optional) for e in effects)
     judged = dict(scale.bench.judged)
     criterion = {s: scale.criterion(j) for s, j in judged.items()}
-    return Evidence(tuple(minimal), optional, cards, judged, criterion, _independent(scale))
+    return Evidence(tuple(found), optional, cards, judged, criterion, _independent(scale))
 
 
 @dataclass
@@ -160,7 +161,12 @@ class _Scale:
         return found > threshold(big.free - small.free, LEVEL / max(tests, 1))
 
     def shown(self, structure: Structure, effect: str) -> bool:
-        """Whether the recording would have shown `effect` beside `structure` at the least size that matters."""
+        """Whether the recording shows that `effect` is not there at the least size that matters, beside `structure`.
+
+        It would have been found: its power is enough for small changes. And it is refuted: with the effect held at
+        that size and all else fitted anew, the fit is significantly worse. Friction bends so much that small changes
+        alone promise too much.
+        """
         big = self.with_effect(structure, effect)
         placed = Placed.parse(effect)
         if big is None or placed.effect.noticeable is None:
@@ -168,12 +174,17 @@ class _Scale:
         judged = self.bench.judge(structure)
         task = self.bench.task
         changed = placed.effect.noticeable(task.scales, judged.values)
-        values = {**task.standard(big), **judged.values}
-        values |= {placed.parameter(symbol): float(value) for symbol, value in changed.items()}
+        least = {placed.parameter(symbol): float(value) for symbol, value in changed.items()}
+        values = {**task.standard(big), **judged.values, **least}
         change = self.bench.outputs(big, [values])[:, 0] - judged.descent.residual
         size = self.whitening.unexplained(judged, change)
         tests = len(extensions(structure, self.known))
-        return power(size, len(placed.effect.parameters), LEVEL / max(tests, 1)) >= _SHOWN
+        if power(size, len(placed.effect.parameters), LEVEL / max(tests, 1)) < _SHOWN:
+            return False
+        own = {name: value for name, value in least.items() if name not in structure.parameters}
+        held = self.bench.held(big, values, own)
+        found = significance(self.misfit(held), self.misfit(judged), self.whitening.samples)
+        return found > threshold(1, LEVEL)
 
     def with_effect(self, structure: Structure, effect: str) -> Structure | None:
         """Least structure that has `effect` beyond `structure`, one mass or one effect more."""
@@ -219,13 +230,13 @@ class _Scale:
             return None
         return f"it fits, but {total:.2g} s are less than one sample ({interval:.2g} s): sampling looks like that"
 
-    def card(self, effect: str, minimal: Sequence[Structure], optional: Collection[str]) -> Card:
-        """Evidence for one effect, with the refits that it rests on."""
-        having = [s for s in minimal if has(s, effect)]
-        best = minimal[0]
+    def card(self, effect: str, found: Sequence[Structure], optional: Collection[str]) -> Card:
+        """Evidence for one effect, with the refits that it rests on; `found` are the minimal structures."""
+        having = [s for s in found if has(s, effect)]
+        best = found[0]
         loss = self.loss(best, effect) if has(best, effect) else None
         gain = None if has(best, effect) else self.gain(best, effect)
-        if len(having) == len(minimal):
+        if len(having) == len(found):
             late = self.sampling(best, effect)
             if late is not None:
                 return Card(effect, "not decidable", loss, gain, late)
@@ -234,7 +245,7 @@ class _Scale:
                 grows = f"without it the residual is {1.0 + loss:.3g} times as large"
             return Card(effect, "needed", loss, gain, grows)
         if having:
-            others = next(s for s in minimal if s not in having)
+            others = next(s for s in found if s not in having)
             return Card(effect, "not decidable", loss, gain, f"{having[0]} and {others} fit equally well")
         if effect not in optional:
             return Card(
@@ -264,7 +275,7 @@ def has(structure: Structure, effect: str) -> bool:
 
 
 def _minimal_structures(scale: _Scale, progress: Callable[[Structure], None] | None) -> list[Judged]:
-    """Adequate structures that contain no other adequate one: simple ones first, until none is left to be examined."""
+    """Adequate structures that contain no other adequate one: hopeful ones first, until none is left to be examined."""
     n = _independent(scale)
     accepted: list[Judged] = []
     examined: set[Structure] = set()
@@ -277,12 +288,20 @@ def _minimal_structures(scale: _Scale, progress: Callable[[Structure], None] | N
             progress(structure)
         if _adequate(scale, structure):
             accepted.append(scale.bench.judge(structure))
-    return sorted(accepted, key=scale.criterion)
+    rejected = sorted(examined - {j.structure for j in accepted}, key=str)
+    improved = [s for s in rejected if scale.bench.improve(s)]
+    accepted += [scale.bench.judge(s) for s in improved if _adequate(scale, s)]
+    least = minimal([j.structure for j in accepted])
+    return sorted((j for j in accepted if j.structure in least), key=scale.criterion)
 
 
 def _next(scale: _Scale, n: float, accepted: Sequence[Judged], examined: Collection[Structure]) -> Structure | None:
-    """Simplest structure that may be adequate by all that is known now and contains none of those accepted."""
-    cost = {s: scale.bench.cost(s) + scale.doubt for s in scale.known}
+    """Structure that may be adequate by all that is known now and contains none of those accepted.
+
+    Of several the one with the least Bayesian information criterion, by the number of independent samples.
+    """
+    rough = scale.doubt * (_ROUGH / _ACCURACY) ** 2
+    cost = {s: scale.bench.cost(s) + rough for s in scale.known}
     least = min(scale.known.values(), key=lambda f: (cost[f.structure], f.free))
 
     def hopeful(f: Fitted) -> bool:
@@ -295,7 +314,11 @@ def _next(scale: _Scale, n: float, accepted: Sequence[Judged], examined: Collect
         for f in scale.known.values()
         if f.structure not in examined and hopeful(f) and not any(contains(f.structure, j.structure) for j in accepted)
     ]
-    return min(left, key=lambda f: (f.free, cost[f.structure])).structure if left else None
+
+    def promise(f: Fitted) -> tuple[float, int]:
+        return n * float(np.log(max(cost[f.structure], 1e-300))) + f.free * float(np.log(n)), f.free
+
+    return min(left, key=promise).structure if left else None
 
 
 def _adequate(scale: _Scale, structure: Structure) -> bool:

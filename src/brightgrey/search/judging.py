@@ -20,8 +20,20 @@ __all__ = ["Bench"]
 
 Array = NDArray[np.float64]
 _AT_BOUND = 1e-4  # of the searched range
+_IMPROVED = 0.999  # of the cost: what counts as better
 _RELATIVES = 6  # starts that are taken over from relatives
 _DESCENTS = 3  # of the best of all starts
+
+
+def _finished(task: Identification, structure: Structure, begin: Array) -> Judged:
+    """Last descent, at the accurate level."""
+    problem, space = task.problem(structure), task.space(structure, initial=True)
+    end = descend(problem, space, replace(task.settings, level="accurate"), begin)
+    theta, low, high = (space.inward(v) for v in (end.values, space.low, space.high))
+    near = _AT_BOUND * (high - low)
+    inside = np.flatnonzero((theta - low > near) & (high - theta > near))
+    values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+    return Judged(structure, values, end, len(space.names), tuple(inside.tolist()))
 
 
 @dataclass
@@ -63,15 +75,41 @@ class Bench:
         else:
             ends = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=np.inf)
         best = min(ends, key=lambda e: e.cost)
-        end = descend(problem, space, replace(task.settings, level="accurate"), best.values)
+        end = _finished(task, structure, best.values)
         if known is not None and known.cost <= end.cost:
             return known
-        theta, low, high = (space.inward(v) for v in (end.values, space.low, space.high))
-        near = _AT_BOUND * (high - low)
-        inside = np.flatnonzero((theta - low > near) & (high - theta > near))
-        values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-        self.judged[structure] = Judged(structure, values, end, len(space.names), tuple(inside.tolist()))
-        return self.judged[structure]
+        self.judged[structure] = end
+        return end
+
+    def improve(self, structure: Structure) -> bool:
+        """Refit from a larger structure that has meanwhile come to fit better; whether that has helped."""
+        own, task = self.judged[structure], self.task
+        problem, space = task.problem(structure), task.space(structure, initial=True)
+        larger = [
+            [j.values.get(name, start) for name, start in zip(space.names, space.start, strict=True)]
+            for s, j in self.judged.items()
+            if s != structure and contains(s, structure) and j.cost < _IMPROVED * own.cost
+        ]
+        if not larger:
+            return False
+        begins = np.clip(np.array(larger).T, space.low[:, None], space.high[:, None])
+        cost = problem.costs(space.named(begins), task.settings)
+        begin = begins[:, [int(np.argmin(cost))]]
+        (end,) = descend_many(problem, space, task.settings, begin, limit=30, tolerance=1e-4, rival=own.cost)
+        new = _finished(task, structure, end.values)
+        if new.cost >= _IMPROVED * own.cost:
+            return False
+        self.judged[structure] = new
+        return True
+
+    def held(self, structure: Structure, values: Mapping[str, float], held: Mapping[str, float]) -> Judged:
+        """Refit from `values` with some of them held; nothing is kept."""
+        task = replace(self.task, fixed={**self.task.fixed, **held})
+        space = task.space(structure, initial=True)
+        begin = np.array([values.get(name, start) for name, start in zip(space.names, space.start, strict=True)])
+        begin = np.clip(begin, space.low, space.high)
+        (end,) = descend_many(task.problem(structure), space, task.settings, begin[:, None], tolerance=1e-4)
+        return _finished(task, structure, end.values)
 
     def cost(self, structure: Structure) -> float:
         """Least cost known of `structure`: its own, or that of a refitted one that it contains."""
