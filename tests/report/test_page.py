@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from brightgrey.export.model import Model
+from brightgrey.export.ranking import Row
 from brightgrey.export.trace import Trace
 from brightgrey.recordings import Signal
 from brightgrey.report.page import page
 from brightgrey.report.tables import parameter_rows, remarks, verdict
+from brightgrey.search.evidence import Card, Evidence
 
 DOC = Path(__file__).parents[2] / "docs" / "model-json.md"
 
@@ -145,3 +147,20 @@ def test_signal_kind_velocity_differenced_is_shown(data):
     model = Model.check(data)
     assert model.outputs == (Signal("velocity", "velocity-differenced", "rad/s"),)
     assert read(page(model, [trace_for(model)])).tables["signals"][2][1] == "velocity-differenced"
+
+
+def test_evidence_and_ranking_are_shown_after_a_search(data):
+    model = Model.check(data)
+    cards = (
+        Card("coulomb", "needed", 0.4, None, "without it the residual is 1.4 times as large"),
+        Card("delay", "not decidable", None, 0.0, "this recording <would> not have shown it"),
+    )
+    evidence = Evidence((), ("delay",), cards, {}, {}, 100.0)
+    rows = [Row("one_mass+coulomb", 2, 1.0, 99.5, -10.0, True), Row("one_mass", 1, 4.0, 90.0, None)]
+    html = page(model, [trace_for(model)], (), evidence, rows)
+    tables = read(html).tables
+    assert tables["evidence"][1] == ["coulomb", "needed", cards[0].reason]
+    assert tables["evidence"][2] == ["delay", "not decidable", cards[1].reason]
+    assert tables["ranking"][1][1:] == ["one_mass + coulomb", "2", "99.500", "-10", "yes"]
+    assert "<would>" not in html
+    assert "ranking" not in read(page(model, [trace_for(model)], (), None, rows[:1])).tables

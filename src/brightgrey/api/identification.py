@@ -107,7 +107,7 @@ class Result:
 
         check_folder(folder)
         contents = {
-            "report.html": page(self.model, self.traces, self.notes).encode(),
+            "report.html": page(self.model, self.traces, self.notes, self.evidence, self.ranking).encode(),
             "model.json": self.model.text().encode(),
             "ranking.csv": ranking_csv(self.ranking).encode(),
             "fit.png": picture(self.plot(), "png"),

@@ -8,15 +8,26 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from brightgrey.export.model import Model
+from brightgrey.export.ranking import Row
 from brightgrey.export.trace import Trace
 from brightgrey.report.figure import comparison, picture
 from brightgrey.report.numbers import significant
 from brightgrey.report.tables import fit_rows, parameter_rows, remarks, verdict
+from brightgrey.search.evidence import Evidence
 
 __all__ = ["page"]
 
 
-def page(model: Model, traces: Sequence[Trace], notes: Sequence[str] = ()) -> str:
+_TOP = 10  # structures of the ranking that are shown
+
+
+def page(
+    model: Model,
+    traces: Sequence[Trace],
+    notes: Sequence[str] = (),
+    evidence: Evidence | None = None,
+    ranking: Sequence[Row] = (),
+) -> str:
     """Text of report.html.
 
     Parameters
@@ -27,6 +38,10 @@ def page(model: Model, traces: Sequence[Trace], notes: Sequence[str] = ()) -> st
         What the figure shows.
     notes : sequence of str
         Repairs of the recordings and assumptions about them.
+    evidence : Evidence, optional
+        Of a search: a verdict on every effect.
+    ranking : sequence of Row
+        Structures that were tried, best first.
     """
     environment = Environment(
         loader=PackageLoader("brightgrey", "report"),
@@ -48,7 +63,26 @@ def page(model: Model, traces: Sequence[Trace], notes: Sequence[str] = ()) -> st
         criterion=significant(model.criterion.value, 6) if model.criterion else "",
         notes=list(notes),
         settings=_settings(model),
+        cards=evidence.cards if evidence else (),
+        ranking=_ranking(ranking),
     )
+
+
+def _ranking(ranking: Sequence[Row]) -> list[tuple[str, str, str, str, str, str]]:
+    """Cells of the first structures: rank, structure, parameters, fit, criterion, tied; none if there was one only."""
+    if len(ranking) < 2:
+        return []
+    return [
+        (
+            str(rank),
+            row.structure,
+            str(row.n_parameters),
+            f"{row.fit_percent:.3f}",
+            "" if row.criterion is None else significant(row.criterion, 6),
+            "yes" if row.tied else "",
+        )
+        for rank, row in enumerate(ranking[:_TOP], 1)
+    ]
 
 
 def _settings(model: Model) -> list[tuple[str, str]]:
