@@ -161,6 +161,6 @@ def test_evidence_and_ranking_are_shown_after_a_search(data):
     tables = read(html).tables
     assert tables["evidence"][1] == ["coulomb", "needed", cards[0].reason]
     assert tables["evidence"][2] == ["delay", "not decidable", cards[1].reason]
-    assert tables["ranking"][1][1:] == ["one_mass + coulomb", "2", "99.500", "-10", "yes"]
+    assert tables["ranking"][1][1:] == ["one_mass + coulomb", "2", "99.500", "-10.0000", "yes"]
     assert "<would>" not in html
     assert "ranking" not in read(page(model, [trace_for(model)], (), None, rows[:1])).tables
