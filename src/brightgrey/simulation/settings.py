@@ -86,5 +86,5 @@ def tolerances(level: Level, limits: bool = False) -> Tolerances:
     with `limits` both step finer.
     """
     if level == "fast":
-        return Tolerances(error=1e-5 if limits else 1e-4, newton=1, change=1e-3, ticks=5, turn=1.0, most=8)
+        return Tolerances(error=1e-6 if limits else 1e-4, newton=1, change=1e-3, ticks=5, turn=1.0, most=8)
     return Tolerances(error=1e-8 if limits else 5e-7, newton=2, change=1e-4, ticks=7, turn=0.5, most=64)
