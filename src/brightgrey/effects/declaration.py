@@ -14,7 +14,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.effects.arithmetic import tanh
+from brightgrey.effects.drawing import Modelica, force_on_mass
+from brightgrey.effects.law import Law, friction_law
 
 __all__ = [
     "Caution",
@@ -136,112 +137,6 @@ class State:
     name: str
     dimension: Dimension
     at_rest: Literal["position", "speed", "zero", "input"]
-
-
-@dataclass(frozen=True)
-class Law:
-    """Scalar law phi(z; p) of an element.
-
-    Attributes
-    ----------
-    parameters : tuple of str
-        Names of p in order. ``f_tanh`` may be among them: it is fixed upfront, not estimated.
-    value : callable
-        ``value(z, p) -> (phi, slopes)`` for tuples of ports z and parameters p; slopes are the derivatives of phi
-        by each port. It is compiled, so it may only use :mod:`brightgrey.effects.arithmetic`.
-    gradient : callable
-        ``gradient(z, p) -> tuple`` of the derivatives of phi by each parameter, in the order of `parameters`.
-    ports : int
-        Number of ports, two at most.
-    affine : bool
-        The law is a straight line in its ports, so that it may be counted to A and a constant.
-    odd : bool
-        phi(-z) = -phi(z).
-    dissipative : bool
-        z phi(z) <= 0: takes energy only.
-    amplitude : callable or None
-        Of a law made by :func:`friction_law`; the kernel sums amplitudes before it turns them, and compiles this
-        instead of `value`.
-    """
-
-    parameters: tuple[str, ...]
-    value: Callable[[tuple[Any, ...], tuple[Any, ...]], tuple[Any, tuple[Any, ...]]]
-    gradient: Callable[[tuple[Any, ...], tuple[Any, ...]], tuple[Any, ...]]
-    ports: int = 1
-    affine: bool = False
-    odd: bool = False
-    dissipative: bool = False
-    amplitude: Callable[[Any, tuple[Any, ...]], tuple[Any, Any]] | None = None
-
-
-def friction_law(
-    parameters: tuple[str, ...],
-    amplitude: Callable[[Any, tuple[Any, ...]], tuple[Any, Any]],
-    gradient: Callable[[Any, tuple[Any, ...]], tuple[Any, ...]],
-) -> Law:
-    """Law of friction that turns with the motion: ``phi(v) = -tanh(f_tanh v) a(v)`` (eq. 2).
-
-    Parameters
-    ----------
-    parameters : tuple of str
-        Names of those of the amplitude; ``f_tanh`` is added behind them.
-    amplitude : callable
-        ``amplitude(v, p) -> (a, slope)``: a >= 0, even in v, and its derivative by v.
-    gradient : callable
-        ``gradient(v, p) -> tuple`` of the derivatives of a by each parameter.
-    """
-
-    def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
-        f_tanh, side = p[-1], tanh(p[-1] * z[0])
-        a, slope = amplitude(z[0], p[:-1])
-        return -side * a, (-f_tanh * (1.0 - side * side) * a - side * slope,)
-
-    def by_parameters(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, ...]:
-        side = tanh(p[-1] * z[0])
-        a, _ = amplitude(z[0], p[:-1])
-        return (*(-side * g for g in gradient(z[0], p[:-1])), -z[0] * (1.0 - side * side) * a)
-
-    return Law((*parameters, "f_tanh"), value, by_parameters, odd=True, dissipative=True, amplitude=amplitude)
-
-
-@dataclass(frozen=True)
-class Modelica:
-    """How an effect is drawn in Modelica, with the components of its standard library where they exist.
-
-    Texts may hold ``$`` words: ``$place`` and ``$next`` (place + 1), ``$name`` (of the placed effect), the effect's
-    parameters by symbol, ``$law`` (the law, written out), and what differs between rotation and translation:
-    ``$library $Mass $m $Force $f $q $v``. Masses are components called ``mass1``, ``mass2``, ..., shafts ``shaft1``,
-    ``shaft2``, ...; the start of state q1 is the parameter ``start_q1``.
-
-    Attributes
-    ----------
-    components : tuple of (class, name, modifiers)
-    equations : tuple of str
-    port : str
-        What the law's port reads.
-    instead : tuple of (name, class, modifiers) or None
-        Component of another effect that becomes one of this class, with more modifiers.
-    block : tuple of (class, modifiers) or None
-        Block with input u and output y in the signal path of the input.
-    model : str
-        Text of a class of its own that is needed.
-    """
-
-    components: tuple[tuple[str, str, str], ...] = ()
-    equations: tuple[str, ...] = ()
-    port: str = ""
-    instead: tuple[str, str, str] | None = None
-    block: tuple[str, str] | None = None
-    model: str = ""
-
-
-def force_on_mass() -> Modelica:
-    """Drawing of a law that gives a torque on the mass at its place, from that mass's speed."""
-    return Modelica(
-        components=(("$library.Sources.$Force", "$name", ""),),
-        equations=("$name.$f = $law", "connect($name.flange, mass$place.flange_b)"),
-        port="mass$place.$v",
-    )
 
 
 @dataclass(frozen=True)
