@@ -291,8 +291,21 @@ def _minimal_structures(scale: _Scale, progress: Callable[[Structure], None] | N
     rejected = sorted(examined - {j.structure for j in accepted}, key=str)
     improved = [s for s in rejected if scale.bench.improve(s)]
     accepted += [scale.bench.judge(s) for s in improved if _adequate(scale, s)]
+    for j in accepted:  # grows meanwhile
+        accepted += [s for s in _without_loss(scale, j) if s.structure not in [a.structure for a in accepted]]
     least = minimal([j.structure for j in accepted])
     return sorted((j for j in accepted if j.structure in least), key=scale.criterion)
+
+
+def _without_loss(scale: _Scale, judged: Judged) -> list[Judged]:
+    """Adequate structures that lack one effect, or one mass, of an adequate one; they are refitted from there."""
+    found = []
+    for s in simpler(judged.structure, scale.known):
+        scale.bench.judge(s)
+        scale.bench.improve(s)
+        if not scale.better(judged, scale.bench.judge(s), 1) and _adequate(scale, s):
+            found.append(scale.bench.judge(s))
+    return found
 
 
 def _next(scale: _Scale, n: float, accepted: Sequence[Judged], examined: Collection[Structure]) -> Structure | None:
