@@ -16,7 +16,7 @@ from brightgrey.simulation.events import refine, together
 from brightgrey.simulation.kernel import run
 from brightgrey.simulation.kinks import kinks
 from brightgrey.simulation.lanes import LANES
-from brightgrey.simulation.layout import Call, Shape, block_for, work_for
+from brightgrey.simulation.layout import Call, Shape, aligned, block_for, work_for
 from brightgrey.simulation.lowering import Lowered, fill, lower, turning_rate
 from brightgrey.simulation.propagators import tables
 from brightgrey.simulation.settings import Settings, tolerances
@@ -154,7 +154,7 @@ def _simulate(
     call = Call(
         numbers=np.array([dt, level.error * scale, level.change * scale, limit]),
         u=u,
-        y=np.empty((shape.outputs, len(u), pick.size)),
+        y=aligned((shape.outputs, len(u), pick.size)),
         stride=pick.size,
         diverged=np.empty(pick.shape, np.int64),
         delayed=0,

@@ -20,6 +20,7 @@ __all__ = [
     "Plant",
     "Shape",
     "Work",
+    "aligned",
     "block_for",
     "call_of",
     "plant_of",
@@ -280,16 +281,27 @@ def table_rows(n: Any, channels: Any, limits: Any) -> Any:
     return (n + channels + limits) * width + 2 * channels * channels
 
 
+_LINE = 64  # bytes of a cache line: a register that lies across two of them takes two accesses
+
+
+def aligned(shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Array of zeros that begins at a cache line."""
+    count = int(np.prod(shape))
+    memory = np.zeros(count + _LINE // 8)
+    begin = -memory.ctypes.data % _LINE // 8
+    return memory[begin : begin + count].reshape(shape)
+
+
 def work_for(shape: Shape) -> Work:
     """Zeroed memory for one thread."""
     n, m, b = shape.n, shape.channels, shape.limits
     modes, levels = 2**b, shape.ticks + 1
 
     def rows(count: int) -> Any:
-        return np.zeros((max(count, 1), LANES))
+        return aligned((max(count, 1), LANES))
 
     return Work(
-        tables=np.zeros((modes * levels, table_rows(n, m, b), LANES)),
+        tables=aligned((modes * levels, table_rows(n, m, b), LANES)),
         current=rows(table_rows(n, m, b)),
         mode=np.zeros((max(b, 1), LANES), np.int64),
         free=rows(b),
@@ -314,5 +326,5 @@ def work_for(shape: Shape) -> Work:
         plan=np.zeros(2**shape.ticks, np.int64),
         series=rows(SERIES_TERMS * n),
         scratch=rows(9 * n + n * n + SERIES_TERMS + 3),
-        build=np.zeros((7, n * n + n * (3 + 2 * m), LANES)),
+        build=aligned((7, n * n + n * (3 + 2 * m), LANES)),
     )

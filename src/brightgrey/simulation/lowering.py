@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from brightgrey.effects import Element
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.laws import smooth_laws
-from brightgrey.simulation.layout import Plant
+from brightgrey.simulation.layout import Plant, aligned
 
 __all__ = ["Lowered", "lower", "turning_rate"]
 
@@ -114,7 +114,9 @@ def fill(lowered: Lowered, x0: Array, pick: NDArray[np.int64]) -> Plant:
         rows = np.ascontiguousarray(array).reshape(-1, array.shape[-1])
         if rows.shape[0] == 0:
             rows = np.zeros((1, array.shape[-1]))
-        return np.ascontiguousarray(rows[:, pick].transpose(1, 0, 2))
+        lanes = aligned((len(pick), len(rows), pick.shape[1]))
+        lanes[:] = rows[:, pick].transpose(1, 0, 2)
+        return lanes
 
     sets = x0.shape[1]
     laws = smooth_laws()
