@@ -12,7 +12,7 @@ from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.creep import creep
 from brightgrey.simulation.euler import euler
-from brightgrey.simulation.events import refine, together
+from brightgrey.simulation.events import refine, sort, together
 from brightgrey.simulation.kernel import run
 from brightgrey.simulation.kinks import kinks
 from brightgrey.simulation.lanes import LANES
@@ -161,6 +161,7 @@ def _simulate(
         tables=tables.address() if stepping else 0,
         kinks=kinks.address() if stepping and np.any(lowered.delay) else 0,
         start=start.address(),
+        sort=sort.address() if stepping else 0,
         refine=refine.address() if stepping else 0,
         together=together.address() if stepping and group > 1 else 0,
         creep=creep.address() if stepping else 0,

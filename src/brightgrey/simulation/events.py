@@ -9,13 +9,15 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.compiled import Entry, inlined
+from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, whole
 from brightgrey.simulation.lanes import call as invoke
-from brightgrey.simulation.lanes import get, put, real, set_whole, skip, whole
 from brightgrey.simulation.layout import call_of, plant_of, shape_of, table_rows, work_of
 from brightgrey.simulation.modes import drive_all, drive_lane, mode_bits, use_table
 from brightgrey.simulation.step import leaves, step, take_lane, watch
 
-__all__ = ["refine", "together"]
+__all__ = ["refine", "sort", "together"]
+
+_WORTHWHILE = LANES // 2  # lanes of a group from which a step of all registers costs less than one of each lane
 
 
 @inlined
@@ -76,6 +78,36 @@ def refine(block: Any, k: Any, base: Any, lane: Any, follow: Any, position: Any,
         level = shape.ticks if follow else _longer(shape, call, work, level, position, lane)
     if bits != mode_bits(shape, work, lane):
         use_table(shape, work, lane)
+
+
+@Entry
+def sort(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> None:
+    """Accept the full step of base step `base` after sample k in some lanes, and go through it in parts in the others.
+
+    `failed` are lanes in which it must not be accepted, `coarse` those that ask for shorter steps if they lead.
+    """
+    shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
+    h = real(call.numbers, 0) / shape.base_steps
+    group, ticks = shape.group, 1 << shape.ticks
+    exceptional = 0
+    for leader in range(0, LANES, group):
+        everyone = -1 if ((failed | coarse) >> leader) & 1 else 0
+        exceptional |= (failed | everyone) & (((1 << group) - 1) << leader)
+    exceptional &= ~dead
+    for lane in range(LANES):
+        if not (exceptional >> lane) & 1:
+            take_lane(shape, plant, work, h, lane)
+    for leader in range(0, LANES, group):
+        led = (exceptional >> leader) & ((1 << group) - 1)
+        if led & 1 and group >= _WORTHWHILE:
+            invoke(call.together, (block, k, base, leader))
+        elif led:
+            if not led & 1:  # the leader took the full step
+                for tick in range(ticks):
+                    set_whole(work.plan, tick, shape.ticks)
+            for lane in range(leader, leader + group):
+                if (exceptional >> lane) & 1:
+                    invoke(call.refine, (block, k, base, lane, 1 if lane > leader else 0, 0, ticks))
 
 
 @Entry

@@ -22,11 +22,9 @@ from brightgrey.simulation.lanes import (
 from brightgrey.simulation.lanes import call as invoke
 from brightgrey.simulation.layout import call_of, plant_of, shape_of, use_batch, work_of
 from brightgrey.simulation.modes import drive_all, drive_lane
-from brightgrey.simulation.step import leaves, step, take_all, take_lane, watch
+from brightgrey.simulation.step import leaves, step, take_all, watch
 
 __all__ = ["run"]
-
-_WORTHWHILE = LANES // 2  # lanes of a group from which a step of all registers costs less than one of each lane
 
 
 @inlined
@@ -75,26 +73,7 @@ def _base_step(block: Any, shape: Any, plant: Any, call: Any, k: Any, base: Any,
     if (failed | coarse | left) & ~dead == 0:
         take_all(shape, plant, work, h)
         return
-    group, exceptional = shape.group, 0
-    for leader in range(0, LANES, group):
-        led = (failed | coarse | left) if ((failed | coarse | left) >> leader) & 1 else (failed | left)
-        everyone = -1 if (led >> leader) & 1 else 0
-        exceptional |= (led | everyone) & (((1 << group) - 1) << leader)
-    exceptional &= ~dead
-    for lane in range(LANES):
-        if not (exceptional >> lane) & 1:
-            take_lane(shape, plant, work, h, lane)
-    for leader in range(0, LANES, group):
-        others = (exceptional >> leader) & ((1 << group) - 1)
-        if others & 1 and group >= _WORTHWHILE:
-            invoke(call.together, (block, k, base, leader))
-        elif others:
-            if not others & 1:  # the leader took the full step
-                for tick in range(1 << shape.ticks):
-                    set_whole(work.plan, tick, shape.ticks)
-            for lane in range(leader, leader + group):
-                if (exceptional >> lane) & 1:
-                    invoke(call.refine, (block, k, base, lane, 1 if lane > leader else 0, 0, 1 << shape.ticks))
+    invoke(call.sort, (block, k, base, failed | left, coarse, dead))
 
 
 @cached

@@ -184,7 +184,7 @@ class Call(NamedTuple):
         First sample at which a lane's state is not finite, -1 if there is none; written by the kernel.
     delayed : int
         1 if any lane of the batch at work has dead time.
-    tables, kinks, start, refine, together, creep, euler : int
+    tables, kinks, start, sort, refine, together, creep, euler : int
         Addresses of the entries of these names; 0 for what the call does not need.
     """
 
@@ -197,6 +197,7 @@ class Call(NamedTuple):
     tables: Any
     kinks: Any
     start: Any
+    sort: Any
     refine: Any
     together: Any
     creep: Any
