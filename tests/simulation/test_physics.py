@@ -152,7 +152,7 @@ def test_torque_through_the_gap_pushes_only_at_its_ends(number, seed):
     assert torque[at_top].min(initial=0.0) >= -slack
     assert torque[at_bottom].max(initial=0.0) <= slack
     assert np.abs(torque[inside]).max(initial=0.0) <= slack
-    assume(at_top.any())  # else friction held the drive
+    assert at_top.any()
 
 
 @drawn
@@ -179,7 +179,7 @@ def test_motion_is_odd_about_the_middle_of_the_gap(number, seed):
     z = run(other, -TORQUE[:900], x1)
     for name in s.state_names:
         shift = -2.0 * values["alpha"] if name in ("lambda1", "q1") and "alpha" in values else 0.0
-        close(z[name], shift - y[name])
+        close(z[name], shift - y[name], 1e-6)
 
 
 @drawn

@@ -33,10 +33,7 @@ def test_compiled_equals_plain(structure: Structure, seed: int, level: str, hold
     x0 = system.rest(u=u[0])
     fast = response(system, u, experiment.dt, x0, how).y[:, :, 0]
     plain = plain_response(system, u, experiment.dt, x0, how)
-    # Same steps, other exponentials and root finders: what remains is rounding, carried on by stiff friction, and by
-    # contacts, which amplify it as they amplify a tiny change of the input.
-    pushed = response(system, u * (1.0 + 1e-10), experiment.dt, x0, how).y[:, :, 0]
-    # Acceleration jumps at contacts: it is judged by its root mean square.
+    # Same steps, other exponentials and root finders: what remains is rounding, carried on by stiff friction.
+    # Acceleration jumps at contacts, whose times carry that rounding: it is judged by its root mean square.
     for row, size in enumerate((np.max, np.max, lambda x: np.sqrt(np.mean(x**2)))):
-        growth, scale = size(np.abs(pushed[row] - fast[row])), size(np.abs(plain[row]))
-        assert size(np.abs(fast[row] - plain[row])) <= 1e-8 * scale + growth, OUTPUTS[row]
+        assert size(np.abs(fast[row] - plain[row])) <= 1e-8 * size(np.abs(plain[row])), OUTPUTS[row]

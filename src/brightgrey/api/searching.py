@@ -11,7 +11,7 @@ import numpy as np
 
 from brightgrey.api.request import Range, bounds_si, f_tanh_si, fixed_si
 from brightgrey.errors import SettingsError
-from brightgrey.estimation import scales
+from brightgrey.estimation import scales, settings_for
 from brightgrey.export.parts import CriterionPart
 from brightgrey.export.ranking import Row
 from brightgrey.kit import PAPER, Structure
@@ -22,13 +22,11 @@ from brightgrey.search.genetic import GeneticSettings, Progress, Run, history_cs
 from brightgrey.search.genetic.settings import OURS
 from brightgrey.search.repetition import run
 from brightgrey.search.survey import Stage, candidates, survey
-from brightgrey.simulation import Settings
 
 __all__ = ["Found", "Wish", "find"]
 
 T = TypeVar("T")
 AFFORDABLE = 448 * 20_000  # structures times samples: some minutes
-SHARPNESS = 100.0  # default f_tanh times the largest speed
 
 
 @dataclass(frozen=True)
@@ -91,12 +89,7 @@ def find(recordings: Sequence[Recording], wish: Wish) -> Found:
     task = Identification(
         recordings=tuple(recordings),
         scales=known,
-        settings=Settings(
-            f_tanh=SHARPNESS / known.speed if wish.f_tanh is None else f_tanh_si(wish.f_tanh, units),
-            speed_scale=known.speed,
-            level="fast",
-            hold=recordings[0].hold,
-        ),
+        settings=settings_for(recordings, known, None if wish.f_tanh is None else f_tanh_si(wish.f_tanh, units)),
         bounds=bounds_si(widest, wish.bounds, units),
         fixed=fixed_si(widest, wish.fixed, units),
     )

@@ -1,7 +1,7 @@
 """Estimation: parameters of a given structure from recordings, with uncertainty and an outcome."""
 
 from brightgrey.estimation.finding import Finding
-from brightgrey.estimation.fit import Estimate, Fit, Outcome, OutputFit, Start, fit, predict
+from brightgrey.estimation.fit import Estimate, Fit, Outcome, OutputFit, Start, fit, predict, settings_for
 from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.pattern_search import PatternEnd, pattern_search
 from brightgrey.estimation.profile import Profile, profile
@@ -25,4 +25,5 @@ __all__ = [
     "profile",
     "residual_analysis",
     "scales",
+    "settings_for",
 ]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.bounds import Search, search_space
 from brightgrey.estimation.cautions import cautions
@@ -26,7 +27,7 @@ from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 from brightgrey.simulation.settings import Level
 
-__all__ = ["Estimate", "Fit", "Outcome", "OutputFit", "Start", "fit", "predict"]
+__all__ = ["Estimate", "Fit", "Outcome", "OutputFit", "Start", "fit", "predict", "settings_for"]
 
 Array = NDArray[np.float64]
 _SHARPNESS = 100.0  # default f_tanh times the largest speed
@@ -153,12 +154,7 @@ def fit(
     if starts < 1:
         raise SettingsError(f"starts is {starts}; at least 1 is needed")
     known = scales(recordings)
-    settings = Settings(
-        f_tanh=_SHARPNESS / known.speed if f_tanh is None else f_tanh,
-        speed_scale=known.speed,
-        level="euler" if level == "euler" else "fast",
-        hold=recordings[0].hold,
-    )
+    settings = settings_for(recordings, known, f_tanh, "euler" if level == "euler" else "fast")
     problem = Problem.of(structure, recordings, threads, initial)
     search = search_space(structure, known, bounds or {}, fixed or {}, problem.unknown)
     final = replace(settings, level=level)
@@ -227,6 +223,14 @@ def _finished(
         for i in order
     )
     return best, evaluations, tried
+
+
+def settings_for(
+    recordings: Sequence[Recording], known: Scales, f_tanh: float | None, level: Level = "fast"
+) -> Settings:
+    """Settings that recordings are simulated with: `f_tanh` in SI, by default 100 over their largest speed."""
+    sharpness = _SHARPNESS / known.speed if f_tanh is None else f_tanh
+    return Settings(f_tanh=sharpness, speed_scale=known.speed, level=level, hold=recordings[0].hold)
 
 
 def predict(

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.costs import cost_function
 from brightgrey.estimation.leastsquares import descend
 from brightgrey.estimation.pattern_search import pattern_search
+from brightgrey.estimation.patterns import check_estimator
 from brightgrey.kit import Structure
 from brightgrey.search.evaluation import Estimator, Evaluated, Values
 from brightgrey.search.identification import Identification
 
-__all__ = ["EstimatorName", "LeastSquares", "PatternSearch", "check_estimator", "estimator"]
+__all__ = ["LeastSquares", "PatternSearch", "estimator"]
 
 Array = NDArray[np.float64]
-EstimatorName = Literal["pattern-search", "least-squares"]
 
 
 @dataclass(frozen=True)
@@ -86,12 +84,6 @@ def _evaluated(
         )
         for i, (misfit, spent) in enumerate(zip(task.misfits(structure, values), simulations, strict=True))
     ]
-
-
-def check_estimator(name: str) -> None:
-    """Refuse an unknown estimator (SettingsError)."""
-    if name not in get_args(EstimatorName):
-        raise SettingsError(unknown_name("estimator", name, get_args(EstimatorName)))
 
 
 def estimator(name: str, task: Identification, iterations: int) -> Estimator:

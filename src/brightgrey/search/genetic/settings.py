@@ -11,8 +11,8 @@ from types import MappingProxyType
 from typing import Literal, get_args
 
 from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.estimation.patterns import Estimator, check_estimator
 from brightgrey.search.criteria import CRITERIA
-from brightgrey.search.estimators import EstimatorName, check_estimator
 from brightgrey.search.genetic.mutation import MUTATIONS
 
 __all__ = ["ASSUMED", "OURS", "PAPER_SETTINGS", "PROBABILITIES", "RANGE", "RESOLUTION", "Begin", "GeneticSettings"]
@@ -112,7 +112,7 @@ class GeneticSettings:
     generations: int = 20
     p_clone: float = P_CLONE
     mutations: Mapping[str, float] = field(default_factory=lambda: dict(PROBABILITIES))
-    estimator: EstimatorName = "pattern-search"
+    estimator: Estimator = "pattern-search"
     iterations: int = 500
     criterion: str = "fitness"
     k_p: float = 2.0
