@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.compiled import Entry, inner
-from brightgrey.simulation.creep import polynomial, reach
-from brightgrey.simulation.lanes import LANES, get, put, real, skip, whole
+from brightgrey.simulation.lanes import LANES, get, put, real, skip, splat, whole
 from brightgrey.simulation.layout import call_of, end_rows, plant_of, shape_of, table_rows, work_of
-from brightgrey.simulation.propagators import mode_matrix, taylor_series
+from brightgrey.simulation.taylor import expand, mode_columns, value_at
 
 __all__ = ["kinks"]
 
@@ -26,22 +25,19 @@ def _begin(shape: Any, plant: Any, mode: Any, rest: Any, tick: Any, work: Any, l
             for i in range(n):
                 put(p, i, lane, get(known, i, lane))
             return
-    A = work.scratch
-    mode_matrix(shape, plant, mode, A, lane)
-    b0, b1 = skip(work.scratch, n * n), skip(work.scratch, n * n + n)
-    for i in range(n):
-        put(p, i, lane, 0.0)
+    mode_columns(shape, plant, mode, work, lane)
+    put(work.point, 0, None, splat(0.0, None))
     time = 0.0
     while rest - time > 1e-12 * tick:
         for i in range(n):
             drive = get(plant.B, i, lane)
-            put(b0, i, lane, drive * time if shape.hold == 1 else drive)
-            put(b1, i, lane, drive if shape.hold == 1 else 0.0)
-        taylor_series(n, A, b0, b1, p, lane, work.series)
-        s = reach(n, work.series, rest - time, lane)
-        for i in range(n):
-            put(p, i, lane, polynomial(n, work.series, A, 0, i, s, lane))
+            put(work.system, n, i, drive * time if shape.hold == 1 else drive)
+            put(work.system, n + 1, i, drive if shape.hold == 1 else 0.0)
+        s, terms = expand(n, work, rest - time)
+        put(work.point, 0, None, value_at(work, terms, 1.0))
         time += s
+    for i in range(n):
+        put(p, i, lane, get(work.point, 0, i))
     for slot in range(_KEPT):
         known = skip(kept, slot * (n + 1))
         if get(known, n, lane) < 0.0:
@@ -60,7 +56,7 @@ def _response(shape: Any, plant: Any, mode: Any, span: Any, tick: Any, work: Any
     rest = max(span - whole * tick, 0.0)
     _begin(shape, plant, mode, rest, tick, work, lane, p, kept)
     time = rest
-    q = skip(work.scratch, n * n + 2 * n)
+    q = work.scratch
     rows = table_rows(n, shape.channels, shape.limits)
     for level in range(shape.ticks + 1):
         if (whole >> level) & 1:
@@ -93,8 +89,8 @@ def kinks(block: Any) -> None:
     n, m = shape.n, shape.channels
     width = n + 4 + 2 * m
     ticks = 1 << shape.ticks
-    p = skip(work.scratch, n * n + 3 * n)
-    kept = skip(work.scratch, n * n + 6 * n)
+    p = skip(work.scratch, n)
+    kept = skip(work.scratch, 2 * n)
     rows = table_rows(n, m, shape.limits)
     for lane in range(LANES):
         knot = get(plant.delay, 1, lane) * ticks * shape.base_steps

@@ -135,7 +135,9 @@ class Work(NamedTuple):
     error : error estimate of the last step, in units of speed
     drive : 3 rows: input at the start of a step, its slope, and the change of slope (or jump) inside
     plan : int array: level of the leader's step at each tick
-    series : Taylor coefficients; scratch : n (n + 9) rows, those of one series and 3
+    point, system, series, course : of one lane, states side by side: state; columns of its matrix, constant and slope
+        (n + 2 rows); Taylor coefficients; those of a watched quantity
+    scratch : 5 n + 3 rows
     build : matrices that tables are made of
     """
 
@@ -162,7 +164,10 @@ class Work(NamedTuple):
     error: Any
     drive: Any
     plan: Any
+    point: Any
+    system: Any
     series: Any
+    course: Any
     scratch: Any
     build: Any
 
@@ -205,6 +210,7 @@ class Call(NamedTuple):
 
 
 SERIES_TERMS = 16
+assert SERIES_TERMS <= LANES  # the terms of a watched quantity are one row
 
 _WORK = len(Shape._fields)
 _CALL = _WORK + len(Work._fields)
@@ -325,7 +331,10 @@ def work_for(shape: Shape) -> Work:
         error=rows(1),
         drive=rows(3),
         plan=np.zeros(2**shape.ticks, np.int64),
-        series=rows(SERIES_TERMS * n),
-        scratch=rows(9 * n + n * n + SERIES_TERMS + 3),
+        point=rows(1),
+        system=rows(n + 2),
+        series=rows(SERIES_TERMS),
+        course=rows(1),
+        scratch=rows(5 * n + 3),
         build=aligned((7, n * n + n * (3 + 2 * m), LANES)),
     )

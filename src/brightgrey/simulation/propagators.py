@@ -11,25 +11,25 @@ from typing import Any
 
 from brightgrey.simulation.compiled import Entry, inner
 from brightgrey.simulation.lanes import LANES, choose_less, get, put, real, skip, splat, whole
-from brightgrey.simulation.layout import SERIES_TERMS, call_of, end_rows, plant_of, shape_of, table_rows, work_of
+from brightgrey.simulation.layout import call_of, end_rows, plant_of, shape_of, table_rows, work_of
 
-__all__ = ["mode_matrix", "tables", "taylor_series"]
+__all__ = ["tables"]
 
 _DEGREE = 14
 
 
 @inner
-def mode_matrix(shape: Any, plant: Any, mode: Any, A: Any, who: Any) -> None:
+def _mode_matrix(shape: Any, plant: Any, mode: Any, A: Any) -> None:
     """Write the system matrix of a mode to the first n * n rows of A: bit b set means limited state b is free."""
     n = shape.n
     for r in range(n * n):
-        put(A, r, who, get(plant.A, r, who))
+        put(A, r, None, get(plant.A, r, None))
     for b in range(shape.limits):
         if (mode >> b) & 1:
             for i in range(n):
-                g = get(plant.column, b * n + i, who)
+                g = get(plant.column, b * n + i, None)
                 for j in range(n):
-                    put(A, i * n + j, who, get(A, i * n + j, who) + g * get(plant.rate, b * n + j, who))
+                    put(A, i * n + j, None, get(A, i * n + j, None) + g * get(plant.rate, b * n + j, None))
 
 
 @inner
@@ -228,7 +228,7 @@ def tables(block: Any) -> None:
     scaling = work.scratch
     size = table_rows(n, shape.channels, shape.limits)
     for mode in range(1 << shape.limits):
-        mode_matrix(shape, plant, mode, A, None)
+        _mode_matrix(shape, plant, mode, A)
         most = _halvings(shape, A, tick / 3.0, spare, scaling)
         for lane in range(LANES):
             put(scaling, 1, lane, tick / 3.0 * 0.5 ** get(scaling, 0, lane))
@@ -252,23 +252,3 @@ def tables(block: Any) -> None:
                 _compose(shape, full, splat(h, None), full, spare, never)
                 _copy(rows, spare, full)
             h *= 2.0
-
-
-@inner
-def taylor_series(n: Any, A: Any, b0: Any, b1: Any, x: Any, lane: Any, series: Any) -> None:
-    """Taylor coefficients of the solution of x' = A x + b0 + b1 t from x, in `series` (row k * n + i), one lane.
-
-    A, b0 and b1 are tables read at `lane`; b0 and b1 may be row offsets into one table.
-    """
-    for i in range(n):
-        put(series, i, lane, get(x, i, lane))
-    for k in range(1, SERIES_TERMS):
-        for i in range(n):
-            total = 0.0
-            if k == 1:
-                total += get(b0, i, lane)
-            elif k == 2:
-                total += get(b1, i, lane)
-            for j in range(n):
-                total += get(A, i * n + j, lane) * get(series, (k - 1) * n + j, lane)
-            put(series, k * n + i, lane, total / k)

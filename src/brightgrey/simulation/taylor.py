@@ -1,0 +1,89 @@
+"""One lane's solution as a power series in time: exact for any span between events.
+
+The states of the lane stand side by side in a register, so that a term of the series is a matrix times a vector in
+one go.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brightgrey.simulation.compiled import inner
+from brightgrey.simulation.lanes import LANES, choose_less, get, lanes_not_less, put, real, splat
+from brightgrey.simulation.layout import SERIES_TERMS
+
+__all__ = ["expand", "mode_columns", "value_at"]
+
+_ROUNDING = 1e-16
+
+
+@inner
+def mode_columns(shape: Any, plant: Any, mode: Any, work: Any, lane: Any) -> None:
+    """Write the columns of one lane's system matrix to ``work.system``: bit b set means limited state b is free."""
+    n = shape.n
+    for j in range(n):
+        for i in range(n):
+            put(work.system, j, i, get(plant.A, i * n + j, lane))
+    for b in range(shape.limits):
+        if (mode >> b) & 1:
+            for j in range(n):
+                rate = get(plant.rate, b * n + j, lane)
+                for i in range(n):
+                    put(work.system, j, i, get(work.system, j, i) + get(plant.column, b * n + i, lane) * rate)
+
+
+@inner
+def _size(a: Any) -> Any:
+    return choose_less(a, 0.0, -a, a)
+
+
+@inner
+def expand(n: Any, work: Any, span: Any) -> Any:
+    """Taylor series of x' = A x + b0 + b1 t from the state in ``work.point``: (reach, number of terms).
+
+    A, b0 and b1 are the rows of ``work.system``. The coefficients in ``work.series`` are those in t / reach, where
+    reach is `span`, halved until the last term is below rounding.
+    """
+    put(work.series, 0, None, get(work.point, 0, None))
+    size = _size(get(work.point, 0, None))
+    before = size
+    for k in range(1, SERIES_TERMS):
+        total = splat(0.0, None)
+        if k == 1:
+            total = get(work.system, n, None) * span
+        elif k == 2:
+            total = get(work.system, n + 1, None) * (span * span)
+        for j in range(n):
+            total = total + get(work.system, j, None) * (real(work.series, (k - 1) * LANES + j) * span)
+        total = total * (1.0 / k)
+        put(work.series, k, None, total)
+        now = _size(total)
+        if k < 4:
+            size = size + now
+        elif lanes_not_less(now + before, size * _ROUNDING + 1e-300) == 0:
+            return span, k + 1
+        before = now
+    last = _size(get(work.series, SERIES_TERMS - 1, None))
+    part = 1.0
+    for _ in range(60):
+        size, power = splat(0.0, None), 1.0
+        for k in range(4):
+            size = size + _size(get(work.series, k, None)) * power
+            power *= part
+        if lanes_not_less(last * part ** (SERIES_TERMS - 1), size * (100.0 * _ROUNDING) + 1e-300) == 0:
+            break
+        part *= 0.5
+    power = 1.0
+    for k in range(SERIES_TERMS):
+        put(work.series, k, None, get(work.series, k, None) * power)
+        power *= part
+    return span * part, SERIES_TERMS
+
+
+@inner
+def value_at(work: Any, terms: Any, part: Any) -> Any:
+    """State, as a register, at `part` (0 to 1) of the reach of the series."""
+    total = get(work.series, terms - 1, None)
+    for k in range(terms - 2, -1, -1):
+        total = total * part + get(work.series, k, None)
+    return total
