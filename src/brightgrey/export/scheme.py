@@ -19,7 +19,7 @@ from brightgrey.kit import StateSpace, assemble
 from brightgrey.recordings.unit_text import parse_unit
 from brightgrey.recordings.units import Units
 from brightgrey.simulation import Settings
-from brightgrey.simulation.batch import base_steps
+from brightgrey.simulation.batch import parts_per_sample
 from brightgrey.simulation.lowering import Lowered, lower
 from brightgrey.simulation.settings import Hold, Tolerances, tolerances
 
@@ -184,7 +184,7 @@ def scheme_of(model: Model) -> Scheme:
         dt=dt,
         settings=settings,
         tolerance=tolerances("accurate", bool(low.limited)),
-        bases=int(base_steps(system, low, dt, settings)[0]),
+        bases=int(parts_per_sample(system, low, dt, settings)[0]),
         input_factor=1.0 / model.input.factor,
         outputs=outputs,
     )

@@ -19,10 +19,10 @@ from brightgrey.simulation.lanes import LANES
 from brightgrey.simulation.layout import Call, Shape, aligned, block_for, work_for
 from brightgrey.simulation.lowering import Lowered, fill, lower, turning_rate
 from brightgrey.simulation.propagators import tables
-from brightgrey.simulation.settings import Settings, tolerances
+from brightgrey.simulation.settings import Settings, stepping_of, tolerances
 from brightgrey.simulation.start import start
 
-__all__ = ["Response", "base_steps", "response"]
+__all__ = ["Response", "parts_per_sample", "response"]
 
 Array = NDArray[np.float64]
 _LOST = 1e9  # states this many times larger than input, speed and start are no motion any more
@@ -88,11 +88,11 @@ def response(
     start = np.broadcast_to(start[:, None] if start.ndim == 1 else start, (n, sets))
     if sets % group:
         raise SettingsError(f"{sets} parameter sets do not make groups of {group}")
-    bases = base_steps(system, lowered, dt, settings)[::group]
+    cuts = parts_per_sample(system, lowered, dt, settings)[::group]
     parts = []
-    for base in np.unique(bases):
-        pick, width = _lanes(np.flatnonzero(bases == base), group)
-        parts.append((pick.ravel(), *_simulate(lowered, u, dt, start, settings, width, threads, int(base), pick)))
+    for cut in np.unique(cuts):
+        pick, width = _lanes(np.flatnonzero(cuts == cut), group)
+        parts.append((pick.ravel(), *_simulate(lowered, u, dt, start, settings, width, threads, int(cut), pick)))
     order, y, diverged = parts[0]
     if len(parts) == 1 and np.array_equal(order[:sets], np.arange(sets)):
         y, diverged = y[:, :, :sets], diverged[:sets]  # the usual case needs no copy
@@ -106,8 +106,8 @@ def response(
     return Response(y, diverged)
 
 
-def base_steps(system: StateSpace, lowered: Lowered, dt: float, settings: Settings) -> NDArray[np.int64]:
-    """Full steps per sample, a power of two: with limits, a fast oscillation must not swing unseen in a step."""
+def parts_per_sample(system: StateSpace, lowered: Lowered, dt: float, settings: Settings) -> NDArray[np.int64]:
+    """Parts of a sample, a power of two: with limits, a fast oscillation must not swing unseen in a part."""
     if settings.level == "euler":
         return np.full(lowered.A.shape[-1], settings.substeps, np.int64)
     if not lowered.limited:
@@ -125,22 +125,24 @@ def _simulate(
     settings: Settings,
     group: int,
     threads: int,
-    steps: int,
+    cut: int,
     pick: NDArray[np.int64],
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Simulate the parameter sets `pick`, shape (batches, LANES), which all take the same number of base steps.
+    """Simulate the parameter sets `pick`, shape (batches, LANES), for all of which a sample is cut in `cut` parts.
 
     Returns outputs, shape (outputs, samples, pick.size), and where each diverged.
     """
     level = tolerances(settings.level, bool(lowered.limited))
+    stepping = stepping_of(level, cut)
     shape = Shape(
         n=lowered.A.shape[0],
         channels=lowered.G.shape[0],
         limits=len(lowered.limited),
         elements=len(lowered.smooth),
         outputs=len(lowered.outputs),
-        ticks=level.ticks,
-        base_steps=steps,
+        ticks=stepping.ticks,
+        base_steps=stepping.base_steps,
+        points=stepping.points,
         newton=level.newton,
         hold=int(settings.hold == "linear"),
         group=group,
@@ -150,7 +152,7 @@ def _simulate(
     plants = fill(lowered, x0, pick)
     scale = settings.speed_scale
     limit = _LOST * max(scale, float(np.abs(u).max()), float(np.abs(x0).max()))
-    stepping = shape.euler == 0
+    steps = shape.euler == 0
     call = Call(
         numbers=np.array([dt, level.error * scale, level.change * scale, limit]),
         u=u,
@@ -158,14 +160,14 @@ def _simulate(
         stride=pick.size,
         diverged=np.empty(pick.shape, np.int64),
         delayed=0,
-        tables=tables.address() if stepping else 0,
-        kinks=kinks.address() if stepping and np.any(lowered.delay) else 0,
+        tables=tables.address() if steps else 0,
+        kinks=kinks.address() if steps and np.any(lowered.delay) else 0,
         start=start.address(),
-        sort=sort.address() if stepping else 0,
-        refine=refine.address() if stepping else 0,
-        together=together.address() if stepping and group > 1 else 0,
-        creep=creep.address() if stepping else 0,
-        euler=0 if stepping else euler.address(),
+        sort=sort.address() if steps else 0,
+        refine=refine.address() if steps else 0,
+        together=together.address() if steps and group > 1 else 0,
+        creep=creep.address() if steps else 0,
+        euler=0 if steps else euler.address(),
     )
     cuts = np.linspace(0, len(pick), min(threads, len(pick)) + 1).astype(int)
 

@@ -121,7 +121,7 @@ def _creep(shape: Any, plant: Any, length: Any, value: Any, slope: Any, work: An
         for b in range(shape.limits):
             if whole(work.mode, b * LANES + lane) != 2:
                 moment, at = _crossing(shape, plant, work, b, terms, lane)
-                if 0.0 <= moment and moment <= part:
+                if 0.0 <= moment <= part:
                     part, which, side = moment, b, at
         put(work.point, 0, None, value_at(work, terms, part))
         if which >= 0:

@@ -11,7 +11,7 @@ from typing import Any
 from brightgrey.simulation.compiled import Entry, inlined
 from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, whole
 from brightgrey.simulation.lanes import call as invoke
-from brightgrey.simulation.layout import call_of, plant_of, shape_of, table_rows, work_of
+from brightgrey.simulation.layout import call_of, plant_of, points_of, shape_of, table_rows, work_of
 from brightgrey.simulation.modes import drive_all, drive_lane, mode_bits, use_table
 from brightgrey.simulation.step import leaves, step, take_lane, watch
 
@@ -24,11 +24,12 @@ _WORTHWHILE = LANES // 2  # lanes of a group from which a step of all registers 
 def _attempt(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any, who: Any) -> Any:
     """Step of 2^level ticks; returns lanes in which it failed or a limit is passed, and those with a large error."""
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
-    rows = table_rows(shape.n, shape.channels, shape.limits)
+    rows = table_rows(shape)
     table = skip(work.tables, (bits * (shape.ticks + 1) + level) * rows)
-    out, coarse = step(shape, plant, call, table, (1 << level) * tick, work, who)
+    points = points_of(shape, level)
+    out, coarse = step(shape, plant, call, table, (1 << level) * tick, points, work, who)
     for b in range(shape.limits):
-        out |= leaves(work, b, who, get(work.ahead, b, who), watch(shape, plant, work, b, work.end, who))
+        out |= leaves(shape, work, b, points, watch(shape, plant, work, b, work.end, who), who)
     return out, coarse
 
 

@@ -65,11 +65,11 @@ def _base_step(block: Any, shape: Any, plant: Any, call: Any, k: Any, base: Any,
     """Carry all lanes over one base step."""
     h = real(call.numbers, 0) / shape.base_steps
     drive_all(shape, plant, call, k, base << shape.ticks, 1 << shape.ticks, work)
-    failed, coarse = step(shape, plant, call, work.current, h, work, None)
+    failed, coarse = step(shape, plant, call, work.current, h, shape.points, work, None)
     left = 0
     for b in range(shape.limits):
-        ahead = watch(shape, plant, work, b, work.end, None)
-        left |= leaves(work, b, None, get(work.ahead, b, None), ahead)
+        end = watch(shape, plant, work, b, work.end, None)
+        left |= leaves(shape, work, b, shape.points, end, None)
     if (failed | coarse | left) & ~dead == 0:
         take_all(shape, plant, work, h)
         return

@@ -6,7 +6,7 @@ from typing import Any
 
 from brightgrey.simulation.compiled import Entry, inner
 from brightgrey.simulation.lanes import LANES, get, put, real, skip, splat, whole
-from brightgrey.simulation.layout import call_of, end_rows, plant_of, shape_of, table_rows, work_of
+from brightgrey.simulation.layout import call_of, end_rows, plant_of, points_of, shape_of, table_rows, work_of
 from brightgrey.simulation.taylor import expand, mode_columns, value_at
 
 __all__ = ["kinks"]
@@ -57,7 +57,7 @@ def _response(shape: Any, plant: Any, mode: Any, span: Any, tick: Any, work: Any
     _begin(shape, plant, mode, rest, tick, work, lane, p, kept)
     time = rest
     q = work.scratch
-    rows = table_rows(n, shape.channels, shape.limits)
+    rows = table_rows(shape)
     for level in range(shape.ticks + 1):
         if (whole >> level) & 1:
             table = skip(work.tables, (mode * (shape.ticks + 1) + level) * rows)
@@ -91,7 +91,7 @@ def kinks(block: Any) -> None:
     ticks = 1 << shape.ticks
     p = skip(work.scratch, n)
     kept = skip(work.scratch, 2 * n)
-    rows = table_rows(n, m, shape.limits)
+    rows = table_rows(shape)
     for lane in range(LANES):
         knot = get(plant.delay, 1, lane) * ticks * shape.base_steps
         if knot <= 0.0:
@@ -113,9 +113,14 @@ def kinks(block: Any) -> None:
                 for k in range(m):
                     seen = get(plant.K, k, lane) * (span if shape.hold == 1 else 1.0 if span > 0.0 else 0.0)
                     put(table, at + k * width, lane, _row(n, plant.H, k * n, p, lane) + seen)
-                for b in range(shape.limits):
-                    if (mode >> b) & 1:
-                        value = get(p, whole(plant.limited, b), lane)
-                    else:
-                        value = _row(n, plant.rate, b * n, p, lane)
-                    put(table, at + (m + b) * width, lane, value)
+                points = points_of(shape, level)
+                for i in range(points if shape.limits > 0 else 0):
+                    if points > 1:
+                        span = max(after - size * (1.0 - (i + 1.0) / (points + 1.0)), 0.0) * tick
+                        _response(shape, plant, mode, span, tick, work, lane, p, kept)
+                    for b in range(shape.limits):
+                        if (mode >> b) & 1:
+                            value = get(p, whole(plant.limited, b), lane)
+                        else:
+                            value = _row(n, plant.rate, b * n, p, lane)
+                        put(table, at + (m + b * shape.points + i) * width, lane, value)

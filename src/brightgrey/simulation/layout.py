@@ -24,6 +24,7 @@ __all__ = [
     "block_for",
     "call_of",
     "plant_of",
+    "points_of",
     "shape_of",
     "table_rows",
     "use_batch",
@@ -43,6 +44,9 @@ class Shape(NamedTuple):
         Exponent: a base step is cut into at most 2^ticks pieces.
     base_steps : int
         Base steps per sampling interval.
+    points : int
+        Moments within a base step at which limited states are looked at: 1 for a third of it, else 2^i - 1 for evenly
+        spaced ones.
     newton : int
         Newton iterations per step.
     hold : int
@@ -62,6 +66,7 @@ class Shape(NamedTuple):
     outputs: int
     ticks: int
     base_steps: int
+    points: int
     newton: int
     hold: int
     group: int
@@ -131,14 +136,15 @@ class Work(NamedTuple):
     F1, F2 : channels rows: F at the stages h/3 and h
     a1, a2, z1, z2 : channels rows: ports without and with F
     M, rhs : Newton's equations
-    event, ahead : limits rows: watched quantity at the start and, of an attempted step, at h/3
+    event : limits rows: watched quantity at the start of a step
+    ahead : limits * points rows: watched quantity within an attempted step
     error : error estimate of the last step, in units of speed
     drive : 3 rows: input at the start of a step, its slope, and the change of slope (or jump) inside
     plan : int array: level of the leader's step at each tick
     point, system, series, course : of one lane, states side by side: state; columns of its matrix, constant and slope
         (n + 2 rows); Taylor coefficients; those of a watched quantity
     scratch : 5 n + 3 rows
-    build : matrices that tables are made of
+    build : matrices that tables are made of; look : 2 rows of a watched quantity's weights
     """
 
     tables: Any
@@ -170,6 +176,7 @@ class Work(NamedTuple):
     course: Any
     scratch: Any
     build: Any
+    look: Any
 
 
 class Call(NamedTuple):
@@ -277,15 +284,23 @@ def end_rows(n: Any, channels: Any) -> Any:
 
 
 @register_jitable
-def table_rows(n: Any, channels: Any, limits: Any) -> Any:
+def table_rows(shape: Any) -> Any:
     """Rows of a step table.
 
     First, for every state at the end of the step, the weights of: x (n), u and its slope, the constant, F1 and
-    F2 of each channel, the kink. Then the same for every port and watched quantity at the stage h/3. Last, for
-    every port, the effect of each F1 and F2 at the end of the step (those at h/3 stand in the second part).
+    F2 of each channel, the kink. Then the same for every port at the stage h/3, and for every watched quantity
+    at each point within the step. Last, for every port, the effect of each F1 and F2 at the end of the step (those
+    at h/3 stand in the second part).
     """
+    n, channels = shape.n, shape.channels
     width = n + 4 + 2 * channels
-    return (n + channels + limits) * width + 2 * channels * channels
+    return (n + channels + shape.limits * shape.points) * width + 2 * channels * channels
+
+
+@register_jitable
+def points_of(shape: Any, level: Any) -> Any:
+    """Points within a step of 2^level ticks at which limited states are looked at; 1 is the one at a third of it."""
+    return max(((shape.points + 1) >> (shape.ticks - level)) - 1, 1)
 
 
 _LINE = 64  # bytes of a cache line: a register that lies across two of them takes two accesses
@@ -308,8 +323,8 @@ def work_for(shape: Shape) -> Work:
         return aligned((max(count, 1), LANES))
 
     return Work(
-        tables=aligned((modes * levels, table_rows(n, m, b), LANES)),
-        current=rows(table_rows(n, m, b)),
+        tables=aligned((modes * levels, table_rows(shape), LANES)),
+        current=rows(table_rows(shape)),
         mode=np.zeros((max(b, 1), LANES), np.int64),
         free=rows(b),
         low=rows(b),
@@ -327,7 +342,7 @@ def work_for(shape: Shape) -> Work:
         M=rows(4 * m * m),
         rhs=rows(2 * m),
         event=rows(b),
-        ahead=rows(b),
+        ahead=rows(b * shape.points),
         error=rows(1),
         drive=rows(3),
         plan=np.zeros(2**shape.ticks, np.int64),
@@ -336,5 +351,6 @@ def work_for(shape: Shape) -> Work:
         series=rows(SERIES_TERMS),
         course=rows(1),
         scratch=rows(5 * n + 3),
-        build=aligned((7, n * n + n * (3 + 2 * m), LANES)),
+        build=aligned((6, n * n + n * (3 + 2 * m), LANES)),
+        look=rows(2 * (n + 3 + 2 * m)),
     )

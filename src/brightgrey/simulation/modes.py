@@ -97,7 +97,7 @@ def mode_bits(shape: Any, work: Any, lane: Any) -> Any:
 @inner
 def use_table(shape: Any, work: Any, lane: Any) -> None:
     """Make the base step's table of the lane's mode the current one."""
-    rows = table_rows(shape.n, shape.channels, shape.limits)
+    rows = table_rows(shape)
     table = skip(work.tables, (mode_bits(shape, work, lane) * (shape.ticks + 1) + shape.ticks) * rows)
     for r in range(rows):
         put(work.current, r, lane, get(table, r, lane))

@@ -15,9 +15,9 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from brightgrey.kit import StateSpace
-from brightgrey.simulation.batch import base_steps
+from brightgrey.simulation.batch import parts_per_sample
 from brightgrey.simulation.lowering import Lowered, lower
-from brightgrey.simulation.settings import Settings, Tolerances, tolerances
+from brightgrey.simulation.settings import Settings, Tolerances, stepping_of, tolerances
 
 __all__ = ["plain_response"]
 
@@ -35,6 +35,7 @@ class _Run:
     hold: str
     tick: float
     ticks: int
+    points: int
     x: Array
     force: Array
     slope: Array
@@ -103,8 +104,8 @@ def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, s
     u = np.asarray(u, float)
     low = lower(system, dt)
     tolerance = tolerances(settings.level, bool(low.limited))
-    bases = int(base_steps(system, low, dt, settings)[0])
-    ticks = 2**tolerance.ticks
+    bases, levels, points = stepping_of(tolerance, int(parts_per_sample(system, low, dt, settings)[0]))
+    ticks = 2**levels
     run = _Run(
         low,
         tolerance,
@@ -112,6 +113,7 @@ def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, s
         settings.hold,
         dt / (bases * ticks),
         ticks,
+        points,
         np.array(x0, float),
         np.zeros(len(low.G)),
         np.zeros(len(low.G)),
@@ -165,10 +167,10 @@ def _base_step(
     while position < run.ticks:
         begin, h = t + (base * run.ticks + position) * run.tick, size * run.tick
         value, slope, kink, until = drive(begin, h)
-        end, F1, F2, change, error, middle = _attempt(run, h, value, slope, kink, until)
+        end, F1, F2, change, error, inside = _attempt(run, h, value, slope, kink, until)
         failed = not change < run.tolerance.change * run.scale
         coarse = not error < run.tolerance.error * run.scale
-        out = any(_leaves(run, b, middle, end) for b in range(len(run.modes)))
+        out = any(_leaves(run, b, [run.x, *inside, end]) for b in range(len(run.modes)))
         if size > 1 and (failed or out or coarse):
             size //= 2
             continue
@@ -194,58 +196,66 @@ def _base_step(
 
 def _attempt(
     run: _Run, h: float, value: float, slope: float, kink: float, until: float
-) -> tuple[Array, Array, Array, float, float, Array]:
-    """Two-stage Radau IIA step: end, F at both stages, last change of Newton, error estimate, state at h/3."""
+) -> tuple[Array, Array, Array, float, float, list[Array]]:
+    """Two-stage Radau IIA step: end, F at both stages, last change of Newton, error estimate, states within."""
     n, m = len(run.x), len(run.force)
     H, K = run.low.H[:, :, 0], run.low.through[:, 0]
-    free, per_force, states = [], [], []
-    for span in (h / 3.0, h):
+
+    def free(span: float) -> tuple[Array, Array]:
+        """State after `span` without F, and what each F1 and F2 adds to it."""
         P = run.propagator(span)
         state = P[:, : n + 3] @ np.concatenate([run.x, [value, slope, 1.0]]) + kink * run.kink(
             span - until if kink else 0.0
         )
         start, rate = P[:, n + 3 : n + 3 + m], P[:, n + 3 + m :] * 1.5 / h
-        states.append(state)
-        per_force.append(np.hstack([1.5 * start - rate, rate - 0.5 * start]))
+        return state, np.hstack([1.5 * start - rate, rate - 0.5 * start])
+
+    stages = (h / 3.0, h)
+    ports, S = [], []
+    for span in stages:
+        state, per_force = free(span)
         seen = (
             value
             + slope * span
             + (kink * (max(span - until, 0.0) if run.hold == "linear" else span > until) if kink else 0.0)
         )
-        free.append(H @ state + K * seen)
-    a = np.concatenate(free)
-    S = np.vstack([H @ w for w in per_force])
+        ports.append(H @ state + K * seen)
+        S.append(H @ per_force)
+    a, through = np.concatenate(ports), np.vstack(S)
     F = np.concatenate([run.force + run.slope * h / 3.0, run.force + run.slope * h])
-    z, change = a + S @ F, 0.0
+    z, change = a + through @ F, 0.0
     if m:
         for _ in range(run.tolerance.newton):
             phi, by_port = (np.concatenate(pair) for pair in zip(run.laws(z[:m]), run.laws(z[m:]), strict=True))
-            F = np.linalg.solve(np.eye(2 * m) - by_port[:, None] * S, phi + by_port * (a - z))
-            change = float(np.abs(a + S @ F - z).max())
-            z = a + S @ F
+            F = np.linalg.solve(np.eye(2 * m) - by_port[:, None] * through, phi + by_port * (a - z))
+            change = float(np.abs(a + through @ F - z).max())
+            z = a + through @ F
     bend = np.abs(run.force - (1.5 * F[:m] - 0.5 * F[m:])) * np.abs(run.low.G[:, :, 0]).max(axis=1, initial=0.0)
     error = float(bend.max(initial=0.0) * h)
-    change = change if m else -1.0
-    return (
-        states[1] + per_force[1] @ F,
-        F[:m],
-        F[m:],
-        change,
-        error if m else -1.0,
-        states[0] + per_force[0] @ F,
-    )
+    parts = round((run.points + 1) * h / (run.tick * run.ticks))
+    spans = [h * i / parts for i in range(1, parts)] if parts > 2 else [h / 3.0]
+    end, *inside = (state + per_force @ F for state, per_force in map(free, (h, *spans)))
+    return end, F[:m], F[m:], change if m else -1.0, error if m else -1.0, inside
 
 
-def _leaves(run: _Run, b: int, middle: Array, end: Array) -> bool:
-    """Whether the watched quantity leaves its interval, by a parabola through 0, h/3 and h."""
-    s0, s1, s2 = (run.watched(b, x) for x in (run.x, middle, end))
+def _leaves(run: _Run, b: int, states: list[Array]) -> bool:
+    """Whether the watched quantity leaves its interval, by a parabola through 0, h/3 and h, or such of neighbours."""
+    course = [run.watched(b, x) for x in states]
+    slack = 1e-12 * (abs(course[0]) + abs(course[-1])) + 1e-300
     low, high = run.interval(b)
-    slope = 4.5 * (s1 - s0) - 0.5 * (s2 - s0)
-    bend = s2 - s0 - slope
-    peak = -0.5 * slope / bend if bend else -1.0
-    extreme = s0 + peak * (slope + peak * bend) if 0.0 < peak < 1.0 else s2
-    slack = 1e-12 * (abs(s0) + abs(s2)) + 1e-300
-    return not all(low - slack < s < high + slack for s in (s2, extreme))
+    seen = course[1:]
+    if len(course) == 3:
+        s0, s1, s2 = course
+        slope = 4.5 * (s1 - s0) - 0.5 * (s2 - s0)
+        bend = s2 - s0 - slope
+        peak = -0.5 * slope / bend if bend else -1.0
+        seen = [s0 + peak * (slope + peak * bend) if 0.0 < peak < 1.0 else s2, s2]
+    else:
+        for s0, s1, s2 in zip(course, course[1:], course[2:], strict=False):
+            rise, bend = 0.5 * (s2 - s0), 0.5 * (s2 + s0) - s1
+            if abs(rise) < 2.0 * abs(bend):
+                seen.append(s1 - rise * rise / (4.0 * bend))
+    return not all(low - slack < s < high + slack for s in seen)
 
 
 def _creep(run: _Run, span: float, value: float, slope: float) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from brightgrey.simulation.compiled import Entry, inner
 from brightgrey.simulation.lanes import LANES, choose_less, get, put, real, skip, splat, whole
-from brightgrey.simulation.layout import call_of, end_rows, plant_of, shape_of, table_rows, work_of
+from brightgrey.simulation.layout import call_of, end_rows, plant_of, points_of, shape_of, table_rows, work_of
 
 __all__ = ["tables"]
 
@@ -187,7 +187,7 @@ def _read(n: Any, P: Any, at: Any, stride: Any, row: Any, unit: Any, who: Any) -
 
 
 @inner
-def _fill(shape: Any, plant: Any, mode: Any, full: Any, third: Any, h: Any, table: Any) -> None:
+def _fill(shape: Any, plant: Any, mode: Any, full: Any, third: Any, h: Any, points: Any, table: Any) -> None:
     """Step table of one mode and level from the propagators over the step and a third of it."""
     n, m = shape.n, shape.channels
     width = n + 4 + 2 * m
@@ -201,11 +201,14 @@ def _fill(shape: Any, plant: Any, mode: Any, full: Any, third: Any, h: Any, tabl
         put(table, at + n + 1, None, get(table, at + n + 1, None) + get(plant.K, k, None) * (h / 3.0))
         at += width
     for b in range(shape.limits):
+        if points > 1:
+            continue
+        row = at + b * shape.points * width
         if (mode >> b) & 1:
-            _row_weights(shape, third, h / 3.0, 1.0 / 3.0, plant.H, at, table, whole(plant.limited, b), None)
+            _row_weights(shape, third, h / 3.0, 1.0 / 3.0, plant.H, row, table, whole(plant.limited, b), None)
         else:
-            _row_weights(shape, third, h / 3.0, 1.0 / 3.0, skip(plant.rate, b * n), at, table, -1, None)
-        at += width
+            _row_weights(shape, third, h / 3.0, 1.0 / 3.0, skip(plant.rate, b * n), row, table, -1, None)
+    at += shape.limits * shape.points * width
     for k in range(m):
         for j in range(m):
             for stage in range(2):
@@ -216,6 +219,53 @@ def _fill(shape: Any, plant: Any, mode: Any, full: Any, third: Any, h: Any, tabl
                 put(table, at + k * 2 * m + stage * m + j, None, total)
 
 
+@inner
+def _look(shape: Any, plant: Any, mode: Any, unit: Any, span: Any, work: Any) -> None:
+    """Weights of the watched quantities at evenly spaced points of all steps that have such, in one mode.
+
+    `unit` is the propagator from one point to the next, `span` later. The watched row is carried back through one
+    more of them for every point: x (n), then the constants and slopes as in a propagator's columns.
+    """
+    n, m = shape.n, shape.channels
+    width, columns = n + 4 + 2 * m, 3 + 2 * m
+    row, next_row = work.look, skip(work.look, n + columns)
+    for b in range(shape.limits):
+        for j in range(n + columns):
+            put(row, j, None, splat(0.0, None))
+        if (mode >> b) & 1:
+            put(row, whole(plant.limited, b), None, splat(1.0, None))
+        else:
+            for j in range(n):
+                put(row, j, None, get(plant.rate, b * n + j, None))
+        for i in range(shape.points):
+            for j in range(n + columns):
+                at, stride = (j, n) if j < n else (n * n + (j - n) * n, 1)
+                put(next_row, j, None, _read(n, unit, at, stride, row, -1, None))
+            for column in range(columns):
+                j = n + column
+                carried = get(next_row, j, None) + get(row, j, None)
+                if column == 1 or (column > 2 and (column - 3) % 2 == 1):
+                    carried = carried + get(row, j - 1, None) * span
+                put(next_row, j, None, carried)
+            for j in range(n + columns):
+                put(row, j, None, get(next_row, j, None))
+            for level in range(shape.ticks, -1, -1):
+                points = points_of(shape, level)
+                if points == 1 or i >= points:
+                    break
+                table = skip(work.tables, (mode * (shape.ticks + 1) + level) * table_rows(shape))
+                at = end_rows(n, m) + (m + b * shape.points + i) * width
+                for j in range(n + 3):
+                    put(table, at + j, None, get(row, j, None))
+                per_h = 1.0 / (span * (points + 1.0))
+                for k in range(m):
+                    value = get(row, n + 3 + 2 * k, None)
+                    slope = get(row, n + 4 + 2 * k, None) * (1.5 * per_h)
+                    put(table, at + n + 3 + k, None, value * 1.5 - slope)
+                    put(table, at + n + 3 + m + k, None, slope - value * 0.5)
+                put(table, at + n + 3 + 2 * m, None, splat(0.0, None))
+
+
 @Entry
 def tables(block: Any) -> None:
     """Fill ``work.tables`` for every mode and level; level l covers 2^l ticks."""
@@ -224,9 +274,9 @@ def tables(block: Any) -> None:
     n = shape.n
     rows = n * n + n * (3 + 2 * shape.channels)
     A, third, full = work.build, skip(work.build, rows), skip(work.build, 2 * rows)
-    spare, half = skip(work.build, 3 * rows), skip(work.build, 4 * rows)
+    spare, half, unit = skip(work.build, 3 * rows), skip(work.build, 4 * rows), skip(work.build, 5 * rows)
     scaling = work.scratch
-    size = table_rows(n, shape.channels, shape.limits)
+    size = table_rows(shape)
     for mode in range(1 << shape.limits):
         _mode_matrix(shape, plant, mode, A)
         most = _halvings(shape, A, tick / 3.0, spare, scaling)
@@ -242,13 +292,18 @@ def tables(block: Any) -> None:
         never = splat(-1.0, None)
         _compose(shape, third, length, third, half, never)
         _compose(shape, half, length + length, third, full, never)
-        h = tick
+        h, span = tick, 0.0
         for level in range(shape.ticks + 1):
             table = skip(work.tables, (mode * (shape.ticks + 1) + level) * size)
-            _fill(shape, plant, mode, full, third, h, table)
+            _fill(shape, plant, mode, full, third, h, points_of(shape, level), table)
+            if (1 << (shape.ticks - level)) == shape.points + 1:
+                _copy(rows, full, unit)
+                span = h
             if level < shape.ticks:
                 _compose(shape, third, splat(h / 3.0, None), third, spare, never)
                 _copy(rows, spare, third)
                 _compose(shape, full, splat(h, None), full, spare, never)
                 _copy(rows, spare, full)
             h *= 2.0
+        if shape.points > 1:
+            _look(shape, plant, mode, unit, span, work)

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, get_args
 
 from brightgrey.errors import SettingsError, unknown_name
 
-__all__ = ["Hold", "Level", "Settings", "Tolerances", "tolerances"]
+__all__ = ["Hold", "Level", "Settings", "Stepping", "Tolerances", "stepping_of", "tolerances"]
 
 Level = Literal["accurate", "fast", "euler"]
 Hold = Literal["linear", "zoh"]
@@ -64,11 +64,13 @@ class Tolerances(NamedTuple):
     change : float
         Tolerated last change of Newton, relative to the speed scale.
     ticks : int
-        A base step may be cut into 2^ticks pieces.
+        A part of a sample may be cut into 2^ticks pieces.
     turn : float
-        Largest angle in rad by which the fastest oscillation may turn in a base step when there are limits.
+        Largest angle in rad by which the fastest oscillation may turn in a part when there are limits.
     most : int
         ... which then is no smaller than a sample over this.
+    looks : bool
+        Whether a base step may take in all parts of a sample, looking at limits within; else every part is one.
     """
 
     error: float
@@ -77,6 +79,25 @@ class Tolerances(NamedTuple):
     ticks: int
     turn: float
     most: int
+    looks: bool
+
+
+class Stepping(NamedTuple):
+    """Grid of steps: base steps per sample, 2^ticks pieces of each, and points within one at which limits are seen."""
+
+    base_steps: int
+    ticks: int
+    points: int
+
+
+def stepping_of(tolerance: Tolerances, parts: int) -> Stepping:
+    """Grid of steps of a simulation in which a sample has `parts` parts, a power of two.
+
+    Two looks per part: a parabola then stands for one part, as it does if every part is a step.
+    """
+    if parts > 1 and tolerance.looks:
+        return Stepping(1, tolerance.ticks + parts.bit_length() - 1, 2 * parts - 1)
+    return Stepping(parts, tolerance.ticks, 1)
 
 
 def tolerances(level: Level, limits: bool = False) -> Tolerances:
@@ -86,5 +107,5 @@ def tolerances(level: Level, limits: bool = False) -> Tolerances:
     with `limits` both step finer.
     """
     if level == "fast":
-        return Tolerances(error=1e-6 if limits else 1e-4, newton=1, change=1e-3, ticks=5, turn=1.0, most=8)
-    return Tolerances(error=1e-8 if limits else 5e-7, newton=2, change=1e-4, ticks=7, turn=0.5, most=64)
+        return Tolerances(error=1e-6 if limits else 1e-4, newton=1, change=1e-3, ticks=5, turn=1.0, most=8, looks=True)
+    return Tolerances(error=1e-8 if limits else 5e-7, newton=2, change=1e-4, ticks=7, turn=0.5, most=64, looks=False)

@@ -127,22 +127,36 @@ def _newton(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work:
 
 
 @inlined
-def leaves(work: Any, b: Any, who: Any, s1: Any, s2: Any) -> Any:
+def leaves(shape: Any, work: Any, b: Any, points: Any, end: Any, who: Any) -> Any:
     """Lanes in which the watched quantity of limited state b leaves its interval during a step.
 
-    Its values at h/3 and h are given; a parabola stands for its course, so that leaving and coming back within
-    the step is seen. The slack is rounding; a quantity that rests at its limit does not leave.
+    Its values within the step stand in ``work.ahead``, `end` is the one at its end. Parabolas stand for its course, so
+    that leaving and coming back between two looks is seen. The slack is rounding; a quantity that rests at its
+    limit does not leave.
     """
-    s0 = get(work.event, b, who)
-    slope = (s1 - s0) * 4.5 - (s2 - s0) * 0.5
-    bend = (s2 - s0) - slope
-    peak = slope * -0.5 / bend
-    extreme = s0 + peak * (slope + peak * bend)
-    extreme = choose_less(0.0, peak, choose_less(peak, 1.0, extreme, s2), s2)
-    slack = (_size(s0) + _size(s2)) * 1e-12 + 1e-300
+    s0, s1 = get(work.event, b, who), get(work.ahead, b * shape.points, who)
+    slack = (_size(s0) + _size(end)) * 1e-12 + 1e-300
     low, high = get(work.low, b, who) - slack, get(work.high, b, who) + slack
-    out = lanes_not_less(s2, high) | lanes_not_less(low, s2)
-    return out | lanes_not_less(extreme, high) | lanes_not_less(low, extreme)
+    out = lanes_not_less(end, high) | lanes_not_less(low, end)
+    if points == 1:  # at 0, h/3 and h
+        slope = (s1 - s0) * 4.5 - (end - s0) * 0.5
+        bend = (end - s0) - slope
+        peak = slope * -0.5 / bend
+        extreme = s0 + peak * (slope + peak * bend)
+        extreme = choose_less(0.0, peak, choose_less(peak, 1.0, extreme, end), end)
+        return out | lanes_not_less(extreme, high) | lanes_not_less(low, extreme)
+    for i in range(points):
+        s2 = end
+        if i < points - 1:
+            s2 = get(work.ahead, b * shape.points + i + 1, who)
+        # The parabola's extreme lies within the two intervals if |rise| < 2 |bend|, and rise^2 / 4 bend beyond s1.
+        rise, bend = (s2 - s0) * 0.5, (s2 + s0) * 0.5 - s1
+        room = choose_less(bend, 0.0, bend * (s1 - high), bend * (s1 - low)) * 4.0
+        beyond = choose_less(room, rise * rise, float("inf"), s1)
+        seen = choose_less(_size(rise), _size(bend) * 2.0, beyond, s1)
+        out |= lanes_not_less(seen, high) | lanes_not_less(low, s1)
+        s0, s1 = s1, s2
+    return out
 
 
 @inlined
@@ -155,16 +169,16 @@ def watch(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> An
 
 
 @inlined
-def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, work: Any, who: Any) -> Any:
+def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: Any, work: Any, who: Any) -> Any:
     """Step from ``work.x`` to ``work.end``; returns (lanes in which Newton failed, lanes with too large an error).
 
     ``call.numbers`` holds the tolerated error estimate and the tolerated last change of Newton.
-    Watched quantities at h/3 are left in ``work.ahead``.
+    Watched quantities at the step's `points` are left in ``work.ahead``.
     """
     n, m = shape.n, shape.channels
     width = n + 4 + 2 * m
     stage = end_rows(n, m)
-    coupling = stage + (m + shape.limits) * width
+    coupling = stage + (m + shape.limits * shape.points) * width
     for i in range(n):
         put(work.end, i, who, _weigh(shape, call.delayed, table, i * width, work, who))
     failed, coarse = 0, 0
@@ -201,9 +215,11 @@ def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, work: Any, who: 
             start = i * width + n + 3
             put(work.end, i, who, _add_forces(shape, table, start, work, get(work.end, i, who), who))
     for b in range(shape.limits):
-        at = stage + (m + b) * width
-        value = _weigh(shape, call.delayed, table, at, work, who)
-        put(work.ahead, b, who, _add_forces(shape, table, at + n + 3, work, value, who))
+        for i in range(points):
+            row = b * shape.points + i
+            at = stage + (m + row) * width
+            value = _weigh(shape, call.delayed, table, at, work, who)
+            put(work.ahead, row, who, _add_forces(shape, table, at + n + 3, work, value, who))
     return failed, coarse
 
 
