@@ -40,9 +40,59 @@ def _longer(shape: Any, call: Any, work: Any, level: Any, position: Any, lane: A
     return level + 1 if level < shape.ticks and not position & (1 << level) and small else level
 
 
+@inlined
+def _reached(shape: Any, plant: Any, work: Any, level: Any, lane: Any) -> Any:
+    """Part of an attempted step after which a watched quantity first leaves its interval, roughly; 1 if none does."""
+    points = points_of(shape, level)
+    first = 1.0
+    for b in range(shape.limits):
+        low, high = get(work.low, b, lane), get(work.high, b, lane)
+        t0, s0 = 0.0, get(work.event, b, lane)
+        for i in range(points + 1):
+            t1 = 1.0 if i == points else 1.0 / 3.0 if points == 1 else (i + 1.0) / (points + 1.0)
+            if i == points:
+                s1 = watch(shape, plant, work, b, work.end, lane)
+            else:
+                s1 = get(work.ahead, b * shape.points + i, lane)
+            if s1 > high or s1 < low:
+                limit = high if s1 > high else low
+                first = min(first, t0 + (t1 - t0) * max((limit - s0) / (s1 - s0), 0.0))
+                break
+            t0, s0 = t1, s1
+    return first
+
+
+@inlined
+def _shorter(shape: Any, plant: Any, call: Any, work: Any, level: Any, lane: Any) -> Any:
+    """Level of the next attempt: ends before the first limit, and is as short as the error's estimate lets expect.
+
+    At most a quarter for the error's sake: where friction turns within the step, its estimate exaggerates.
+    """
+    size = float(1 << level) * _reached(shape, plant, work, level, lane)
+    ratio = get(work.error, 0, lane) / real(call.numbers, 1) * 0.125 if shape.channels > 0 else 0.0
+    least = max(level - 2, 0)
+    level -= 1
+    while level > 0 and float(1 << level) > size:
+        level -= 1
+    while level > least and ratio >= 1.0:
+        level -= 1
+        ratio *= 0.125
+    return level
+
+
+@inlined
+def _pass_event(block: Any, shape: Any, plant: Any, call: Any, start: Any, work: Any, lane: Any) -> None:
+    """Carry one lane over the tick `start` after a sample, in which a limit is reached or left."""
+    invoke(call.creep, (block, start, lane))
+    for i in range(shape.n):
+        put(work.x, i, lane, get(work.end, i, lane))
+    for b in range(shape.limits):
+        put(work.event, b, lane, watch(shape, plant, work, b, work.x, lane))
+
+
 @Entry
-def refine(block: Any, k: Any, base: Any, lane: Any, follow: Any, position: Any, until: Any) -> None:
-    """Ticks [position, until) of base step `base` after sample k for one lane, in halved steps.
+def refine(block: Any, k: Any, base: Any, lane: Any, follow: Any, position: Any, until: Any, level: Any) -> None:
+    """Ticks [position, until) of base step `base` after sample k for one lane, in steps of 2^level ticks at first.
 
     From ``work.x`` on, and to it. The first lane of a group, or a lane on its own, chooses the steps and writes
     them to ``work.plan``; with `follow` that plan is taken, cut finer only where the lane's own events ask for it.
@@ -50,7 +100,6 @@ def refine(block: Any, k: Any, base: Any, lane: Any, follow: Any, position: Any,
     shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
     per_sample = float(shape.base_steps << shape.ticks)
     dt = real(call.numbers, 0)
-    level = shape.ticks
     bits = mode_bits(shape, work, lane)
     while position < until:
         if follow:
@@ -62,14 +111,10 @@ def refine(block: Any, k: Any, base: Any, lane: Any, follow: Any, position: Any,
         drive_lane(shape, plant, call.u, k, float(start), float(size), per_sample, dt, work, lane)
         out, coarse = _attempt(shape, plant, call, mode_bits(shape, work, lane), level, work, lane)
         if level > 0 and (out or (coarse and not follow)):
-            level -= 1
+            level = _shorter(shape, plant, call, work, level, lane)
             continue
         if out:
-            invoke(call.creep, (block, start, lane))
-            for i in range(shape.n):
-                put(work.x, i, lane, get(work.end, i, lane))
-            for b in range(shape.limits):
-                put(work.event, b, lane, watch(shape, plant, work, b, work.x, lane))
+            _pass_event(block, shape, plant, call, start, work, lane)
         else:
             take_lane(shape, plant, work, size * (dt / per_sample), lane)
         if not follow:
@@ -108,7 +153,12 @@ def sort(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> 
                     set_whole(work.plan, tick, shape.ticks)
             for lane in range(leader, leader + group):
                 if (exceptional >> lane) & 1:
-                    invoke(call.refine, (block, k, base, lane, 1 if lane > leader else 0, 0, ticks))
+                    # Followers of a leader that took the full step have failed it, too.
+                    follow = 1 if lane > leader else 0
+                    level = shape.ticks
+                    if not follow or not led & 1:
+                        level = _shorter(shape, plant, call, work, level, lane)
+                    invoke(call.refine, (block, k, base, lane, follow, 0, ticks, level))
 
 
 @Entry
@@ -119,21 +169,28 @@ def together(block: Any, k: Any, base: Any, leader: Any) -> None:
     """
     shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
-    position, level = 0, shape.ticks - 1  # the full step has been tried
+    position, level = 0, _shorter(shape, plant, call, work, shape.ticks, leader)  # the full step has been tried
     while position < 1 << shape.ticks:
         size = 1 << level
         drive_all(shape, plant, call, k, (base << shape.ticks) + position, size, work)
         bits = mode_bits(shape, work, leader)
         out, coarse = _attempt(shape, plant, call, bits, level, work, None)
         if level > 0 and ((out | coarse) >> leader) & 1:
-            level -= 1
+            level = _shorter(shape, plant, call, work, level, leader)
             continue
         after = _longer(shape, call, work, level, position + size, leader)
         for i in range(position, position + size):
             set_whole(work.plan, i, level)
         for lane in range(leader, leader + shape.group):
-            if (out >> lane) & 1 or mode_bits(shape, work, lane) != bits:
-                invoke(call.refine, (block, k, base, lane, 1, position, position + size))
+            if mode_bits(shape, work, lane) != bits:
+                invoke(call.refine, (block, k, base, lane, 1, position, position + size, level))
+            elif (out >> lane) & 1 and level > 0:
+                own = _shorter(shape, plant, call, work, level, lane)
+                invoke(call.refine, (block, k, base, lane, 1, position, position + size, own))
+            elif (out >> lane) & 1:
+                _pass_event(block, shape, plant, call, (base << shape.ticks) + position, work, lane)
+                if mode_bits(shape, work, lane) != bits:
+                    use_table(shape, work, lane)
             else:
                 take_lane(shape, plant, work, size * tick, lane)
         position += size

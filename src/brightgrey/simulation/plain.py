@@ -172,7 +172,7 @@ def _base_step(
         coarse = not error < run.tolerance.error * run.scale
         out = any(_leaves(run, b, [run.x, *inside, end]) for b in range(len(run.modes)))
         if size > 1 and (failed or out or coarse):
-            size //= 2
+            size = _shorter(run, size, failed, error, [run.x, *inside, end])
             continue
         if out or failed:
             pieces = [(h, value, slope)]
@@ -192,6 +192,31 @@ def _base_step(
         position += size
         if size < run.ticks and position % (2 * size) == 0 and 8.0 * error < run.tolerance.error * run.scale:
             size *= 2
+
+
+def _shorter(run: _Run, size: int, failed: bool, error: float, states: list[Array]) -> int:
+    """Ticks of the next attempt: as many as lie before the first limit, and as the error's estimate lets expect."""
+    reached = min((_reached(run, b, states) for b in range(len(run.modes))), default=1.0)
+    after = size // 2
+    while after > 1 and after > reached * size:
+        after //= 2
+    least = max(size // 4, 1)
+    ratio = error / (run.tolerance.error * run.scale) / 8.0
+    while after > least and ratio >= 1.0:
+        after //= 2
+        ratio /= 8.0
+    return after
+
+
+def _reached(run: _Run, b: int, states: list[Array]) -> float:
+    """Part of a step after which the watched quantity first leaves its interval, roughly; 1 if it does not."""
+    low, high = run.interval(b)
+    moments = [0.0, 1.0 / 3.0, 1.0] if len(states) == 3 else list(np.linspace(0.0, 1.0, len(states)))
+    for (t0, s0), (t1, s1) in pairwise(zip(moments, (run.watched(b, x) for x in states), strict=True)):
+        if not low <= s1 <= high:
+            limit = high if s1 > high else low
+            return t0 + (t1 - t0) * max((limit - s0) / (s1 - s0), 0.0)
+    return 1.0
 
 
 def _attempt(
