@@ -13,7 +13,7 @@ from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, 
 from brightgrey.simulation.lanes import call as invoke
 from brightgrey.simulation.layout import call_of, plant_of, points_of, shape_of, table_rows, work_of
 from brightgrey.simulation.modes import drive_all, drive_lane, mode_bits, use_table
-from brightgrey.simulation.step import leaves, step, take_lane, watch
+from brightgrey.simulation.step import leaves, step, take_lane, take_some, watch
 
 __all__ = ["refine", "sort", "together"]
 
@@ -140,9 +140,7 @@ def sort(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> 
         everyone = -1 if ((failed | coarse) >> leader) & 1 else 0
         exceptional |= (failed | everyone) & (((1 << group) - 1) << leader)
     exceptional &= ~dead
-    for lane in range(LANES):
-        if not (exceptional >> lane) & 1:
-            take_lane(shape, plant, work, h, lane)
+    take_some(shape, plant, work, h, ~exceptional)
     for leader in range(0, LANES, group):
         led = (exceptional >> leader) & ((1 << group) - 1)
         if led & 1 and group >= _WORTHWHILE:
@@ -181,17 +179,22 @@ def together(block: Any, k: Any, base: Any, leader: Any) -> None:
         after = _longer(shape, call, work, level, position + size, leader)
         for i in range(position, position + size):
             set_whole(work.plan, i, level)
+        alone = 0
         for lane in range(leader, leader + shape.group):
+            if (out >> lane) & 1 or mode_bits(shape, work, lane) != bits:
+                alone |= 1 << lane
+        take_some(shape, plant, work, size * tick, ~alone & (((1 << shape.group) - 1) << leader))
+        for lane in range(leader, leader + shape.group):
+            if not (alone >> lane) & 1:
+                continue
             if mode_bits(shape, work, lane) != bits:
                 invoke(call.refine, (block, k, base, lane, 1, position, position + size, level))
-            elif (out >> lane) & 1 and level > 0:
+            elif level > 0:
                 own = _shorter(shape, plant, call, work, level, lane)
                 invoke(call.refine, (block, k, base, lane, 1, position, position + size, own))
-            elif (out >> lane) & 1:
+            else:
                 _pass_event(block, shape, plant, call, (base << shape.ticks) + position, work, lane)
                 if mode_bits(shape, work, lane) != bits:
                     use_table(shape, work, lane)
-            else:
-                take_lane(shape, plant, work, size * tick, lane)
         position += size
         level = after

@@ -28,6 +28,7 @@ from brightgrey.effects import arithmetic
 __all__ = [
     "LANES",
     "call",
+    "choose_lanes",
     "choose_less",
     "get",
     "group",
@@ -273,6 +274,18 @@ def choose_less(typing: Any, a: Any, b: Any, yes: Any, no: Any) -> Any:
         return builder.select(builder.fcmp_ordered("<", v[0], v[1]), v[2], v[3])
 
     return (lanes if wide else types.float64)(a, b, yes, no), generate
+
+
+@intrinsic
+def choose_lanes(typing: Any, bits: Any, yes: Any, no: Any) -> Any:
+    """``choose_lanes(bits, yes, no)``: of two registers, `yes` in the lanes whose bit is set."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        number = context.cast(builder, args[0], signature.args[0], types.int64)
+        mask = builder.bitcast(builder.trunc(number, ir.IntType(LANES)), ir.VectorType(ir.IntType(1), LANES))
+        return builder.select(mask, args[1], args[2])
+
+    return lanes(bits, yes, no), generate
 
 
 @intrinsic

@@ -10,11 +10,11 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.compiled import inlined, inner
-from brightgrey.simulation.lanes import choose_less, get, lanes_not_less, put, real, splat, whole
+from brightgrey.simulation.lanes import choose_lanes, choose_less, get, lanes_not_less, put, real, splat, whole
 from brightgrey.simulation.laws import channel_forces
 from brightgrey.simulation.layout import end_rows
 
-__all__ = ["leaves", "step", "take_all", "take_lane", "watch"]
+__all__ = ["leaves", "step", "take_all", "take_lane", "take_some", "watch"]
 
 
 @inlined
@@ -245,3 +245,17 @@ def take_all(shape: Any, plant: Any, work: Any, h: Any) -> None:
 def take_lane(shape: Any, plant: Any, work: Any, h: Any, lane: Any) -> None:
     """Accept a step of length h in one lane."""
     _take(shape, plant, work, h, lane)
+
+
+@inlined
+def take_some(shape: Any, plant: Any, work: Any, h: Any, some: Any) -> None:
+    """Accept a step of length h in the lanes whose bit is set in `some`."""
+    for c in range(shape.channels):
+        f1, f2 = get(work.F1, c, None), get(work.F2, c, None)
+        put(work.force, c, None, choose_lanes(some, f2, get(work.force, c, None)))
+        put(work.slope, c, None, choose_lanes(some, (f2 - f1) * (1.5 / h), get(work.slope, c, None)))
+    for b in range(shape.limits):
+        end = watch(shape, plant, work, b, work.end, None)
+        put(work.event, b, None, choose_lanes(some, end, get(work.event, b, None)))
+    for i in range(shape.n):
+        put(work.x, i, None, choose_lanes(some, get(work.end, i, None), get(work.x, i, None)))
