@@ -227,7 +227,9 @@ class Draft:
         n = len(self.states)
 
         def grow(array: Array, axes: tuple[int, ...]) -> Array:
-            return np.pad(array, [(0, 1 if axis in axes else 0) for axis in range(array.ndim)])
+            larger = np.zeros([size + (axis in axes) for axis, size in enumerate(array.shape)])
+            larger[tuple(map(slice, array.shape))] = array
+            return larger
 
         elements = tuple(replace(e, H=grow(e.H, (1,)), G=grow(e.G, (0,))) for e in self.elements)
         A = self.A if n else np.zeros((0, 0, *self.batch))

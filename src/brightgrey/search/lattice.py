@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from functools import cache
 
 from brightgrey.kit import Placed, Structure
 
@@ -23,6 +24,7 @@ def ladder_of(structure: Structure) -> Placed:
     return next(p for p in structure.placed if p.effect.masses)
 
 
+@cache
 def without_ladder(structure: Structure) -> frozenset[Placed]:
     """All other placed effects."""
     return frozenset(p for p in structure.placed if not p.effect.masses)

@@ -16,7 +16,7 @@ from brightgrey.simulation.events import refine, sort, together
 from brightgrey.simulation.kernel import run
 from brightgrey.simulation.kinks import kinks
 from brightgrey.simulation.lanes import LANES
-from brightgrey.simulation.layout import Call, Shape, aligned, block_for, work_for
+from brightgrey.simulation.layout import Call, Shape, address, aligned, block_for, work_for
 from brightgrey.simulation.lowering import Lowered, fill, lower, turning_rate
 from brightgrey.simulation.propagators import tables
 from brightgrey.simulation.settings import Settings, stepping_of, tolerances
@@ -153,15 +153,18 @@ def _simulate(
     scale = settings.speed_scale
     limit = _LOST * max(scale, float(np.abs(u).max()), float(np.abs(x0).max()))
     steps = shape.euler == 0
+    numbers = np.array([dt, level.error * scale, level.change * scale, limit])
+    y = aligned((shape.outputs, len(u), pick.size))
+    diverged = np.empty(pick.shape, np.int64)
     call = Call(
-        numbers=np.array([dt, level.error * scale, level.change * scale, limit]),
-        u=u,
-        y=aligned((shape.outputs, len(u), pick.size)),
+        numbers=address(numbers),
+        u=address(u),
+        y=address(y),
         stride=pick.size,
-        diverged=np.empty(pick.shape, np.int64),
+        diverged=address(diverged),
         delayed=0,
         tables=tables.address() if steps else 0,
-        kinks=kinks.address() if steps and np.any(lowered.delay) else 0,
+        kinks=kinks.address() if steps and lowered.delay.any() else 0,
         start=start.address(),
         sort=sort.address() if steps else 0,
         refine=refine.address() if steps else 0,
@@ -172,16 +175,17 @@ def _simulate(
     cuts = np.linspace(0, len(pick), min(threads, len(pick)) + 1).astype(int)
 
     def part(first: int, last: int) -> None:
-        work = work_for(shape)
+        work, memory = work_for(shape)
         block = block_for(shape, plants, work, call)
-        run(block.ctypes.data, int(first), int(last))
+        run(address(block), int(first), int(last))
+        del memory, block  # not before the simulation is done
 
     if len(cuts) == 2:
         part(0, len(pick))
     else:
         with ThreadPoolExecutor(len(cuts) - 1) as pool:
             list(pool.map(part, cuts[:-1], cuts[1:]))
-    return call.y, call.diverged.ravel()
+    return y, diverged.ravel()
 
 
 def _lanes(leaders: NDArray[np.int64], group: int) -> tuple[NDArray[np.int64], int]:

@@ -1,13 +1,16 @@
 """What the kernel knows of a model: numbers in tables, nothing of effects.
 
-All tables are ``[batch, row, lane]`` arrays of float64 with LANES columns; the row numbers are given below, so
-that a matrix entry (i, j) is row ``i * n + j``. The kernel's functions work on one batch, ``[row, lane]``, and
-take the tables' addresses. One *block* of whole numbers holds them all, with sizes and options: entries of the
-kernel take its address and nothing else (:func:`block_for`).
+All tables are ``[row, lane]`` arrays of float64 with LANES columns, one after the other in memory, batch after batch;
+the row numbers are given below, so that a matrix entry (i, j) is row ``i * n + j``. The kernel's functions take the
+tables' addresses. One *block* of whole numbers holds them all, with sizes and options: entries of the kernel take its
+address and nothing else (:func:`block_for`).
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +21,15 @@ from brightgrey.simulation.lanes import LANES, group, real, register_jitable, se
 __all__ = [
     "Call",
     "Plant",
+    "Plants",
     "Shape",
     "Work",
+    "address",
     "aligned",
     "block_for",
     "call_of",
     "plant_of",
+    "plants_for",
     "points_of",
     "shape_of",
     "table_rows",
@@ -252,29 +258,70 @@ def use_batch(block: Any, number: Any) -> Any:
     return total > 0.0
 
 
-def block_for(shape: Shape, plants: Plant, work: Work, call: Call) -> NDArray[np.int64]:
-    """Block of one thread. All arrays whose addresses it holds have to be kept alive by the caller.
+def block_for(shape: Shape, plants: Plants, work: Work, call: Call) -> NDArray[np.int64]:
+    """Block of one thread. All memory whose addresses it holds has to be kept alive by the caller.
 
     Parameters
     ----------
     shape : Shape
-    plants : Plant
-        Arrays with a leading axis over batches; those without rows and lanes hold for all batches.
+    plants : Plants
     work : Work
     call : Call
-        Arrays and whole numbers.
+        Whole numbers and addresses.
+    """
+    strides = [plants.stride if name in _TABLES else 0 for name in Plant._fields]
+    return np.array([*shape, *work, *call, *plants.first, *plants.first, *strides], np.int64)
+
+
+class Plants(NamedTuple):
+    """Systems in lanes for all batches of a call.
+
+    Attributes
+    ----------
+    first : Plant
+        Addresses for batch 0.
+    stride : int
+        Bytes from one batch to the next, of everything that differs by lane.
+    memory : tuple of ndarray
+        What the addresses point to.
     """
 
-    def address(value: Any) -> int:
-        return int(value.ctypes.data if isinstance(value, np.ndarray) else value)
-
-    first = [address(array) for array in plants]
-    strides = [array.strides[0] if array.ndim == _TABLE else 0 for array in plants]
-    block = [*shape, *map(address, work), *map(address, call), *first, *first, *strides]
-    return np.array(block, np.int64)
+    first: Plant
+    stride: int
+    memory: tuple[NDArray[Any], ...]
 
 
-_TABLE = 3  # axes of a table: batch, row, lane
+_PER_CALL = ("law", "channel", "first", "turning", "limited", "outputs")
+_TABLES = tuple(name for name in Plant._fields if name not in _PER_CALL)
+
+
+def plants_for(
+    tables: Mapping[str, NDArray[np.float64]], numbers: Mapping[str, Sequence[int]], pick: NDArray[np.int64]
+) -> Plants:
+    """Memory that holds the parameter sets `pick`, shape (batches, LANES).
+
+    Parameters
+    ----------
+    tables : mapping of str to ndarray, shape (rows, sets)
+        Fields of `Plant` that differ by lane.
+    numbers : mapping of str to sequence of int
+        The others.
+    pick : int ndarray
+    """
+    rows = np.concatenate([tables[name] for name in _TABLES])
+    lanes = aligned((len(pick), len(rows), LANES))
+    lanes[:] = rows[:, pick].transpose(1, 0, 2)
+    whole_numbers = np.array([n for name in _PER_CALL for n in numbers[name]] or [0], np.int64)
+    places: dict[str, int] = {}
+    place = address(lanes)
+    for name in _TABLES:
+        places[name] = place
+        place += len(tables[name]) * LANES * _ENTRY
+    place = address(whole_numbers)
+    for name in _PER_CALL:
+        places[name] = place
+        place += len(numbers[name]) * _ENTRY
+    return Plants(Plant(**places), len(rows) * LANES * _ENTRY, (lanes, whole_numbers))
 
 
 @register_jitable
@@ -303,54 +350,62 @@ def points_of(shape: Any, level: Any) -> Any:
     return max(((shape.points + 1) >> (shape.ticks - level)) - 1, 1)
 
 
+_ENTRY = 8  # bytes of a number
 _LINE = 64  # bytes of a cache line: a register that lies across two of them takes two accesses
+
+
+def address(array: NDArray[Any]) -> int:
+    """Where the memory of an array begins."""
+    return int(array.__array_interface__["data"][0])
 
 
 def aligned(shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Array of zeros that begins at a cache line."""
-    count = int(np.prod(shape))
-    memory = np.zeros(count + _LINE // 8)
-    begin = -memory.ctypes.data % _LINE // 8
+    count = math.prod(shape)
+    memory = np.zeros(count + _LINE // _ENTRY)
+    begin = -address(memory) % _LINE // _ENTRY
     return memory[begin : begin + count].reshape(shape)
 
 
-def work_for(shape: Shape) -> Work:
-    """Zeroed memory for one thread."""
+def work_for(shape: Shape) -> tuple[Work, NDArray[np.float64]]:
+    """Zeroed memory for one thread: the addresses in it, and the memory itself."""
     n, m, b = shape.n, shape.channels, shape.limits
     modes, levels = 2**b, shape.ticks + 1
-
-    def rows(count: int) -> Any:
-        return aligned((max(count, 1), LANES))
-
-    return Work(
-        tables=aligned((modes * levels, table_rows(shape), LANES)),
-        current=rows(table_rows(shape)),
-        mode=np.zeros((max(b, 1), LANES), np.int64),
-        free=rows(b),
-        low=rows(b),
-        high=rows(b),
-        x=rows(n),
-        end=rows(n),
-        force=rows(m),
-        slope=rows(m),
-        F1=rows(m),
-        F2=rows(m),
-        a1=rows(m),
-        a2=rows(m),
-        z1=rows(m),
-        z2=rows(m),
-        M=rows(4 * m * m),
-        rhs=rows(2 * m),
-        event=rows(b),
-        ahead=rows(b * shape.points),
-        error=rows(1),
-        drive=rows(3),
-        plan=np.zeros(2**shape.ticks, np.int64),
-        point=rows(1),
-        system=rows(n + 2),
-        series=rows(SERIES_TERMS),
-        course=rows(1),
-        scratch=rows(5 * n + 3),
-        build=aligned((6, n * n + n * (3 + 2 * m), LANES)),
-        look=rows(2 * (n + 3 + 2 * m)),
+    table, pieces = int(table_rows(shape)), 2**shape.ticks
+    propagator = n * n + n * (3 + 2 * m)
+    rows = Work(
+        tables=modes * levels * table,
+        current=table,
+        mode=b,
+        free=b,
+        low=b,
+        high=b,
+        x=n,
+        end=n,
+        force=m,
+        slope=m,
+        F1=m,
+        F2=m,
+        a1=m,
+        a2=m,
+        z1=m,
+        z2=m,
+        M=4 * m * m,
+        rhs=2 * m,
+        event=b,
+        ahead=b * shape.points,
+        error=1,
+        drive=3,
+        plan=-(-pieces // LANES),
+        point=1,
+        system=n + 2,
+        series=SERIES_TERMS,
+        course=1,
+        scratch=5 * n + 3,
+        build=6 * propagator,
+        look=2 * (n + 3 + 2 * m),
     )
+    memory = aligned((sum(rows), LANES))
+    begin = address(memory)
+    starts = accumulate(rows, initial=0)
+    return Work(*(begin + start * LANES * _ENTRY for start, _ in zip(starts, rows, strict=False))), memory

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from brightgrey.effects import Element
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.laws import smooth_laws
-from brightgrey.simulation.layout import Plant, aligned
+from brightgrey.simulation.layout import Plants, plants_for
 
 __all__ = ["Lowered", "lower", "turning_rate"]
 
@@ -98,7 +98,7 @@ def turning_rate(system: StateSpace, lowered: Lowered) -> Array:
     return np.asarray(np.sqrt(block.sum(axis=1).max(axis=0)))
 
 
-def fill(lowered: Lowered, x0: Array, pick: NDArray[np.int64]) -> Plant:
+def fill(lowered: Lowered, x0: Array, pick: NDArray[np.int64]) -> Plants:
     """Tables of the kernel for the parameter sets ``pick``, shape (batches, LANES).
 
     Parameters
@@ -108,21 +108,11 @@ def fill(lowered: Lowered, x0: Array, pick: NDArray[np.int64]) -> Plant:
     pick : int ndarray
         Parameter set of each lane; incomplete batches repeat one.
     """
-
-    def table(array: Array) -> Array:
-        """(..., K) to (batches, rows, LANES)."""
-        rows = np.ascontiguousarray(array).reshape(-1, array.shape[-1])
-        if rows.shape[0] == 0:
-            rows = np.zeros((1, array.shape[-1]))
-        lanes = aligned((len(pick), len(rows), pick.shape[1]))
-        lanes[:] = rows[:, pick].transpose(1, 0, 2)
-        return lanes
-
     sets = x0.shape[1]
     laws = smooth_laws()
     parameters: list[Array] = []
     first = []
-    turning = np.full(len(lowered.G), -1, np.int64)
+    turning = [-1] * len(lowered.G)
     for element, k in lowered.smooth:
         first.append(len(parameters))
         if element.law.amplitude is not None:
@@ -138,26 +128,32 @@ def fill(lowered: Lowered, x0: Array, pick: NDArray[np.int64]) -> Plant:
     def bounds(values: list[Any]) -> Array:
         return np.array([np.broadcast_to(np.asarray(v, float), (sets,)) for v in values]).reshape(-1, sets)
 
+    def table(array: Array) -> Array:
+        return array.reshape(-1, sets)
+
     whole = np.floor(lowered.delay)
-    return Plant(
-        A=table(lowered.A),
-        B=table(lowered.B),
-        c=table(lowered.c),
-        G=table(lowered.G),
-        H=table(lowered.H),
-        K=table(lowered.through),
-        gain=table(np.abs(lowered.G).max(axis=1, initial=0.0)),
-        law=np.array([laws.index(e.law) for e, _ in lowered.smooth], np.int64),
-        channel=np.array([k for _, k in lowered.smooth], np.int64),
-        first=np.array(first, np.int64),
-        p=table(np.array(parameters).reshape(-1, sets)),
-        turning=turning,
-        rate=table(stack([e.H[0] for e in lowered.limited])),
-        column=table(stack([e.G for e in lowered.limited])),
-        low=table(bounds([limit.lower for limit in limits])),
-        high=table(bounds([limit.upper for limit in limits])),
-        limited=np.array([limit.state for limit in limits], np.int64),
-        outputs=np.array(lowered.outputs, np.int64),
-        delay=table(np.stack([whole, lowered.delay - whole])),
-        x0=table(x0),
-    )
+    tables = {
+        "A": table(lowered.A),
+        "B": lowered.B,
+        "c": lowered.c,
+        "G": table(lowered.G),
+        "H": table(lowered.H),
+        "K": lowered.through,
+        "gain": np.abs(lowered.G).max(axis=1, initial=0.0),
+        "p": np.array(parameters).reshape(-1, sets),
+        "rate": table(stack([e.H[0] for e in lowered.limited])),
+        "column": table(stack([e.G for e in lowered.limited])),
+        "low": bounds([limit.lower for limit in limits]),
+        "high": bounds([limit.upper for limit in limits]),
+        "delay": np.stack([whole, lowered.delay - whole]),
+        "x0": x0,
+    }
+    numbers = {
+        "law": [laws.index(e.law) for e, _ in lowered.smooth],
+        "channel": [k for _, k in lowered.smooth],
+        "first": first,
+        "turning": turning,
+        "limited": [limit.state for limit in limits],
+        "outputs": lowered.outputs,
+    }
+    return plants_for(tables, numbers, pick)
