@@ -13,6 +13,7 @@ from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, 
 from brightgrey.simulation.lanes import call as invoke
 from brightgrey.simulation.layout import call_of, plant_of, points_of, shape_of, table_rows, work_of
 from brightgrey.simulation.modes import drive_all, drive_lane, mode_bits, use_table
+from brightgrey.simulation.solo import step_lane
 from brightgrey.simulation.step import leaves, step, take_lane, take_some, watch
 
 __all__ = ["refine", "sort", "together"]
@@ -21,15 +22,25 @@ _WORTHWHILE = LANES // 2  # lanes of a group from which a step of all registers 
 
 
 @inlined
-def _attempt(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any, who: Any) -> Any:
-    """Step of 2^level ticks; returns lanes in which it failed or a limit is passed, and those with a large error."""
+def _attempt(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any) -> Any:
+    """Step of 2^level ticks in all lanes: those in which it failed or a limit is passed, those with a large error."""
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
-    rows = table_rows(shape)
-    table = skip(work.tables, (bits * (shape.ticks + 1) + level) * rows)
+    table = skip(work.tables, (bits * (shape.ticks + 1) + level) * table_rows(shape))
     points = points_of(shape, level)
-    out, coarse = step(shape, plant, call, table, (1 << level) * tick, points, work, who)
+    out, coarse = step(shape, plant, call, table, (1 << level) * tick, points, work)
     for b in range(shape.limits):
-        out |= leaves(shape, work, b, points, watch(shape, plant, work, b, work.end, who), who)
+        out |= leaves(shape, work, b, points, watch(shape, plant, work, b, work.end, None), None)
+    return out, coarse
+
+
+@inlined
+def _attempt_alone(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any, lane: Any) -> Any:
+    """As `_attempt`, for one lane."""
+    tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
+    out, coarse = step_lane(shape, plant, call, bits, level, (1 << level) * tick, work, lane)
+    for b in range(shape.limits):
+        end = watch(shape, plant, work, b, work.end, lane)
+        out |= leaves(shape, work, b, points_of(shape, level), end, lane)
     return out, coarse
 
 
@@ -109,7 +120,7 @@ def refine(block: Any, k: Any, base: Any, lane: Any, follow: Any, position: Any,
         size = 1 << level
         start = (base << shape.ticks) + position
         drive_lane(shape, plant, call.u, k, float(start), float(size), per_sample, dt, work, lane)
-        out, coarse = _attempt(shape, plant, call, mode_bits(shape, work, lane), level, work, lane)
+        out, coarse = _attempt_alone(shape, plant, call, mode_bits(shape, work, lane), level, work, lane)
         if level > 0 and (out or (coarse and not follow)):
             level = _shorter(shape, plant, call, work, level, lane)
             continue
@@ -172,7 +183,7 @@ def together(block: Any, k: Any, base: Any, leader: Any) -> None:
         size = 1 << level
         drive_all(shape, plant, call, k, (base << shape.ticks) + position, size, work)
         bits = mode_bits(shape, work, leader)
-        out, coarse = _attempt(shape, plant, call, bits, level, work, None)
+        out, coarse = _attempt(shape, plant, call, bits, level, work)
         if level > 0 and ((out | coarse) >> leader) & 1:
             level = _shorter(shape, plant, call, work, level, leader)
             continue

@@ -22,6 +22,7 @@ from brightgrey.simulation.lanes import (
 from brightgrey.simulation.lanes import call as invoke
 from brightgrey.simulation.layout import call_of, plant_of, shape_of, use_batch, work_of
 from brightgrey.simulation.modes import drive_all, drive_lane
+from brightgrey.simulation.solo import forget
 from brightgrey.simulation.step import leaves, step, take_all, watch
 
 __all__ = ["run"]
@@ -65,7 +66,7 @@ def _base_step(block: Any, shape: Any, plant: Any, call: Any, k: Any, base: Any,
     """Carry all lanes over one base step."""
     h = real(call.numbers, 0) / shape.base_steps
     drive_all(shape, plant, call, k, base << shape.ticks, 1 << shape.ticks, work)
-    failed, coarse = step(shape, plant, call, work.current, h, shape.points, work, None)
+    failed, coarse = step(shape, plant, call, work.current, h, shape.points, work)
     left = 0
     for b in range(shape.limits):
         end = watch(shape, plant, work, b, work.end, None)
@@ -94,6 +95,7 @@ def run(block: Any, first: Any, last: Any) -> None:
             set_whole(call.diverged, number * LANES + lane, -1)
         if shape.euler == 0:
             invoke(call.tables, (block,))
+            forget(shape, work)
             if delayed:
                 invoke(call.kinks, (block,))
         invoke(call.start, (block,))

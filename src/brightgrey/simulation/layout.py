@@ -32,6 +32,7 @@ __all__ = [
     "plants_for",
     "points_of",
     "shape_of",
+    "solo_rows",
     "table_rows",
     "use_batch",
     "work_for",
@@ -151,6 +152,8 @@ class Work(NamedTuple):
         (n + 2 rows); Taylor coefficients; those of a watched quantity
     scratch : 5 n + 3 rows
     build : matrices that tables are made of; look : 2 rows of a watched quantity's weights
+    solo : of every mode, level and lane, the lane's step table in columns of `solo_rows` rows; copied : int array,
+        which of them are up to date; rows : one column; coupled : a lane's effect of F1 and F2 on the ports
     """
 
     tables: Any
@@ -183,6 +186,10 @@ class Work(NamedTuple):
     scratch: Any
     build: Any
     look: Any
+    solo: Any
+    copied: Any
+    rows: Any
+    coupled: Any
 
 
 class Call(NamedTuple):
@@ -345,6 +352,12 @@ def table_rows(shape: Any) -> Any:
 
 
 @register_jitable
+def solo_rows(shape: Any) -> Any:
+    """Registers that hold a column of one lane's step table: end states, ports at h/3 and h, watched quantities."""
+    return (shape.n + 2 * shape.channels + shape.limits * shape.points + LANES - 1) // LANES
+
+
+@register_jitable
 def points_of(shape: Any, level: Any) -> Any:
     """Points within a step of 2^level ticks at which limited states are looked at; 1 is the one at a third of it."""
     return max(((shape.points + 1) >> (shape.ticks - level)) - 1, 1)
@@ -404,6 +417,10 @@ def work_for(shape: Shape) -> tuple[Work, NDArray[np.float64]]:
         scratch=5 * n + 3,
         build=6 * propagator,
         look=2 * (n + 3 + 2 * m),
+        solo=modes * levels * LANES * (n + 4 + 2 * m) * int(solo_rows(shape)),
+        copied=modes * levels,
+        rows=int(solo_rows(shape)),
+        coupled=4 * m * m,
     )
     memory = aligned((sum(rows), LANES))
     begin = address(memory)

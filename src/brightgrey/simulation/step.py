@@ -14,20 +14,20 @@ from brightgrey.simulation.lanes import choose_lanes, choose_less, get, lanes_no
 from brightgrey.simulation.laws import channel_forces
 from brightgrey.simulation.layout import end_rows
 
-__all__ = ["leaves", "step", "take_all", "take_lane", "take_some", "watch"]
+__all__ = ["estimate", "leaves", "solve", "step", "take_all", "take_lane", "take_some", "watch"]
 
 
 @inlined
-def _weigh(shape: Any, delayed: Any, table: Any, at: Any, work: Any, who: Any) -> Any:
+def _weigh(shape: Any, delayed: Any, table: Any, at: Any, work: Any) -> Any:
     """Row of a step table times state and input, without F."""
     n = shape.n
-    total = get(table, at + n + 2, who)
+    total = get(table, at + n + 2, None)
     for j in range(n):
-        total = total + get(table, at + j, who) * get(work.x, j, who)
-    total = total + get(table, at + n, who) * get(work.drive, 0, who)
-    total = total + get(table, at + n + 1, who) * get(work.drive, 1, who)
+        total = total + get(table, at + j, None) * get(work.x, j, None)
+    total = total + get(table, at + n, None) * get(work.drive, 0, None)
+    total = total + get(table, at + n + 1, None) * get(work.drive, 1, None)
     if delayed == 1:  # only then the input has a kink within a step
-        total = total + get(table, at + n + 3 + 2 * shape.channels, who) * get(work.drive, 2, who)
+        total = total + get(table, at + n + 3 + 2 * shape.channels, None) * get(work.drive, 2, None)
     return total
 
 
@@ -42,11 +42,10 @@ def _add_forces(shape: Any, table: Any, at: Any, work: Any, total: Any, who: Any
 
 
 @inlined
-def _newton_one(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work: Any, who: Any) -> Any:
+def _newton_one(shape: Any, plant: Any, table: Any, middle: Any, end: Any, work: Any, who: Any) -> Any:
     """One Newton iteration for a single channel; returns the larger change of the two ports."""
-    n = shape.n
-    s1, s2 = get(table, stage + n + 3, who), get(table, stage + n + 4, who)
-    e1, e2 = get(table, coupling, who), get(table, coupling + 1, who)
+    s1, s2 = get(table, middle, who), get(table, middle + 1, who)
+    e1, e2 = get(table, end, who), get(table, end + 1, who)
     a1, a2 = get(work.a1, 0, who), get(work.a2, 0, who)
     z1, z2 = get(work.z1, 0, who), get(work.z2, 0, who)
     f1, d1, f2, d2 = channel_forces(shape, plant, 0, z1, z2, who)
@@ -77,11 +76,10 @@ def _larger(a: Any, b: Any) -> Any:
 
 
 @inner
-def _newton(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work: Any, who: Any) -> Any:
+def _newton(shape: Any, plant: Any, table: Any, middle: Any, stride: Any, end: Any, work: Any, who: Any) -> Any:
     """One Newton iteration for any number of channels: (I - D S) F = phi + D (a - z), then z = a + S F."""
-    n, m = shape.n, shape.channels
+    m = shape.channels
     size = 2 * m
-    width = n + 4 + 2 * m
     for k in range(m):
         force1, slope1, force2, slope2 = channel_forces(
             shape, plant, k, get(work.z1, k, who), get(work.z2, k, who), who
@@ -89,7 +87,7 @@ def _newton(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work:
         for half in range(2):
             z, a = (work.z1, work.a1) if half == 0 else (work.z2, work.a2)
             row = half * m + k
-            weights = stage + k * width + n + 3 if half == 0 else coupling + k * size
+            weights = middle + k * stride if half == 0 else end + k * size
             force, slope = (force1, slope1) if half == 0 else (force2, slope2)
             put(work.rhs, row, who, force + slope * (get(a, k, who) - get(z, k, who)))
             for j in range(size):
@@ -117,8 +115,8 @@ def _newton(shape: Any, plant: Any, table: Any, stage: Any, coupling: Any, work:
         put(work.F2, k, who, get(work.rhs, m + k, who))
     change = splat(0.0, who)
     for k in range(m):
-        z1 = _add_forces(shape, table, stage + k * width + n + 3, work, get(work.a1, k, who), who)
-        z2 = _add_forces(shape, table, coupling + k * size, work, get(work.a2, k, who), who)
+        z1 = _add_forces(shape, table, middle + k * stride, work, get(work.a1, k, who), who)
+        z2 = _add_forces(shape, table, end + k * size, work, get(work.a2, k, who), who)
         change = _larger(change, _size(z1 - get(work.z1, k, who)))
         change = _larger(change, _size(z2 - get(work.z2, k, who)))
         put(work.z1, k, who, z1)
@@ -169,7 +167,55 @@ def watch(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> An
 
 
 @inlined
-def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: Any, work: Any, who: Any) -> Any:
+def solve(
+    shape: Any,
+    plant: Any,
+    call: Any,
+    table: Any,
+    middle: Any,
+    stride: Any,
+    end: Any,
+    h: Any,
+    work: Any,
+    who: Any,
+) -> Any:
+    """Solve for F1 and F2, with the ports without F in ``work.a1`` and ``work.a2``: lanes in which Newton failed.
+
+    The effect of each F1 and F2 on the ports stands in `table`: at h/3 from row `middle` on, `stride` rows per port, at
+    the end from row `end` on.
+    """
+    m = shape.channels
+    for k in range(m):
+        force, rate = get(work.force, k, who), get(work.slope, k, who) * h
+        put(work.F1, k, who, force + rate * (1.0 / 3.0))
+        put(work.F2, k, who, force + rate)
+    for k in range(m):
+        put(work.z1, k, who, _add_forces(shape, table, middle + k * stride, work, get(work.a1, k, who), who))
+        put(work.z2, k, who, _add_forces(shape, table, end + k * 2 * m, work, get(work.a2, k, who), who))
+    change = splat(0.0, who)
+    for _ in range(shape.newton):
+        if m == 1:
+            change = _newton_one(shape, plant, table, middle, end, work, who)
+        else:
+            change = _newton(shape, plant, table, middle, stride, end, work, who)
+    return lanes_not_less(change, splat(real(call.numbers, 2), who))
+
+
+@inlined
+def estimate(shape: Any, plant: Any, call: Any, h: Any, work: Any, who: Any) -> Any:
+    """Lanes in which the error's estimate, left in ``work.error``, is too large."""
+    error = splat(0.0, who)
+    for k in range(shape.channels):
+        # F at the start, as it was against as the stages see it: its curvature over the step.
+        bend = get(work.force, k, who) - (get(work.F1, k, who) * 1.5 - get(work.F2, k, who) * 0.5)
+        error = _larger(error, _size(bend) * get(plant.gain, k, who))
+    error = error * h
+    put(work.error, 0, who, error)
+    return lanes_not_less(error, splat(real(call.numbers, 1), who))
+
+
+@inlined
+def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: Any, work: Any) -> Any:
     """Step from ``work.x`` to ``work.end``; returns (lanes in which Newton failed, lanes with too large an error).
 
     ``call.numbers`` holds the tolerated error estimate and the tolerated last change of Newton.
@@ -178,48 +224,28 @@ def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: Any, wor
     n, m = shape.n, shape.channels
     width = n + 4 + 2 * m
     stage = end_rows(n, m)
-    coupling = stage + (m + shape.limits * shape.points) * width
     for i in range(n):
-        put(work.end, i, who, _weigh(shape, call.delayed, table, i * width, work, who))
+        put(work.end, i, None, _weigh(shape, call.delayed, table, i * width, work))
     failed, coarse = 0, 0
     if m > 0:
         for k in range(m):
-            force, rate = get(work.force, k, who), get(work.slope, k, who) * h
-            put(work.F1, k, who, force + rate * (1.0 / 3.0))
-            put(work.F2, k, who, force + rate)
-        for k in range(m):
-            a1 = _weigh(shape, call.delayed, table, stage + k * width, work, who)
-            a2 = get(plant.K, k, who) * (get(work.drive, 0, who) + get(work.drive, 1, who) * h)
+            put(work.a1, k, None, _weigh(shape, call.delayed, table, stage + k * width, work))
+            a2 = get(plant.K, k, None) * (get(work.drive, 0, None) + get(work.drive, 1, None) * h)
             for i in range(n):
-                a2 = a2 + get(plant.H, k * n + i, who) * get(work.end, i, who)
-            put(work.a1, k, who, a1)
-            put(work.a2, k, who, a2)
-            put(work.z1, k, who, _add_forces(shape, table, stage + k * width + n + 3, work, a1, who))
-            put(work.z2, k, who, _add_forces(shape, table, coupling + k * 2 * m, work, a2, who))
-        change = splat(0.0, who)
-        for _ in range(shape.newton):
-            if m == 1:
-                change = _newton_one(shape, plant, table, stage, coupling, work, who)
-            else:
-                change = _newton(shape, plant, table, stage, coupling, work, who)
-        failed = lanes_not_less(change, splat(real(call.numbers, 2), who))
-        error = splat(0.0, who)
-        for k in range(m):
-            # F at the start, as it was against as the stages see it: its curvature over the step.
-            bend = get(work.force, k, who) - (get(work.F1, k, who) * 1.5 - get(work.F2, k, who) * 0.5)
-            error = _larger(error, _size(bend) * get(plant.gain, k, who))
-        error = error * h
-        put(work.error, 0, who, error)
-        coarse = lanes_not_less(error, splat(real(call.numbers, 1), who))
+                a2 = a2 + get(plant.H, k * n + i, None) * get(work.end, i, None)
+            put(work.a2, k, None, a2)
+        coupling = stage + (m + shape.limits * shape.points) * width
+        failed = solve(shape, plant, call, table, stage + n + 3, width, coupling, h, work, None)
+        coarse = estimate(shape, plant, call, h, work, None)
         for i in range(n):
             start = i * width + n + 3
-            put(work.end, i, who, _add_forces(shape, table, start, work, get(work.end, i, who), who))
+            put(work.end, i, None, _add_forces(shape, table, start, work, get(work.end, i, None), None))
     for b in range(shape.limits):
         for i in range(points):
             row = b * shape.points + i
             at = stage + (m + row) * width
-            value = _weigh(shape, call.delayed, table, at, work, who)
-            put(work.ahead, row, who, _add_forces(shape, table, at + n + 3, work, value, who))
+            value = _weigh(shape, call.delayed, table, at, work)
+            put(work.ahead, row, None, _add_forces(shape, table, at + n + 3, work, value, None))
     return failed, coarse
 
 

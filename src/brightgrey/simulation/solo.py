@@ -1,0 +1,102 @@
+"""A step of one lane alone: its weights column by column, its states side by side in a register.
+
+The same arithmetic as :func:`brightgrey.simulation.step.step`. There one lane's weights lie far apart, each in a cache
+line of its own; here they are copied out at their first use.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brightgrey.simulation.compiled import inlined, inner
+from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, whole
+from brightgrey.simulation.layout import end_rows, points_of, solo_rows, table_rows
+from brightgrey.simulation.step import estimate, solve
+
+__all__ = ["forget", "step_lane"]
+
+
+@inner
+def forget(shape: Any, work: Any) -> None:
+    """Mark all copies as out of date."""
+    for i in range((1 << shape.limits) * (shape.ticks + 1) * LANES):
+        set_whole(work.copied, i, 0)
+
+
+@inner
+def _copy(shape: Any, plant: Any, table: Any, points: Any, h: Any, lane: Any, target: Any) -> None:
+    """One lane's step table to columns: end states, ports at h/3, watched quantities, ports at the end."""
+    n, m = shape.n, shape.channels
+    columns = n + 4 + 2 * m
+    last = n + m + shape.limits * points
+    tall = solo_rows(shape) * LANES
+    for column in range(columns):
+        at = column * tall
+        for i in range(n):
+            put(target, 0, at + i, get(table, i * columns + column, lane))
+        for i in range(m):
+            put(target, 0, at + n + i, get(table, end_rows(n, m) + i * columns + column, lane))
+        for b in range(shape.limits):
+            for i in range(points):
+                row = end_rows(n, m) + (m + b * shape.points + i) * columns + column
+                put(target, 0, at + n + m + b * points + i, get(table, row, lane))
+        for k in range(m):
+            total = 0.0
+            for i in range(n):
+                total += get(plant.H, k * n + i, lane) * get(table, i * columns + column, lane)
+            if column == n:
+                total += get(plant.K, k, lane)
+            elif column == n + 1:
+                total += get(plant.K, k, lane) * h
+            put(target, 0, at + last + k, total)
+
+
+@inlined
+def step_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, h: Any, work: Any, lane: Any) -> Any:
+    """Step of 2^level ticks from ``work.x`` to ``work.end``: (whether Newton failed, whether the error is too large).
+
+    Watched quantities at the step's points are left in ``work.ahead``.
+    """
+    n, m = shape.n, shape.channels
+    columns, high = n + 4 + 2 * m, solo_rows(shape)
+    number = (bits * (shape.ticks + 1) + level) * LANES + lane
+    solo = skip(work.solo, number * columns * high)
+    points = points_of(shape, level)
+    if whole(work.copied, number) == 0:
+        table = skip(work.tables, (bits * (shape.ticks + 1) + level) * table_rows(shape))
+        _copy(shape, plant, table, points, h, lane, solo)
+        set_whole(work.copied, number, 1)
+    last = n + m + shape.limits * points
+    used = (last + m + LANES - 1) // LANES
+    for q in range(used):
+        total = get(solo, (n + 2) * high + q, None)
+        for j in range(n):
+            total = total + get(solo, j * high + q, None) * get(work.x, j, lane)
+        total = total + get(solo, n * high + q, None) * get(work.drive, 0, lane)
+        total = total + get(solo, (n + 1) * high + q, None) * get(work.drive, 1, lane)
+        if call.delayed == 1:
+            total = total + get(solo, (n + 3 + 2 * m) * high + q, None) * get(work.drive, 2, lane)
+        put(work.rows, q, None, total)
+    failed, coarse = 0, 0
+    if m > 0:
+        for k in range(m):
+            put(work.a1, k, lane, real(work.rows, n + k))
+            put(work.a2, k, lane, real(work.rows, last + k))
+            for j in range(2 * m):
+                at = (n + 3 + j) * high * LANES
+                put(work.coupled, k * 2 * m + j, lane, real(solo, at + n + k))
+                put(work.coupled, (m + k) * 2 * m + j, lane, real(solo, at + last + k))
+        failed = solve(shape, plant, call, work.coupled, 0, 2 * m, 2 * m * m, h, work, lane)
+        coarse = estimate(shape, plant, call, h, work, lane)
+        for q in range(used):
+            total = get(work.rows, q, None)
+            for k in range(m):
+                total = total + get(solo, (n + 3 + k) * high + q, None) * get(work.F1, k, lane)
+                total = total + get(solo, (n + 3 + m + k) * high + q, None) * get(work.F2, k, lane)
+            put(work.rows, q, None, total)
+    for i in range(n):
+        put(work.end, i, lane, real(work.rows, i))
+    for b in range(shape.limits):
+        for i in range(points):
+            put(work.ahead, b * shape.points + i, lane, real(work.rows, n + m + b * points + i))
+    return failed, coarse
