@@ -40,6 +40,7 @@ class Found:
     note: str
     files: Mapping[str, bytes] = field(default_factory=dict)
     evidence: Evidence | None = None
+    run: Run | None = None
 
     def own(self, given: Mapping[str, T] | None) -> dict[str, T]:
         """Those of `given` that are about a parameter of the structure."""
@@ -147,6 +148,7 @@ def _genetic(task: Identification, settings: GeneticSettings, wish: Wish) -> Fou
         criterion=CriterionPart(name=settings.criterion, value=best.value),
         files={"history.csv": history_csv(done).encode()},
         note=_note(done, settings),
+        run=done,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ import typer
 
 from brightgrey.cli import genetic, options
 from brightgrey.cli.options import CORES, Json, Quiet, Seed, Step, Time, Unit, Workers
+from brightgrey.cli.request import given
 from brightgrey.errors import SettingsError, unknown_name
 
 if TYPE_CHECKING:
@@ -112,6 +114,7 @@ Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the 
 
 
 def identify(
+    context: typer.Context,
     recordings: Recordings,
     input: Input,
     output: Output,
@@ -218,6 +221,7 @@ def identify(
             seed=seed,
             workers=workers,
         )
+        result = replace(result, request=given(context))
         result.write(out)
     show.result(result, out, quiet=quiet, json=json)
 

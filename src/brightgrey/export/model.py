@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 from collections.abc import Mapping
 from functools import cached_property
@@ -30,6 +31,7 @@ from brightgrey.recordings import Signal
 from brightgrey.recordings.unit_text import parse_unit
 from brightgrey.recordings.units import Units, motion_unit
 from brightgrey.simulation import Settings
+from brightgrey.tables import table
 
 if TYPE_CHECKING:
     from brightgrey.export.exporter import Export
@@ -108,6 +110,24 @@ class Model(Part):
             level=s.level,
             hold=s.hold,
             substeps=s.substeps,
+        )
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for name, part in self.parameters.items():
+            spread = "" if part.std is None else f"{part.std:.2g}"
+            bound = "" if part.at_bound is None else f"at its {part.at_bound} bound"
+            fixed = "fixed" if name in self.settings.fixed else bound
+            about = self.structure.parameters[name].about
+            rows.append((name, f"{part.value:.5g}", spread, part.unit, fixed, about))
+        fits = [
+            (name, *("" if value is None else f"{value:.5g}" for value in (fit.fit_percent, fit.rmse)))
+            for name, fit in self.fit.train.items()
+        ]
+        return (
+            f"<div><p><b>{html.escape(str(self.structure))}</b>: {html.escape(self.outcome.text)}</p>"
+            f"{table(('Parameter', 'Value', 'Standard deviation', 'Unit', 'Note', 'Meaning'), rows)}"
+            f"{table(('Output', 'Fit in %', 'RMSE'), fits)}</div>"
         )
 
     def text(self) -> str:
