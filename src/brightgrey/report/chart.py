@@ -49,10 +49,11 @@ class Line:
 
 @dataclass(frozen=True)
 class Mark:
-    """A vertical line at `x` with a word to it."""
+    """A vertical line at `x` with a word to it, at its upper or its lower end."""
 
     x: float
     label: str
+    low: bool = False
 
 
 @dataclass(frozen=True)

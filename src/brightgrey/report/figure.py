@@ -112,8 +112,16 @@ def _panel(axes: Axes, panel: Panel) -> None:
         _line(axes, line)
     for mark in panel.marks:
         axes.axvline(mark.x, color="#888888", linewidth=0.8, linestyle=":")
-        place = {"xycoords": ("data", "axes fraction"), "xytext": (2, -2), "textcoords": "offset points"}
-        axes.annotate(_plain(mark.label), (mark.x, 1.0), **place, rotation=90, va="top", fontsize=7)  # type: ignore[arg-type]
+        axes.annotate(
+            _plain(mark.label),
+            (mark.x, 0.0 if mark.low else 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(2, 2 if mark.low else -2),
+            textcoords="offset points",
+            rotation=90,
+            va="bottom" if mark.low else "top",
+            fontsize=7,
+        )
     axes.set_ylabel(_plain(panel.y_label))
     axes.set_xlabel(_plain(panel.x_label))
     axes.margins(x=0.01)

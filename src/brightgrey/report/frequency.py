@@ -102,24 +102,26 @@ def _chart(model: Model, analysis: Analysis, traces: Sequence[Trace], row: int) 
     phase = np.unwrap(np.angle(response))
     modelled = Line(f, np.abs(response), "linearised model", "simulated", width=1.4)
     turned = Line(f, np.degrees(phase), "", "simulated", width=1.4)
-    above, below = [modelled], [turned]
+    gains, phases = [modelled], [turned]
     shown = measured_response(traces, row)
     if shown is not None and (good := shown.coherence > COHERENT).any():
         at = shown.frequency[good]
         apart = np.angle(shown.response[good] / np.exp(1j * np.interp(at, f, phase)))
-        above.insert(0, Line(at, np.abs(shown.response[good]), "measured", "measured", "points", 2.6))
-        below.insert(0, Line(at, np.degrees(np.interp(at, f, phase) + apart), "", "measured", "points", 2.6))
+        gains.insert(0, Line(at, np.abs(shown.response[good]), "measured", "measured", "points", 2.6))
+        phases.insert(0, Line(at, np.degrees(np.interp(at, f, phase) + apart), "", "measured", "points", 2.6))
     marks = [Mark(s.frequency, f"resonance {significant(s.frequency, 3)} Hz") for s in analysis.resonances]
     marks += [
-        Mark(s.frequency, f"antiresonance {significant(s.frequency, 3)} Hz") for s in analysis.antiresonances(row)
+        Mark(s.frequency, f"antiresonance {significant(s.frequency, 3)} Hz", low=True)
+        for s in analysis.antiresonances(row)
     ]
     inside = tuple(mark for mark in marks if low < mark.x < high)
-    unit = f"{model.outputs[row].unit} / ({model.input.unit})"
+    below = model.input.unit
+    unit = f"{model.outputs[row].unit} / " + (f"({below})" if " " in below or "/" in below else below)
     panels = (
-        Panel(f"gain in\n{unit}", tuple(above), marks=inside, x_log=True, y_log=True, title=model.outputs[row].name),
-        Panel("phase in degrees", tuple(below), "frequency in Hz", x_log=True, height=0.6, marks=_unnamed(inside)),
+        Panel(f"gain in\n{unit}", tuple(gains), marks=inside, x_log=True, y_log=True, title=model.outputs[row].name),
+        Panel("phase in degrees", tuple(phases), "frequency in Hz", x_log=True, height=0.6, marks=_unnamed(inside)),
     )
-    return Chart("frequency", panels, _caption(model, analysis, len(above) > 1))
+    return Chart("frequency", panels, _caption(model, analysis, len(gains) > 1))
 
 
 def _unnamed(marks: tuple[Mark, ...]) -> tuple[Mark, ...]:
@@ -140,7 +142,8 @@ def _caption(model: Model, analysis: Analysis, measured: bool) -> str:
     if measured:
         text += (
             f" Measured (Welch, {SEGMENTS} segments with half overlap) where the coherence exceeds {COHERENT:g};"
-            " friction lowers it at low frequencies, where a linear model is not expected to fit."
+            " friction lowers it at low frequencies, where a linear model is not expected to fit, and in a closed loop"
+            " the sensor's noise shows in it."
         )
     else:
         text += " The recording is nowhere coherent enough to show a measured response."

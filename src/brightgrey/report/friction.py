@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,13 +10,13 @@ from brightgrey.effects.declaration import Dimension
 from brightgrey.export.model import SPEED, Model
 from brightgrey.kit import StateSpace, assemble
 from brightgrey.report.chart import Chart, Line, Panel
+from brightgrey.report.spread import Correlation, draws
 
-__all__ = ["TORQUE", "draws", "friction_at", "friction_charts", "friction_of"]
+__all__ = ["TORQUE", "friction_at", "friction_charts", "friction_of"]
 
 Array = NDArray[np.float64]
 TORQUE = Dimension(input=1, motion=0, time=0)
 DRAWS = 400
-LIMIT = 1.959963984540054  # quantile of the normal distribution at 97.5 %
 POINTS = 401
 
 
@@ -56,7 +54,7 @@ def friction_at(elements: list[Element], speed: Array, *, standstill: bool = Fal
     return np.asarray(total)
 
 
-def friction_charts(model: Model, correlation: Mapping[tuple[str, str], float]) -> tuple[Chart, ...]:
+def friction_charts(model: Model, correlation: Correlation) -> tuple[Chart, ...]:
     """Friction torque over speed of every mass that has friction.
 
     Parameters
@@ -70,7 +68,7 @@ def friction_charts(model: Model, correlation: Mapping[tuple[str, str], float]) 
     held = friction_of(assemble(model.structure, values, settings.f_tanh))
     if not held:
         return ()
-    sets = draws(model, correlation)
+    sets = draws(model, correlation, DRAWS)
     drawn = friction_of(assemble(model.structure, sets, settings.f_tanh)) if sets else {}
     return tuple(_chart(model, mass, elements, drawn.get(mass)) for mass, elements in held.items())
 
@@ -99,27 +97,3 @@ def _chart(model: Model, mass: int, elements: list[Element], drawn: list[Element
     if drawn:
         caption += f" Band: {DRAWS} draws from the estimates' joint distribution."
     return Chart("friction", (panel,), caption)
-
-
-def draws(model: Model, correlation: Mapping[tuple[str, str], float]) -> dict[str, Array]:
-    """Parameter sets, SI, by name, shape (DRAWS,), within the searched bounds; none if nothing is known of errors."""
-    values = model.values_si()
-    names = [n for n in values if (n, n) in correlation and model.parameters[n].ci95 is not None]
-    if not names:
-        return {}
-    R = np.array([[correlation[a, b] for b in names] for a in names])
-    size, axes = np.linalg.eigh(0.5 * (R + R.T))
-    z = np.random.default_rng(model.seed).standard_normal((DRAWS, len(names)))
-    errors = (z * np.sqrt(np.maximum(size, 0.0))) @ axes.T / LIMIT  # 1 is the end of the 95 % interval
-    sets = {name: np.full(DRAWS, value) for name, value in values.items()}
-    for name, error in zip(names, errors.T, strict=True):
-        part, declared = model.parameters[name], model.structure.parameters[name]
-        assert part.ci95 is not None
-        high = part.ci95[1]
-        if declared.scale == "log":
-            drawn = part.value * np.exp(error * np.log(max(high / part.value, 1.0)))
-        else:
-            drawn = part.value + error * (high - part.value)
-        low_bound, high_bound = model.settings.bounds.get(name, (-np.inf, np.inf))
-        sets[name] = np.clip(drawn, low_bound, high_bound) / model.units.of(declared.dimension)[1]
-    return sets

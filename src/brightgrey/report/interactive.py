@@ -16,7 +16,7 @@ from brightgrey.report.chart import Chart, Line, Panel
 
 __all__ = ["library", "plot", "script"]
 
-HEIGHT, BETWEEN, BELOW, ABOVE = 250, 26, 62, 34  # pixels: panel of height 1, gaps between, margins
+HEIGHT, BETWEEN, BELOW, ABOVE = 250, 26, 52, 34  # pixels: panel of height 1, gaps between, margins
 DIGITS = 7
 
 
@@ -83,7 +83,7 @@ def _axis(label: str, log: bool) -> dict[str, Any]:
         "linecolor": "var(--soft)",
         "zeroline": False,
         "automargin": True,
-        "exponentformat": "power" if log else "e",
+        "exponentformat": "e",
         **({"dtick": 1} if log else {}),
     }
 
@@ -143,9 +143,9 @@ def _annotations(panel: Panel, tag: str) -> list[dict[str, Any]]:
             "text": html.escape(mark.label, quote=False),
             "x": math.log10(mark.x) if panel.x_log else mark.x,
             "xref": f"x{tag}",
-            "y": 1,
+            "y": 0 if mark.low else 1,
             "yref": f"y{tag} domain",
-            "yanchor": "top",
+            "yanchor": "bottom" if mark.low else "top",
             "xanchor": "left",
             "textangle": -90,
             "showarrow": False,

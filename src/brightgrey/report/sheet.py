@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.effects import Dimension
 from brightgrey.export.model import SPEED, Model
 from brightgrey.kit import assemble
 from brightgrey.recordings.unit_text import parse_unit
 from brightgrey.report.frequency import linearised
-from brightgrey.report.friction import TORQUE, draws, friction_at, friction_of
+from brightgrey.report.friction import TORQUE, friction_at, friction_of
 from brightgrey.report.gap import MOTION
-from brightgrey.report.numbers import significant
+from brightgrey.report.numbers import significant, with_uncertainty
+from brightgrey.report.spread import Correlation, intervals
+from brightgrey.report.tables import interval_text
 
 __all__ = ["Entry", "sheet"]
 
 Array = NDArray[np.float64]
-INERTIA = (1, -1, 2)
+INERTIA = Dimension(input=1, motion=-1, time=2)
 
 
 @dataclass(frozen=True)
@@ -46,16 +49,18 @@ class Entry:
 
     @property
     def shown(self) -> str:
-        """Value with four digits."""
-        return significant(self.value)
+        """Value with the digits that its interval justifies, four if there is none."""
+        if self.interval is None:
+            return significant(self.value)
+        return with_uncertainty(self.value, 0.5 * (self.interval[1] - self.interval[0]))[0]
 
     @property
     def range(self) -> str:
-        """Interval with three digits, or nothing."""
-        return " … ".join(significant(end, 3) for end in self.interval) if self.interval else ""
+        """Interval with the same digits, or nothing."""
+        return interval_text(self.interval)
 
 
-def sheet(model: Model, correlation: Mapping[tuple[str, str], float]) -> tuple[Entry, ...]:
+def sheet(model: Model, correlation: Correlation) -> tuple[Entry, ...]:
     """Lines of the commissioning sheet that apply to a model, in its units.
 
     Parameters
@@ -64,46 +69,47 @@ def sheet(model: Model, correlation: Mapping[tuple[str, str], float]) -> tuple[E
     correlation : mapping of (str, str) to float
         Of the estimates' errors, for the intervals of what follows from several parameters.
     """
-    sets = draws(model, correlation)
     return (
-        *_inertias(model, sets),
+        *_inertias(model, correlation),
         *_oscillations(model),
-        *_friction(model, sets),
+        *_friction(model, correlation),
         *_constant(model),
         *_gaps(model),
         *_lags(model),
     )
 
 
-def _words(model: Model) -> tuple[str, str]:
-    """What inertia and torque are called in this drive."""
+def _words(model: Model) -> tuple[str, str, str]:
+    """What inertia, friction and constant load are called in this drive."""
     bases = dict(parse_unit(model.units.motion).dimension)
     inertia = "mass" if "[length]" in bases else "inertia"
-    return inertia, {"N m": "torque", "N": "force"}.get(model.input.unit, f"input ({model.input.unit})")
+    kind = {"N m": "torque", "N": "force"}.get(model.input.unit)
+    if kind is None:
+        return inertia, "friction, as input,", "constant load, as input"
+    return inertia, f"friction {kind}", f"constant {kind} on the drive"
 
 
-def _inertias(model: Model, sets: Mapping[str, Array]) -> Iterator[Entry]:
-    names = [name for name, q in model.structure.parameters.items() if tuple(q.dimension) == INERTIA]
-    if not names:
-        return
-    word, _ = _words(model)
-    unit, factor = model.units.of(model.structure.parameters[names[0]].dimension)
-    total = sum(model.parameters[name].value for name in names)
-    several = sum((sets[name] for name in names), start=np.zeros(())) * factor if sets else None
-    yield Entry(f"total {word}", total, unit, _interval(several), " + ".join(names))
+def _inertias(model: Model, correlation: Correlation) -> Iterator[Entry]:
+    names = [name for name, q in model.structure.parameters.items() if q.dimension == INERTIA]
+    word, _, _ = _words(model)
+    unit, factor = model.units.of(INERTIA)
+
+    def quantities(sets: Mapping[str, Array]) -> Array:
+        load = sum((sets[name] for name in names[1:]), start=np.zeros_like(sets[names[0]]))
+        return np.array([(sets[names[0]] + load) * factor, load / sets[names[0]]])
+
+    (total, ratio), ends = _values(model, quantities), intervals(model, correlation, quantities)
+    yield Entry(f"total {word}", total, unit, ends[0], " + ".join(names))
     if len(names) > 1:
-        motor = model.parameters[names[0]].value
-        ratio = several / (sets[names[0]] * factor) - 1.0 if several is not None else None
-        note = f"({' + '.join(names[1:])}) / {names[0]}"
-        yield Entry(f"{word} ratio, load to motor", total / motor - 1.0, "", _interval(ratio), note)
+        load = " + ".join(names[1:])
+        note = f"({load}) / {names[0]}" if len(names) > 2 else f"{load} / {names[0]}"
+        yield Entry(f"{word} ratio, load to motor", ratio, "", ends[1], note)
 
 
-def _interval(values: Array | None) -> tuple[float, float] | None:
-    """95 % of the draws; None where they do not differ."""
-    if values is None or not np.ptp(values) > 0.0:
-        return None
-    low, high = np.percentile(values, (2.5, 97.5))
-    return float(low), float(high)
+def _values(model: Model, quantities: Callable[[Mapping[str, Array]], Array]) -> list[float]:
+    """Quantities of the model itself."""
+    one = {name: np.array([value]) for name, value in model.values_si().items()}
+    return [float(value) for value in quantities(one)[:, 0]]
 
 
 def _oscillations(model: Model) -> Iterator[Entry]:
@@ -117,27 +123,32 @@ def _oscillations(model: Model) -> Iterator[Entry]:
             yield Entry(f"{which}, damping ratio", swing.damping, "")
 
 
-def _friction(model: Model, sets: Mapping[str, Array]) -> Iterator[Entry]:
+def _friction(model: Model, correlation: Correlation) -> Iterator[Entry]:
     settings = model.settings_si()
     unit, factor = model.units.of(TORQUE)
     speed_unit, per_speed = model.units.of(SPEED)
-    _, word = _words(model)
+    _, word, _ = _words(model)
+    top = settings.speed_scale
     held = friction_of(assemble(model.structure, model.values_si(), settings.f_tanh))
-    drawn = friction_of(assemble(model.structure, sets, settings.f_tanh)) if sets else {}
-    top = f"{significant(settings.speed_scale * per_speed, 3)} {speed_unit}"
-    for mass, elements in held.items():
+    for mass in held:
+
+        def quantities(sets: Mapping[str, Array], mass: int = mass) -> Array:
+            elements = friction_of(assemble(model.structure, sets, settings.f_tanh))[mass]
+            still = friction_at(elements, np.zeros(1), standstill=True)
+            turning = friction_at(elements, np.array([top]))
+            shape = (1, len(next(iter(sets.values()))))
+            return np.concatenate([np.broadcast_to(part * factor, shape) for part in (still, turning)])
+
+        values, ends = _values(model, quantities), intervals(model, correlation, quantities)
         where = "" if len(held) == 1 else f" of mass {mass}"
-        for speed, what, still in ((0.0, "at standstill", True), (settings.speed_scale, f"at {top}", False)):
-            at = np.array([speed])
-            value = float(friction_at(elements, at, standstill=still)[0, 0]) * factor
-            spread = friction_at(drawn[mass], at, standstill=still)[0] * factor if drawn else None
-            note = "without smoothing of the sign" if still else "largest speed of the recording"
-            yield Entry(f"friction {word}{where} {what}", value, unit, _interval(spread), note)
+        at = f"at {significant(top * per_speed, 3)} {speed_unit}"
+        yield Entry(f"{word}{where} at standstill", values[0], unit, ends[0], "without smoothing of the sign")
+        yield Entry(f"{word}{where} {at}", values[1], unit, ends[1], "largest speed of the recording")
 
 
 def _constant(model: Model) -> Iterator[Entry]:
     """Parameters of laws that depend on no state."""
-    _, word = _words(model)
+    _, _, word = _words(model)
     for placed in model.structure.placed:
         law = placed.effect.law
         if law is not None and law.ports == 0:
@@ -145,7 +156,7 @@ def _constant(model: Model) -> Iterator[Entry]:
                 name = placed.parameter(symbol)
                 part = model.parameters[name]
                 note = f"{name}, positive in the direction of positive motion"
-                yield Entry(f"constant {word} on the drive", part.value, part.unit, part.ci95, note)
+                yield Entry(word, part.value, part.unit, part.ci95, note)
 
 
 def _gaps(model: Model) -> Iterator[Entry]:

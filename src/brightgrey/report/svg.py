@@ -103,7 +103,8 @@ def range_bar(part: ParameterPart, bounds: tuple[float, float] | None, *, log: b
     if part.ci95 is not None:
         low, high = (place(end) for end in part.ci95)
         parts.append(f'<line class="interval" x1="{low:.1f}" x2="{high:.1f}" y1="{middle:g}" y2="{middle:g}"/>')
-    parts.append(f'<circle cx="{place(part.value):.1f}" cy="{middle:g}" r="3.5"/>')
+    at = place(part.value)
+    parts.append(f'<line class="estimate" x1="{at:.1f}" x2="{at:.1f}" y1="2" y2="{TALL - 2:g}"/>')
     label = f"{part.value:.4g} between {bounds[0]:.2g} and {bounds[1]:.2g} {part.unit}"
     scale = "logarithmic" if log else "linear"
     return (
