@@ -15,7 +15,7 @@ from brightgrey.search.genetic import Evaluation, Node, Run
 __all__ = ["family", "range_bar", "tree"]
 
 STEP, LEVEL, RADIUS, EDGE = 46.0, 44.0, 15.0, 20.0  # pixels
-CELL, ROW = 118.0, 54.0
+CELL, ROW = 136.0, 54.0
 MOST_GENERATIONS = 12
 BAR, TALL = 140.0, 16.0
 
@@ -57,7 +57,7 @@ def family(run: Run) -> str:
     lines = [
         (spots[_who(parent)], spots[_who(e)]) for e in found for parent in parents(run, e) if _who(parent) in spots
     ]
-    half = (0.46 * CELL, 11.0)
+    half = (0.47 * CELL, 11.0)
     shapes = "".join(
         f'<rect class="{s.kind}" x="{s.x - half[0]:g}" y="{s.y - half[1]:g}" width="{2 * half[0]:g}" '
         f'height="{2 * half[1]:g}" rx="4"/>'
@@ -108,6 +108,6 @@ def range_bar(part: ParameterPart, bounds: tuple[float, float] | None, *, log: b
     label = f"{part.value:.4g} between {bounds[0]:.2g} and {bounds[1]:.2g} {part.unit}"
     scale = "logarithmic" if log else "linear"
     return (
-        f'<svg class="range" role="img" width="{BAR:g}" height="{TALL:g}" aria-label="{html.escape(label)}">'
+        f'<svg class="range" role="img" width="{BAR:g}" height="{TALL:g}" viewBox="0 0 {BAR:g} {TALL:g}" aria-label="{html.escape(label)}">'
         f"<title>{html.escape(f'{label} ({scale})')}</title>{''.join(parts)}</svg>"
     )
