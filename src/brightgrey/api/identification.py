@@ -25,7 +25,7 @@ from brightgrey.export.model import Model
 from brightgrey.export.parts import CriterionPart
 from brightgrey.export.ranking import Row, ranking_csv
 from brightgrey.export.trace import Trace, pooled_fit
-from brightgrey.kit import PAPER, Structure
+from brightgrey.kit import Structure, function_set
 from brightgrey.recordings import Recording
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import GeneticSettings, Progress, Run
@@ -284,7 +284,7 @@ def identify(
         structure, bounds, fixed = found.structure, found.own(bounds), found.own(fixed)
     elif search is not None or require or exclude:
         raise SettingsError("a structure and a search were given; do one of them")
-    checked = PAPER.check(Structure.parse(structure) if isinstance(structure, str) else structure)
+    checked = function_set().check(Structure.parse(structure) if isinstance(structure, str) else structure)
     ranges = bounds_si(checked, bounds or {}, units)
     constants = fixed_si(checked, fixed or {}, units)
     fit = estimation.fit(

@@ -241,16 +241,16 @@ def _display(structure: str | None, *, silent: bool) -> Iterator[Callable[[Stage
 
 def _structure(text: str | None, search: str | None, effects: Sequence[str]) -> str | None:
     """Refuse what is no structure, and no search, before any file is read."""
-    from brightgrey.kit import PAPER
+    from brightgrey.kit import function_set
     from brightgrey.search.survey import candidates
 
     if text is not None:
         if search is not None or effects:
             raise SettingsError("--structure excludes --search, --require and --exclude")
-        return str(PAPER.parse(text))
+        return str(function_set().parse(text))
     if search not in (None, *SEARCHES):
         raise SettingsError(unknown_name("search", search, SEARCHES))
     if search == "genetic" and effects:
         raise SettingsError("--require and --exclude belong to the exhaustive search")
-    candidates(effects)
+    candidates(effects, grammar=function_set())
     return None

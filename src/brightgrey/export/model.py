@@ -26,7 +26,7 @@ from brightgrey.export.parts import (
     TiesPart,
     Verdict,
 )
-from brightgrey.kit import PAPER, Structure
+from brightgrey.kit import Structure, function_set
 from brightgrey.recordings import Signal
 from brightgrey.recordings.unit_text import parse_unit
 from brightgrey.recordings.units import Units, motion_unit
@@ -223,7 +223,7 @@ def _first_problem(error: ValidationError, cls: type[Part]) -> str:
 def _check_consistent(model: Model) -> None:
     """Refuse parts that do not fit each other: structure, parameters, signals and units."""
     try:
-        declared = PAPER.check(model.structure).parameters
+        declared = function_set().check(model.structure).parameters
     except BrightgreyError as error:
         raise SettingsError(f"field 'structure': {error}") from None
     for name in model.parameters:

@@ -107,7 +107,8 @@ def range_bar(part: ParameterPart, bounds: tuple[float, float] | None, *, log: b
     parts.append(f'<line class="estimate" x1="{at:.1f}" x2="{at:.1f}" y1="2" y2="{TALL - 2:g}"/>')
     label = f"{part.value:.4g} between {bounds[0]:.2g} and {bounds[1]:.2g} {part.unit}"
     scale = "logarithmic" if log else "linear"
+    size = f'width="{BAR:g}" height="{TALL:g}" viewBox="0 0 {BAR:g} {TALL:g}"'
     return (
-        f'<svg class="range" role="img" width="{BAR:g}" height="{TALL:g}" viewBox="0 0 {BAR:g} {TALL:g}" aria-label="{html.escape(label)}">'
+        f'<svg class="range" role="img" {size} aria-label="{html.escape(label)}">'
         f"<title>{html.escape(f'{label} ({scale})')}</title>{''.join(parts)}</svg>"
     )
