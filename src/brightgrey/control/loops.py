@@ -88,7 +88,7 @@ class Margins:
     sensitivity : float
         Peak of ``1/|1 + L|``; below 2 is a well damped loop.
     crossover : float
-        Highest angular frequency in rad/s at which |L| = 1; 0 if there is none.
+        Highest angular frequency in rad/s at which ``|L| = 1``; 0 if there is none.
     """
 
     stable: bool
