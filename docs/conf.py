@@ -9,6 +9,7 @@ release = version = __version__
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
 exclude_patterns = ["build"]
 html_theme = "furo"
+html_show_copyright = False
 html_title = f"brightgrey {__version__}"
 
 myst_heading_anchors = 3

@@ -16,7 +16,7 @@ BINS = 180
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """HTML table; every cell is shown as it is, whatever stands in it, but for what :func:`sparkline` made."""
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in header)
+    head = "".join(f'<th style="text-align:left">{html.escape(name)}</th>' for name in header)
     body = "".join(f"<tr>{''.join(_cell(cell) for cell in row)}</tr>" for row in rows)
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 

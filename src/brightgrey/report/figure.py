@@ -57,6 +57,13 @@ STYLE: dict[Any, Any] = {
 WIDTH, HEIGHT = 7.6, 2.85  # inches; the height is that of a panel of height 1
 
 
+class Drawing(Figure):
+    """A figure that a notebook shows, also where pyplot has not been told of it."""
+
+    def _repr_png_(self) -> bytes:
+        return picture(self, "png")
+
+
 def comparison(traces: Sequence[Trace]) -> Figure:
     """Measured against simulated output with the residual below, one panel per recording and output.
 
@@ -68,7 +75,7 @@ def comparison(traces: Sequence[Trace]) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Not registered with pyplot; ``figure.savefig`` writes it, notebooks show it.
+        ``figure.savefig`` writes it, notebooks show it.
     """
     return draw(comparisons(traces))
 
@@ -83,12 +90,12 @@ def draw(charts: Sequence[Chart]) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Not registered with pyplot.
+        ``figure.savefig`` writes it, notebooks show it.
     """
     panels = [panel for chart in charts for panel in chart.panels]
     heights = [panel.height for panel in panels]
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, HEIGHT * sum(heights)), layout="constrained")
+        figure = Drawing(figsize=(WIDTH, HEIGHT * sum(heights)), layout="constrained")
         every = figure.subplots(len(panels), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
         for axes, panel in zip(every, panels, strict=True):
             _panel(axes, panel)
