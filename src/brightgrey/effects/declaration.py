@@ -106,7 +106,7 @@ class Parameter:
     bounds : callable
         ``bounds(scales) -> (low, high)``, the range worth searching, from the recording, SI.
     start : callable
-        ``start(scales) -> value``, a first guess within the bounds.
+        ``start(scales) -> value``, a first guess within the bounds, SI.
     scale : {'log', 'linear'}
         How to step through the range. ``log`` only for parameters that are always positive.
     lag : bool
@@ -337,8 +337,8 @@ class Effect:
         can change roles, so that a search does not take one order for the only one; shape (parameters, K), and
         shares as for `spread`.
     noticeable : callable or None
-        ``noticeable(scales, values) -> {symbol: value}``, SI: the effect at the least size that matters for control, with
-        `values` of the model without it by name. It may change values that are there (an inertia that is split).
+        ``noticeable(scales, values) -> {symbol: value}``, SI: the effect at the least size that matters for control,
+        with `values` of the model without it by name. It may change values that are there (an inertia that is split).
     cautions : tuple of Caution
     modelica : Modelica or None
         How it is drawn in Modelica; without it, a model with this effect is exported as equations.
