@@ -3,6 +3,7 @@
 Skipped where there is no Chromium; install the package ``chromium``.
 """
 
+import json
 import shutil
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ import pytest
 from report_drives import independent, model_of, trace_of
 from test_charts import small_run
 
+from brightgrey import api
 from brightgrey.export.parts import TiesPart
 from brightgrey.export.ranking import Row
 from brightgrey.report.content import Content
@@ -145,3 +147,50 @@ def test_theme_is_followed_while_the_page_is_open(browser, report):
         visit.page.wait_for_function(
             "getComputedStyle(document.querySelector('.plot .xtick text')).fill === 'rgb(236, 236, 240)'"
         )
+
+
+def demo_result(_):
+    return api.demo(workers=2)
+
+
+def emps_result(measured):
+    recording = api.read_recording(
+        measured("emps/DATA_EMPS.mat"),
+        input="vir",
+        outputs=["qm:position"],
+        time="t",
+        input_gain=35.15065,
+        units={"vir": "N", "qm": "m"},
+    )
+    return api.identify(recording, "one_mass+coulomb+viscous+gravity", starts=4)
+
+
+def mte360_result(measured):
+    recording = api.read_recording(
+        measured("mte360/velocity_response_1_5.mat"),
+        input="u",
+        outputs=["v1:velocity-differenced"],
+        time="t",
+        units={"u": "V", "v1": "mm/s"},
+    )
+    return api.identify(recording, "two_mass+coulomb+viscous+gravity", starts=4)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("made", [demo_result, emps_result, mte360_result])
+def test_real_reports_open_whole_and_alone(browser, measured, tmp_path, made):
+    made(measured).write(tmp_path)
+    path = tmp_path / "report.html"
+    assert path.stat().st_size < 6e6
+    for width, scheme in ((1280, "light"), (400, "dark")):
+        with Visit(browser, path, width, scheme) as visit:
+            assert visit.said == []
+            assert [url for url in visit.asked if not url.startswith(("data:", "blob:"))] == [path.as_uri()]
+            assert visit.page.evaluate("document.documentElement.scrollWidth") <= width
+            sections = visit.page.eval_on_selector_all("main > section", "all => all.map(s => s.id)")
+            assert {"motion", "values", "commissioning", "friction", "frequency", "residuals", "repeat"} <= set(
+                sections
+            )
+            exact = visit.page.eval_on_selector_all("#parameters data", "all => all.map(d => parseFloat(d.value))")
+            model = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
+            assert exact == [part["value"] for part in model["parameters"].values()]

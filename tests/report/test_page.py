@@ -48,7 +48,7 @@ def content_for(model, **more):
 class Reader(HTMLParser):
     """Cells of the tables by id, sections, numbers in them, what the page loads; and whether all is closed."""
 
-    void = frozenset({"meta", "link", "br", "img", "hr", "input", "wbr", "circle", "line", "rect"})
+    void = frozenset({"meta", "link", "br", "img", "hr", "input", "wbr", "circle", "line", "rect", "polyline"})
 
     def __init__(self):
         super().__init__()
