@@ -54,7 +54,7 @@ def linearised(model: Model) -> Analysis | None:
     try:
         system = assemble(model.structure, model.values_si(), settings.f_tanh, kinds)
         return analyse(system, speed=HALF_SPEED * settings.speed_scale)
-    except SettingsError:
+    except (SettingsError, np.linalg.LinAlgError):
         return None
 
 

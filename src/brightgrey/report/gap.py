@@ -28,7 +28,7 @@ def gap_charts(model: Model, traces: Sequence[Trace]) -> tuple[Chart, ...]:
     settings = model.settings_si()
     system = assemble(model.structure, model.values_si(), settings.f_tanh)
     gaps = [e for e in system.elements if e.limits is not None]
-    if not gaps or not traces:
+    if not gaps or not traces or not model.initial_state:
         return ()
     states = _states(model, system, traces[0])
     if not np.isfinite(states).all():

@@ -61,16 +61,18 @@ def correlations(traces: Sequence[Trace]) -> tuple[Chart, ...]:
 
     Outputs whose simulation diverged, or that are too short for the lags, are left out.
     """
-    return tuple(
-        _correlation(trace, row)
-        for trace in traces
-        for row, residual in enumerate(trace.residual)
-        if np.isfinite(residual).all() and residual.size > 4 * LAGS and np.ptp(residual) > 0.0
-    )
+    drawn = (_correlation(trace, row) for trace in traces for row in range(len(trace.outputs)))
+    return tuple(chart for chart in drawn if chart is not None)
 
 
-def _correlation(trace: Trace, row: int) -> Chart:
-    found = residual_analysis(trace.residual[row], trace.u)
+def _correlation(trace: Trace, row: int) -> Chart | None:
+    residual = trace.residual[row]
+    if not np.isfinite(residual).all() or residual.size <= 4 * LAGS:
+        return None
+    with np.errstate(all="ignore"):  # residuals without any noise of their own have no colour
+        found = residual_analysis(residual, trace.u)
+    if not np.isfinite([*found.autocorrelation, *found.cross_correlation, found.band, found.cross_band]).all():
+        return None
     dt = float(trace.t[1] - trace.t[0])
     own = np.array(found.autocorrelation)
     cross = np.array(found.cross_correlation)
