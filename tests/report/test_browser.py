@@ -131,14 +131,32 @@ def test_a_figure_can_be_zoomed_and_its_residual_follows(browser, report):
 
 
 def test_paper_is_white_also_where_the_screen_is_dark(browser, report):
-    with Visit(browser, report, 794, "dark") as visit:
+    with Visit(browser, report, 1280, "dark") as visit:
+        widest = (
+            "Math.max(...[...document.querySelectorAll('.plot .main-svg')].map(s => s.getBoundingClientRect().width))"
+        )
+        assert visit.page.evaluate(widest) > 1000
         visit.page.emulate_media(media="print")
         visit.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        assert visit.page.evaluate(widest) < 680  # a sheet's width
         assert visit.colour("body") == "rgb(255, 255, 255)"
         ink = visit.page.evaluate("getComputedStyle(document.querySelector('.plot .xtick text')).fill")
         assert ink == "rgb(0, 0, 0)"
+        visit.page.emulate_media(media="screen")
         visit.page.evaluate("dispatchEvent(new Event('afterprint'))")
         assert visit.page.evaluate("document.documentElement.className") == ""
+        assert visit.page.evaluate(widest) > 1000
+
+
+def test_figures_follow_the_width_of_the_window(browser, report):
+    with Visit(browser, report, 1280) as visit:
+        size = "(r => [r.width, r.height])(document.querySelector('.plot .main-svg').getBoundingClientRect())"
+        wide, height = visit.page.evaluate(size)
+        visit.page.set_viewport_size({"width": 600, "height": 900})
+        visit.page.wait_for_function(f"{size}[0] < 600")
+        assert visit.page.evaluate(size)[1] == height
+        visit.page.set_viewport_size({"width": 1280, "height": 900})
+        visit.page.wait_for_function(f"{size}[0] == {wide}")
 
 
 def test_theme_is_followed_while_the_page_is_open(browser, report):
