@@ -54,12 +54,21 @@ def test_without_colour_there_is_none(drive):
     assert not codes & {str(n) for n in (*range(30, 48), *range(90, 108))}
 
 
-def test_what_is_piped_has_no_control_characters(drive, tmp_path):
-    command = ["identify", drive.folder / "a.csv", *drive.options, "--out", tmp_path]
-    done = subprocess.run(
-        [sys.executable, "-m", "brightgrey", *map(str, command)], capture_output=True, text=True, check=True
-    )
-    assert "\x1b" not in done.stdout + done.stderr
+@pytest.mark.parametrize("forced", [False, True])
+def test_what_is_piped_has_no_control_characters(drive, tmp_path, forced):
+    command = [
+        sys.executable,
+        "-m",
+        "brightgrey",
+        "identify",
+        drive.folder / "a.csv",
+        *drive.options,
+        "--out",
+        tmp_path,
+    ]
+    env = {**os.environ, "FORCE_COLOR": "1"} if forced else {k: v for k, v in os.environ.items() if k != "FORCE_COLOR"}
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=True, env=env)
+    assert forced or "\x1b" not in done.stdout
     assert done.stderr == ""
     assert "J1" in done.stdout
 

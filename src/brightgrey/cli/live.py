@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,7 +25,7 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[Stage | Step, str], 
     Yields a function of a step and a word on what is being searched.
     """
     console = Console(stderr=True, markup=False, emoji=False, highlight=False)
-    if silent or not console.is_terminal:
+    if silent or not sys.stderr.isatty():
         yield lambda step, about: None
         return
     narrow = console.width < NARROW  # then only what cannot be done without
