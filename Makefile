@@ -3,7 +3,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-long check format bench bench-long clean
+.PHONY: help setup demo test test-long check format docs bench bench-long clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -35,6 +35,10 @@ format: setup  ## mend what the linter can mend
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
+docs: setup  ## the documentation in docs/build/html, strict, its examples executed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/build/html
+
 bench: setup  ## speed and accuracy, as ratios measured in one run
 	$(BIN)/python bench/speed.py
 	$(BIN)/python bench/genetic.py speed
@@ -52,4 +56,4 @@ bench-long: setup  ## the statistics of docs/results.md
 	$(BIN)/python bench/genetic.py table
 
 clean:  ## remove what the targets above have made
-	rm -rf .venv demo .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv demo docs/build .pytest_cache .mypy_cache .ruff_cache .hypothesis

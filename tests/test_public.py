@@ -7,7 +7,7 @@ import pytest
 
 import brightgrey
 
-HEAVY = ("numpy", "scipy", "numba", "pint", "matplotlib", "jinja2", "ruckig")
+HEAVY = ("numpy", "scipy", "numba", "pint", "matplotlib", "plotly", "jinja2", "ruckig")
 
 
 @pytest.mark.parametrize("name", brightgrey.__all__)

@@ -67,3 +67,15 @@ def test_result_analyses_its_residuals(drive):
     assert analysis.autocorrelation[0] == 1.0
     assert np.max(np.abs(analysis.autocorrelation[1:])) < 4 * analysis.band  # white noise was added
     assert not analysis.follows_input
+
+
+def test_a_recording_that_begins_in_motion(drive, tmp_path, call):
+    done = call("identify", drive.folder / "a.csv", *drive.options, "--window", "0.2:0.9", "--out", tmp_path)
+    assert done.code == 0, done.err
+    model = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
+    assert set(model["settings"]["bounds"]) == set(drive.truth)
+    assert abs(model["initial_state"][0]["state"]["v1"]["value"]) > 10 * drive.noise
+    for name, truth in drive.truth.items():
+        part = model["parameters"][name]
+        # Normal errors stay within five standard deviations in all but 6e-7 of the seeds.
+        assert abs(part["value"] - truth) < 5 * part["std"], name

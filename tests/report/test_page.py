@@ -1,9 +1,11 @@
-"""report.html: self-contained, and with the numbers of model.json."""
+"""report.html: self-contained, with the numbers of model.json, and nothing in it that does not apply."""
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +14,18 @@ from brightgrey.export.model import Model
 from brightgrey.export.ranking import Row
 from brightgrey.export.trace import Trace
 from brightgrey.recordings import Signal
+from brightgrey.report.content import Content
 from brightgrey.report.page import page
+from brightgrey.report.sheet import sheet
 from brightgrey.report.tables import parameter_rows, remarks, verdict
 from brightgrey.search.evidence import Card, Evidence
 
 DOC = Path(__file__).parents[2] / "docs" / "model-json.md"
+ALWAYS = {"motion", "values", "commissioning", "model", "recording", "repeat"}
+CARDS = (
+    Card("coulomb", "needed", 0.4, None, "without it the residual is 1.4 times as large"),
+    Card("delay", "not decidable", None, 0.0, "this recording <would> not have shown it"),
+)
 
 
 @pytest.fixture
@@ -25,39 +34,55 @@ def data():
     return json.loads(re.findall(r"```json\n(.*?)```", DOC.read_text(encoding="utf-8"), re.DOTALL)[0])
 
 
-def trace_for(model):
-    t = 0.001 * np.arange(200)
+def trace_for(model, samples=400):
+    t = 0.001 * np.arange(samples)
     measured = np.sin(30 * t)[None, :]
-    return Trace("recording.csv", t, np.cos(t), measured, 0.99 * measured, model.input, model.outputs)
+    simulated = 0.99 * measured + 1e-3 * np.random.default_rng(0).normal(size=measured.shape)
+    return Trace("recording.csv", t, np.cos(7 * t), measured, simulated, model.input, model.outputs)
+
+
+def content_for(model, **more):
+    return Content(model, [trace_for(model)], **more)
 
 
 class Reader(HTMLParser):
-    """Cells of the tables by id, what the page loads, and whether every element is closed."""
+    """Cells of the tables by id, sections, numbers in them, what the page loads; and whether all is closed."""
 
-    void = frozenset({"meta", "link", "br", "img", "hr", "input"})
+    void = frozenset({"meta", "link", "br", "img", "hr", "input", "wbr", "circle", "line", "rect", "polyline"})
 
     def __init__(self):
         super().__init__()
         self.open, self.loads, self.tables, self.table = [], [], {}, None
+        self.sections, self.exact, self.text = [], {}, {}
 
     def handle_starttag(self, tag, attrs):
         attributes = dict(attrs)
         self.loads += [v for k, v in attrs if k in ("src", "href", "xlink:href") and not v.startswith("#")]
         if tag not in self.void:
             self.open.append(tag)
+        if tag == "section":
+            self.sections.append(attributes["id"])
         if tag == "table":
             self.table = self.tables.setdefault(attributes.get("id"), [])
         if tag == "tr":
             self.table.append([])
         if tag in ("td", "th"):
             self.table[-1].append("")
+        if tag == "data":
+            self.exact.setdefault(self.sections[-1], []).append(float(attributes["value"]))
 
     def handle_endtag(self, tag):
-        assert self.open.pop() == tag
+        if tag not in self.void:
+            assert self.open.pop() == tag
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
 
     def handle_data(self, text):
         if self.open and {"td", "th"} & set(self.open):
             self.table[-1][-1] += text
+        if self.sections and "script" not in self.open:
+            self.text[self.sections[-1]] = self.text.get(self.sections[-1], "") + text
 
 
 def read(html):
@@ -70,16 +95,31 @@ def read(html):
 
 def test_page_is_whole_and_loads_nothing(data):
     model = Model.check(data)
-    reader = read(page(model, [trace_for(model)], ["a note"]))
+    html = page(content_for(model, notes=["a note"]))
+    reader = read(html)
     assert reader.loads == []
-    assert set(reader.tables) == {"parameters", "fit", "effects", "signals", "settings"}
+    assert set(reader.tables) == {"parameters", "fit", "sheet", "effects", "signals", "settings"}
+    assert len(html.encode()) < 6e6
+    assert html.startswith("<!DOCTYPE html>")
+
+
+def test_sections_that_do_not_apply_are_absent(data):
+    model = Model.check(data)
+    reader = read(page(content_for(model)))
+    # This example has friction and a linear model; the recording is long enough for correlations.
+    assert set(reader.sections) == ALWAYS | {"friction", "frequency", "residuals"}
+    assert set(read(page(Content(model))).sections) == ALWAYS | {"friction"}
+    data["structure"], data["parameters"] = ["one_mass"], {"J1": data["parameters"]["J1"]}
+    assert "friction" not in read(page(content_for(Model.check(data)))).sections
+    for text in reader.text.values():
+        assert len(text.split()) > 5
 
 
 def test_numbers_are_those_of_the_model(data):
     data["fit"]["test"] = {"velocity": {"rss": 8.1, "rmse": 0.0712, "fit_percent": 97.31}}
     model = Model.check(data)
-    tables = read(page(model, [trace_for(model)])).tables
-    header, *rows = tables["parameters"]
+    reader = read(page(content_for(model)))
+    header, *rows = reader.tables["parameters"]
     columns = [dict(zip(header, row, strict=True)) for row in rows]
     for row in columns:
         part = model.parameters[row["Name"]]
@@ -89,19 +129,38 @@ def test_numbers_are_those_of_the_model(data):
         low, high = map(float, row["95 % interval"].split(" … "))
         assert (low, high) == pytest.approx(part.ci95, abs=0.051 * half_width)
         assert row["Unit"] == part.unit
-    assert [row[:5] for row in tables["fit"][1:]] == [
+    assert [row[:5] for row in reader.tables["fit"][1:]] == [
         ["velocity", "train", "99.80", "0.04050", "rad/s"],
         ["velocity", "test", "97.31", "0.07120", "rad/s"],
     ]
+
+
+def test_every_number_is_there_to_its_last_digit(data):
+    data["fit"]["test"] = {"velocity": {"rss": 8.1 / 3, "rmse": 0.1 / 3, "fit_percent": 97.3 / 3}}
+    model = Model.check(json.loads(Model.check(data).text()))
+    exact = read(page(content_for(model))).exact
+    assert exact["values"] == [part["value"] for part in data["parameters"].values()]
+    fits = [data["fit"][on]["velocity"] for on in ("train", "test")]
+    assert exact["motion"] == [
+        *(fit[name] for fit in fits for name in ("fit_percent", "rmse", "rss")),
+        data["criterion"]["value"],
+    ]
+    assert exact["commissioning"] == [entry.value for entry in sheet(model, {})]
+
+
+def test_page_follows_from_model_json_alone(data):
+    model = Model.check(data)
+    again = Model.check(json.loads(model.text()))
+    assert page(content_for(model)) == page(content_for(again))
 
 
 def test_texts_of_the_user_are_shown_as_they_are(data):
     data["signals"][1]["name"] = "<b>v & w</b>"
     data["fit"]["train"] = {"<b>v & w</b>": data["fit"]["train"].pop("velocity")}
     model = Model.check(data)
-    html = page(model, [trace_for(model)], ["note with <script>"])
+    html = page(content_for(model, notes=["note with <script>alert</script>"]))
     assert "<b>v" not in html
-    assert "<script>" not in html
+    assert "<script>alert" not in html
     assert read(html).tables["signals"][2][0] == "<b>v & w</b>"
 
 
@@ -116,7 +175,7 @@ def test_bounds_fixed_values_and_unknown_uncertainty_are_said(data):
         "J1 at its upper bound",
         "no uncertainty can be given for f_v",
     ]
-    html = page(model, [trace_for(model)])
+    html = page(content_for(model))
     assert all(text in html for text in remarks(model))
 
 
@@ -133,34 +192,63 @@ def test_diverged_model_has_a_report_that_says_so(data):
     data["outcome"] = {"kind": "diverged", "text": "the simulation diverged at 0.1 s"}
     model = Model.check(data)
     assert "diverges" in verdict(model)
-    html = page(model, [trace_for(model)])
+    lost = trace_for(model)
+    simulated = np.where(lost.t > 0.1, np.nan, lost.simulated)
+    html = page(Content(model, [replace(lost, simulated=simulated)]))
     assert "The simulation diverged at 0.1 s." in html
-
-
-def test_same_model_gives_same_page(data):
-    model = Model.check(data)
-    assert page(model, [trace_for(model)]) == page(model, [trace_for(model)])
+    assert "residuals" not in read(html).sections
 
 
 def test_signal_kind_velocity_differenced_is_shown(data):
     data["signals"][1]["kind"] = "velocity-differenced"
     model = Model.check(data)
     assert model.outputs == (Signal("velocity", "velocity-differenced", "rad/s"),)
-    assert read(page(model, [trace_for(model)])).tables["signals"][2][1] == "velocity-differenced"
+    assert read(page(content_for(model))).tables["signals"][2][1] == "velocity-differenced"
 
 
-def test_evidence_and_ranking_are_shown_after_a_search(data):
+def test_evidence_ties_and_ranking_are_shown_after_a_search(data):
+    data["evidence"] = {card.effect: card.verdict for card in CARDS}
+    data["ties"] = {"minimal": ["one_mass+coulomb", "one_mass+stribeck"], "optional": ["delay"]}
     model = Model.check(data)
-    cards = (
-        Card("coulomb", "needed", 0.4, None, "without it the residual is 1.4 times as large"),
-        Card("delay", "not decidable", None, 0.0, "this recording <would> not have shown it"),
+    evidence = Evidence((), ("delay",), CARDS, {}, {}, 100.0)
+    rows = [
+        Row("one_mass+coulomb", 2, 1.0, 99.5, -10.0, True),
+        Row("one_mass", 1, 4.0, 90.0, None),
+        Row("one_mass+coulomb+viscous", 3, 1.0, 99.5, -9.0),
+    ]
+    reader = read(page(content_for(model, evidence=evidence, ranking=rows)))
+    for card in CARDS:
+        assert card.reason in reader.text["evidence"]
+        assert card.verdict in reader.text["evidence"]
+    assert "one_mass + stribeck" in reader.text["ties"]
+    assert reader.tables["ranking"][1][1:] == ["one_mass + coulomb", "2", "99.500", "-10.0000", "yes"]
+    assert "structures" in reader.sections
+    assert "structures" not in read(page(content_for(model, ranking=rows[:1]))).sections
+
+
+def test_symptoms_and_differences_are_shown_where_there_are_any(data):
+    data["ties"] = {"minimal": ["one_mass+coulomb", "one_mass+stribeck"], "optional": []}
+    symptom = SimpleNamespace(title="Late input", seen="The torque comes 2 ms late.", advice="Look at the bus.")
+    differences = [
+        SimpleNamespace(structure="one_mass+coulomb", rows=(("delay margin", "1 ms"),)),
+        SimpleNamespace(structure="one_mass+stribeck", rows=(("delay margin", "2 ms"),)),
+    ]
+    model = Model.check(data)
+    reader = read(page(content_for(model, symptoms=[symptom], differences=differences)))
+    for text in (symptom.title, symptom.seen, symptom.advice):
+        assert text in reader.text["next"]
+    assert reader.tables["differences"] == [
+        ["Structure", "delay margin"],
+        ["one_mass + coulomb", "1 ms"],
+        ["one_mass + stribeck", "2 ms"],
+    ]
+
+
+def test_request_is_the_one_that_was_given_or_made_from_the_model(data):
+    model = Model.check(data)
+    assert (
+        "brightgrey demo --seed 3" in read(page(content_for(model, request="brightgrey demo --seed 3"))).text["repeat"]
     )
-    evidence = Evidence((), ("delay",), cards, {}, {}, 100.0)
-    rows = [Row("one_mass+coulomb", 2, 1.0, 99.5, -10.0, True), Row("one_mass", 1, 4.0, 90.0, None)]
-    html = page(model, [trace_for(model)], (), evidence, rows)
-    tables = read(html).tables
-    assert tables["evidence"][1] == ["coulomb", "needed", cards[0].reason]
-    assert tables["evidence"][2] == ["delay", "not decidable", cards[1].reason]
-    assert tables["ranking"][1][1:] == ["one_mass + coulomb", "2", "99.500", "-10.0000", "yes"]
-    assert "<would>" not in html
-    assert "ranking" not in read(page(model, [trace_for(model)], (), None, rows[:1])).tables
+    made = read(page(content_for(model))).text["repeat"]
+    for word in ("--input torque", "--output velocity:velocity", "--structure", "--seed 0", "--f-tanh 2.5"):
+        assert word in made

@@ -168,9 +168,9 @@ def watch(
     normal : Recording
         One without fault, for the noise levels: that which the model was identified from.
     matters : float
-        Relative change that is not yet worth reporting.
+        Relative change that is not yet worth reporting, a ratio.
     confidence : float
-        At which a change is reported.
+        Probability at which a change is reported, from 0 to 1 (a ratio).
 
     Returns
     -------

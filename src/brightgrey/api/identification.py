@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -12,7 +13,7 @@ import numpy as np
 from brightgrey import __version__, estimation
 from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
 from brightgrey.api.searching import Found, Wish, find
-from brightgrey.errors import SettingsError
+from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.onset import check_initial
 from brightgrey.estimation.patterns import check_estimator
@@ -24,14 +25,16 @@ from brightgrey.export.model import Model
 from brightgrey.export.parts import CriterionPart
 from brightgrey.export.ranking import Row, ranking_csv
 from brightgrey.export.trace import Trace, pooled_fit
-from brightgrey.kit import PAPER, Structure
+from brightgrey.kit import Structure, function_set
 from brightgrey.recordings import Recording
 from brightgrey.search.evidence import Evidence
-from brightgrey.search.genetic import GeneticSettings, Progress
+from brightgrey.search.genetic import GeneticSettings, Progress, Run
 from brightgrey.search.survey import Stage
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from brightgrey.report.content import Content
 
 __all__ = ["Result", "identify"]
 
@@ -60,6 +63,10 @@ class Result:
         Further files that :meth:`write` puts beside the results.
     profiles : tuple of Profile
         Profile likelihoods that were asked for, in SI.
+    run : Run or None
+        After a genetic search: every individual of every generation.
+    request : str
+        Command that gives this result again; without one the report makes it from the model.
     """
 
     model: Model
@@ -70,6 +77,8 @@ class Result:
     files: Mapping[str, bytes] = field(default_factory=dict, repr=False)
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     evidence: Evidence | None = field(default=None, repr=False)
+    run: Run | None = field(default=None, repr=False)
+    request: str = ""
 
     def residuals(self) -> Mapping[tuple[str, str], Residuals]:
         """Correlations of the residuals with themselves and with the input, by recording and output.
@@ -83,11 +92,54 @@ class Result:
             if np.isfinite(residual).all() and residual.size > 4 * LAGS
         }
 
-    def plot(self) -> Figure:
-        """Measured against simulated, residual below, one panel per recording and output."""
-        from brightgrey.report.figure import comparison
+    @cached_property
+    def content(self) -> Content:
+        """What report and figures are made of."""
+        from brightgrey.report.content import Content
 
-        return comparison(self.traces)
+        return Content(
+            model=self.model,
+            traces=self.traces,
+            notes=self.notes,
+            evidence=self.evidence,
+            ranking=self.ranking,
+            correlation=self.fit.correlation,
+            run=self.run,
+            request=self.request,
+            symptoms=getattr(self, "symptoms", ()),
+            differences=getattr(self, "differences", ()),
+        )
+
+    def plot(self, what: str = "comparison") -> Figure:
+        """Draw one of the report's figures, for a notebook or a paper.
+
+        Parameters
+        ----------
+        what : str
+            ``comparison`` (measured against simulated, residual below), ``residuals`` (their correlations),
+            ``friction``, ``frequency``, ``backlash``, ``pareto`` or ``history``: those that apply to the result.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            ``figure.savefig("name.svg")`` writes it.
+
+        Raises
+        ------
+        SettingsError
+            If this result has no such figure; the message names those it has.
+        """
+        from brightgrey.report.figure import draw
+
+        drawn = self.content.charts
+        if what not in drawn:
+            raise SettingsError(unknown_name("figure of this result", what, list(drawn)))
+        return draw(drawn[what])
+
+    def _repr_html_(self) -> str:
+        from brightgrey.report.notebook import result_html
+
+        return result_html(self.content)
 
     def write(self, folder: str | Path) -> None:
         """Write model.json, ranking.csv, report.html and fit.png into `folder`, all or none.
@@ -107,7 +159,7 @@ class Result:
 
         check_folder(folder)
         contents = {
-            "report.html": page(self.model, self.traces, self.notes, self.evidence, self.ranking).encode(),
+            "report.html": page(self.content).encode(),
             "model.json": self.model.text().encode(),
             "ranking.csv": ranking_csv(self.ranking).encode(),
             "fit.png": picture(self.plot(), "png"),
@@ -232,7 +284,7 @@ def identify(
         structure, bounds, fixed = found.structure, found.own(bounds), found.own(fixed)
     elif search is not None or require or exclude:
         raise SettingsError("a structure and a search were given; do one of them")
-    checked = PAPER.check(Structure.parse(structure) if isinstance(structure, str) else structure)
+    checked = function_set().check(Structure.parse(structure) if isinstance(structure, str) else structure)
     ranges = bounds_si(checked, bounds or {}, units)
     constants = fixed_si(checked, fixed or {}, units)
     fit = estimation.fit(
@@ -312,8 +364,8 @@ def _result(
         ranking, notes = (first, *found.ranking[1:]), (*notes, found.note)
     else:
         ranking = (row,)
-    files, evidence = (found.files, found.evidence) if found else ({}, None)
-    return Result(model, (*train, *unseen), ranking, notes, fit, files, profiles, evidence)
+    files, evidence, run = (found.files, found.evidence, found.run) if found else ({}, None, None)
+    return Result(model, (*train, *unseen), ranking, notes, fit, files, profiles, evidence, run)
 
 
 def _notes(recordings: Sequence[Recording]) -> tuple[str, ...]:

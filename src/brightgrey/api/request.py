@@ -73,7 +73,7 @@ def fixed_si(structure: Structure, fixed: Mapping[str, float], units: Units) -> 
 
 
 def f_tanh_si(f_tanh: float, units: Units) -> float:
-    """Gain of the smoothed sign in s/rad (s/m)."""
+    """Gain of the smoothed sign in s/rad (s/m); refuses what is not positive."""
     text, factor = units.of(PER_SPEED)
     if not 0.0 < f_tanh < math.inf:
         raise SettingsError(f"f_tanh is {f_tanh:g}; wanted is a positive number in {text}")
@@ -83,7 +83,7 @@ def f_tanh_si(f_tanh: float, units: Units) -> float:
 def start_si(
     structure: Structure, start: Model | None, units: Units, constants: Mapping[str, float]
 ) -> dict[str, float] | None:
-    """Values of the start model for the parameters that both structures have."""
+    """Values of the start model for the parameters that both structures have; refuses a model of another kind."""
     if start is None:
         return None
     if _dimensions(start.units) != _dimensions(units):

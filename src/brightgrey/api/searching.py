@@ -14,7 +14,7 @@ from brightgrey.errors import SettingsError
 from brightgrey.estimation import scales, settings_for
 from brightgrey.export.parts import CriterionPart
 from brightgrey.export.ranking import Row
-from brightgrey.kit import PAPER, Structure
+from brightgrey.kit import Structure, function_set
 from brightgrey.recordings import Recording
 from brightgrey.search import Identification
 from brightgrey.search.evidence import Evidence
@@ -40,6 +40,7 @@ class Found:
     note: str
     files: Mapping[str, bytes] = field(default_factory=dict)
     evidence: Evidence | None = None
+    run: Run | None = None
 
     def own(self, given: Mapping[str, T] | None) -> dict[str, T]:
         """Those of `given` that are about a parameter of the structure."""
@@ -76,7 +77,7 @@ class Wish:
 
 
 def find(recordings: Sequence[Recording], wish: Wish) -> Found:
-    """Search the structures of the paper's grammar on `recordings`, which are of one drive and have the same outputs.
+    """Search the structures of the function set on `recordings`, which are of one drive and have the same outputs.
 
     Raises
     ------
@@ -84,7 +85,7 @@ def find(recordings: Sequence[Recording], wish: Wish) -> Found:
         For wrong bounds, values and effects, or if no structure could be simulated.
     """
     units = recordings[0].units
-    widest = max(PAPER.structures(), key=lambda s: len(s.parameters))
+    widest = max(function_set().structures(), key=lambda s: len(s.parameters))
     known = scales(recordings)
     task = Identification(
         recordings=tuple(recordings),
@@ -93,7 +94,7 @@ def find(recordings: Sequence[Recording], wish: Wish) -> Found:
         bounds=bounds_si(widest, wish.bounds, units),
         fixed=fixed_si(widest, wish.fixed, units),
     )
-    structures = candidates(wish.require, wish.exclude)
+    structures = candidates(wish.require, wish.exclude, function_set())
     if isinstance(wish.how, GeneticSettings):
         if wish.require or wish.exclude:
             raise SettingsError("--require and --exclude belong to the exhaustive search")
@@ -136,7 +137,7 @@ def _exhaustive(task: Identification, structures: Sequence[Structure], wish: Wis
 
 
 def _genetic(task: Identification, settings: GeneticSettings, wish: Wish) -> Found:
-    done = run(task, settings, wish.seed, workers=wish.workers, progress=wish.progress)
+    done = run(task, settings, wish.seed, workers=wish.workers, progress=wish.progress, grammar=function_set())
     best = done.best
     if not best.value > float("-inf") or not best.result.misfit.fit_percent > float("-inf"):
         raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
@@ -147,6 +148,7 @@ def _genetic(task: Identification, settings: GeneticSettings, wish: Wish) -> Fou
         criterion=CriterionPart(name=settings.criterion, value=best.value),
         files={"history.csv": history_csv(done).encode()},
         note=_note(done, settings),
+        run=done,
     )
 
 

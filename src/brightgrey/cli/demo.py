@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from brightgrey.cli.options import CORES, Json, Quiet, Seed, Workers
+from brightgrey.cli.request import given
 
 __all__ = ["demo"]
 
 
 def demo(
+    context: typer.Context,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("demo"),
     seed: Seed = 0,
     workers: Workers = CORES,
@@ -31,5 +34,6 @@ def demo(
 
     with live.steps("demo", silent=quiet or json) as display:
         result = api.demo(seed=seed, workers=workers, progress=lambda step: display(step, "demo"))
+        result = replace(result, request=given(context))
         result.write(out)
     show.result(result, out, quiet=quiet, json=json)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ import typer
 
 from brightgrey.cli import genetic, options
 from brightgrey.cli.options import CORES, Json, Quiet, Seed, Step, Time, Unit, Workers
+from brightgrey.cli.request import given
 from brightgrey.errors import SettingsError, unknown_name
 
 if TYPE_CHECKING:
@@ -112,6 +114,7 @@ Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the 
 
 
 def identify(
+    context: typer.Context,
     recordings: Recordings,
     input: Input,
     output: Output,
@@ -218,6 +221,7 @@ def identify(
             seed=seed,
             workers=workers,
         )
+        result = replace(result, request=given(context))
         result.write(out)
     show.result(result, out, quiet=quiet, json=json)
 
@@ -237,16 +241,16 @@ def _display(structure: str | None, *, silent: bool) -> Iterator[Callable[[Stage
 
 def _structure(text: str | None, search: str | None, effects: Sequence[str]) -> str | None:
     """Refuse what is no structure, and no search, before any file is read."""
-    from brightgrey.kit import PAPER
+    from brightgrey.kit import function_set
     from brightgrey.search.survey import candidates
 
     if text is not None:
         if search is not None or effects:
             raise SettingsError("--structure excludes --search, --require and --exclude")
-        return str(PAPER.parse(text))
+        return str(function_set().parse(text))
     if search not in (None, *SEARCHES):
         raise SettingsError(unknown_name("search", search, SEARCHES))
     if search == "genetic" and effects:
         raise SettingsError("--require and --exclude belong to the exhaustive search")
-    candidates(effects)
+    candidates(effects, grammar=function_set())
     return None

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn
 
 from brightgrey.search.genetic import Progress as Step
 from brightgrey.search.survey import Stage
 
 __all__ = ["steps"]
+
+NARROW = 80  # characters
 
 
 @contextmanager
@@ -22,18 +25,19 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[Stage | Step, str], 
     Yields a function of a step and a word on what is being searched.
     """
     console = Console(stderr=True, markup=False, emoji=False, highlight=False)
-    if silent or not console.is_terminal:
+    if silent or not sys.stderr.isatty():
         yield lambda step, about: None
         return
-    columns = (
+    narrow = console.width < NARROW  # then only what cannot be done without
+    columns: tuple[ProgressColumn, ...] = (
         TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=20),
+        *(() if narrow else (BarColumn(bar_width=20),)),
         MofNCompleteColumn(),
         TextColumn("{task.fields[left]}", markup=False),
-        TextColumn("{task.fields[best]}", markup=False),
+        *(() if narrow else (TextColumn("{task.fields[best]}", markup=False),)),
     )
     with Progress(*columns, console=console, transient=True) as progress:
-        start = f"{what} (the first run after installation compiles for some seconds)"
+        start = what if narrow else f"{what} (the first run after installation compiles for some seconds)"
         task = progress.add_task(start, total=None, left="", best="")
 
         begun = time.monotonic()
@@ -42,11 +46,23 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[Stage | Step, str], 
             if isinstance(step, Stage):
                 passed = time.monotonic() - begun
                 left = "" if step.total is None else f"{passed * (step.total - step.done) / step.done:.0f} s left"
-                shown = (f"{about}: {step.name}", step.total, step.done, left, str(step.structure))
+                shown = (
+                    step.name if narrow else f"{about}: {step.name}",
+                    step.total,
+                    step.done,
+                    left,
+                    str(step.structure),
+                )
             else:
                 best = f"{step.best.job.structure}  fit {step.fit_percent:.2f} %"
-                left = f"{step.seconds_left:.0f} s left; Ctrl-C keeps the best so far"
-                shown = (f"{about}: generation", step.generations, step.generation, left, best)
+                left = f"{step.seconds_left:.0f} s left" + ("" if narrow else "; Ctrl-C keeps the best so far")
+                shown = (
+                    "generation" if narrow else f"{about}: generation",
+                    step.generations,
+                    step.generation,
+                    left,
+                    best,
+                )
             description, total, done, left, best = shown
             progress.update(task, description=description, total=total, completed=done, left=left, best=best)
 

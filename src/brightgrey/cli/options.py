@@ -67,7 +67,7 @@ def number(option: str, text: str, wanted: str) -> float:
 
 
 def pairs(option: str, texts: Iterable[str], wanted: str) -> dict[str, str]:
-    """NAME=SOMETHING, each name once. The last = divides: names of columns may hold one."""
+    """NAME=SOMETHING, each name once, else SettingsError. The last = divides: names of columns may hold one."""
     pairs: dict[str, str] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.rpartition("="))
@@ -80,7 +80,7 @@ def pairs(option: str, texts: Iterable[str], wanted: str) -> dict[str, str]:
 
 
 def bounds(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
-    """Read ``--bound NAME=LOW:HIGH``, or ``NAME=LOW%:HIGH% of VALUE``, in the recording's units."""
+    """Read ``--bound NAME=LOW:HIGH``, or ``NAME=LOW%:HIGH% of VALUE``, in the recording's units; SettingsError."""
     out = {}
     for name, value in pairs("--bound", texts, BOUND).items():
         where = f"--bound {name}"
@@ -109,7 +109,7 @@ def units(texts: Iterable[str]) -> dict[str, str]:
 
 
 def window(text: str | None) -> tuple[float | None, float | None] | None:
-    """Read ``--window A:B`` in s; a missing end is the recording's."""
+    """Read ``--window A:B`` in s; a missing end is the recording's. Raises SettingsError."""
     if text is None:
         return None
     start, colon, end = (part.strip() for part in text.partition(":"))

@@ -40,7 +40,7 @@ def screen(*, stderr: bool = False) -> Console:
 def working(what: str, *, silent: bool) -> Iterator[None]:
     """Show on a terminal's stderr that something is going on."""
     console = screen(stderr=True)
-    if silent or not console.is_terminal:
+    if silent or not sys.stderr.isatty():  # FORCE_COLOR makes a terminal of a pipe for rich, but nothing moves there
         yield
         return
     with console.status(Text(f"{what} (the first run after installation compiles for some seconds)")):

@@ -86,9 +86,9 @@ class Margins:
     delay : float
         Smallest additional dead time in s that does.
     sensitivity : float
-        Peak of ``1/|1 + L|``; below 2 is a well damped loop.
+        Peak of ``1/|1 + L|``; a ratio; below 2 is a well damped loop.
     crossover : float
-        Highest angular frequency in rad/s at which |L| = 1; 0 if there is none.
+        Highest angular frequency in rad/s at which ``|L| = 1``; 0 if there is none.
     """
 
     stable: bool

@@ -104,9 +104,9 @@ class Parameter:
     about : str
         One sentence for people.
     bounds : callable
-        ``bounds(scales) -> (low, high)``, the range worth searching, from the recording.
+        ``bounds(scales) -> (low, high)``, the range worth searching, from the recording, SI.
     start : callable
-        ``start(scales) -> value``, a first guess within the bounds.
+        ``start(scales) -> value``, a first guess within the bounds, SI.
     scale : {'log', 'linear'}
         How to step through the range. ``log`` only for parameters that are always positive.
     lag : bool
@@ -336,10 +336,11 @@ class Effect:
         is drawn from its own range.
     regroup : callable or None
         ``regroup(values, share) -> values``: other parameters that would show much the same, for an effect whose parts
-        can change roles, so that a search does not take one order for the only one. Shapes as for `spread`.
+        can change roles, so that a search does not take one order for the only one; shape (parameters, K), and
+        shares as for `spread`.
     noticeable : callable or None
-        ``noticeable(scales, values) -> {symbol: value}``: the effect at the least size that matters for control, with
-        `values` of the model without it by name. It may change values that are there (an inertia that is split).
+        ``noticeable(scales, values) -> {symbol: value}``, SI: the effect at the least size that matters for control,
+        with `values` of the model without it by name. It may change values that are there (an inertia that is split).
     cautions : tuple of Caution
     modelica : Modelica or None
         How it is drawn in Modelica; without it, a model with this effect is exported as equations.

@@ -46,11 +46,15 @@ class Estimate:
 
 
 class Estimates(NamedTuple):
-    """Estimates by name, directions that the recordings leave open, parameters that recordings disagree on."""
+    """Estimates by name, directions that the recordings leave open, parameters that recordings disagree on.
+
+    `correlation` is that of the estimation errors in the searched scale, by pairs of parameters that have an interval.
+    """
 
     by_name: dict[str, Estimate]
     hidden: tuple[Open, ...]
     apart: tuple[str, ...]
+    correlation: dict[tuple[str, str], float]
 
 
 def estimates_of(problem: Problem, search: Search, settings: Settings, best: Descent) -> Estimates:
@@ -61,12 +65,14 @@ def estimates_of(problem: Problem, search: Search, settings: Settings, best: Des
     inside = np.flatnonzero(side == 0)
     std = np.full(len(theta), np.nan)
     quantile, hidden = np.full(len(theta), np.nan), []
+    covariance: Array = np.full((len(theta), len(theta)), np.nan)
     if inside.size:
         J = best.jacobian[:, inside]
         found = spread(best.residual, J, [r.samples for r in problem.recordings for _ in r.outputs])
         quantile[inside] = found.quantile
         hidden = open_directions(J, found.covariance, search, inside)
         std[inside] = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+        covariance[np.ix_(inside, inside)] = found.covariance
         for direction in hidden:
             if direction.blind:
                 std[list(direction.indices)] = np.nan
@@ -78,7 +84,17 @@ def estimates_of(problem: Problem, search: Search, settings: Settings, best: Des
             float(best.values[i]), float(std[i]), float(quantile[i]), float(between[i]), search, i, at[int(side[i])]
         )
     names = tuple(name for name, differs in zip(search.names, apart, strict=True) if differs)
-    return Estimates(result, tuple(hidden), names)
+    return Estimates(result, tuple(hidden), names, _correlation(search, covariance, std))
+
+
+def _correlation(search: Search, covariance: Array, std: Array) -> dict[tuple[str, str], float]:
+    """Correlation of the errors, by pairs of names, of the parameters whose standard deviation is known."""
+    known = [i for i in range(len(std)) if np.isfinite(std[i]) and std[i] > 0.0]
+    return {
+        (search.names[i], search.names[j]): float(np.clip(covariance[i, j] / (std[i] * std[j]), -1.0, 1.0))
+        for i in known
+        for j in known
+    }
 
 
 def _estimate(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,9 @@ class Fit:
         Batches of simulations.
     starts : tuple of Start
         Best first.
+    correlation : mapping of (str, str) to float
+        Of the errors of two estimates, in the logarithm of what is always positive; parameters without an interval
+        are not in it.
     """
 
     structure: Structure
@@ -89,6 +92,7 @@ class Fit:
     cost: float
     evaluations: int
     starts: tuple[Start, ...]
+    correlation: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
 
 def fit(
@@ -184,6 +188,7 @@ def fit(
         cost=best.cost,
         evaluations=evaluations,
         starts=tried,
+        correlation=estimates.correlation,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 from collections.abc import Mapping
 from functools import cached_property
@@ -25,11 +26,12 @@ from brightgrey.export.parts import (
     TiesPart,
     Verdict,
 )
-from brightgrey.kit import PAPER, Structure
+from brightgrey.kit import Structure, function_set
 from brightgrey.recordings import Signal
 from brightgrey.recordings.unit_text import parse_unit
 from brightgrey.recordings.units import Units, motion_unit
 from brightgrey.simulation import Settings
+from brightgrey.tables import table
 
 if TYPE_CHECKING:
     from brightgrey.export.exporter import Export
@@ -108,6 +110,24 @@ class Model(Part):
             level=s.level,
             hold=s.hold,
             substeps=s.substeps,
+        )
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for name, part in self.parameters.items():
+            spread = "" if part.std is None else f"{part.std:.2g}"
+            bound = "" if part.at_bound is None else f"at its {part.at_bound} bound"
+            fixed = "fixed" if name in self.settings.fixed else bound
+            about = self.structure.parameters[name].about
+            rows.append((name, f"{part.value:.5g}", spread, part.unit, fixed, about))
+        fits = [
+            (name, *("" if value is None else f"{value:.5g}" for value in (fit.fit_percent, fit.rmse)))
+            for name, fit in self.fit.train.items()
+        ]
+        return (
+            f"<div><p><b>{html.escape(str(self.structure))}</b>: {html.escape(self.outcome.text)}</p>"
+            f"{table(('Parameter', 'Value', 'Standard deviation', 'Unit', 'Note', 'Meaning'), rows)}"
+            f"{table(('Output', 'Fit in %', 'RMSE'), fits)}</div>"
         )
 
     def text(self) -> str:
@@ -203,7 +223,7 @@ def _first_problem(error: ValidationError, cls: type[Part]) -> str:
 def _check_consistent(model: Model) -> None:
     """Refuse parts that do not fit each other: structure, parameters, signals and units."""
     try:
-        declared = PAPER.check(model.structure).parameters
+        declared = function_set().check(model.structure).parameters
     except BrightgreyError as error:
         raise SettingsError(f"field 'structure': {error}") from None
     for name in model.parameters:

@@ -151,7 +151,7 @@ def symbol(name: str) -> Expression:
 
 
 def constant(value: float) -> Expression:
-    """Number."""
+    """A number as an expression."""
     return Expression("constant", float(value))
 
 

@@ -1,8 +1,8 @@
 """Construction kit (paper section 2.2): structures, grammars, and the state space they are assembled to."""
 
 from brightgrey.kit.assembly import OUTPUTS, assemble
-from brightgrey.kit.grammar import PAPER, Grammar
+from brightgrey.kit.grammar import PAPER, Grammar, function_set
 from brightgrey.kit.statespace import Linear, StateSpace
 from brightgrey.kit.structure import Placed, Structure
 
-__all__ = ["OUTPUTS", "PAPER", "Grammar", "Linear", "Placed", "StateSpace", "Structure", "assemble"]
+__all__ = ["OUTPUTS", "PAPER", "Grammar", "Linear", "Placed", "StateSpace", "Structure", "assemble", "function_set"]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 from brightgrey.effects import registry
 from brightgrey.errors import StructureError
 from brightgrey.kit.structure import Placed, Structure
 
-__all__ = ["PAPER", "Grammar"]
+__all__ = ["PAPER", "Grammar", "function_set"]
 
 
 @dataclass(frozen=True)
@@ -91,3 +92,13 @@ PAPER = Grammar(
     ),
 )
 """The paper's construction rules: 448 structures."""
+
+
+@cache
+def function_set() -> Grammar:
+    """What models may consist of: the paper's grammar, and every other effect of the folder at the first place.
+
+    Without other effects it is the paper's.
+    """
+    others = {name: (1,) for name in registry() if name not in PAPER.places}
+    return replace(PAPER, name="all effects", places={**PAPER.places, **others}) if others else PAPER

@@ -38,7 +38,7 @@ class StateSpace:
         Linear part of the outputs. Acceleration outputs are rows of x'.
     elements : tuple of Element
         Non-linearities in feedback, f = sum of G phi(H x + K u).
-    dead_time : float or ndarray
+    dead_time : float or ndarray, shape () or (K,)
         Delay of u in s.
     states : tuple of State
         Names and dimensions of x.

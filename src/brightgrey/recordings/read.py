@@ -129,14 +129,14 @@ def recording_from(
 ) -> Recording:
     """Make a recording of arrays in memory, with the same checks as a file's.
 
+    Parameters that are not listed, the return value and the errors (RecordingError) are those of `read_recording`.
+
     Parameters
     ----------
     columns : mapping of str to array_like, shape (samples,)
         E.g. a dict of arrays or a data frame.
     name : str
         What it is called in messages and results.
-
-    The other parameters, the return value and the errors are those of `read_recording`.
     """
     arrays = []
     for key in columns:

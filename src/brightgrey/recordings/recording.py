@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -12,6 +13,7 @@ from brightgrey.errors import RecordingError, SettingsError, unknown_name
 from brightgrey.recordings.checks import resolution
 from brightgrey.recordings.unit_text import parse_unit
 from brightgrey.recordings.units import Units, check_kind, motion_unit
+from brightgrey.tables import sparkline, table
 
 __all__ = ["FEWEST_SAMPLES", "HOLDS", "Hold", "Recording", "Signal", "check_hold", "interval"]
 
@@ -164,6 +166,22 @@ class Recording:
     def units(self) -> Units:
         """Units that parameters of a model of this recording are shown in."""
         return Units(self.input.unit, motion_unit(parse_unit(self.outputs[0].unit)))
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for signal, values in zip((self.input, *self.outputs), (self.u, *self.y), strict=True):
+            shown = values * signal.factor
+            rows.append((signal.name, signal.kind, signal.unit, *(f"{e:.4g}" for e in _ends(shown)), sparkline(shown)))
+        length = f"{self.samples} samples every {self.dt:.6g} s from {self.t[0]:.6g} s to {self.t[-1]:.6g} s"
+        notes = "".join(f"<li>{html.escape(note)}</li>" for note in self.notes)
+        return (
+            f"<div><p><b>{html.escape(self.name)}</b>: {length}</p>"
+            f"{table(('Signal', 'Kind', 'Unit', 'Least', 'Largest', 'Over time'), rows)}<ul>{notes}</ul></div>"
+        )
+
+
+def _ends(values: Array) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
 
 
 def check_samples(name: str, samples: int, remedy: str = "") -> None:

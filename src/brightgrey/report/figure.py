@@ -3,28 +3,44 @@
 from __future__ import annotations
 
 import io
-import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from brightgrey.export.trace import Trace
+from brightgrey.report.chart import MOST_POINTS, Chart, Line, Panel, thin
+from brightgrey.report.motion import comparisons, quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["MEASURED", "RESIDUAL", "SIMULATED", "comparison", "picture"]
-
-Array = NDArray[np.float64]
+__all__ = [
+    "COLOURS",
+    "MEASURED",
+    "MOST_POINTS",
+    "RESIDUAL",
+    "SIMULATED",
+    "STYLE",
+    "comparison",
+    "draw",
+    "picture",
+    "quantity",
+    "thin",
+]
 
 # Okabe and Ito's palette: told apart with every common colour vision, and by lightness in print.
 MEASURED = "#56B4E9"
 SIMULATED = "#000000"
 RESIDUAL = "#D55E00"
+COLOURS = {
+    "measured": MEASURED,
+    "simulated": SIMULATED,
+    "residual": RESIDUAL,
+    "second": "#009E73",
+    "soft": "#888888",
+}
 
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
@@ -38,8 +54,14 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "brightgrey",  # the same figure gives the same bytes
     "svg.fonttype": "path",
 }
-PANEL = (7.6, 3.8)  # inches, per recording and output
-MOST_POINTS = 3000  # per line; more than any page has pixels across
+WIDTH, HEIGHT = 7.6, 2.85  # inches; the height is that of a panel of height 1
+
+
+class Drawing(Figure):
+    """A figure that a notebook shows, also where pyplot has not been told of it."""
+
+    def _repr_png_(self) -> bytes:
+        return picture(self, "png")
 
 
 def comparison(traces: Sequence[Trace]) -> Figure:
@@ -53,74 +75,84 @@ def comparison(traces: Sequence[Trace]) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Not registered with pyplot; ``figure.savefig`` writes it, notebooks show it.
+        ``figure.savefig`` writes it, notebooks show it.
     """
-    panels = [(trace, row) for trace in traces for row in range(len(trace.outputs))]
+    return draw(comparisons(traces))
+
+
+def draw(charts: Sequence[Chart]) -> Figure:
+    """Draw charts one below the other.
+
+    Parameters
+    ----------
+    charts : sequence of Chart
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        ``figure.savefig`` writes it, notebooks show it.
+    """
+    panels = [panel for chart in charts for panel in chart.panels]
+    heights = [panel.height for panel in panels]
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PANEL[0], PANEL[1] * len(panels)), layout="constrained")
-        axes = figure.subplots(2 * len(panels), 1, squeeze=False, gridspec_kw={"height_ratios": [3, 1] * len(panels)})[
-            :, 0
-        ]
-        for number, (trace, row) in enumerate(panels):
-            _panel(axes[2 * number], axes[2 * number + 1], trace, row)
+        figure = Drawing(figsize=(WIDTH, HEIGHT * sum(heights)), layout="constrained")
+        every = figure.subplots(len(panels), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
+        for axes, panel in zip(every, panels, strict=True):
+            _panel(axes, panel)
+        for number, panel in enumerate(panels):
+            if not panel.x_label:
+                every[number].sharex(every[number + 1])
+                every[number].tick_params(labelbottom=False)
         figure.align_ylabels()
     return figure
 
 
-def _panel(top: Axes, bottom: Axes, trace: Trace, row: int) -> None:
-    signal = trace.outputs[row]
-    title = f"{trace.name}: {signal.name}" + (" (test recording)" if trace.test else "")
-    top.set_title(_plain(title), loc="left", fontsize=10)
-    t, measured, simulated = thin(trace.t, trace.measured[row], trace.simulated[row])
-    top.plot(t, measured, color=MEASURED, linewidth=2.6, label="measured")
-    top.plot(t, simulated, color=SIMULATED, linewidth=0.9, label="simulated")
-    top.set_ylabel(_plain(f"{quantity(signal.kind)} in {signal.unit}"))
-    top.legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-    top.tick_params(labelbottom=False)
-    top.sharex(bottom)
-    t, residual = thin(trace.t, trace.residual[row])
-    bottom.axhline(0.0, color="#888888", linewidth=0.8)
-    bottom.plot(t, residual, color=RESIDUAL, linewidth=0.8)
-    bottom.set_ylabel(_plain(f"residual\nin {signal.unit}"))
-    bottom.set_xlabel("time in s")
-    for axes in (top, bottom):
-        axes.margins(x=0.01)
+def _panel(axes: Axes, panel: Panel) -> None:
+    axes.set_title(_plain(panel.title), loc="left", fontsize=10)
+    if panel.x_log:
+        axes.set_xscale("log")
+    if panel.y_log:
+        axes.set_yscale("log")
+    for level in panel.levels:
+        axes.axhline(level, color="#888888", linewidth=0.8)
+    for line in panel.lines:
+        _line(axes, line)
+    for mark in panel.marks:
+        axes.axvline(mark.x, color="#888888", linewidth=0.8, linestyle=":")
+        axes.annotate(
+            _plain(mark.label),
+            (mark.x, 0.0 if mark.low else 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(2, 2 if mark.low else -2),
+            textcoords="offset points",
+            rotation=90,
+            va="bottom" if mark.low else "top",
+            fontsize=7,
+        )
+    axes.set_ylabel(_plain(panel.y_label))
+    axes.set_xlabel(_plain(panel.x_label))
+    axes.margins(x=0.01)
+    labelled = [line for line in panel.lines if line.label]
+    if len(labelled) > 1:
+        axes.legend(loc="lower right", ncols=len(labelled), bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, fontsize=8)
 
 
-def quantity(kind: str) -> str:
-    """Name the quantity of a signal: ``velocity-differenced`` is a velocity."""
-    return kind.partition("-")[0]
+def _line(axes: Axes, line: Line) -> None:
+    colour, label = COLOURS[line.colour], _plain(line.label) if line.label else "_nolegend_"
+    if line.style == "band" and line.low is not None:
+        axes.fill_between(line.x, line.low, line.y, color=colour, alpha=0.25, linewidth=0.0, label=label)
+    elif line.style == "bars":
+        axes.vlines(line.x, 0.0, line.y, color=colour, linewidth=line.width, label=label)
+    elif line.style == "points":
+        axes.plot(line.x, line.y, ".", color=colour, markersize=2.5 * line.width, label=label)
+    else:
+        dashes = "--" if line.style == "dashed" else "-"
+        axes.plot(line.x, line.y, dashes, color=colour, linewidth=line.width, label=label)
 
 
 def _plain(text: str) -> str:
     """Keep matplotlib from reading a dollar sign in a column's name as mathematics."""
     return text.replace("$", r"\$")
-
-
-def thin(t: Array, *lines: Array) -> tuple[Array, ...]:
-    """Fewer points that draw the same: of each bin the samples where some line has its extremes.
-
-    Parameters
-    ----------
-    t : ndarray, shape (samples,)
-    *lines : ndarray, shape (samples,)
-
-    Returns
-    -------
-    tuple of ndarray
-        t and the lines at the samples that were kept.
-    """
-    bins = MOST_POINTS // (2 * len(lines) + 1)
-    if t.size <= MOST_POINTS:
-        return (t, *lines)
-    edges = np.linspace(0, t.size, bins + 1).astype(int)
-    keep = {0, t.size - 1}
-    for low, high in itertools.pairwise(edges):
-        for line in lines:
-            part = np.where(np.isfinite(line[low:high]), line[low:high], 0.0)
-            keep |= {int(low + np.argmin(part)), int(low + np.argmax(part))}
-    index = np.array(sorted(keep))
-    return (t[index], *(line[index] for line in lines))
 
 
 def picture(figure: Figure, kind: Literal["svg", "png", "pdf"] = "svg") -> bytes:

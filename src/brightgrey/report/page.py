@@ -3,69 +3,87 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from platform import python_version
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from brightgrey.export.model import Model
 from brightgrey.export.ranking import Row
-from brightgrey.export.trace import Trace
-from brightgrey.report.figure import comparison, picture
+from brightgrey.report import svg
+from brightgrey.report.content import Content
+from brightgrey.report.interactive import library, plot, script
 from brightgrey.report.numbers import significant
+from brightgrey.report.request import command
+from brightgrey.report.sheet import sheet
 from brightgrey.report.tables import fit_rows, parameter_rows, remarks, verdict
-from brightgrey.search.evidence import Evidence
+from brightgrey.search.genetic import Run
 
 __all__ = ["page"]
 
 
 _TOP = 10  # structures of the ranking that are shown
+_TREES = 6  # individuals of a generation that are drawn
+_BENEATH = ("numpy", "scipy", "numba")
 
 
-def page(
-    model: Model,
-    traces: Sequence[Trace],
-    notes: Sequence[str] = (),
-    evidence: Evidence | None = None,
-    ranking: Sequence[Row] = (),
-) -> str:
+def page(content: Content) -> str:
     """Text of report.html.
 
     Parameters
     ----------
-    model : Model
-        Every number in the page is one of the model's.
-    traces : sequence of Trace
-        What the figure shows.
-    notes : sequence of str
-        Repairs of the recordings and assumptions about them.
-    evidence : Evidence, optional
-        Of a search: a verdict on every effect.
-    ranking : sequence of Row
-        Structures that were tried, best first.
+    content : Content
+        What there is besides the model; sections that do not apply are left out.
+
+    Returns
+    -------
+    str
+        The same content gives the same text. Nothing is loaded from anywhere when it is opened.
     """
     environment = Environment(
         loader=PackageLoader("brightgrey", "report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
+        lstrip_blocks=True,
     )
+    environment.filters["exact"] = exact
+    model, charts = content.model, content.charts
     rows = parameter_rows(model)
-    svg = picture(comparison(traces)).decode()
     return environment.get_template("report.html.j2").render(
+        content=content,
         model=model,
         verdict=verdict(model),
         remarks=remarks(model),
-        # Only the element: a page has no place for the XML declaration before it.
-        figure=Markup(svg[svg.index("<svg") :]),
+        charts=charts,
+        plots=Markup(script({f"{n}-{i}": plot(c) for n, cs in charts.items() for i, c in enumerate(cs)})),
+        library=Markup(library()),
         parameters=rows,
+        bars=[Markup(bar) for bar in _bars(model)],
         noted=any(row.note for row in rows),
         fits=fit_rows(model),
         criterion=significant(model.criterion.value, 6) if model.criterion else "",
-        notes=list(notes),
+        sheet=sheet(model, content.correlation),
+        cards=content.evidence.cards if content.evidence else (),
+        ranking=_ranking(content.ranking),
         settings=_settings(model),
-        cards=evidence.cards if evidence else (),
-        ranking=_ranking(ranking),
+        command=command(content),
+        family=Markup(svg.family(content.run)) if content.run else "",
+        trees=_trees(content.run) if content.run else [],
     )
+
+
+def exact(shown: str, value: float | None) -> Markup | str:
+    """Text of a number together with the number itself, to the last digit."""
+    return shown if value is None or not shown else Markup(f'<data value="{value!r}">{escape(shown)}</data>')
+
+
+def _bars(model: Model) -> list[str]:
+    return [
+        svg.range_bar(model.parameters[name], model.settings.bounds.get(name), log=declared.scale == "log")
+        for name, declared in model.structure.parameters.items()
+    ]
 
 
 def _ranking(ranking: Sequence[Row]) -> list[tuple[str, str, str, str, str, str]]:
@@ -85,6 +103,19 @@ def _ranking(ranking: Sequence[Row]) -> list[tuple[str, str, str, str, str, str]
     ]
 
 
+def _trees(run: Run) -> list[tuple[str, list[tuple[str, Markup]]]]:
+    """Individuals of the first and the last generation, the best first: title of the generation, title and drawing."""
+    out = []
+    for number in dict.fromkeys((0, run.generations - 1)):
+        best = sorted(run.generation(number), key=lambda e: -e.value)[:_TREES]
+        drawn = [
+            (f"{e.individual + 1}: criterion {significant(e.value, 5)}, {e.operator}", Markup(svg.tree(e.tree)))
+            for e in best
+        ]
+        out.append((f"Generation {number}", drawn))
+    return out
+
+
 def _settings(model: Model) -> list[tuple[str, str]]:
     s = model.settings
     rows = [
@@ -96,4 +127,14 @@ def _settings(model: Model) -> list[tuple[str, str]]:
     for initial in model.initial_state:
         state = ", ".join(f"{name} = {significant(v.value)} {v.unit}" for name, v in initial.state.items())
         rows.append((f"initial state, {initial.recording}", state))
-    return [*rows, ("seed", str(model.seed)), ("brightgrey", model.version)]
+    return [*rows, ("seed", str(model.seed)), ("brightgrey", model.version), ("made with", _versions())]
+
+
+def _versions() -> str:
+    found = [f"Python {python_version()}"]
+    for name in _BENEATH:
+        try:
+            found.append(f"{name} {version(name)}")
+        except PackageNotFoundError:  # a build without metadata
+            continue
+    return ", ".join(found)

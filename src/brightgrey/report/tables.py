@@ -13,6 +13,7 @@ __all__ = [
     "ParameterRow",
     "fit_row",
     "fit_rows",
+    "interval_text",
     "parameter_rows",
     "remarks",
     "sentence",
@@ -78,7 +79,7 @@ def parameter_rows(model: Model) -> list[ParameterRow]:
                 value=value,
                 half_width=shown_half,
                 unit=part.unit,
-                interval=_interval(part.ci95),
+                interval=interval_text(part.ci95),
                 bounds="" if fixed else _range(bounds),
                 note=note,
                 about=declared.about,
@@ -103,12 +104,18 @@ def fit_row(output: str, on: str, fit: OutputFitPart, unit: str) -> FitRow:
     return FitRow(output, on, percent, significant(fit.rmse), significant(fit.rss), unit)
 
 
-def _interval(ci95: tuple[float, float] | None) -> str:
+def interval_text(ci95: tuple[float, float] | None) -> str:
     """Both ends with the digits that the interval's own width leaves."""
     if ci95 is None or ci95[0] == ci95[1]:  # nothing can be said, or fixed
         return ""
     half_width = (ci95[1] - ci95[0]) / 2.0
-    return " … ".join(with_uncertainty(end, half_width)[0] for end in ci95)
+    return " … ".join(_end(end, half_width) for end in ci95)
+
+
+def _end(end: float, half_width: float) -> str:
+    """An end of an interval; what is positive does not become zero by being cut."""
+    text = with_uncertainty(end, half_width)[0]
+    return significant(end, 2) if end and float(text) == 0.0 else text
 
 
 def _range(pair: tuple[float, float] | None) -> str:

@@ -15,7 +15,7 @@ from brightgrey.search.genetic import Node
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["positions", "trees"]
+__all__ = ["edges", "positions", "trees"]
 
 COLUMNS = 3
 PANEL = (2.5, 2.1)  # inches
@@ -80,7 +80,7 @@ def trees(population: Sequence[Node], titles: Sequence[str]) -> Figure:
 
 def _draw(axes: Axes, tree: Node) -> None:
     places = positions(tree)
-    for parent, child in _edges(tree):
+    for parent, child in edges(tree):
         (x0, y0), (x1, y1) = places[parent], places[child]
         axes.plot([x0, x1], [-y0, -y1], color="#666666", linewidth=1.0, zorder=1)
     for node, (x, depth) in zip(tree.nodes(), places, strict=True):
@@ -95,11 +95,11 @@ def _draw(axes: Axes, tree: Node) -> None:
     axes.set_ylim(-max(depth, 3) - 0.5, 0.5)
 
 
-def _edges(tree: Node) -> list[tuple[int, int]]:
+def edges(tree: Node) -> list[tuple[int, int]]:
     """Parent and child of every edge, as positions in pre-order."""
-    edges, at = [], 1
+    found, at = [], 1
     for child in tree.children:
-        edges.append((0, at))
-        edges += [(at + a, at + b) for a, b in _edges(child)]
+        found.append((0, at))
+        found += [(at + a, at + b) for a, b in edges(child)]
         at += child.size
-    return edges
+    return found

@@ -9,7 +9,7 @@ from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
-from brightgrey.kit import Structure
+from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.estimators import estimator
 from brightgrey.search.evaluation import Estimator
 from brightgrey.search.experiment import Verdict, first_appearance, verdict
@@ -90,10 +90,20 @@ def run(
     workers: int = 1,
     progress: Callable[[Progress], None] | None = None,
     identify: Estimator | None = None,
+    grammar: Grammar = PAPER,
 ) -> Run:
     """One search on `task`, by the estimator of `settings` if `identify` does not give another."""
     chosen = identify or estimator(settings.estimator, task, settings.iterations)
-    return search(chosen, task.draw, settings, standard=task.standard, seed=seed, workers=workers, progress=progress)
+    return search(
+        chosen,
+        task.draw,
+        settings,
+        standard=task.standard,
+        grammar=grammar,
+        seed=seed,
+        workers=workers,
+        progress=progress,
+    )
 
 
 def repetition(done: Run, truth: Structure, seed: int) -> Repetition:

@@ -79,6 +79,11 @@ def response(
     Returns
     -------
     Response
+
+    Raises
+    ------
+    SettingsError
+        If the sets do not make whole groups.
     """
     u = np.ascontiguousarray(u, float)
     lowered = lower(system, dt)

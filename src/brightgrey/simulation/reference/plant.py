@@ -264,7 +264,10 @@ class Trajectory:
     acceleration: Array
 
     def output(self, kind: str) -> Array:
-        """``position``, ``velocity``, ``acceleration`` of mass 1, or any state by name; shape (samples,)."""
+        """``position``, ``velocity``, ``acceleration`` of mass 1, or any state by name; shape (samples,), SI.
+
+        Anything else is a SettingsError.
+        """
         if kind == "acceleration":
             return self.acceleration
         name = {"position": "q1", "velocity": "v1"}.get(kind, kind)

@@ -1,0 +1,78 @@
+"""All that a report is made of, and the figures that follow from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from brightgrey.export.model import Model
+from brightgrey.export.ranking import Row
+from brightgrey.export.trace import Trace
+from brightgrey.report.chart import Chart
+from brightgrey.report.frequency import response_chart
+from brightgrey.report.friction import friction_charts
+from brightgrey.report.gap import gap_charts
+from brightgrey.report.motion import comparisons, correlations
+from brightgrey.report.progress import front_chart, history_chart
+from brightgrey.search.evidence import Evidence
+from brightgrey.search.genetic import Run
+
+__all__ = ["Content"]
+
+
+@dataclass(frozen=True)
+class Content:
+    """What a report shows. Only the model is needed; sections that do not apply are left out.
+
+    Attributes
+    ----------
+    model : Model
+        Every number of the report is one of the model's, or follows from them.
+    traces : sequence of Trace
+        Recordings with what the model makes of them.
+    notes : sequence of str
+        Repairs of the recordings and assumptions about them.
+    evidence : Evidence or None
+        Of a search: a verdict on every effect.
+    ranking : sequence of Row
+        Structures that were tried, best first.
+    correlation : mapping of (str, str) to float
+        Of the errors of the estimates, in the logarithm of what is always positive.
+    run : Run or None
+        Of a genetic search.
+    request : str
+        Command that gives this result again.
+    symptoms : sequence
+        What the recording shows besides, and what to do: objects with texts ``title``, ``seen`` and ``advice``.
+    differences : sequence
+        What differs for control between structures that are tied: objects with ``structure`` and ``rows`` of
+        (name, value).
+    """
+
+    model: Model
+    traces: Sequence[Trace] = ()
+    notes: Sequence[str] = ()
+    evidence: Evidence | None = None
+    ranking: Sequence[Row] = ()
+    correlation: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    run: Run | None = None
+    request: str = ""
+    symptoms: Sequence[Any] = ()
+    differences: Sequence[Any] = ()
+
+    @cached_property
+    def charts(self) -> Mapping[str, tuple[Chart, ...]]:
+        """Figures by name; only those that apply."""
+        train = [trace for trace in self.traces if not trace.test]
+        every = {
+            "comparison": comparisons(self.traces),
+            "residuals": correlations(self.traces),
+            "friction": friction_charts(self.model, self.correlation),
+            "frequency": response_chart(self.model, train),
+            "backlash": gap_charts(self.model, train),
+            "pareto": front_chart(self.ranking, str(self.model.structure)),
+            "history": history_chart(self.run),
+        }
+        return {name: charts for name, charts in every.items() if charts}

@@ -1,0 +1,150 @@
+"""Frequency response of the linearised model beside the measured one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import csd
+
+from brightgrey.control.analysis import Analysis, analyse
+from brightgrey.errors import SettingsError
+from brightgrey.export.model import SPEED, Model
+from brightgrey.export.trace import Trace
+from brightgrey.kit import assemble
+from brightgrey.report.chart import Chart, Line, Mark, Panel
+from brightgrey.report.numbers import significant
+
+__all__ = ["Measured", "linearised", "measured_response", "response_chart"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+SEGMENTS = 9  # of half overlap, so that they are five long: coherence by chance stays below 0.4
+LEAST = 64  # samples of a segment
+COHERENT = 0.8
+POINTS = 600
+HALF_SPEED = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Frequency response that recordings show.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (m,)
+        Hz.
+    response : ndarray, shape (m,)
+        Output over input, complex, in the recording's units.
+    coherence : ndarray, shape (m,)
+        From 0 to 1: how much of the output follows the input linearly.
+    """
+
+    frequency: Array
+    response: Complex
+    coherence: Array
+
+
+def linearised(model: Model) -> Analysis | None:
+    """Linear model in steady motion at half of the recording's largest speed, SI; None without such a motion."""
+    settings = model.settings_si()
+    kinds = ["velocity" if s.kind == "velocity-differenced" else s.kind for s in model.outputs]
+    try:
+        system = assemble(model.structure, model.values_si(), settings.f_tanh, kinds)
+        return analyse(system, speed=HALF_SPEED * settings.speed_scale)
+    except (SettingsError, np.linalg.LinAlgError):
+        return None
+
+
+def measured_response(traces: Sequence[Trace], row: int) -> Measured | None:
+    """Average response of one output to the input by Welch's method (H1), all recordings pooled.
+
+    Returns
+    -------
+    Measured or None
+        None if the recordings are too short, or differ in their sampling.
+    """
+    steps = {round(float(trace.t[1] - trace.t[0]), 12) for trace in traces}
+    length = min((2 * trace.t.size // (SEGMENTS + 1) for trace in traces), default=0)
+    if len(steps) != 1 or length < LEAST:
+        return None
+    (dt,) = steps
+    parts = []
+    for trace in traces:
+        u, y = trace.u, trace.measured[row]
+        spectra = [csd(a, b, fs=1.0 / dt, nperseg=length)[1] for a, b in ((u, y), (u, u), (y, y))]
+        parts.append(trace.t.size * np.array(spectra))
+    cross, input_power, output_power = np.sum(parts, axis=0)[:, 1:]
+    tiny = np.finfo(float).tiny
+    coherence = np.abs(cross) ** 2 / np.maximum(input_power.real * output_power.real, tiny)
+    frequency = np.arange(1, length // 2 + 1, dtype=np.float64) / (length * dt)
+    return Measured(frequency, np.asarray(cross / np.maximum(input_power.real, tiny)), np.asarray(coherence))
+
+
+def response_chart(model: Model, traces: Sequence[Trace]) -> tuple[Chart, ...]:
+    """Bode plot of every output, with resonances and antiresonances marked; none without a linear model."""
+    analysis = linearised(model)
+    if analysis is None or not traces:
+        return ()
+    return tuple(_chart(model, analysis, traces, row) for row in range(len(model.outputs)))
+
+
+def _chart(model: Model, analysis: Analysis, traces: Sequence[Trace], row: int) -> Chart:
+    trace, dt = traces[0], model.settings.sampling_time
+    low, high = 1.0 / (trace.t[-1] - trace.t[0]), 0.5 / dt
+    swings = [*analysis.resonances, *analysis.antiresonances(row)]
+    around = np.array([s.frequency * (1.0 + s.damping * at) for s in swings for at in np.linspace(-2.0, 2.0, 41)])
+    f = np.unique(np.concatenate([np.geomspace(low, high, POINTS), around[(around > low) & (around < high)]]))
+    scale = model.outputs[row].factor / model.input.factor
+    response = _seen(model, row, f, dt) * analysis.bode(2.0 * np.pi * f)[1][row] * scale
+    phase = np.unwrap(np.angle(response))
+    modelled = Line(f, np.abs(response), "linearised model", "simulated", width=1.4)
+    turned = Line(f, np.degrees(phase), "", "simulated", width=1.4)
+    gains, phases = [modelled], [turned]
+    shown = measured_response(traces, row)
+    if shown is not None and (good := shown.coherence > COHERENT).any():
+        at = shown.frequency[good]
+        apart = np.angle(shown.response[good] / np.exp(1j * np.interp(at, f, phase)))
+        gains.insert(0, Line(at, np.abs(shown.response[good]), "measured", "measured", "points", 2.6))
+        phases.insert(0, Line(at, np.degrees(np.interp(at, f, phase) + apart), "", "measured", "points", 2.6))
+    marks = [Mark(s.frequency, f"resonance {significant(s.frequency, 3)} Hz") for s in analysis.resonances]
+    marks += [
+        Mark(s.frequency, f"antiresonance {significant(s.frequency, 3)} Hz", low=True)
+        for s in analysis.antiresonances(row)
+    ]
+    inside = tuple(mark for mark in marks if low < mark.x < high)
+    below = model.input.unit
+    unit = f"{model.outputs[row].unit} / " + (f"({below})" if " " in below or "/" in below else below)
+    panels = (
+        Panel(f"gain in\n{unit}", tuple(gains), marks=inside, x_log=True, y_log=True, title=model.outputs[row].name),
+        Panel("phase in degrees", tuple(phases), "frequency in Hz", x_log=True, height=0.6, marks=_unnamed(inside)),
+    )
+    return Chart("frequency", panels, _caption(model, analysis, len(gains) > 1))
+
+
+def _unnamed(marks: tuple[Mark, ...]) -> tuple[Mark, ...]:
+    return tuple(Mark(mark.x, "") for mark in marks)
+
+
+def _seen(model: Model, row: int, f: Array, dt: float) -> Complex | float:
+    """What differencing an encoder does to a velocity: the mean over a sampling interval, half of it late."""
+    if model.outputs[row].kind != "velocity-differenced":
+        return 1.0
+    return np.asarray(np.sinc(f * dt) * np.exp(-1j * np.pi * f * dt))
+
+
+def _caption(model: Model, analysis: Analysis, measured: bool) -> str:
+    unit, factor = model.units.of(SPEED)
+    text = f"Model linearised in steady motion at {significant(analysis.point.speed * factor, 3)} {unit}"
+    text += ", the gap closed." if analysis.point.piece.limited else "."
+    if measured:
+        text += (
+            f" Measured (Welch, {SEGMENTS} segments with half overlap) where the coherence exceeds {COHERENT:g};"
+            " friction lowers it at low frequencies, where a linear model is not expected to fit, and in a closed loop"
+            " the sensor's noise shows in it."
+        )
+    else:
+        text += " The recording is nowhere coherent enough to show a measured response."
+    return text

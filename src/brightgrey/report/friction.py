@@ -1,0 +1,99 @@
+"""Friction over speed, from the laws of the model, with the band that the uncertainty of its parameters leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.effects import Element
+from brightgrey.effects.declaration import Dimension
+from brightgrey.export.model import SPEED, Model
+from brightgrey.kit import StateSpace, assemble
+from brightgrey.report.chart import Chart, Line, Panel
+from brightgrey.report.spread import Correlation, draws
+
+__all__ = ["TORQUE", "friction_at", "friction_charts", "friction_of"]
+
+Array = NDArray[np.float64]
+TORQUE = Dimension(input=1, motion=0, time=0)
+DRAWS = 400
+POINTS = 401
+
+
+def friction_of(system: StateSpace) -> dict[int, list[Element]]:
+    """Elements that take energy from a mass by its speed, by the number of the mass."""
+    speeds = [i for i, state in enumerate(system.states) if state.at_rest == "speed"]
+    found: dict[int, list[Element]] = {}
+    for e in system.elements:
+        reads = np.unique(np.nonzero(e.H)[1]).tolist()
+        if e.law.dissipative and len(reads) == 1 and reads[0] in speeds:
+            found.setdefault(speeds.index(reads[0]) + 1, []).append(e)
+    return found
+
+
+def friction_at(elements: list[Element], speed: Array, *, standstill: bool = False) -> Array:
+    """Torque against the motion, shape (speeds, sets), N m (N).
+
+    Parameters
+    ----------
+    elements : list of Element
+        Of one mass.
+    speed : ndarray, shape (speeds,)
+        rad/s (m/s).
+    standstill : bool
+        Leave the smoothing of the sign away: what has to be overcome to start moving.
+    """
+    v = speed[:, None]
+    total = np.zeros((speed.size, 1))
+    for e in elements:
+        p = tuple(np.atleast_1d(value)[None, :] for value in e.p)
+        if standstill and e.law.amplitude is not None:
+            total = total + e.law.amplitude(v, p[:-1])[0]
+        else:
+            total = total - e.law.value((v,), p)[0]
+    return np.asarray(total)
+
+
+def friction_charts(model: Model, correlation: Correlation) -> tuple[Chart, ...]:
+    """Friction torque over speed of every mass that has friction.
+
+    Parameters
+    ----------
+    model : Model
+    correlation : mapping of (str, str) to float
+        Of the estimates' errors; without it there is no band.
+    """
+    settings = model.settings_si()
+    values = model.values_si()
+    held = friction_of(assemble(model.structure, values, settings.f_tanh))
+    if not held:
+        return ()
+    sets = draws(model, correlation, DRAWS)
+    drawn = friction_of(assemble(model.structure, sets, settings.f_tanh)) if sets else {}
+    return tuple(_chart(model, mass, elements, drawn.get(mass)) for mass, elements in held.items())
+
+
+def _chart(model: Model, mass: int, elements: list[Element], drawn: list[Element] | None) -> Chart:
+    top = model.settings_si().speed_scale
+    spread = np.linspace(-1.0, 1.0, POINTS)
+    speed = top * np.sign(spread) * np.abs(spread) ** 2  # denser where friction turns
+    speed_unit, per_speed = model.units.of(SPEED)
+    torque_unit, per_torque = model.units.of(TORQUE)
+    curve = friction_at(elements, speed)[:, 0] * per_torque
+    x = speed * per_speed
+    lines = []
+    if drawn:
+        low, high = np.percentile(friction_at(drawn, speed) * per_torque, (2.5, 97.5), axis=1)
+        lines.append(Line(x, high, "95 % band", "measured", "band", low=low))
+    lines.append(Line(x, curve, "estimate", "simulated", width=1.6))
+    panel = Panel(
+        y_label=f"friction against\nthe motion in {torque_unit}",
+        lines=tuple(lines),
+        x_label=f"speed of mass {mass} in {speed_unit}",
+        levels=(0.0,),
+    )
+    names = ", ".join(dict.fromkeys(e.name.removesuffix("@1") for e in elements))
+    caption = f"Sum of {names}, over the speeds of the recording; the step at standstill is smoothed by f_tanh."
+    if drawn:
+        caption += f" Band: {DRAWS} draws from the estimates' joint distribution."
+    return Chart("friction", (panel,), caption)

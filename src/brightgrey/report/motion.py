@@ -1,0 +1,103 @@
+"""Measured against simulated motion, and what the residuals between them tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from brightgrey.estimation.residuals import LAGS, residual_analysis
+from brightgrey.export.trace import Trace
+from brightgrey.report.chart import MOST_POINTS, Chart, Line, Panel, thin
+
+__all__ = ["comparisons", "correlations", "quantity"]
+
+ALL_POINTS = 24_000  # of all charts together: what a page can carry
+FEWEST = 300
+
+
+def quantity(kind: str) -> str:
+    """Name the quantity of a signal: ``velocity-differenced`` is a velocity."""
+    return kind.partition("-")[0]
+
+
+def comparisons(traces: Sequence[Trace]) -> tuple[Chart, ...]:
+    """Measured against simulated output with the residual below, one chart per recording and output.
+
+    Parameters
+    ----------
+    traces : sequence of Trace
+        Outputs in their own units, time in s.
+    """
+    rows = [(trace, row) for trace in traces for row in range(len(trace.outputs))]
+    most = max(FEWEST, min(MOST_POINTS, ALL_POINTS // max(len(rows), 1)))
+    return tuple(_comparison(trace, row, most) for trace, row in rows)
+
+
+def _comparison(trace: Trace, row: int, most: int) -> Chart:
+    signal = trace.outputs[row]
+    t, measured, simulated = thin(trace.t, trace.measured[row], trace.simulated[row], most=most)
+    t_residual, residual = thin(trace.t, trace.residual[row], most=most)
+    above = Panel(
+        y_label=f"{quantity(signal.kind)} in {signal.unit}",
+        lines=(
+            Line(t, measured, "measured", "measured", width=2.6),
+            Line(t, simulated, "simulated", "simulated", width=0.9),
+        ),
+        title=f"{trace.name}: {signal.name}" + (" (test recording)" if trace.test else ""),
+    )
+    below = Panel(
+        y_label=f"residual\nin {signal.unit}",
+        lines=(Line(t_residual, residual, "", "residual", width=0.8),),
+        x_label="time in s",
+        levels=(0.0,),
+        height=1.0 / 3.0,
+    )
+    return Chart("comparison", (above, below))
+
+
+def correlations(traces: Sequence[Trace]) -> tuple[Chart, ...]:
+    """Correlations of the residuals with themselves and with the input, one chart per recording and output.
+
+    Outputs whose simulation diverged, or that are too short for the lags, are left out.
+    """
+    drawn = (_correlation(trace, row) for trace in traces for row in range(len(trace.outputs)))
+    return tuple(chart for chart in drawn if chart is not None)
+
+
+def _correlation(trace: Trace, row: int) -> Chart | None:
+    residual = trace.residual[row]
+    if not np.isfinite(residual).all() or residual.size <= 4 * LAGS:
+        return None
+    with np.errstate(all="ignore"):  # residuals without any noise of their own have no colour
+        found = residual_analysis(residual, trace.u)
+    if not np.isfinite([*found.autocorrelation, *found.cross_correlation, found.band, found.cross_band]).all():
+        return None
+    dt = float(trace.t[1] - trace.t[0])
+    own = np.array(found.autocorrelation)
+    cross = np.array(found.cross_correlation)
+    lags = dt * np.arange(own.size, dtype=np.float64)
+    both = dt * (np.arange(cross.size, dtype=np.float64) - cross.size // 2)
+    white = "nothing speaks against white residuals" if found.white else "the residuals are not white"
+    follows = "they still follow the input" if found.follows_input else "they do not follow the input"
+    with_itself = Panel(
+        y_label="autocorrelation",
+        lines=(Line(lags, own, "", "residual", "bars", 2.0),),
+        x_label="lag in s",
+        title=f"{trace.name}: {trace.outputs[row].name}" + (" (test recording)" if trace.test else ""),
+        levels=(0.0, found.band, -found.band),
+        height=0.6,
+    )
+    with_input = Panel(
+        y_label="correlation\nwith the input",
+        lines=(Line(both, cross, "", "second", "bars", 2.0),),
+        x_label="lag in s (positive: the input's past)",
+        levels=(0.0, found.cross_band, -found.cross_band),
+        height=0.6,
+    )
+    caption = (
+        f"{white[0].upper()}{white[1:]} (Ljung-Box, chance {found.ljung_box:.2g}); {follows}. Lines: 95 % of the lags "
+        "of white residuals, and of residuals that do not depend on the input, stay within. "
+        f"{trace.t.size} samples are worth {found.effective:.0f} independent ones."
+    )
+    return Chart("residuals", (with_itself, with_input), caption)

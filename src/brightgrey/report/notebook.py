@@ -1,0 +1,30 @@
+"""How a result shows itself in a notebook: verdict, parameters, fit and the main figure."""
+
+from __future__ import annotations
+
+import html
+
+from brightgrey.report.content import Content
+from brightgrey.report.figure import draw, picture
+from brightgrey.report.tables import fit_rows, parameter_rows, remarks, verdict
+from brightgrey.tables import table
+
+__all__ = ["result_html"]
+
+
+def result_html(content: Content) -> str:
+    """Element of HTML without any script."""
+    model = content.model
+    parameters = [(r.name, r.estimate, r.unit, r.note, r.about) for r in parameter_rows(model)]
+    fits = [(r.output, r.on, r.fit_percent, r.rmse, r.unit) for r in fit_rows(model)]
+    parts = [f"<p><b>{html.escape(str(model.structure))}</b></p><p>{html.escape(verdict(model))}</p>"]
+    parts += [f"<p>Mind: {html.escape(text.rstrip('.'))}.</p>" for text in remarks(model)]
+    parts.append(table(("Parameter", "Estimate", "Unit", "Note", "Meaning"), parameters))
+    parts.append(table(("Output", "Recording", "Fit in %", "RMSE", "Unit"), fits))
+    if content.evidence:
+        cards = [(card.effect, card.verdict, card.reason) for card in content.evidence.cards]
+        parts.append(table(("Effect", "Verdict", "Reason"), cards))
+    if "comparison" in content.charts:
+        svg = picture(draw(content.charts["comparison"])).decode()
+        parts.append(f'<div style="background:#fff;max-width:50em">{svg[svg.index("<svg") :]}</div>')
+    return f"<div>{''.join(parts)}</div>"

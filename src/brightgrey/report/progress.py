@@ -1,0 +1,83 @@
+"""How a search went: error over size of every structure, best criterion of every generation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from brightgrey.export.ranking import Row
+from brightgrey.report.chart import Chart, Line, Panel
+from brightgrey.search.genetic import Evaluation, Run
+
+__all__ = ["ancestors", "front", "front_chart", "history_chart", "parents"]
+
+FEWEST = 3  # structures: fewer make no front
+
+
+def front(rows: Sequence[Row]) -> tuple[Row, ...]:
+    """Rows that no other beats in both number of parameters and fit (Pareto), smallest first."""
+    best: list[Row] = []
+    for row in sorted((r for r in rows if np.isfinite(r.fit_percent)), key=lambda r: (r.n_parameters, -r.fit_percent)):
+        if not best or row.fit_percent > best[-1].fit_percent:
+            best.append(row)
+    return tuple(best)
+
+
+def front_chart(rows: Sequence[Row], chosen: str) -> tuple[Chart, ...]:
+    """What each structure leaves unexplained over its number of parameters; `chosen` is marked."""
+    finite = [r for r in rows if np.isfinite(r.fit_percent) and r.fit_percent > 0.0]
+    if len(finite) < FEWEST:
+        return ()
+
+    def line(part: Sequence[Row], label: str, colour: str, style: str, width: float) -> Line:
+        x = np.array([float(r.n_parameters) for r in part])
+        y = np.array([100.0 - r.fit_percent for r in part])
+        return Line(x, y, label, colour, style, width, texts=tuple(r.structure for r in part))  # type: ignore[arg-type]
+
+    tied = [r for r in finite if r.tied and r.structure != chosen]
+    lines = [
+        line([r for r in finite if not r.tied], "tried", "measured", "points", 2.0),
+        line(front(finite), "no other is better in both", "simulated", "line", 1.2),
+    ]
+    lines += [line(tied, "cannot be told from the chosen", "second", "points", 4.0)] if tied else []
+    lines += [line([r for r in finite if r.structure == chosen], "chosen", "residual", "points", 4.5)]
+    panel = Panel("unexplained motion\nin % (100 - fit)", tuple(lines), "estimated parameters", y_log=True)
+    return (Chart("pareto", (panel,), f"{len(finite)} structures that were tried."),)
+
+
+def history_chart(run: Run | None) -> tuple[Chart, ...]:
+    """Criterion of the best individual of every generation, and of the best so far; none without a genetic search."""
+    if run is None or run.generations < 2:
+        return ()
+    best = [run.best_of(number) for number in range(run.generations)]
+    values = np.array([e.value for e in best])
+    generation = np.arange(float(run.generations))
+    texts = tuple(str(e.job.structure) for e in best)
+    lines = (
+        Line(generation, np.maximum.accumulate(values), "best so far", "simulated"),
+        Line(generation, values, "best of the generation", "residual", "points", 3.0, texts=texts),
+    )
+    panel = Panel("criterion\n(larger is better)", lines, "generation")
+    caption = f"{run.identifications} identifications, {run.simulations} simulations."
+    return (Chart("history", (panel,), caption + (" Interrupted." if run.interrupted else "")),)
+
+
+def parents(run: Run, e: Evaluation) -> tuple[Evaluation, ...]:
+    """Where an individual comes from: its parents, or what it is kept from."""
+    before = [other for other in run.evaluations if other.generation < e.generation]
+    if not e.parents:  # kept as it was, or there from the beginning
+        same = [other for other in before if other.job.structure == e.job.structure and e.operator == "elite"]
+        return (max(same, key=lambda other: (other.value, other.generation)),) if same else ()
+    return tuple(o for o in before if o.generation == e.generation - 1 and o.individual in e.parents)
+
+
+def ancestors(run: Run) -> tuple[Evaluation, ...]:
+    """The best individual and all it comes from, the youngest first."""
+    found: dict[tuple[int, int], Evaluation] = {}
+    ahead = [run.best]
+    while ahead:
+        e = ahead.pop(0)
+        if found.setdefault((e.generation, e.individual), e) is e:
+            ahead += parents(run, e)
+    return tuple(sorted(found.values(), key=lambda e: (-e.generation, e.individual)))

@@ -1,0 +1,44 @@
+"""Tables and small lines as HTML, for what shows itself in a notebook."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+__all__ = ["sparkline", "table"]
+
+WIDTH, HEIGHT = 180.0, 28.0  # pixels
+BINS = 180
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """HTML table; every cell is shown as it is, whatever stands in it, but for what :func:`sparkline` made."""
+    head = "".join(f'<th style="text-align:left">{html.escape(name)}</th>' for name in header)
+    body = "".join(f"<tr>{''.join(_cell(cell) for cell in row)}</tr>" for row in rows)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+class _Drawing(str):
+    """HTML that may stand in a cell."""
+
+
+def _cell(value: object) -> str:
+    return f'<td style="text-align:left">{value if isinstance(value, _Drawing) else html.escape(str(value))}</td>'
+
+
+def sparkline(values: ArrayLike) -> str:
+    """Line without axes that shows how `values`, shape (samples,), go up and down; for a cell of a :func:`table`."""
+    y = np.asarray(values, float)
+    edges = np.linspace(0, y.size, min(BINS, y.size) + 1).astype(int)[:-1]
+    low, high = np.minimum.reduceat(y, edges), np.maximum.reduceat(y, edges)
+    span = float(high.max() - low.min()) or 1.0
+    x = np.repeat(np.linspace(1.0, WIDTH - 1.0, edges.size), 2)
+    drawn = 1.0 + (HEIGHT - 2.0) * (1.0 - (np.column_stack([low, high]).ravel() - low.min()) / span)
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x.tolist(), drawn.tolist(), strict=True))
+    return _Drawing(
+        f'<svg width="{WIDTH:g}" height="{HEIGHT:g}" role="img">'
+        f'<polyline points="{points}" fill="none" stroke="currentColor" stroke-width="1"/></svg>'
+    )

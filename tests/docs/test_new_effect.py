@@ -1,0 +1,120 @@
+"""The effect of docs/add-effect.md, put as one file into a copy of the package, appears everywhere."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import brightgrey
+
+ROOT = Path(__file__).parents[2]
+TRUTH = {"J1": 0.02, "M_C": 0.3, "k_D": 0.004}
+F_TANH, NOISE, DT = 4.0, 0.02, 0.004
+
+
+def recorded():
+    """J v' = u - tanh(f_tanh v) (M_C + k_D v^2), solved by scipy, with white noise; CSV with units."""
+    t = DT * np.arange(500)
+    edges = np.arange(0.0, 2.1, 0.25)
+    u = 2.5 * np.interp(t, np.repeat(edges, 2)[1:-1], np.repeat([1, -1, 0.6, -1, 1, -0.5, 0.8, -1], 2)) * (t > 0.02)
+
+    def rate(at, v):
+        friction = np.tanh(F_TANH * v) * (TRUTH["M_C"] + TRUTH["k_D"] * v * v)
+        return (np.interp(at, t, u) - friction) / TRUTH["J1"]
+
+    v = solve_ivp(rate, (0.0, t[-1]), [0.0], t_eval=t, max_step=DT / 2, rtol=1e-8, atol=1e-8).y[0]
+    v = v + NOISE * np.random.default_rng(0).normal(size=t.size)
+    rows = [f"{a:.3f},{b:.6f},{c:.6f}\n" for a, b, c in zip(t, u, v, strict=True)]
+    return "t [s],torque [N m],speed [rad/s]\n" + "".join(rows)
+
+
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory):
+    """Function that runs Python with a copy of the package that has the one file more."""
+    folder = tmp_path_factory.mktemp("extended")
+    package = folder / "brightgrey"
+    shutil.copytree(Path(brightgrey.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    text = (ROOT / "docs" / "add-effect.md").read_text(encoding="utf-8")
+    (name,) = re.findall(r"^`src/brightgrey/effects/(\w+\.py)`:$", text, re.MULTILINE)
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert not (package / "effects" / name).exists()
+    (package / "effects" / name).write_text(code, encoding="utf-8")
+    (folder / "a.csv").write_text(recorded(), encoding="utf-8")
+
+    def run(*arguments):
+        done = subprocess.run(
+            [sys.executable, *map(str, arguments)],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": str(folder), "XDG_CACHE_HOME": str(folder / "cache")},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr + done.stdout
+        return done.stdout
+
+    run.folder = folder
+    return run
+
+
+OPTIONS = ("--input", "torque", "--output", "speed", "--f-tanh", F_TANH, "--workers", 2)
+
+
+def test_command_line_and_documentation_list_it(extended):
+    listed = json.loads(extended("-m", "brightgrey", "effects", "--json"))
+    (own,) = [effect for effect in listed if effect["name"] == "drag"]
+    assert own["parameters"][0] | {"dimension": 0} == {
+        "name": "k_D",
+        "unit": "N m s²/rad²",
+        "dimension": 0,
+        "about": "drag coefficient",
+    }
+    page = extended("-c", "from brightgrey.report.catalogue import catalogue; print(catalogue())")
+    assert "## 12 · Drag" in page
+    assert "| `k_D` | N m s²/rad² | N s²/m² | drag coefficient (positive) |" in page
+    assert "file" not in page
+
+
+def test_its_parameter_is_found_and_the_report_shows_it(extended):
+    extended("-m", "brightgrey", "identify", "a.csv", *OPTIONS, "--structure", "one_mass+coulomb+drag", "--out", "out")
+    model = json.loads((extended.folder / "out" / "model.json").read_text(encoding="utf-8"))
+    assert model["parameters"]["k_D"]["unit"] == "N m s²/rad²"
+    for name, truth in TRUTH.items():
+        part = model["parameters"][name]
+        # Normal errors stay within five standard deviations in all but 6e-7 of the seeds.
+        assert abs(part["value"] - truth) < 5 * part["std"]
+    html = (extended.folder / "out" / "report.html").read_text(encoding="utf-8")
+    assert "M_F = -k_D v^2 tanh(f_tanh v)" in html
+    assert "Sum of coulomb, drag" in html
+
+
+def test_a_search_has_it_among_its_structures_and_weighs_it(extended):
+    others = ("two_mass", "stribeck", "gravity", "current_control", "delay")
+    excluded = [word for name in others for word in ("--exclude", name)]
+    extended("-m", "brightgrey", "identify", "a.csv", *OPTIONS, *excluded, "--out", "found")
+    model = json.loads((extended.folder / "found" / "model.json").read_text(encoding="utf-8"))
+    assert model["evidence"]["drag"] == "needed"
+    assert "drag" in model["structure"]
+    ranking = (extended.folder / "found" / "ranking.csv").read_text(encoding="utf-8").splitlines()
+    assert len(ranking) == 1 + 2**3
+    html = (extended.folder / "found" / "report.html").read_text(encoding="utf-8")
+    assert 'data-effect="drag"' in html
+
+
+def test_the_tests_of_all_effects_take_it_up(extended):
+    tests = ROOT / "tests" / "effects" / "test_registry.py"
+    said = extended("-m", "pytest", tests, "-q", "-k", "drag", "-p", "no:cacheprovider", "--rootdir", extended.folder)
+    assert int(re.search(r"(\d+) passed", said)[1]) >= 5
+
+
+def test_the_paper_stays_the_papers(extended):
+    count = "print(*(len(list(g.structures())) for g in (PAPER, function_set())))"
+    code = f"from brightgrey.kit import PAPER, function_set; {count}"
+    assert extended("-c", code).split() == ["448", "896"]

@@ -1,0 +1,212 @@
+"""The report in a real browser: nothing is asked for from outside, nothing complains, figures can be zoomed.
+
+Skipped where there is no Chromium; install the package ``chromium``.
+"""
+
+import json
+import shutil
+from dataclasses import replace
+
+import pytest
+from report_drives import independent, model_of, trace_of
+from test_charts import small_run
+
+from brightgrey import api
+from brightgrey.export.parts import TiesPart
+from brightgrey.export.ranking import Row
+from brightgrey.report.content import Content
+from brightgrey.report.page import page
+from brightgrey.search.evidence import Card, Evidence
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+CARDS = (Card("coulomb", "needed", 0.4, None, "why"), Card("delay", "not decidable", None, 0.0, "why not"))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    found = next(filter(None, map(shutil.which, NAMES)), None)
+    if found is None:
+        pytest.skip("no Chromium on the path")
+    with sync_api.sync_playwright() as play:
+        running = play.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-gpu"])
+        yield running
+        running.close()
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """Report of a drive with everything."""
+    model = model_of()
+    model = model.model_copy(update={"ties": TiesPart(minimal=(str(model.structure),), optional=("delay",))})
+    trace = trace_of(model)
+    effects = ("one_mass", "coulomb", "viscous", "stribeck", "gravity")
+    rows = [Row("+".join(effects[:k]), k, 1.0, 90.0 + k, 0.0) for k in range(1, 6)]
+    content = Content(
+        model,
+        [trace, replace(trace, name="b.csv", test=True)],
+        evidence=Evidence((), ("delay",), CARDS, {}, {}, 1.0),
+        ranking=rows,
+        correlation=independent(model),
+        run=small_run(),
+    )
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    path.write_text(page(content), encoding="utf-8")
+    return path
+
+
+class Visit:
+    """An open report with all it complained of and asked for."""
+
+    def __init__(self, browser, report, width, scheme="light"):
+        self.context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
+        self.page = self.context.new_page()
+        self.said, self.asked = [], []
+        self.page.on("console", lambda message: self.said.append(message.text) if message.type != "log" else None)
+        self.page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.goto(report.as_uri())
+        self.page.wait_for_function("document.querySelectorAll('.plot .main-svg').length > 0")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.context.close()
+
+    def colour(self, name):
+        return self.page.evaluate(f"getComputedStyle(document.querySelector('{name}')).backgroundColor")
+
+
+SECTIONS = [
+    *("motion", "values", "commissioning", "evidence", "ties", "friction", "frequency", "backlash", "residuals"),
+    *("structures", "history", "model", "recording", "repeat"),
+]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 400])
+def test_report_opens_whole_and_alone(browser, report, width, scheme):
+    with Visit(browser, report, width, scheme) as visit:
+        assert visit.page.eval_on_selector_all("main > section", "all => all.map(s => s.id)") == SECTIONS
+        drawn = visit.page.eval_on_selector_all(
+            ".plot", "all => all.map(p => p.querySelectorAll('.trace, .point').length)"
+        )
+        assert len(drawn) == 9
+        assert min(drawn) > 0
+        assert visit.said == []
+        assert [url for url in visit.asked if not url.startswith(("data:", "blob:"))] == [report.as_uri()]
+        # Nothing sticks out: wide tables scroll inside themselves.
+        assert visit.page.evaluate("document.documentElement.scrollWidth") <= width
+        smallest = visit.page.evaluate(
+            "Math.min(...[...document.querySelectorAll('td, p, li, figcaption')]"
+            ".map(e => parseFloat(getComputedStyle(e).fontSize)))"
+        )
+        assert smallest >= 12
+        dark = scheme == "dark"
+        assert visit.colour("body") == ("rgb(23, 23, 26)" if dark else "rgb(255, 255, 255)")
+        ink = visit.page.evaluate("getComputedStyle(document.querySelector('.plot .xtick text')).fill")
+        assert ink == ("rgb(236, 236, 240)" if dark else "rgb(29, 29, 31)")
+
+
+def test_a_figure_can_be_zoomed_and_its_residual_follows(browser, report):
+    with Visit(browser, report, 1280) as visit:
+        plot = visit.page.locator("#plot-comparison-0")
+        plot.scroll_into_view_if_needed()
+        box = plot.locator(".nsewdrag").first.bounding_box()
+        axis = "document.getElementById('plot-comparison-0')._fullLayout"
+        before = visit.page.evaluate(f"{axis}.xaxis.range")
+        mouse = visit.page.mouse
+        mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.2 * box["height"])
+        mouse.down()
+        mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.8 * box["height"], steps=8)
+        mouse.up()
+        visit.page.wait_for_function(f"{axis}.xaxis.range[1] < {before[1]} - 0.1")
+        low, high = visit.page.evaluate(f"{axis}.xaxis.range")
+        width = before[1] - before[0]
+        assert low == pytest.approx(before[0] + 0.3 * width, abs=0.02 * width)
+        assert high == pytest.approx(before[0] + 0.5 * width, abs=0.02 * width)
+        assert visit.page.evaluate(f"{axis}.xaxis2.range") == [low, high]
+        assert visit.said == []
+
+
+def test_paper_is_white_also_where_the_screen_is_dark(browser, report):
+    with Visit(browser, report, 1280, "dark") as visit:
+        widest = (
+            "Math.max(...[...document.querySelectorAll('.plot .main-svg')].map(s => s.getBoundingClientRect().width))"
+        )
+        assert visit.page.evaluate(widest) > 1000
+        visit.page.emulate_media(media="print")
+        visit.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        assert visit.page.evaluate(widest) < 680  # a sheet's width
+        assert visit.colour("body") == "rgb(255, 255, 255)"
+        ink = visit.page.evaluate("getComputedStyle(document.querySelector('.plot .xtick text')).fill")
+        assert ink == "rgb(0, 0, 0)"
+        visit.page.emulate_media(media="screen")
+        visit.page.evaluate("dispatchEvent(new Event('afterprint'))")
+        assert visit.page.evaluate("document.documentElement.className") == ""
+        assert visit.page.evaluate(widest) > 1000
+
+
+def test_figures_follow_the_width_of_the_window(browser, report):
+    with Visit(browser, report, 1280) as visit:
+        size = "(r => [r.width, r.height])(document.querySelector('.plot .main-svg').getBoundingClientRect())"
+        wide, height = visit.page.evaluate(size)
+        visit.page.set_viewport_size({"width": 600, "height": 900})
+        visit.page.wait_for_function(f"{size}[0] < 600")
+        assert visit.page.evaluate(size)[1] == height
+        visit.page.set_viewport_size({"width": 1280, "height": 900})
+        visit.page.wait_for_function(f"{size}[0] == {wide}")
+
+
+def test_theme_is_followed_while_the_page_is_open(browser, report):
+    with Visit(browser, report, 1280) as visit:
+        visit.page.emulate_media(color_scheme="dark")
+        visit.page.wait_for_function(
+            "getComputedStyle(document.querySelector('.plot .xtick text')).fill === 'rgb(236, 236, 240)'"
+        )
+
+
+def demo_result(_):
+    return api.demo(workers=2)
+
+
+def emps_result(measured):
+    recording = api.read_recording(
+        measured("emps/DATA_EMPS.mat"),
+        input="vir",
+        outputs=["qm:position"],
+        time="t",
+        input_gain=35.15065,
+        units={"vir": "N", "qm": "m"},
+    )
+    return api.identify(recording, "one_mass+coulomb+viscous+gravity", starts=4)
+
+
+def mte360_result(measured):
+    recording = api.read_recording(
+        measured("mte360/velocity_response_1_5.mat"),
+        input="u",
+        outputs=["v1:velocity-differenced"],
+        time="t",
+        units={"u": "V", "v1": "mm/s"},
+    )
+    return api.identify(recording, "two_mass+coulomb+viscous+gravity", starts=4)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("made", [demo_result, emps_result, mte360_result])
+def test_real_reports_open_whole_and_alone(browser, measured, tmp_path, made):
+    made(measured).write(tmp_path)
+    path = tmp_path / "report.html"
+    assert path.stat().st_size < 6e6
+    for width, scheme in ((1280, "light"), (400, "dark")):
+        with Visit(browser, path, width, scheme) as visit:
+            assert visit.said == []
+            assert [url for url in visit.asked if not url.startswith(("data:", "blob:"))] == [path.as_uri()]
+            assert visit.page.evaluate("document.documentElement.scrollWidth") <= width
+            sections = visit.page.eval_on_selector_all("main > section", "all => all.map(s => s.id)")
+            assert set(SECTIONS) >= set(sections) >= {"motion", "values", "commissioning", "friction", "residuals"}
+            exact = visit.page.eval_on_selector_all("#parameters data", "all => all.map(d => parseFloat(d.value))")
+            model = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
+            assert exact == [part["value"] for part in model["parameters"].values()]

@@ -1,0 +1,251 @@
+"""What the figures show is computed once: closed forms, physics, and that both ways of drawing take it."""
+
+import json
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+from report_drives import DT, F_TANH, FULL, TOP, VALUES, independent, model_of, trace_of
+from scipy.signal import lfilter
+
+from brightgrey.export.ranking import Row
+from brightgrey.export.trace import Trace
+from brightgrey.kit import assemble
+from brightgrey.report.chart import MOST_POINTS
+from brightgrey.report.content import Content
+from brightgrey.report.figure import draw, picture
+from brightgrey.report.frequency import linearised, measured_response, response_chart
+from brightgrey.report.friction import friction_charts
+from brightgrey.report.gap import gap_charts, loop
+from brightgrey.report.interactive import plot, script
+from brightgrey.report.motion import ALL_POINTS, comparisons, correlations
+from brightgrey.report.page import page
+from brightgrey.report.progress import ancestors, front, front_chart, history_chart
+from brightgrey.report.svg import family, range_bar, tree
+from brightgrey.search.genetic import Node, Run
+from brightgrey.simulation import response
+
+
+@pytest.fixture(scope="module")
+def content():
+    model = model_of()
+    rows = [Row(f"one_mass{'+x' * k}", k + 1, 1.0, 99.0 + 0.1 * k, -1.0 * k, k == 2) for k in range(5)]
+    return Content(model, [trace_of(model)], ranking=rows, correlation=independent(model), run=small_run())
+
+
+def individual(generation, number, value, parents=(), operator="recombination", structure="one_mass+coulomb"):
+    names = structure.split("+")
+    placed = model_of(structure).structure
+    leaf = tuple(Node(p) for p in placed.placed[1:])
+    misfit = SimpleNamespace(fit_percent=99.0)
+    return SimpleNamespace(
+        generation=generation,
+        individual=number,
+        parents=parents,
+        operator=operator,
+        tree=Node(placed.placed[0], (), leaf),
+        job=SimpleNamespace(structure=placed),
+        result=SimpleNamespace(n_parameters=len(names), simulations=7, misfit=misfit),
+        value=value,
+        repeated=False,
+    )
+
+
+def small_run():
+    """Three generations; the best comes from (1, 1), which was kept from (0, 0)."""
+    other = "two_mass+viscous"
+    return Run(
+        (
+            individual(0, 0, 2.0, operator="initial"),
+            individual(0, 1, 1.0, operator="initial", structure=other),
+            individual(1, 0, 0.5, (1, 1), structure=other),
+            individual(1, 1, 2.0, (), "elite"),
+            individual(2, 0, 3.0, (1, 1), "clone+insertion", "one_mass+coulomb+viscous"),
+            individual(2, 1, 0.1, (0, 1), structure=other),
+        )
+    )
+
+
+def test_every_figure_of_a_full_model_is_there(content):
+    assert list(content.charts) == [
+        *("comparison", "residuals", "friction", "frequency", "backlash", "pareto", "history"),
+    ]
+
+
+def test_every_axis_says_its_quantity_and_unit(content):
+    pure = {"autocorrelation", "correlation with the input", "criterion (larger is better)", "estimated parameters"}
+    for charts in content.charts.values():
+        for chart in charts:
+            assert chart.panels[-1].x_label
+            for panel in chart.panels:
+                for label in (panel.y_label, panel.x_label):
+                    plain = label.replace("\n", " ")
+                    assert " in " in plain or plain in pure | {"", "generation"}
+
+
+def coloured(value):
+    """A figure with one colour for all that the page colours."""
+    if isinstance(value, dict):
+        return {k: coloured(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [coloured(v) for v in value]
+    return "#123456" if isinstance(value, str) and value.startswith("var(--") else value
+
+
+def test_all_of_it_is_drawn_for_paper_and_for_the_page(content):
+    for name, charts in content.charts.items():
+        assert picture(draw(charts)) == picture(draw(charts)), name
+        for chart in charts:
+            made = json.loads(script(plot(chart)))
+            figure = go.Figure(coloured(made))  # refuses what plotly does not know
+            assert len(figure.data) >= sum(len(panel.lines) for panel in chart.panels)
+
+
+def test_every_colour_of_the_page_is_defined_in_it(content):
+    html = page(content)
+    for name in set(re.findall(r"var\((--[a-z-]+)\)", html)):
+        assert f"{name}:" in html.replace(f"var({name})", "")
+
+
+def test_both_ways_of_drawing_have_the_same_numbers(content):
+    (chart,) = content.charts["friction"]
+    drawn = draw([chart]).axes[0].get_lines()
+    shown = plot(chart)["data"][-1]
+    curve = next(line for line in drawn if line.get_label() == "estimate")
+    np.testing.assert_allclose(shown["x"], curve.get_xdata(), rtol=1e-6)
+    np.testing.assert_allclose(shown["y"], curve.get_ydata(), rtol=1e-6)
+
+
+def test_friction_curve_is_the_sum_of_the_laws():
+    model = model_of()
+    (chart,) = friction_charts(model, independent(model))
+    band, curve = chart.panels[0].lines
+    v = curve.x
+    size = VALUES["M_C"] + VALUES["M_S"] * np.exp(-np.abs(v) / VALUES["omega_S"])
+    np.testing.assert_allclose(curve.y, VALUES["f_v"] * v + np.tanh(F_TANH * v) * size, atol=1e-12)
+    assert (v.min(), v.max()) == (-TOP, TOP)
+    assert (band.low <= curve.y + 1e-12).all()
+    assert (curve.y <= band.y + 1e-12).all()
+    assert friction_charts(model_of("one_mass"), {}) == ()
+    (alone,) = friction_charts(model, {})
+    assert [line.label for line in alone.panels[0].lines] == ["estimate"]
+
+
+def test_measured_response_is_that_of_a_known_filter():
+    rng = np.random.default_rng(3)
+    u = rng.normal(size=(1, 20_000))
+    y = lfilter([0.1], [1.0, -0.9], u)
+    model = model_of("one_mass")
+    found = measured_response([Trace("a", DT * np.arange(u.size), u[0], y, y, model.input, model.outputs)], 0)
+    z = np.exp(2j * np.pi * found.frequency * DT)
+    # Welch's leakage at nine segments: some percent.
+    np.testing.assert_allclose(found.response, 0.1 / (1.0 - 0.9 / z), rtol=0.05)
+    assert found.coherence.min() > 0.99
+    noise = Trace("b", DT * np.arange(u.size), u[0], rng.normal(size=u.shape), y, model.input, model.outputs)
+    assert np.mean(measured_response([noise], 0).coherence > 0.8) < 0.01
+    assert measured_response([trace_of(model, samples=200)], 0) is None
+
+
+def test_linear_model_and_measured_response_agree_on_a_linear_drive():
+    model = model_of("two_mass+viscous")
+    (chart,) = response_chart(model, [trace_of(model, samples=8000, noise=1e-3)])
+    measured, modelled = chart.panels[0].lines
+    assert (measured.label, modelled.label) == ("measured", "linearised model")
+    near = measured.x < 100.0
+    ratio = measured.y / np.interp(measured.x, modelled.x, modelled.y)
+    assert near.sum() > 20
+    assert np.median(np.abs(np.log(ratio[near]))) < 0.1
+    analysis = linearised(model)
+    marks = [mark.x for mark in chart.panels[0].marks]
+    assert marks == [analysis.resonances[0].frequency, analysis.antiresonances()[0].frequency]
+    peak = modelled.x[np.argmax(modelled.y * (np.abs(modelled.x - marks[0]) < 5.0))]
+    assert peak == pytest.approx(marks[0], rel=0.02)
+
+
+def test_shaft_torque_accelerates_the_load():
+    model = model_of("two_mass+backlash")
+    settings = model.settings_si()
+    system = assemble(model.structure, model.values_si(), settings.f_tanh)
+    n = len(system.states)
+    every = replace(system, C=np.eye(n), D=np.zeros((n, 1)), outputs=system.state_names, derivative_rows=(-1,) * n)
+    t = 1e-4 * np.arange(6000)
+    x = response(every, 2.0 * np.sin(9.0 * t), 1e-4, system.rest(), settings).y[:, :, 0]
+    gap = next(e for e in system.elements if e.limits is not None)
+    twist, torque = loop(system, gap, model.values_si(), x)
+    behind = VALUES["J2"] * np.gradient(x[system.state_names.index("v2")], 1e-4)
+    assert np.median(np.abs(behind - torque)) < 1e-3 * np.abs(torque).max()
+    np.testing.assert_array_equal(twist, x[0] - x[1])
+    inside = (twist < -0.2 * VALUES["alpha"]) & (twist > -1.8 * VALUES["alpha"])
+    assert inside.any()
+    assert np.abs(torque[inside]).max() < 0.1 * np.abs(torque).max()
+
+
+def test_gap_marks_are_two_alpha_apart():
+    model = model_of(FULL, units=("N m", "deg"))
+    (chart,) = gap_charts(model, [trace_of(model)])
+    low, high = (mark.x for mark in chart.panels[0].marks)
+    assert high - low == pytest.approx(np.degrees(2 * VALUES["alpha"]))
+    assert gap_charts(model_of("two_mass"), [trace_of(model_of("two_mass"))]) == ()
+
+
+def test_correlations_leave_out_what_has_none():
+    model = model_of("one_mass+coulomb")
+    good = trace_of(model)
+    lost = replace(good, simulated=np.full_like(good.simulated, np.nan))
+    assert len(correlations([good, lost, trace_of(model, samples=100)])) == 1
+
+
+def test_front_has_what_nothing_beats():
+    rng = np.random.default_rng(0)
+    rows = [Row(str(k), int(rng.integers(1, 9)), 1.0, float(rng.uniform(50, 99)), 0.0) for k in range(60)]
+    brute = {
+        r.structure
+        for r in rows
+        if not any(o.n_parameters <= r.n_parameters and o.fit_percent >= r.fit_percent and o is not r for o in rows)
+    }
+    assert {r.structure for r in front(rows)} == brute
+    assert front_chart(rows[:2], "0") == ()
+
+
+def test_history_and_family_of_the_winner():
+    run = small_run()
+    (chart,) = history_chart(run)
+    so_far, best = chart.panels[0].lines
+    assert best.y.tolist() == [2.0, 2.0, 3.0]
+    assert so_far.y.tolist() == [2.0, 2.0, 3.0]
+    assert [(e.generation, e.individual) for e in ancestors(run)] == [(2, 0), (1, 1), (0, 0)]
+    drawn = family(run)
+    assert drawn.count("<rect") == 3
+    assert drawn.count("<line") == 2
+    assert "(1,5,6)" in drawn
+    assert history_chart(None) == ()
+
+
+def test_tree_shows_the_numbers_of_its_effects():
+    drawn = tree(individual(0, 0, 1.0, structure="two_mass+coulomb+delay").tree)
+    assert [f">{number}<" in drawn for number in (2, 5, 11)] == [True] * 3
+    assert drawn.count("<line") == 2
+
+
+def test_range_bar_is_where_the_value_is():
+    part = model_of("one_mass").parameters["J1"]
+    value = part.value
+    middle = range_bar(part, (value / 100, 100 * value), log=True)
+    assert 'class="estimate" x1="70.0"' in middle
+    assert range_bar(part, None, log=True) == ""
+    assert 'class="estimate" x1="136.0"' in range_bar(part, (0.0, 0.5 * value), log=False)
+
+
+def test_long_and_many_recordings_stay_below_six_megabytes():
+    model = model_of("one_mass+coulomb+viscous")
+    rng = np.random.default_rng(0)
+    t = DT * np.arange(20_000)
+    y = rng.normal(size=(1, t.size))
+    traces = [Trace(f"{k}.csv", t, y[0], y, 0.9 * y, model.input, model.outputs) for k in range(12)]
+    charts = comparisons(traces)
+    assert sum(line.x.size for chart in charts for line in chart.panels[0].lines[:1]) <= ALL_POINTS + 12
+    assert all(line.x.size <= MOST_POINTS for chart in charts for panel in chart.panels for line in panel.lines)
+    assert len(page(Content(model, traces)).encode()) < 6e6

@@ -1,0 +1,74 @@
+"""How recordings, models and results show themselves in a notebook."""
+
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from report_drives import DT, independent, model_of, trace_of
+from test_page import read
+
+from brightgrey import Recording, Result
+from brightgrey.errors import SettingsError
+from brightgrey.recordings import Signal
+from brightgrey.tables import sparkline, table
+
+
+@pytest.fixture(scope="module")
+def result():
+    model = model_of()
+    fit = SimpleNamespace(correlation=independent(model))
+    return Result(model, (trace_of(model),), (), ("a <note>",), fit)
+
+
+def test_a_recording_shows_its_signals():
+    t = DT * np.arange(100)
+    signals = Signal("u <1>", "input", "N m"), (Signal("v", "velocity", "rpm"),)
+    recording = Recording("a.csv", t, np.sin(t), 2 * np.pi * np.cos(t)[None] / 60, *signals, notes=("one & two",))
+    html = recording._repr_html_()
+    (header, torque, speed) = read(html).tables[None]
+    assert header == ["Signal", "Kind", "Unit", "Least", "Largest", "Over time"]
+    assert torque[:5] == ["u <1>", "input", "N m", "0", f"{np.sin(t[-1]):.4g}"]
+    assert speed[:5] == ["v", "velocity", "rpm", f"{np.cos(t[-1]):.4g}", "1"]
+    assert html.count("<polyline") == 2
+    assert "one &amp; two" in html
+
+
+def test_a_model_shows_its_parameters(result):
+    model = result.model
+    rows = read(model._repr_html_()).tables[None]
+    for row, (name, part) in zip(rows[1:], model.parameters.items(), strict=False):
+        assert row[:4] == [name, f"{part.value:.5g}", "0", part.unit]
+
+
+def test_a_result_shows_verdict_parameters_and_figure(result):
+    html = result._repr_html_()
+    rows = read(html[: html.index("<svg")] + "</div></div>").tables[None]
+    assert [row[0] for row in rows[1 : 1 + len(result.model.parameters)]] == list(result.model.parameters)
+    assert "The model is two_mass" in html
+    assert "<svg" in html
+    assert "<script" not in html
+
+
+@pytest.mark.parametrize("what", ["comparison", "residuals", "friction", "frequency", "backlash"])
+def test_plots_give_figures_that_notebooks_show(result, what):
+    figure = result.plot(what)
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    assert all(axes.get_ylabel() for axes in figure.axes)
+
+
+def test_a_figure_that_is_not_there_is_refused(result):
+    with pytest.raises(SettingsError, match="friction"):
+        result.plot("fricton")
+    with pytest.raises(SettingsError, match="comparison"):
+        result.plot("history")
+
+
+def test_cells_are_escaped_and_lines_keep_their_extremes():
+    assert "<td" in table(("a",), [("<b>",)])
+    assert "&lt;b&gt;" in table(("a",), [("<b>",)])
+    y = np.zeros(10_000)
+    y[4321] = 1.0
+    heights = [float(pair.split(",")[1]) for pair in re.search(r'points="([^"]+)"', sparkline(y))[1].split()]
+    assert min(heights) == 1.0
+    assert max(heights) == 27.0
