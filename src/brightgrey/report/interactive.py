@@ -54,7 +54,7 @@ def plot(chart: Chart) -> dict[str, Any]:
         "paper_bgcolor": "var(--card)",
         "plot_bgcolor": "var(--card)",
         "font": {"color": "var(--ink)", "size": 12, "family": "system-ui, sans-serif"},
-        "legend": {"orientation": "h", "x": 1, "xanchor": "right", "y": 1, "yanchor": "bottom"},
+        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom"},
         "hovermode": "closest",
         "dragmode": "zoom",
         "shapes": [],
