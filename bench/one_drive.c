@@ -95,6 +95,13 @@ static inline int step(const Drive *p, const Table *t, double h, const State *a,
     return fmax(c1, c2) >= p->change || *error >= p->tolerance;
 }
 
+/* Level of the next attempt: the estimate falls eightfold with half the step; at most a quarter of it at once. */
+static int shorter(int level, double ratio) {
+    int least = level > 2 ? level - 2 : 0;
+    for (level--, ratio /= 8; level > least && ratio >= 1; ratio /= 8) level--;
+    return level;
+}
+
 /* Velocities of `sets` drives; parameters J1 J2 c1 d1 M_C f_v M_S omega_S, one set after the other. */
 void simulate(const double *parameters, int sets, const double *u, int samples, double dt, double f_tanh,
               double tolerance, double change, double *y) {
@@ -123,11 +130,11 @@ void simulate(const double *parameters, int sets, const double *u, int samples, 
             double du = (u[k] - u[k - 1]) / dt, error;
             if (!step(&p, &tables[TICKS], dt, &s, u[k - 1], du, &b, &error)) s = b;
             else {
-                int level = TICKS, position = 0;
+                int level = shorter(TICKS, error / tolerance), position = 0;
                 while (position < 1 << TICKS) {
                     int size = 1 << level, halve = step(&p, &tables[level], size * tick, &s,
                                                         u[k - 1] + du * position * tick, du, &b, &error);
-                    if (halve && level > 0) { level--; continue; }
+                    if (halve && level > 0) { level = shorter(level, error / tolerance); continue; }
                     s = b;
                     position += size;
                     if (level < TICKS && !(position & size) && 8 * error < tolerance) level++;
