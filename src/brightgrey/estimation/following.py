@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 
-from brightgrey.estimation.coloured import Autoregression
+from brightgrey.estimation.coloured import Autoregression, autoregression
 from brightgrey.estimation.uncertainty import noise_models
 
 __all__ = ["Followed", "Question", "followed"]
@@ -27,6 +27,7 @@ _NEW = 1e-6  # of a pattern that has to be new beside what is known
 _SWELLING = 130.0
 _MOST_SWOLLEN = 3.5
 _MOST = 3
+_ASKED = 16  # patterns that explain most are looked at closely
 
 
 class Followed(NamedTuple):
@@ -87,82 +88,87 @@ def followed(
 
     Notes
     -----
-    A score test: the noise is an autoregression of the residual as it is; residual and patterns are whitened by it
-    and freed from the whitened Jacobian. Twice the logarithm of the likelihood ratio is compared with Fisher's
-    distribution, over all patterns together (Bonferroni); its degrees of freedom are those of the noise's spectrum
-    where the pattern is, for slow patterns in slow noise a few dozen (Satterthwaite, as for the parameters' intervals),
-    and with few of them the ratio counts for less, by a factor that was found by simulation.
-    What explains less than 1 % is not worth a word.
+    Of every pattern that explains at least 1 % of the residual, what it leaves is taken for noise, an autoregression;
+    residual and pattern are whitened by it and freed from the whitened Jacobian. Twice the logarithm of the likelihood
+    ratio is compared with Fisher's distribution, over all patterns together (Bonferroni); its degrees of freedom are
+    those of the noise's spectrum where the pattern is, for slow patterns in slow noise a few dozen (Satterthwaite, as
+    for the parameters' intervals), and with few of them the ratio counts for less, by a factor found by simulation.
     """
     found: list[Followed] = []
-    left, base = residual, jacobian
+    left, known = residual, jacobian
     while len(found) < _MOST:
         told = {questions[f.number].kind for f in found}
-        scale = _Scale.of(left, base, lengths)
-        hits = [
-            hit
-            for number, q in enumerate(questions)
-            if q.kind not in told
-            for hit in [scale.ask(number, q.columns, level / len(questions))]
-            if hit is not None
-        ]
-        if not hits:
+        rest = _Rest.of(left, known, lengths, level / len(questions))
+        shares = {k: rest.share(q.columns) for k, q in enumerate(questions) if q.kind not in told}
+        worth = sorted((k for k in shares if shares[k] >= _MATERIAL), key=lambda k: -shares[k])[:_ASKED]
+        clear = {k: rest.clear(questions[k].columns, exact=False)[0] for k in worth}
+        order = sorted((k for k in worth if clear[k] > 1.0), key=lambda k: (questions[k].later, -clear[k]))
+        for k in order:
+            sure, coefficients = rest.clear(questions[k].columns, exact=True)
+            if sure > 1.0:
+                found.append(Followed(k, coefficients, shares[k], sure))
+                break
+        else:
             break
-        best = min(hits, key=lambda hit: (questions[hit.number].later, -hit.clear))
-        found.append(best)
-        columns = questions[best.number].columns
-        left, base = left - columns @ best.coefficients, np.column_stack([base, columns])
+        columns = questions[found[-1].number].columns
+        left, known = left - columns @ found[-1].coefficients, np.column_stack([known, columns])
     return found
 
 
 @dataclass(frozen=True)
-class _Scale:
-    """What is left of a residual, plain and whitened, freed from what is known already."""
+class _Rest:
+    """What is left of a residual beside what is known."""
 
-    models: Sequence[Autoregression]
-    lengths: Sequence[int]
     free: Array
     known: Array
-    white: Array
-    white_known: Array
+    base: Array
+    lengths: Sequence[int]
+    level: float
 
     @classmethod
-    def of(cls, residual: Array, known: Array, lengths: Sequence[int]) -> _Scale:
-        models = noise_models(residual, known, lengths)
-        plain, white = _base(known), _base(_white(known, models, lengths))
-        e = _white(residual[:, None], models, lengths)[:, 0]
-        free = residual - plain @ (plain.T @ residual)
-        return cls(models, lengths, free, plain, e - white @ (white.T @ e), white)
+    def of(cls, residual: Array, known: Array, lengths: Sequence[int], level: float) -> _Rest:
+        base = _base(known)
+        return cls(residual - base @ (base.T @ residual), known, base, lengths, level)
 
-    def ask(self, number: int, columns: Array, level: float) -> Followed | None:
-        """Whether the residual follows one pattern."""
+    def new(self, columns: Array) -> Array:
+        """Base of the part of a pattern that is new."""
         size = np.linalg.norm(columns, axis=0)
         unit = columns / np.where(size > 0.0, size, 1.0)
-        X = _white(unit, self.models, self.lengths)
-        whole = np.linalg.norm(X, axis=0)
-        X = X - self.white_known @ (self.white_known.T @ X)
-        if not np.all(np.linalg.norm(X, axis=0) > _NEW * whole):
-            return None
-        coefficients, *_ = np.linalg.lstsq(X, self.white, rcond=_RANK)
-        after = float(np.square(self.white - X @ coefficients).sum())
-        before = float(self.white @ self.white)
-        count = X.shape[1]
-        found = len(X) * float(np.log(max(before, 1e-300) / max(after, 1e-300)))
-        if found <= chi2.isf(level, count):
-            return None
-        degrees = self._degrees(X)
-        swollen = min(1.0 + _SWELLING / degrees, _MOST_SWOLLEN)
-        clear = found / (swollen * count * float(fisher.isf(level, count, degrees)))
-        P = _base(unit - self.known @ (self.known.T @ unit))
-        share = float(np.square(P.T @ self.free).sum() / max(float(self.free @ self.free), 1e-300))
-        if clear <= 1.0 or share < _MATERIAL:
-            return None
-        return Followed(number, coefficients / np.where(size > 0.0, size, 1.0), share, clear)
+        part = unit - self.base @ (self.base.T @ unit)
+        return _base(part) if np.all(np.linalg.norm(part, axis=0) > _NEW) else np.zeros((len(columns), 0))
 
-    def _degrees(self, X: Array) -> float:
+    def share(self, columns: Array) -> float:
+        """Part of the sum of squares that a pattern explains."""
+        new = self.new(columns)
+        return float(np.square(new.T @ self.free).sum() / max(float(self.free @ self.free), 1e-300))
+
+    def clear(self, columns: Array, *, exact: bool) -> tuple[float, Array]:
+        """Log-likelihood ratio over what it has to exceed, and coefficients; `exact` frees the noise from the fit."""
+        new = self.new(columns)
+        noise = self.free - new @ (new.T @ self.free)
+        if exact:
+            models = noise_models(noise, np.column_stack([self.known, columns]), self.lengths)
+        else:
+            models = tuple(autoregression(part) for part in np.split(noise, np.cumsum(self.lengths)[:-1]))
+        size = np.linalg.norm(columns, axis=0)
+        together = np.column_stack([self.free, columns / size, self.known])
+        white = _white(together, models, self.lengths)
+        count = columns.shape[1]
+        K = _base(white[:, 1 + count :])
+        e, X = (part - K @ (K.T @ part) for part in (white[:, 0], white[:, 1 : 1 + count]))
+        coefficients, *_ = np.linalg.lstsq(X, e, rcond=_RANK)
+        after, before = float(np.square(e - X @ coefficients).sum()), float(e @ e)
+        found = len(X) * float(np.log(max(before, 1e-300) / max(after, 1e-300)))
+        if found <= chi2.isf(self.level, count):
+            return 0.0, coefficients / size
+        degrees = self._degrees(X, models)
+        swollen = min(1.0 + _SWELLING / degrees, _MOST_SWOLLEN)
+        return found / (swollen * count * float(fisher.isf(self.level, count, degrees))), coefficients / size
+
+    def _degrees(self, X: Array, models: Sequence[Autoregression]) -> float:
         """Degrees of freedom of the noise's spectrum where the whitened patterns `X` are."""
         total, doubt = np.zeros(X.shape[1]), np.zeros(X.shape[1])
-        for model, part in zip(self.models, np.split(X, np.cumsum(self.lengths)[:-1]), strict=True):
+        for model, part in zip(models, np.split(X, np.cumsum(self.lengths)[:-1]), strict=True):
             weights = lfilter(model.a, [1.0], part[::-1], axis=0)[::-1] / max(model.variance, np.finfo(float).tiny)
             variance, uncertain = model.scatter(weights)
             total += variance

@@ -95,7 +95,7 @@ def patterns(structure: Structure, scales: Scales, f_tanh: float) -> dict[str, t
     missing = [e for e in registry().values() if e.follows and e.name not in present]
     return {
         **{e.name: (_torque(e, scales, f_tanh),) for e in missing},
-        "direction": (lambda m: side(m) ** 2,),
+        "direction": (lambda m: side(m) ** 2, lambda m: side(m) * m.speed / scales.speed),
         "square of speed": (lambda m: side(m) * (m.speed / scales.speed) ** 2,),
         "position": (lambda m: side(m) * place(m), lambda m: side(m) ** 2 * place(m)),
     }
