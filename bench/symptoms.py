@@ -3,7 +3,9 @@
     python bench/symptoms.py false --runs 200     true structures, coloured noise: false alarms
     python bench/symptoms.py missing --runs 20    fits that lack one effect or mass of the true structure
 
-Data come from the reference solver. Descents begin at the truth (`false`): symptoms are tested, not the search.
+Data come from the reference solver. Descents begin at the truth (`false`): symptoms are tested, not the search. Fits
+that end with a residual larger than the noise by 1 % have missed the optimum all the same, and what they are told is
+true; they are left out and counted.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from recovery import coloured, torque
 
 POLES = (0.0, 0.5, 0.9, 0.95, 0.99)
 NOISE = 0.01
+LOST = 1.01
 TRUTHS = (
     "one_mass+coulomb+viscous",
     "one_mass+viscous+gravity+delay",
@@ -43,29 +46,39 @@ MISSING = (
 )
 
 
-def made(text: str, seed: int, pole: float) -> tuple[Recording, dict[str, float]]:
+def made(text: str, seed: int, pole: float) -> tuple[Recording, dict[str, float], float]:
+    """Recording of a random drive, its values, and the RMS of its noise."""
     rng = np.random.default_rng([seed, round(100 * pole), TRUTHS.index(text) if text in TRUTHS else 99])
     values = random_values(PAPER.parse(text).parameters, rng)
     u = torque(("reversing", "chirp", "multisine")[seed % 3], rng)
     (v,) = reference(text, values, u, E.dt, f_tanh=E.f_tanh)
-    y = v + NOISE * np.abs(v).max() * coloured(v.size, pole, rng)
+    noise = NOISE * np.abs(v).max() * coloured(v.size, pole, rng)
     outputs = (Signal("velocity", "velocity", "rad/s"),)
-    return Recording("made", E.dt * np.arange(v.size), u, y[None], Signal("torque", "input", "N m"), outputs), values
+    signal = Signal("torque", "input", "N m")
+    return (
+        Recording("made", E.dt * np.arange(v.size), u, (v + noise)[None], signal, outputs),
+        values,
+        float(noise.std()),
+    )
 
 
 def false_alarms(runs: int, seed: int) -> None:
-    print("| AR pole | fits | pattern told | peak told | patterns |\n|---|---|---|---|---|")
+    print("| AR pole | fits (left out) | pattern told | peak told | patterns |\n|---|---|---|---|---|")
     for pole in POLES:
-        patterns, peaks, fits, what = 0, 0, 0, Counter()
+        patterns, peaks, fits, lost, what = 0, 0, 0, 0, Counter()
         for k in range(runs):
             text = TRUTHS[k % len(TRUTHS)]
             try:
-                recording, values = made(text, seed + k, pole)
+                recording, values, noise = made(text, seed + k, pole)
             except UnsettledError:
                 continue
             found = fit(
                 PAPER.parse(text), [recording], f_tanh=E.f_tanh, start=values, starts=1, patience=0, initial="rest"
             )
+            (output,) = found.train.values()
+            if output.rmse > LOST * noise:
+                lost += 1
+                continue
             told = [s.title for s in found.symptoms if "faded" not in s.title and "mass" not in s.title]
             fits += 1
             peaks += "Peak in the residual" in told
@@ -75,7 +88,7 @@ def false_alarms(runs: int, seed: int) -> None:
         low, high = wilson(patterns, fits)
         lower, upper = wilson(peaks, fits)
         print(
-            f"| {pole:g} | {fits} | {patterns} ({100 * low:.1f} to {100 * high:.1f} %) | {peaks}"
+            f"| {pole:g} | {fits} ({lost}) | {patterns} ({100 * low:.1f} to {100 * high:.1f} %) | {peaks}"
             f" ({100 * lower:.1f} to {100 * upper:.1f} %) | {dict(what)} |",
             flush=True,
         )
@@ -86,7 +99,7 @@ def missing(runs: int, seed: int) -> None:
         first, done, where = Counter(), 0, []
         for k in range(runs):
             try:
-                recording, _ = made(truth, seed + k, (0.0, 0.9)[k % 2])
+                recording, _, _ = made(truth, seed + k, (0.0, 0.9)[k % 2])
             except UnsettledError:
                 continue
             found = fit(PAPER.parse(text), [recording], f_tanh=E.f_tanh, starts=4, patience=0, initial="rest")

@@ -102,7 +102,7 @@ def test_drift_is_told_with_its_size():
 def test_friction_that_depends_on_direction_is_told():
     pushed = TORQUE.copy()
     clean = reference("one_mass+coulomb+viscous", RIGID, TORQUE, E.dt, f_tanh=E.f_tanh).reshape(-1)
-    # More friction forward than backward; a constant part of it would be held by Coulomb friction and look like gravity.
+    # More friction forward than backward; a constant part would look like gravity while Coulomb friction holds.
     pushed -= 0.3 * np.abs(clean) / np.abs(clean).max()
     y = reference("one_mass+coulomb+viscous", RIGID, pushed, E.dt, f_tanh=E.f_tanh).reshape(-1)
     y = y + 0.03 * np.random.default_rng(0).standard_normal(y.size)

@@ -152,7 +152,7 @@ def _settings(fit: Fit, recording: Recording, factors: Mapping[str, float], fixe
         bounds={
             name: (factors[name] * low, factors[name] * high)
             for name, (low, high) in fit.bounds.items()
-            if name not in fixed
+            if name in factors and name not in fixed  # not the initial state
         },
         fixed={name: factors[name] * value for name, value in fixed.items()},
     )
