@@ -20,6 +20,7 @@ __all__ = ["Difference", "differences"]
 _TORQUE = Dimension(input=1, motion=0, time=0)
 _HALF = 0.5  # of the largest speed: where models are linearised
 _SHOWN = 6  # poles
+_NOTHING = 1e-9  # of the largest input: rounding
 
 
 @dataclass(frozen=True)
@@ -86,17 +87,19 @@ def _tied(evidence: Evidence) -> list[Judged]:
 
 def _rows(n: Numbers, over: Band, recording: Recording, *, first: bool) -> tuple[tuple[str, str], ...]:
     unit, factor = recording.units.of(_TORQUE)
+    least = _NOTHING * float(np.abs(recording.u).max())
+    friction, constant = (factor * value if abs(value) > least else 0.0 for value in (n.friction, n.constant))
     within = f"{over.low:.2g} to {over.high:.3g} Hz"
-    ratio = "0 dB (compared with)" if first else f"{n.ratio:+.2g} dB at {n.at:.3g} Hz"
+    ratio = "0 dB (compared with)" if first else f"{n.ratio:+.2f} dB at {n.at:.3g} Hz"
     swings = ", ".join(f"{s.frequency:.3g} Hz (damping {s.damping:.2g})" for s in n.resonances)
     return (
         (f"gain apart, {within}", ratio),
-        (f"phase apart, {within}", "0°" if first else f"{n.phase:.2g}°"),
+        (f"phase apart, {within}", "0°" if first else f"{n.phase:.1f}°"),
         ("resonances", swings or "none"),
         ("poles in 1/s", _poles(n)),
         ("dead time", f"{1e3 * n.lag:.3g} ms"),
-        ("friction at standstill", f"{n.friction * factor:.3g} {unit}"),
-        ("constant part of the input", f"{n.constant * factor:.3g} {unit}"),
+        ("friction at standstill", f"{friction:.3g} {unit}"),
+        ("constant part of the input", f"{constant:.3g} {unit}"),
     )
 
 
