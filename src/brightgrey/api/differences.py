@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from brightgrey.control.differences import Band, Numbers, band, numbers
 from brightgrey.effects import Dimension
 from brightgrey.errors import SettingsError
