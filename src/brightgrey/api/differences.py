@@ -92,7 +92,7 @@ def _rows(n: Numbers, over: Band, recording: Recording, *, first: bool) -> tuple
     least = _NOTHING * float(np.abs(recording.u).max())
     friction, constant = (factor * value if abs(value) > least else 0.0 for value in (n.friction, n.constant))
     within = f"{over.low:.2g} to {over.high:.3g} Hz"
-    ratio = "0 dB (compared with)" if first else f"{n.ratio:+.2f} dB at {n.at:.3g} Hz"
+    ratio = "0 dB (compared with)" if first else f"{round(n.ratio, 2) + 0.0:+.2f} dB at {n.at:.3g} Hz"
     swings = ", ".join(f"{s.frequency:.3g} Hz (damping {s.damping:.2g})" for s in n.resonances)
     return (
         (f"gain apart, {within}", ratio),
