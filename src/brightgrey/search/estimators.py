@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.costs import cost_function
-from brightgrey.estimation.leastsquares import Descent, End, descend, descend_many
+from brightgrey.estimation.leastsquares import descend
 from brightgrey.estimation.pattern_search import pattern_search
 from brightgrey.estimation.patterns import check_estimator
 from brightgrey.kit import Structure
@@ -19,7 +19,6 @@ from brightgrey.search.identification import Identification
 __all__ = ["LeastSquares", "PatternSearch", "estimator"]
 
 Array = NDArray[np.float64]
-_DESCENTS = 3  # from drawn starts
 
 
 @dataclass(frozen=True)
@@ -57,30 +56,17 @@ class LeastSquares:
     task : Identification
     iterations : int
         Limit for each start.
-    drawn : int
-        Further starts that are drawn where effects declare them plausible, the same for every job of a structure. The
-        best few of them are descended from as well, side by side, and the best end counts.
     """
 
     task: Identification
     iterations: int = 50
-    drawn: int = 0
 
     def __call__(self, structure: Structure, starts: Sequence[Values]) -> Sequence[Evaluated]:
         """Identify `structure` from each of `starts`."""
         space, problem = self.task.space(structure), self.task.problem(structure)
         begins = self.task.begins(space, starts)
-        settings, count = self.task.settings, len(space.names) + 1
-        if self.drawn and space.names:
-            fresh = space.candidates(self.drawn, np.random.default_rng(0))
-            order = np.argsort(problem.costs(space.named(fresh), settings), kind="stable")[:_DESCENTS]
-            groups = [np.column_stack([begin, fresh[:, order]]) for begin in begins.T]
-            found = [descend_many(problem, space, settings, g, limit=self.iterations, rival=np.inf) for g in groups]
-            ends: list[Descent | End] = [min(group, key=lambda end: end.cost) for group in found]
-            simulations = [self.drawn + count * sum(end.evaluations for end in group) for group in found]
-        else:
-            ends = [descend(problem, space, settings, begin, limit=self.iterations) for begin in begins.T]
-            simulations = [end.evaluations * count for end in ends]
+        ends = [descend(problem, space, self.task.settings, begin, limit=self.iterations) for begin in begins.T]
+        simulations = [end.evaluations * (len(space.names) + 1) for end in ends]
         values = self.task.arrays(space, np.array([end.values for end in ends]).T.reshape(-1, len(starts)))
         return _evaluated(self.task, structure, values, simulations, len(space.names))
 
@@ -100,8 +86,8 @@ def _evaluated(
     ]
 
 
-def estimator(name: str, task: Identification, iterations: int, drawn: int = 0) -> Estimator:
-    """Estimator by its name: ``pattern-search`` or ``least-squares``; `drawn` is of the latter.
+def estimator(name: str, task: Identification, iterations: int) -> Estimator:
+    """Estimator by its name: ``pattern-search`` or ``least-squares``.
 
     Raises
     ------
@@ -109,4 +95,4 @@ def estimator(name: str, task: Identification, iterations: int, drawn: int = 0) 
         For any other name.
     """
     check_estimator(name)
-    return PatternSearch(task, iterations) if name == "pattern-search" else LeastSquares(task, iterations, drawn)
+    return PatternSearch(task, iterations) if name == "pattern-search" else LeastSquares(task, iterations)

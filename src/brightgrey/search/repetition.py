@@ -92,7 +92,7 @@ def run(
     identify: Estimator | None = None,
 ) -> Run:
     """One search on `task`, by the estimator of `settings` if `identify` does not give another."""
-    chosen = identify or estimator(settings.estimator, task, settings.iterations, settings.drawn)
+    chosen = identify or estimator(settings.estimator, task, settings.iterations)
     return search(chosen, task.draw, settings, standard=task.standard, seed=seed, workers=workers, progress=progress)
 
 

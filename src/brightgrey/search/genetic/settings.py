@@ -101,9 +101,6 @@ class GeneticSettings:
     fresh : int
         An individual whose structure has been tried is mutated up to this many times, each time by a random one of
         the mutations, until it is one that has not (paper: 0).
-    drawn : int
-        Further starts of every identification by least squares, see
-        :class:`brightgrey.search.estimators.LeastSquares` (paper: 0).
 
     Raises
     ------
@@ -122,17 +119,9 @@ class GeneticSettings:
     begin: Begin = "inherited"
     elite: int = 0
     fresh: int = 0
-    drawn: int = 0
 
     def __post_init__(self) -> None:
-        for name, least in (
-            ("population", 1),
-            ("generations", 0),
-            ("iterations", 1),
-            ("elite", 0),
-            ("fresh", 0),
-            ("drawn", 0),
-        ):
+        for name, least in (("population", 1), ("generations", 0), ("iterations", 1), ("elite", 0), ("fresh", 0)):
             value = getattr(self, name)
             if value < least:
                 raise SettingsError(f"{name} is {value}; at least {least} is needed")
@@ -165,10 +154,8 @@ OURS = GeneticSettings(
     begin="standard",
     elite=2,
     fresh=4,
-    drawn=64,
 )
 """A setting of ours, not the paper's: derivatives instead of polling, and what is saved goes into more structures.
 
-Chosen on seeds from 1000 on, among a few variants that docs/results.md lists. Drawn starts came later: without bounds
-given by the user, resonances are seldom found from one start.
+Chosen on seeds from 1000 on, among a few variants that docs/results.md lists.
 """
