@@ -4,27 +4,46 @@
     python bench/genetic.py rates paper reference 0 100   setting, truth, first seed and the one after the last
     python bench/genetic.py rates ours others 0 20
     python bench/genetic.py table                     all that was collected so far
+    python bench/genetic.py exhaustive 0 10           against all 448 structures: drives 0 to 9 of bench/recovery.py
+    python bench/genetic.py exhaustive 0 10 --masses 2 --without backlash
 
 `rates` adds to a file, one row per seed, so that it can be interrupted and continued. Data come from the reference
 solver without noise. The truths beside the paper's reference are spread over the function set; their values are off
 from the assumed ones by 17 to 40 %.
+
+`exhaustive` compares both searches on the same recordings (1 % noise, nothing bounded by the user). *Found*: the best
+structure of the genetic search is as good, by its criterion, as the best of all structures with an RSS larger by 1 % at
+most. It is asked of the whole run, and of its first fits, a quarter of the number of structures.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import json
 import time
 from dataclasses import fields, replace
 from pathlib import Path
 
-from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.kit import PAPER
-from brightgrey.search import estimator
-from brightgrey.search.experiment import reference_recording, task_of
-from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES
-from brightgrey.search.repetition import Repetition, repetition, repetitions_csv, run, summary
+import numpy as np
 
+from brightgrey.effects import registry
+from brightgrey.estimation.scales import scales
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.kit import PAPER, Grammar, Structure
+from brightgrey.search import estimator
+from brightgrey.search.criteria import Misfit, criterion
+from brightgrey.search.exhaustive import fit_all
+from brightgrey.search.experiment import reference_recording, task_of
+from brightgrey.search.genetic.engine import search
+from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES
+from brightgrey.search.identification import Identification
+from brightgrey.search.repetition import Repetition, repetition, repetitions_csv, run, summary, wilson
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import UnsettledError
+from recovery import Drive
+
+NOISE = 0.01
 # The paper's setting with identification that does not fail, so that only the search of structures is judged.
 EXACT = replace(PAPER_SETTINGS, estimator="least-squares", iterations=30, begin="standard")
 CHANGES = {
@@ -143,6 +162,81 @@ def rates(setting: str, truths: tuple[str, ...], first: int, last: int) -> None:
             )
 
 
+def exhaustive(first: int, last: int, setting: str, grammar: Grammar, out: Path) -> None:
+    """Both searches on the same drives; rows are added to `out`."""
+    rows = [json.loads(text) for text in out.read_text().splitlines()] if out.exists() else []
+    structures = list(grammar.structures())
+    for number in range(first, last):
+        if (setting, number, grammar.name) in {(r["setting"], r["number"], r["grammar"]) for r in rows}:
+            continue
+        try:
+            drive = Drive(1, number, structures)
+        except UnsettledError as why:
+            print(f"{number:4d} left out: {why}", flush=True)
+            continue
+        rows.append(against_all(drive, setting, grammar, structures))
+        with out.open("a") as file:
+            file.write(json.dumps(rows[-1]) + "\n")
+        print(rows[-1], flush=True)
+    compared([r for r in rows if (r["setting"], r["grammar"]) == (setting, grammar.name)], len(structures))
+
+
+def part_of_paper(masses: int, without: list[str]) -> Grammar:
+    """Part of the paper's grammar with a name that tells it."""
+    left = {
+        name: places
+        for name, places in PAPER.places.items()
+        if name not in without and registry()[name].masses <= masses
+    }
+    return Grammar(f"{masses} masses, without {', '.join(without) or 'nothing'}", left)
+
+
+def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[Structure]) -> dict:
+    """One drive: the criterion's best of all structures, and what the genetic search came to with how many fits."""
+    (recording, _), began, how = drive.recordings(NOISE), time.process_time(), SETTINGS[setting]
+    known = scales([recording])
+    ready = Identification((recording,), known, Settings(PAPER_EXPERIMENT.f_tanh, known.speed, "fast"))
+    judge, weight = criterion(how.criterion, how.k_p), ready.problem(structures[0]).weights[0]
+    floor = recording.samples * float(recording.resolution[0]) ** 2 / 12.0
+
+    def value(rss: float, free: int) -> float:
+        return judge.value(Misfit((rss,), (floor,), recording.samples, (1.0,)), free)
+
+    fitted = fit_all(ready, structures, seed=drive.seed)
+    best = max(fitted.values(), key=lambda f: value(f.cost / weight**2, f.free))
+    least = value(1.01 * best.cost / weight**2, best.free)
+    middle = time.process_time()
+    identify = estimator(how.estimator, ready, how.iterations)
+    done = search(identify, ready.draw, how, standard=ready.standard, grammar=grammar, seed=drive.number)
+    fresh = [e for e in done.evaluations if not e.repeated]
+    found = next((k for k, e in enumerate(fresh, 1) if e.value >= least), None)
+    quarter = max(fresh[: len(structures) // 4], key=lambda e: e.value)
+    return {
+        "setting": setting,
+        "grammar": grammar.name,
+        "number": drive.number,
+        "truth": str(drive.truth),
+        "exhaustive": str(best.structure),
+        "genetic": str(done.best.job.structure),
+        "fits": len(fresh),
+        "found after": found,
+        "rss": sum(done.best.result.misfit.rss) / (best.cost / weight**2),
+        "rss, a quarter": sum(quarter.result.misfit.rss) / (best.cost / weight**2),
+        "seconds": [round(middle - began, 1), round(time.process_time() - middle, 1)],
+    }
+
+
+def compared(rows: list[dict], count: int) -> None:
+    """Print how often the genetic search found what there was."""
+    for what, most in ((f"a quarter of {count} fits", count // 4), ("the whole run", None)):
+        hits = [r["found after"] is not None and (most is None or r["found after"] <= most) for r in rows]
+        low, high = wilson(sum(hits), len(hits))
+        print(f"{what}: optimum found in {sum(hits)} of {len(hits)} ({100 * low:.0f} to {100 * high:.0f} %)")
+    fits, shares = [r["fits"] for r in rows], [r["seconds"][1] / r["seconds"][0] for r in rows]
+    print(f"fits of the whole run: median {np.median(fits):g}, most {max(fits)}; CPU time over that of all"
+          f" {count}: median {np.median(shares):.2g}")  # fmt: skip
+
+
 def read(file: Path) -> list[Repetition]:
     if not file.exists():
         return []
@@ -176,11 +270,20 @@ def main() -> None:
     asked.add_argument("first", type=int)
     asked.add_argument("last", type=int)
     tasks.add_parser("table")
+    against = tasks.add_parser("exhaustive")
+    against.add_argument("first", type=int)
+    against.add_argument("last", type=int)
+    against.add_argument("--masses", type=int, default=4, help="at most")
+    against.add_argument("--without", nargs="*", default=[], help="effects that no structure has")
+    against.add_argument("--setting", choices=SETTINGS, default="ours")
+    against.add_argument("--out", type=Path, default=Path("genetic.jsonl"))
     given = parser.parse_args()
     if given.task == "speed":
         speed(given.workers)
     elif given.task == "table":
         table()
+    elif given.task == "exhaustive":
+        exhaustive(given.first, given.last, given.setting, part_of_paper(given.masses, given.without), given.out)
     else:
         known = {"reference": (PAPER_EXPERIMENT.structure,), "others": OTHERS}
         rates(given.setting, known.get(given.truth, (given.truth,)), given.first, given.last)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from brightgrey.export.criterion import bic
-from brightgrey.export.ranking import Row, ranking_csv
+from brightgrey.export.ranking import Row, front, ranking_csv
 from brightgrey.export.trace import Trace, pooled_fit
 from brightgrey.recordings import Signal
 
@@ -27,12 +27,46 @@ def trace(residual, seed=0):
 def test_rows_read_back_exactly():
     rows = [Row("two_mass+coulomb", 5, 1 / 3, 99.9, -12.5, True), Row("one_mass", 1, 2e-300, -3.0, None)]
     best, other = csv.DictReader(io.StringIO(ranking_csv(rows)))
-    assert list(best) == ["rank", "structure", "n_parameters", "rss", "fit_percent", "criterion", "tied"]
+    assert list(best) == ["rank", "structure", "n_parameters", "rss", "fit_percent", "criterion", "tied", "front"]
     assert (best["rank"], other["rank"]) == ("1", "2")
     assert float(best["rss"]) == 1 / 3
     assert float(other["rss"]) == 2e-300
     assert (best["tied"], other["tied"]) == ("true", "false")
     assert other["criterion"] == ""
+
+
+def test_front_has_what_no_other_structure_beats():
+    rows = [
+        Row("d", 3, 1.0, 99.0, None),
+        Row("as good with more", 4, 1.0, 99.0, None),
+        Row("worse with as many", 3, 1.5, 98.0, None),
+        Row("b", 1, 4.0, 90.0, None),
+        Row("worse than b with more", 2, 5.0, 90.0, None),
+        Row("diverged", 0, np.inf, -np.inf, None),
+        Row("never simulated", 0, np.nan, np.nan, None),
+    ]
+    assert [row.structure for row in front(rows)] == ["b", "d"]
+    assert front([]) == ()
+    marks = [row["front"] for row in csv.DictReader(io.StringIO(ranking_csv(rows)))]
+    assert marks == ["true", "false", "false", "true", "false", "false", "false"]
+
+
+@given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 9)), max_size=25))
+def test_front_by_its_definition(pairs):
+    rows = [Row(str(k), d, float(rss), 0.0, None) for k, (d, rss) in enumerate(pairs)]
+
+    def beaten(row):
+        return any(
+            other.n_parameters <= row.n_parameters
+            and other.rss <= row.rss
+            and (
+                (other.n_parameters, other.rss) != (row.n_parameters, row.rss)
+                or int(other.structure) < int(row.structure)
+            )
+            for other in rows
+        )
+
+    assert sorted(r.structure for r in front(rows)) == sorted(r.structure for r in rows if not beaten(r))
 
 
 def test_bic_of_white_residuals_is_its_formula():

@@ -11,7 +11,7 @@ import pytest
 from report_drives import DT, F_TANH, FULL, TOP, VALUES, independent, model_of, trace_of
 from scipy.signal import lfilter
 
-from brightgrey.export.ranking import Row
+from brightgrey.export.ranking import Row, front
 from brightgrey.export.trace import Trace
 from brightgrey.kit import assemble
 from brightgrey.report.chart import MOST_POINTS
@@ -23,7 +23,7 @@ from brightgrey.report.gap import gap_charts, loop
 from brightgrey.report.interactive import plot, script
 from brightgrey.report.motion import ALL_POINTS, comparisons, correlations
 from brightgrey.report.page import page
-from brightgrey.report.progress import ancestors, front, front_chart, history_chart
+from brightgrey.report.progress import ancestors, front_chart, history_chart
 from brightgrey.report.svg import family, range_bar, tree
 from brightgrey.search.genetic import Node, Run
 from brightgrey.simulation import response
@@ -200,11 +200,11 @@ def test_correlations_leave_out_what_has_none():
 
 def test_front_has_what_nothing_beats():
     rng = np.random.default_rng(0)
-    rows = [Row(str(k), int(rng.integers(1, 9)), 1.0, float(rng.uniform(50, 99)), 0.0) for k in range(60)]
+    rows = [Row(str(k), int(rng.integers(1, 9)), float(rng.uniform(1, 9)), 90.0, 0.0) for k in range(60)]
     brute = {
         r.structure
         for r in rows
-        if not any(o.n_parameters <= r.n_parameters and o.fit_percent >= r.fit_percent and o is not r for o in rows)
+        if not any(o.n_parameters <= r.n_parameters and o.rss <= r.rss and o is not r for o in rows)
     }
     assert {r.structure for r in front(rows)} == brute
     assert front_chart(rows[:2], "0") == ()

@@ -17,7 +17,7 @@ from brightgrey.tables import sparkline, table
 @pytest.fixture(scope="module")
 def result():
     model = model_of()
-    fit = SimpleNamespace(correlation=independent(model))
+    fit = SimpleNamespace(correlation=independent(model), symptoms=())
     return Result(model, (trace_of(model),), (), ("a <note>",), fit)
 
 

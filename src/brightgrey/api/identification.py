@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from brightgrey import __version__, estimation
+from brightgrey.api.differences import Difference, differences
 from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
 from brightgrey.api.searching import Found, Wish, find
 from brightgrey.errors import SettingsError, unknown_name
@@ -18,12 +19,13 @@ from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.onset import check_initial
 from brightgrey.estimation.patterns import check_estimator
 from brightgrey.estimation.residuals import LAGS, Residuals, residual_analysis
+from brightgrey.estimation.symptoms import Symptom
 from brightgrey.export.build import model_of
 from brightgrey.export.criterion import bic
 from brightgrey.export.files import check_folder, write_files
 from brightgrey.export.model import Model
 from brightgrey.export.parts import CriterionPart
-from brightgrey.export.ranking import Row, ranking_csv
+from brightgrey.export.ranking import Row, front, ranking_csv
 from brightgrey.export.trace import Trace, pooled_fit
 from brightgrey.kit import Structure, function_set
 from brightgrey.recordings import Recording
@@ -67,6 +69,8 @@ class Result:
         After a genetic search: every individual of every generation.
     request : str
         Command that gives this result again; without one the report makes it from the model.
+    differences : tuple of Difference
+        Where the search found ties: what differs for control between them, the best structure first.
     """
 
     model: Model
@@ -79,6 +83,17 @@ class Result:
     evidence: Evidence | None = field(default=None, repr=False)
     run: Run | None = field(default=None, repr=False)
     request: str = ""
+    differences: tuple[Difference, ...] = field(default=(), repr=False)
+
+    @property
+    def symptoms(self) -> tuple[Symptom, ...]:
+        """What speaks for something that the structure has not, and what to try."""
+        return self.fit.symptoms
+
+    @property
+    def front(self) -> tuple[Row, ...]:
+        """Structures of the ranking that no other beats in error and number of parameters, few parameters first."""
+        return front(self.ranking)
 
     def residuals(self) -> Mapping[tuple[str, str], Residuals]:
         """Correlations of the residuals with themselves and with the input, by recording and output.
@@ -106,8 +121,8 @@ class Result:
             correlation=self.fit.correlation,
             run=self.run,
             request=self.request,
-            symptoms=getattr(self, "symptoms", ()),
-            differences=getattr(self, "differences", ()),
+            symptoms=self.symptoms,
+            differences=self.differences,
         )
 
     def plot(self, what: str = "comparison") -> Figure:
@@ -365,7 +380,19 @@ def _result(
     else:
         ranking = (row,)
     files, evidence, run = (found.files, found.evidence, found.run) if found else ({}, None, None)
-    return Result(model, (*train, *unseen), ranking, notes, fit, files, profiles, evidence, run)
+    apart = differences(evidence, several, fit.settings) if evidence else ()
+    return Result(
+        model,
+        (*train, *unseen),
+        ranking,
+        notes,
+        fit,
+        files,
+        profiles,
+        evidence,
+        run=run,
+        differences=apart,
+    )
 
 
 def _notes(recordings: Sequence[Recording]) -> tuple[str, ...]:

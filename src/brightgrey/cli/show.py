@@ -18,6 +18,7 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from brightgrey.api import Result, Simulation
+    from brightgrey.api.differences import Difference
     from brightgrey.api.reproduction import Reproduction
     from brightgrey.export.ranking import Row
     from brightgrey.report.tables import FitRow
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["as_json", "effects", "plain_table", "reproduction", "result", "screen", "simulation", "working"]
 
 _TOP = 10  # structures of the ranking that are shown
+_COMPARED = 3  # tied structures that are shown side by side
 PIPED_WIDTH = 120  # nobody's window: wide enough that no row is folded
 
 
@@ -73,7 +75,10 @@ def result(found: Result, folder: Path, *, quiet: bool, json: bool) -> None:
     console.print()
     if found.evidence is not None:
         _evidence(console, found.evidence)
-        _top(console, found.ranking)
+        _top(console, found.ranking, found.front)
+    _differences(console, found.differences)
+    for symptom in found.symptoms:
+        _bullet(console, f"{symptom.title}: {symptom.seen}; {symptom.advice}.")
     for text in (sentence(found.model.outcome.text), *remarks(found.model), *found.notes):
         _bullet(console, text)
     names = ", ".join(found.names)
@@ -176,12 +181,31 @@ def _evidence(console: Console, evidence: Evidence) -> None:
         console.print()
 
 
-def _top(console: Console, ranking: Sequence[Row]) -> None:
-    """The first structures of the ranking."""
-    table = plain_table("rank >", "structure", "parameters >", "fit/% >", "BIC >", "tied")
+def _differences(console: Console, tied: Sequence[Difference]) -> None:
+    """What differs for control between minimal structures."""
+    shown = [d for d in tied if d.minimal][:_COMPARED]
+    if len(shown) < 2:
+        return
+    table = plain_table("for control", *(str(d.structure) for d in shown))
+    for k, (name, _) in enumerate(shown[0].rows):
+        table.add_row(name, *(d.rows[k][1] for d in shown))
+    console.print(table)
+    console.print()
+
+
+def _top(console: Console, ranking: Sequence[Row], front: Sequence[Row]) -> None:
+    """The first structures of the ranking; `front` are those that none beats in error and number of parameters."""
+    ahead = {row.structure for row in front}
+    table = plain_table("rank >", "structure", "parameters >", "fit/% >", "BIC >", "tied", "front")
     for rank, row in enumerate(ranking[:_TOP], 1):
         value = "-" if row.criterion is None else f"{row.criterion:.1f}"
-        cells = (str(row.n_parameters), f"{row.fit_percent:.3f}", value, "yes" if row.tied else "")
+        cells = (
+            str(row.n_parameters),
+            f"{row.fit_percent:.3f}",
+            value,
+            "yes" if row.tied else "",
+            "yes" if row.structure in ahead else "",
+        )
         table.add_row(str(rank), row.structure, *cells)
     console.print(table)
     console.print()

@@ -57,5 +57,6 @@ EFFECT = Effect(
     noticeable=lambda s, values: {"M_C": 0.01 * s.torque},
     stamp=stamp,
     law=LAW,
+    follows="the sign of speed",
     modelica=force_on_mass(),
 )

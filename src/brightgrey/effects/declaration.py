@@ -344,6 +344,8 @@ class Effect:
     cautions : tuple of Caution
     modelica : Modelica or None
         How it is drawn in Modelica; without it, a model with this effect is exported as equations.
+    follows : str
+        What residuals follow where this effect is missing, for laws of at most one port, a speed.
     """
 
     name: str
@@ -364,3 +366,4 @@ class Effect:
     cautions: tuple[Caution, ...] = ()
     regroup: Callable[[Array, Array], Array] | None = None
     modelica: Modelica | None = None
+    follows: str = ""

@@ -62,6 +62,7 @@ EFFECT = Effect(
             "the speed never reverses, so that friction of constant size looks the same",
         ),
     ),
+    follows="a constant torque",
     modelica=Modelica(
         components=(("$library.Sources.Constant$Force", "$name", "${f}_constant = $M_G"),),
         equations=("connect($name.flange, mass$place.flange_b)",),

@@ -94,5 +94,6 @@ EFFECT = Effect(
             "without Coulomb friction beside it, Stribeck friction fits nearly as well as Coulomb friction would",
         ),
     ),
+    follows="the sign of speed near standstill",
     modelica=force_on_mass(),
 )

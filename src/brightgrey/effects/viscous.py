@@ -48,6 +48,7 @@ EFFECT = Effect(
     noticeable=lambda s, values: {"f_v": 0.01 * s.torque / s.speed},
     stamp=stamp,
     law=LAW,
+    follows="speed",
     modelica=Modelica(
         components=(
             ("$library.Components.Damper", "$name", "d = $f_v"),

@@ -147,7 +147,7 @@ def lag_sums(X: Array, Y: Array, count: int) -> Array:
     """``sum_t sum_p X[t, p] Y[t + k, p]`` for lags k from 0 to ``count - 1``."""
     n = len(X)
     if count <= _FEW:
-        return np.array([np.vdot(X[: n - k], Y[k:]) for k in range(count)])
+        return np.array([np.einsum("tp,tp->", X[: n - k], Y[k:]) for k in range(count)])
     length = next_fast_len(2 * n, real=True)
     product = np.conj(rfft(X, length, axis=0)) * rfft(Y, length, axis=0)
     return np.asarray(irfft(product.sum(axis=1), length)[:count])

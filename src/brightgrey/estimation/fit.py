@@ -14,6 +14,7 @@ from brightgrey.estimation.bounds import Search, search_space
 from brightgrey.estimation.cautions import cautions
 from brightgrey.estimation.estimates import Estimate, estimates_of
 from brightgrey.estimation.explore import Found, explore, first_field
+from brightgrey.estimation.finding import Finding
 from brightgrey.estimation.informative import recording_findings
 from brightgrey.estimation.leastsquares import Descent, End, descend
 from brightgrey.estimation.onset import Initial
@@ -21,6 +22,7 @@ from brightgrey.estimation.outcome import Ended, Outcome, outcome_of, unmoved
 from brightgrey.estimation.patterns import Estimator, check_estimator, pattern_descent, pattern_searches
 from brightgrey.estimation.problem import Problem, predict_many
 from brightgrey.estimation.scales import scales
+from brightgrey.estimation.symptoms import Symptom, symptoms
 from brightgrey.estimation.twins import untwin
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
@@ -80,6 +82,8 @@ class Fit:
     correlation : mapping of (str, str) to float
         Of the errors of two estimates, in the logarithm of what is always positive; parameters without an interval
         are not in it.
+    symptoms : tuple of Symptom
+        What speaks for something that the structure has not; none where nothing could be fitted.
     """
 
     structure: Structure
@@ -93,6 +97,7 @@ class Fit:
     evaluations: int
     starts: tuple[Start, ...]
     correlation: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    symptoms: tuple[Symptom, ...] = ()
 
 
 def fit(
@@ -164,7 +169,7 @@ def fit(
     final = replace(settings, level=level)
     told = recording_findings(recordings)
     tried: tuple[Start, ...] = ()
-    if any(finding.kind == "not identifiable" for finding in told):
+    if _blind(told):
         best, evaluations = unmoved(problem, search, final), 1
     else:
         given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
@@ -176,7 +181,9 @@ def fit(
     best, twins = untwin(problem, search, final, best)
     estimates = estimates_of(problem, search, final, best)
     named = {name: estimates.by_name[name] for name in structure.parameters}
+    ended = Ended(problem, search, final, best, estimates)
     beside = (*told, *twins, *cautions(structure, named, recordings, known, final))
+    outcome = outcome_of(ended, beside)
     return Fit(
         structure=structure,
         estimates=named,
@@ -184,12 +191,18 @@ def fit(
         settings=final,
         initial_states=problem.states(_named(search, best.values), final.f_tanh),
         train=_train(problem, best.residual),
-        outcome=outcome_of(Ended(problem, search, final, best, estimates), beside),
+        outcome=outcome,
         cost=best.cost,
         evaluations=evaluations,
         starts=tried,
         correlation=estimates.correlation,
+        symptoms=() if outcome.kind == "diverged" or _blind(told) else symptoms(ended, known),
     )
+
+
+def _blind(told: Sequence[Finding]) -> bool:
+    """Whether there is nothing to identify in the recordings."""
+    return any(finding.kind == "not identifiable" for finding in told)
 
 
 def _by_patterns(

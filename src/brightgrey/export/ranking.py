@@ -1,15 +1,17 @@
-"""ranking.csv: one row per structure tried, best first."""
+"""ranking.csv: one row per structure tried, best first; and which of them are worth their parameters."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-__all__ = ["COLUMNS", "Row", "ranking_csv"]
+import numpy as np
 
-COLUMNS = ("rank", "structure", "n_parameters", "rss", "fit_percent", "criterion", "tied")
+__all__ = ["COLUMNS", "Row", "front", "ranking_csv"]
+
+COLUMNS = ("rank", "structure", "n_parameters", "rss", "fit_percent", "criterion", "tied", "front")
 
 
 @dataclass(frozen=True)
@@ -40,13 +42,35 @@ class Row:
     tied: bool = False
 
 
-def ranking_csv(rows: Iterable[Row]) -> str:
-    """Text of ranking.csv; `rows` come best first. Floats are written so that they read back the same."""
-    text = io.StringIO()
+def front(rows: Iterable[Row]) -> tuple[Row, ...]:
+    """Pareto front of error against number of parameters, few parameters first.
+
+    On it are the structures that no other one beats: none has fewer parameters and an RSS as small, or as few and a
+    smaller one. Of equals the first counts; a structure that diverged never does.
+    """
+    best: dict[int, Row] = {}
+    for row in rows:
+        known = best.get(row.n_parameters)
+        if np.isfinite(row.rss) and (known is None or row.rss < known.rss):
+            best[row.n_parameters] = row
+    found: list[Row] = []
+    for _, row in sorted(best.items()):
+        if not found or row.rss < found[-1].rss:
+            found.append(row)
+    return tuple(found)
+
+
+def ranking_csv(rows: Sequence[Row]) -> str:
+    """Text of ranking.csv; `rows` come best first. Floats are written so that they read back the same.
+
+    `front` marks the Pareto front of RSS against the number of parameters.
+    """
+    text, ahead = io.StringIO(), {id(row) for row in front(rows)}
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
     for rank, row in enumerate(rows, 1):
         criterion = "" if row.criterion is None else repr(row.criterion)
-        cells = (repr(row.rss), repr(row.fit_percent), criterion, "true" if row.tied else "false")
-        writer.writerow((rank, row.structure, row.n_parameters, *cells))
+        marks = ["true" if mark else "false" for mark in (row.tied, id(row) in ahead)]
+        cells = (rank, row.structure, row.n_parameters, repr(row.rss), repr(row.fit_percent), criterion)
+        writer.writerow((*cells, *marks))
     return text.getvalue()

@@ -6,22 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from brightgrey.export.ranking import Row
+from brightgrey.export.ranking import Row, front
 from brightgrey.report.chart import Chart, Line, Panel
 from brightgrey.search.genetic import Evaluation, Run
 
-__all__ = ["ancestors", "front", "front_chart", "history_chart", "parents"]
+__all__ = ["ancestors", "front_chart", "history_chart", "parents"]
 
 FEWEST = 3  # structures: fewer make no front
-
-
-def front(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """Rows that no other beats in both number of parameters and fit (Pareto), smallest first."""
-    best: list[Row] = []
-    for row in sorted((r for r in rows if np.isfinite(r.fit_percent)), key=lambda r: (r.n_parameters, -r.fit_percent)):
-        if not best or row.fit_percent > best[-1].fit_percent:
-            best.append(row)
-    return tuple(best)
 
 
 def front_chart(rows: Sequence[Row], chosen: str) -> tuple[Chart, ...]:

@@ -246,7 +246,9 @@ class _Scale:
             return Card(effect, "needed", loss, gain, grows)
         if having:
             others = next(s for s in found if s not in having)
-            return Card(effect, "not decidable", loss, gain, f"{having[0]} and {others} fit equally well")
+            late = self.sampling(having[0], effect)
+            reason = f"{having[0]} and {others} fit equally well" + (f"; {late}" if late else "")
+            return Card(effect, "not decidable", loss, gain, reason)
         if effect not in optional:
             return Card(
                 effect, "not needed", loss, gain, f"it would have shown, but explains {100.0 * (gain or 0.0):.2g} %"

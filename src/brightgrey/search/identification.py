@@ -99,12 +99,18 @@ class Identification:
         return self.problem(structure).weights if several else np.ones(1)
 
     def misfits(self, structure: Structure, values: Mapping[str, Array]) -> list[Misfit]:
-        """Misfit of each of K parameter sets; `values` holds arrays of shape (K,), SI."""
+        """Misfit of each of K parameter sets; `values` holds arrays of shape (K,), SI.
+
+        Unknown parts of initial states that are not among the values count as the first samples say.
+        """
         outputs = len(self.recordings[0].outputs)
         rss: Array = np.zeros((outputs, 1))
         least, spread = np.zeros(outputs), np.zeros(outputs)
-        for r in self.recordings:
-            apart = np.moveaxis(predict_many(structure, values, r, self.settings), 1, 2) - r.y[:, None, :]
+        known = len(values) > len(structure.parameters)
+        onsets = self.problem(structure).onsets if known else (None,) * len(self.recordings)
+        for r, onset in zip(self.recordings, onsets, strict=True):
+            y = predict_many(structure, values, r, self.settings, onset=onset)
+            apart = np.moveaxis(y, 1, 2) - r.y[:, None, :]
             square = np.square(np.ascontiguousarray(apart)).sum(
                 axis=2
             )  # one after the other: no set sees its neighbours

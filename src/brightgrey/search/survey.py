@@ -168,6 +168,7 @@ def _ranking(task: Identification, fitted: Mapping[Structure, Fitted], evidence:
     for s in minimal:
         tied.update(e for e in extensions(s, fitted) if any(has(e, o) and not has(s, o) for o in evidence.optional))
     samples = sum(r.samples for r in task.recordings) * len(task.recordings[0].outputs)
+    declared = {name for s in fitted for name in s.parameters}
     ranked = []
     for s, f in fitted.items():
         judged = evidence.judged.get(s)
@@ -176,7 +177,8 @@ def _ranking(task: Identification, fitted: Mapping[Structure, Fitted], evidence:
         if judged is None and f.idle:  # it fits as well as one without them, with their values it does not
             shown = next(t for t, g in fitted.items() if not g.idle and g.cost == f.cost and contains(s, t))
             values = fitted[shown].values
-        (misfit,) = task.misfits(shown, {name: np.array([values[name]]) for name in shown.parameters})
+        unknown = [name for name in values if name not in declared]
+        (misfit,) = task.misfits(shown, {name: np.array([values[name]]) for name in (*shown.parameters, *unknown)})
         value = evidence.independent * np.log(max(cost, 1e-300) / samples) + f.free * np.log(evidence.independent)
         ranked.append(Ranked(s, f.free, misfit, float(value), s in tied))
     place = {s: i for i, s in enumerate(minimal)}

@@ -1,0 +1,204 @@
+"""What a residual might come from: patterns of torque or motion that it may follow.
+
+A residual of speed is no torque: it is what a missing torque has left after the drive has answered it. Each pattern is
+therefore put through the fitted model, as a small torque beside the input, and the residual is asked whether it follows
+the answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import bilinear, lfilter
+
+from brightgrey.effects import Effect, Scales, registry
+from brightgrey.estimation.problem import Problem, predict_many
+from brightgrey.kit import Structure
+from brightgrey.recordings import Recording, Signal
+from brightgrey.recordings.units import KINDS
+from brightgrey.simulation import Settings
+
+__all__ = ["DRIFT", "LATE", "SWING", "Motion", "Suspect", "motions", "suspects"]
+
+Array = NDArray[np.float64]
+_SMALL = 0.01  # of the largest torque
+_PERIODS = 3.0
+_FASTEST = 0.3  # of the sampling rate
+_DAMPED = 0.05  # damping ratio of the resonances that are tried; they overlap
+_MOTION = (Signal("speed", "velocity", "rad/s"), Signal("position", "position", "rad"))
+
+LATE = "shift"
+"""Kind of the suspect whose coefficient is a time in s by which the output comes late."""
+DRIFT = "drift"
+"""Kind of the suspect that is a straight line over time."""
+SWING = "resonance"
+"""Kind of the suspects that are resonances."""
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """What a residual might come from.
+
+    Attributes
+    ----------
+    kind : str
+        Name of an effect, or of a pattern that no effect describes.
+    columns : ndarray, shape (residuals, k)
+        How the weighted residuals change with it.
+    described : bool
+        Some effect describes it.
+    frequency : float
+        In Hz, of a resonance.
+    """
+
+    kind: str
+    columns: Array
+    described: bool = True
+    frequency: float = 0.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Simulated motion of mass 1 in one recording, rad/s and rad (m/s, m), shape (samples,)."""
+
+    speed: Array
+    position: Array
+
+
+def motions(problem: Problem, named: Mapping[str, Array], settings: Settings) -> list[Motion]:
+    """Simulated motion of mass 1 in every recording, for one parameter set."""
+    found = []
+    for r, onset in zip(problem.recordings, problem.onsets, strict=True):
+        empty = replace(r, outputs=_MOTION, y=np.zeros((2, r.samples)), resolution=np.ones(2))
+        speed, position = predict_many(problem.structure, named, empty, settings, onset=onset)[:, :, 0]
+        found.append(Motion(speed, position))
+    return found
+
+
+Pattern = Callable[[Motion], Array]
+
+
+def patterns(structure: Structure, scales: Scales, f_tanh: float) -> dict[str, tuple[Pattern, ...]]:
+    """Torques, 1 at most, that may be missing: those of effects that say what follows them, and some of no effect."""
+
+    def side(m: Motion) -> Array:
+        return np.asarray(np.tanh(f_tanh * m.speed))
+
+    def place(m: Motion) -> Array:
+        middle = 0.5 * (m.position.max() + m.position.min())
+        return np.asarray((m.position - middle) / max(0.5 * float(np.ptp(m.position)), np.finfo(float).tiny))
+
+    present = {p.name for p in structure.placed}
+    missing = [e for e in registry().values() if e.follows and e.name not in present]
+    return {
+        **{e.name: (_torque(e, scales, f_tanh),) for e in missing},
+        "direction": (lambda m: side(m) ** 2, lambda m: side(m) * m.speed / scales.speed),
+        "square of speed": (lambda m: side(m) * (m.speed / scales.speed) ** 2,),
+        "position": (lambda m: side(m) * place(m), lambda m: side(m) ** 2 * place(m)),
+    }
+
+
+def suspects(
+    problem: Problem, named: Mapping[str, Array], settings: Settings, scales: Scales, residual: Array
+) -> list[Suspect]:
+    """All suspects at the values `named`, arrays of shape (1,), where the weighted residual is `residual`."""
+    structure, moved = problem.structure, motions(problem, named, settings)
+    if not all(np.isfinite(m.speed).all() and np.isfinite(m.position).all() for m in moved):
+        return []
+    lags = sum(float(named[name][0]) for name, p in structure.parameters.items() if p.lag)
+    size = _SMALL * scales.torque
+    found = []
+    for kind, torques in patterns(structure, scales, settings.f_tanh).items():
+        columns = [_answer(problem, named, settings, residual, [size * t(m) for m in moved], lags) for t in torques]
+        found.append(Suspect(kind, np.stack(columns, axis=1), kind in registry()))
+    found.append(Suspect(DRIFT, _lines(problem), False))
+    found += [Suspect(SWING, _swing(problem, f, lags), frequency=f) for f in _frequencies(scales)]
+    if not any(p.lag for p in structure.parameters.values()):
+        found.append(Suspect(LATE, _rates(problem, residual)[:, None]))
+    return [s for s in found if np.isfinite(s.columns).all() and s.columns.any()]
+
+
+def _torque(effect: Effect, scales: Scales, f_tanh: float) -> Pattern:
+    """Torque of an effect at its declared start, over its largest value."""
+    law = effect.law
+    assert law is not None
+    values = {q.symbol: abs(float(q.start(scales))) for q in effect.parameters} | {"f_tanh": f_tanh}
+    p = tuple(values[symbol] for symbol in law.parameters)
+
+    def pattern(m: Motion) -> Array:
+        torque = np.broadcast_to(law.value((m.speed,)[: law.ports], p)[0], m.speed.shape)
+        return np.asarray(torque / max(float(np.abs(torque).max()), np.finfo(float).tiny))
+
+    return pattern
+
+
+def _answer(
+    problem: Problem,
+    named: Mapping[str, Array],
+    settings: Settings,
+    residual: Array,
+    torques: list[Array],
+    lags: float,
+) -> Array:
+    """Change of the weighted outputs by torques beside the inputs, ahead by what the drive lags."""
+    disturbed: list[Recording] = []
+    for r, torque in zip(problem.recordings, torques, strict=True):
+        disturbed.append(replace(r, u=r.u + np.interp(r.t + lags, r.t, torque)))
+    changed = replace(problem, recordings=tuple(disturbed)).residuals(dict(named), settings)[:, 0]
+    return np.asarray(changed - residual)
+
+
+def _frequencies(scales: Scales) -> Array:
+    """Frequencies in Hz at which one resonance or another is near: three periods in a recording to 0.3 of its rate."""
+    low, high = _PERIODS / scales.duration, _FASTEST / scales.interval
+    return np.geomspace(low, high, max(int(np.log(high / low) / (2.0 * _DAMPED)), 2))
+
+
+def _swing(problem: Problem, frequency: float, lags: float) -> Array:
+    """What a resonance makes of the input: the twist of a shaft and its rate, in terms of each output.
+
+    The twist of two masses that are coupled by a shaft is a resonance driven by the torque on the first, and the speed
+    of that is the speed of both together plus a part of the twist's rate: exactly, whatever their ratio.
+    """
+    turning = 2.0 * np.pi * frequency
+    denominator = [1.0, 2.0 * _DAMPED * turning, turning**2]
+    columns = np.zeros((problem.samples, 2))
+    for begin, r, out in _blocks(problem):
+        u = np.interp(r.t - lags, r.t, r.u) - r.u[0]
+        order = KINDS[r.outputs[out].kind]
+        for column, rate in enumerate((order, order + 1 if order < 2 else order - 1)):
+            numerator = turning ** (2 - rate) * np.array([1.0] + [0.0] * rate)
+            answer = lfilter(*bilinear(numerator, denominator, 1.0 / r.dt), u)
+            columns[begin : begin + r.samples, column] = problem.weights[out] * answer
+    return columns
+
+
+def _blocks(problem: Problem) -> list[tuple[int, Recording, int]]:
+    """First residual, recording and output of every stretch."""
+    found, begin = [], 0
+    for r in problem.recordings:
+        for out in range(len(r.outputs)):
+            found.append((begin, r, out))
+            begin += r.samples
+    return found
+
+
+def _lines(problem: Problem) -> Array:
+    """A straight line over time for each stretch, 1 from its begin to its end in the output's SI unit."""
+    blocks = _blocks(problem)
+    columns = np.zeros((problem.samples, len(blocks)))
+    for column, (begin, r, out) in enumerate(blocks):
+        columns[begin : begin + r.samples, column] = problem.weights[out] * np.linspace(-0.5, 0.5, r.samples)
+    return columns
+
+
+def _rates(problem: Problem, residual: Array) -> Array:
+    """Derivative by time of the weighted simulated outputs."""
+    rates = np.zeros(problem.samples)
+    for begin, r, out in _blocks(problem):
+        part = slice(begin, begin + r.samples)
+        rates[part] = np.gradient(residual[part] + problem.weights[out] * r.y[out], r.dt)
+    return rates
