@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -60,6 +61,8 @@ class Result:
         Further files that :meth:`write` puts beside the results.
     profiles : tuple of Profile
         Profile likelihoods that were asked for, in SI.
+    stopped : bool
+        The search was ended before its time: this is the best so far.
     """
 
     model: Model
@@ -70,6 +73,7 @@ class Result:
     files: Mapping[str, bytes] = field(default_factory=dict, repr=False)
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     evidence: Evidence | None = field(default=None, repr=False)
+    stopped: bool = False
 
     def residuals(self) -> Mapping[tuple[str, str], Residuals]:
         """Correlations of the residuals with themselves and with the input, by recording and output.
@@ -102,18 +106,21 @@ class Result:
         SettingsError
             If `folder` cannot be written to.
         """
+        check_folder(folder)
+        write_files(folder, self.contents())
+
+    def contents(self) -> dict[str, bytes]:
+        """Contents of the files that :meth:`write` writes, by name."""
         from brightgrey.report.figure import picture
         from brightgrey.report.page import page
 
-        check_folder(folder)
-        contents = {
+        return {
             "report.html": page(self.model, self.traces, self.notes, self.evidence, self.ranking).encode(),
             "model.json": self.model.text().encode(),
             "ranking.csv": ranking_csv(self.ranking).encode(),
             "fit.png": picture(self.plot(), "png"),
             **self.files,
         }
-        write_files(folder, contents)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -138,6 +145,7 @@ def identify(
     starts: int = 8,
     seed: int = 0,
     workers: int = 1,
+    executor: Executor | None = None,
     level: Literal["accurate", "fast"] = "accurate",
     estimator: Literal["least-squares", "pattern-search"] = "least-squares",
     profile: Sequence[str] = (),
@@ -158,7 +166,7 @@ def identify(
     require, exclude : sequence of str
         Effects that every structure of an exhaustive search has, or that none has; masses count cumulatively.
     progress : callable, optional
-        Called after every structure or generation of the search. Ctrl-C ends a genetic search with the best so far.
+        Called after every structure or generation of the search. Ctrl-C ends a search with the best so far.
     bounds : mapping of str to (low, high), optional
         Ranges by parameter, in the recording's units.
     fixed : mapping of str to float, optional
@@ -180,6 +188,8 @@ def identify(
         Seed of all random draws. The same seed gives the same bytes, for any number of workers.
     workers : int
         Threads to simulate on.
+    executor : concurrent.futures.Executor, optional
+        Makes the evaluations of a search instead: threads, processes, a cluster. The result does not depend on it.
     level : {'accurate', 'fast'}
         Level of integration.
     estimator : {'least-squares', 'pattern-search'}
@@ -227,6 +237,7 @@ def identify(
             seed,
             workers,
             progress,
+            executor,
         )
         found = find(several, wish)
         structure, bounds, fixed = found.structure, found.own(bounds), found.own(fixed)
@@ -313,7 +324,8 @@ def _result(
     else:
         ranking = (row,)
     files, evidence = (found.files, found.evidence) if found else ({}, None)
-    return Result(model, (*train, *unseen), ranking, notes, fit, files, profiles, evidence)
+    stopped = found is not None and found.stopped
+    return Result(model, (*train, *unseen), ranking, notes, fit, files, profiles, evidence, stopped)
 
 
 def _notes(recordings: Sequence[Recording]) -> tuple[str, ...]:

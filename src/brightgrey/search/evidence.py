@@ -9,6 +9,7 @@ matters.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,6 +21,7 @@ from brightgrey.search.exhaustive import Fitted
 from brightgrey.search.identification import Identification
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import contains, effects_of, extensions, ladder_of, minimal, simpler
+from brightgrey.search.work import pool
 
 __all__ = ["Card", "Evidence", "has", "weigh"]
 
@@ -92,6 +94,7 @@ def weigh(
     fitted: Mapping[Structure, Fitted],
     *,
     seed: int = 0,
+    executor: Executor | None = None,
     progress: Callable[[Structure], None] | None = None,
 ) -> Evidence:
     """Find the minimal structures among those `fitted`, and what the recording says about every effect.
@@ -102,13 +105,19 @@ def weigh(
     fitted : mapping of Structure to Fitted
         All structures of a grammar, or as many as were tried.
     seed : int
+    executor : concurrent.futures.Executor, optional
+        Makes the refits, one after the other.
     progress : callable, optional
         Called with every structure that is examined.
     """
-    scale = _Scale.of(task, fitted, seed)
+    with pool(executor) as workers:
+        return _weigh(_Scale.of(task, fitted, workers, seed), progress)
+
+
+def _weigh(scale: _Scale, progress: Callable[[Structure], None] | None) -> Evidence:
     found = _minimal_structures(scale, progress)
     structures = [j.structure for j in found]
-    effects = _all_effects(fitted)
+    effects = _all_effects(scale.known)
     shown = {
         s: {e: scale.shown(s, e) and not scale.gain(s, e) > _NOTABLE for e in effects if not has(s, e)}
         for s in structures
@@ -129,9 +138,9 @@ class _Scale:
     known: Mapping[Structure, Fitted]
 
     @classmethod
-    def of(cls, task: Identification, fitted: Mapping[Structure, Fitted], seed: int) -> _Scale:
+    def of(cls, task: Identification, fitted: Mapping[Structure, Fitted], executor: Executor, seed: int) -> _Scale:
         """Yardstick from the noise of the structure that fits best."""
-        bench = Bench(task, fitted, seed)
+        bench = Bench(task, fitted, executor, seed)
         best = min(fitted.values(), key=lambda f: (f.cost, f.free))
         reference = bench.judge(best.structure)
         lengths = [r.samples for r in task.recordings for _ in r.outputs]

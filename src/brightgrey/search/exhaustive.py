@@ -10,9 +10,9 @@ number of masses.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from brightgrey.estimation.problem import Problem
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import effects_of, extensions, ladder_of, largest_within, without_ladder
+from brightgrey.search.work import in_order, pool
 
 __all__ = ["Fitted", "Options", "fit_all", "fit_one"]
 
@@ -107,7 +108,7 @@ def fit_all(
     executor : concurrent.futures.Executor, optional
         Structures of equal size are fitted in parallel; the result does not depend on it. One thread by default.
     progress : callable, optional
-        Called with every structure that is done, in the order of the result.
+        Called with every structure that has been fitted for the first time, in the order of the result.
 
     Returns
     -------
@@ -121,47 +122,44 @@ def fit_all(
         sizes.setdefault(s.masses + len(s.placed), []).append(s)
     done: dict[Structure, Fitted] = {}
 
-    hubs: list[Fitted] = []
-
-    def hub(structure: Structure) -> Fitted:
-        return _from_everywhere(task, structure, how, seed)
-
-    def one(structure: Structure) -> Fitted:
+    def call(structure: Structure) -> tuple[Any, ...]:
         near = [h for h in hubs if ladder_of(h.structure) == ladder_of(structure)]
         parents = [done[s] for s in largest_within(structure, done)]
-        return fit_one(task, structure, parents, near, how, [seed, order[structure]])
+        return task, structure, _best(parents, how), near, how, (seed, order[structure])
 
-    with ThreadPoolExecutor(1) as single:
-        pool = executor or single
-        hubs += pool.map(hub, _hubs(structures))
+    with pool(executor) as workers:
+        hubs = list(in_order(workers, _from_everywhere, [(task, s, how, seed) for s in _hubs(structures)]))
         for size in sorted(sizes):
-            found = list(pool.map(one, sizes[size]))
-            for fitted in found:
+            for fitted in in_order(workers, fit_one, [call(s) for s in sizes[size]]):
                 done[fitted.structure] = fitted
                 if progress is not None:
                     progress(fitted)
         for size in sorted(sizes, reverse=True):
-            for fitted in pool.map(partial(_from_above, task, done, how), sizes[size]):
+            better = [(task, done[s], larger, how) for s in sizes[size] if (larger := _better_above(done, s))]
+            for fitted in in_order(workers, _from_above, better):
                 done[fitted.structure] = fitted
     for s in done:
         done[s] = _at_least_as_good(done[s], [done[t] for t in largest_within(s, done)])
     return done
 
 
-def _from_above(
-    task: Identification, done: Mapping[Structure, Fitted], options: Options, structure: Structure
-) -> Fitted:
-    """Descend once more where a larger structure did better and does without what it has beyond this one."""
-    own = done[structure]
-    problem, space = task.problem(structure), task.space(structure, initial=True)
-    larger = [
-        done[s].values
-        for s in extensions(structure, done)
-        if done[s].cost < own.cost and not done[s].idle and set(space.names) <= set(done[s].values)
-    ]
-    if not larger:
+def _best(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
+    """Those of `parents` that are looked at."""
+    return sorted(parents, key=lambda p: p.cost)[: options.parents]
+
+
+def _better_above(done: Mapping[Structure, Fitted], structure: Structure) -> list[Fitted]:
+    """Larger structures that did better, and not without what they have beyond this one."""
+    return [done[s] for s in extensions(structure, done) if done[s].cost < done[structure].cost and not done[s].idle]
+
+
+def _from_above(task: Identification, own: Fitted, larger: Sequence[Fitted], options: Options) -> Fitted:
+    """Descend once more from where `larger` structures did better."""
+    problem, space = task.problem(own.structure), task.space(own.structure, initial=True)
+    values = [f.values for f in larger if set(space.names) <= set(f.values)]
+    if not values:
         return own
-    begins = np.array([[values[name] for name in space.names] for values in larger]).T
+    begins = np.array([[known[name] for name in space.names] for known in values]).T
     begins = np.clip(begins, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
     if not cost.min() < _IMPROVED * own.cost:
@@ -171,7 +169,7 @@ def _from_above(
         problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, rival=own.cost
     )
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    return Fitted(structure, named, end.cost, len(space.names), (), own.batches + 1 + end.evaluations)
+    return Fitted(own.structure, named, end.cost, len(space.names), (), own.batches + 1 + end.evaluations)
 
 
 def _at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
@@ -228,7 +226,7 @@ def fit_one(
     """Fit one structure, begun where its best `parents` and the `hubs` of its ladder have ended."""
     problem, space = task.problem(structure), task.space(structure, initial=True)
     rng = np.random.default_rng(list(seed))
-    best = sorted(parents, key=lambda p: p.cost)[: options.parents]
+    best = _best(parents, options)
     # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
     origins = best if best and _two_ports(structure) else [*best, *hubs]
     begins = sorted((_extended(task, problem, space, f, options.drawn, rng) for f in origins), key=lambda b: b[0])

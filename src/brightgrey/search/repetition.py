@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
 from dataclasses import astuple, dataclass, fields
 
 import numpy as np
@@ -88,12 +89,22 @@ def run(
     seed: int,
     *,
     workers: int = 1,
+    executor: Executor | None = None,
     progress: Callable[[Progress], None] | None = None,
     identify: Estimator | None = None,
 ) -> Run:
     """One search on `task`, by the estimator of `settings` if `identify` does not give another."""
     chosen = identify or estimator(settings.estimator, task, settings.iterations)
-    return search(chosen, task.draw, settings, standard=task.standard, seed=seed, workers=workers, progress=progress)
+    return search(
+        chosen,
+        task.draw,
+        settings,
+        standard=task.standard,
+        seed=seed,
+        workers=workers,
+        executor=executor,
+        progress=progress,
+    )
 
 
 def repetition(done: Run, truth: Structure, seed: int) -> Repetition:
