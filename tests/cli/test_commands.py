@@ -13,6 +13,7 @@ from brightgrey.effects import registry
 
 STRUCTURE = "one_mass+coulomb+viscous"
 RESULTS = {"model.json", "ranking.csv", "report.html", "fit.png"}
+RUN = {"run.sqlite", "run.lock"}
 
 
 def model_of(folder):
@@ -20,7 +21,7 @@ def model_of(folder):
 
 
 def test_identify_finds_the_drive(drive):
-    assert {p.name for p in drive.out.iterdir()} == RESULTS
+    assert {p.name for p in drive.out.iterdir()} == RESULTS | RUN
     model = model_of(drive.out)
     assert model["structure"] == STRUCTURE.split("+")
     for name, truth in drive.truth.items():

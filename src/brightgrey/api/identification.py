@@ -27,6 +27,7 @@ from brightgrey.export.ranking import Row, ranking_csv
 from brightgrey.export.trace import Trace, pooled_fit
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording
+from brightgrey.runs.blas import one_blas_thread
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import GeneticSettings, Progress
 from brightgrey.search.survey import Stage
@@ -128,6 +129,7 @@ class Result:
         return ("report.html", "model.json", "ranking.csv", "fit.png", *self.files)
 
 
+@one_blas_thread()
 def identify(
     recordings: Recording | Sequence[Recording],
     structure: Structure | str | None = None,

@@ -10,7 +10,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from brightgrey.cli import genetic, options
-from brightgrey.cli.options import CORES, Json, Quiet, Seed, Step, Time, Unit, Workers
+from brightgrey.cli.options import (
+    CORES,
+    Dask,
+    Json,
+    MaxEvaluations,
+    MaxSeconds,
+    Processes,
+    Quiet,
+    Restart,
+    Seed,
+    Step,
+    Time,
+    Unit,
+    Workers,
+)
 from brightgrey.errors import SettingsError, unknown_name
 
 if TYPE_CHECKING:
@@ -146,13 +160,20 @@ def identify(
     initial: Begin = "auto",
     seed: Seed = 0,
     workers: Workers = CORES,
+    processes: Processes = False,
+    dask: Dask = None,
+    max_evaluations: MaxEvaluations = None,
+    max_seconds: MaxSeconds = None,
+    restart: Restart = False,
     out: Out = Path("out"),
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Estimate the parameters of a structure from recordings, or search for the structure, too.
 
-    Writes report.html, model.json, ranking.csv and fit.png to DIR; a search adds history.csv with every evaluation.
+    Writes report.html, model.json, ranking.csv and fit.png to DIR; a genetic search adds history.csv. What has been
+    evaluated is kept in DIR as well: the same command goes on after an interruption, and gives the result at once
+    after the end.
 
     All values, in and out, stand in the recording's units.
     """
@@ -179,11 +200,17 @@ def identify(
     )
     held = check_hold(hold)
     from brightgrey import api
+    from brightgrey.api.runs import identify_into
+    from brightgrey.cli.stopping import signals
     from brightgrey.estimation.onset import check_initial
     from brightgrey.estimation.patterns import check_estimator
+    from brightgrey.runs import Budget, Workforce
 
     method = check_estimator(estimator or "least-squares") if structure else "least-squares"
     begin = check_initial(initial)
+    if structure and (processes or dask or max_evaluations or max_seconds):
+        raise SettingsError("--processes, --dask, --max-evaluations and --max-seconds belong to a search")
+    workforce, budget = Workforce(workers, processes, dask), Budget(max_evaluations, max_seconds)
 
     def read(file: Path) -> api.Recording:
         return api.read_recording(
@@ -199,11 +226,16 @@ def identify(
             hold=held,
         )
 
-    with _display(structure, silent=quiet or json) as progress:
-        result = api.identify(
+    with (
+        signals() as stop,
+        workforce.executor() as executor,
+        _display(structure, silent=quiet or json) as progress,
+    ):
+        kept = identify_into(
+            out,
             [read(file) for file in recordings],
             chosen,
-            search=settings or search,  # type: ignore[arg-type]
+            search=settings or search,
             require=require or (),
             exclude=exclude or (),
             progress=progress,
@@ -217,9 +249,15 @@ def identify(
             initial=begin,
             seed=seed,
             workers=workers,
+            executor=executor,
+            budget=budget,
+            stop=stop,
+            restart=restart,
+            printed=lambda result: show.text(result, out),
         )
-        result.write(out)
-    show.result(result, out, quiet=quiet, json=json)
+    show.kept(kept, out, quiet=quiet, json=json)
+    if kept.stopped:
+        stop.leave()
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from brightgrey.cli.effects import effects
 from brightgrey.cli.export import export
 from brightgrey.cli.identify import identify
 from brightgrey.cli.reproduce import reproduce
+from brightgrey.cli.runs import runs
 from brightgrey.cli.simulate import simulate
 from brightgrey.cli.work import analyse, control, watch
 from brightgrey.errors import BrightgreyError
@@ -59,6 +60,7 @@ app.command()(simulate)
 app.command()(export)
 app.command()(effects)
 app.command()(reproduce)
+app.command()(runs)
 app.command()(analyse)
 app.command()(control)
 app.command()(watch)

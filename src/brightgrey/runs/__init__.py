@@ -1,7 +1,7 @@
 """Runs that survive: what has been evaluated is kept, and where evaluations are made does not matter."""
 
-from brightgrey.runs.memory import Budget, Memory
-from brightgrey.runs.store import RunError, Store
+from brightgrey.runs.memory import Budget, Memory, Stop
+from brightgrey.runs.store import Glance, RunError, Store, glance
 from brightgrey.runs.workforce import Workforce
 
-__all__ = ["Budget", "Memory", "RunError", "Store", "Workforce"]
+__all__ = ["Budget", "Glance", "Memory", "RunError", "Stop", "Store", "Workforce", "glance"]

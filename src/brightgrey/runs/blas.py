@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+
 from threadpoolctl import threadpool_limits
 
-__all__ = ["one_blas_thread"]
+__all__ = ["one_blas_thread", "settle"]
 
 
-def one_blas_thread() -> threadpool_limits:
-    """Keep linear algebra to one thread, from now on or, as a context, until its end."""
-    return threadpool_limits(1, user_api="blas")
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Keep linear algebra to one thread in this context, or in a function that it decorates."""
+    with threadpool_limits(1, user_api="blas"):
+        yield
+
+
+@cache
+def settle() -> None:
+    """Keep linear algebra to one thread for good: the process is a worker."""
+    threadpool_limits(1, user_api="blas")

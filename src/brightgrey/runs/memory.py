@@ -20,12 +20,12 @@ from brightgrey.runs.codec import call_text, digest, name_of, text_of, value_of
 from brightgrey.runs.store import RunError, Store
 from brightgrey.search.work import Stopped
 
-__all__ = ["Budget", "Memory"]
+__all__ = ["Budget", "Memory", "Stop"]
 
 
 @dataclass(frozen=True)
 class Budget:
-    """When to stop.
+    """How far to go, and no further.
 
     Attributes
     ----------
@@ -50,6 +50,25 @@ class Budget:
             raise SettingsError(f"the budget is {self.seconds:g} s; it has to be above 0")
 
 
+class Stop:
+    """Something to tell that all has to come to an end, and to be told so."""
+
+    def __init__(self) -> None:
+        self._listeners: list[Callable[[], None]] = []
+        self.told = False
+
+    def listen(self, callback: Callable[[], None]) -> None:
+        """Have `callback` called when it is told, at once if it has been."""
+        self._listeners.append(callback)
+        if self.told:
+            callback()
+
+    def tell(self) -> None:
+        """Stop. May be called in a signal handler: the listeners are called on a thread of their own."""
+        self.told = True
+        threading.Thread(target=lambda: [callback() for callback in tuple(self._listeners)], daemon=True).start()
+
+
 _About = tuple[str, int, str, str]  # key, number, function, subject
 
 
@@ -71,10 +90,12 @@ class Memory(Executor):
     ----------
     inner : Executor
     store : Store
-    budget : Budget
+    budget : Budget, optional
+    stop : Stop, optional
+        What it listens to.
     """
 
-    def __init__(self, inner: Executor, store: Store, budget: Budget | None = None) -> None:
+    def __init__(self, inner: Executor, store: Store, budget: Budget | None = None, stop: Stop | None = None) -> None:
         self._inner, self._store, self._budget = inner, store, budget or Budget()
         self._one = threading.Lock()
         self._number = 0
@@ -84,6 +105,8 @@ class Memory(Executor):
         self._timer.daemon = True
         if self._budget.seconds is not None:
             self._timer.start()
+        if stop is not None:
+            stop.listen(self.stop)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Result of ``fn(*args)``, as the store gives it back; keyword arguments are refused (TypeError)."""

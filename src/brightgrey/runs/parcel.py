@@ -7,11 +7,10 @@ import pickle
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Executor, Future
-from functools import cache
 from typing import Any
 
 from brightgrey.recordings import Recording
-from brightgrey.runs.blas import one_blas_thread
+from brightgrey.runs.blas import settle
 from brightgrey.runs.codec import code
 
 __all__ = ["Parcels"]
@@ -46,15 +45,9 @@ class _Unpacker(pickle.Unpickler):
         return _HELD[pid]
 
 
-@cache
-def _settle() -> None:
-    """Begin as a worker."""
-    one_blas_thread()
-
-
 def _open(sender: str, packed: bytes, sent: Mapping[str, Recording] | None = None) -> tuple[bool, Any]:
     """Make a call in a worker; gives whether it could, and its result."""
-    _settle()
+    settle()
     if sender != code():
         raise RuntimeError(f"the worker runs another brightgrey (code {code()}, not {sender}); results might differ")
     for name, recording in (sent or {}).items():

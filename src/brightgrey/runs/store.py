@@ -19,9 +19,10 @@ from typing import Any, Literal
 from brightgrey.errors import BrightgreyError
 from brightgrey.runs.codec import canonical, digest
 
-__all__ = ["FILE", "LOCK", "Glance", "Located", "RunError", "Store", "glance"]
+__all__ = ["FILE", "LOCK", "Glance", "RunError", "Store", "glance"]
 
 FILE, LOCK = "run.sqlite", "run.lock"
+_FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm")
 FORMAT = "brightgrey/run/1"
 State = Literal["unfinished", "finished"]
 _WAIT = 0.5  # s for a lock: `brightgrey runs` holds it for an instant
@@ -65,10 +66,6 @@ class Glance:
     stage: Mapping[str, Any]
 
 
-Located = tuple[Path, Glance | str]
-"""Folder of a run, with what it is or why it cannot be read."""
-
-
 @contextmanager
 def _named(folder: Path) -> Iterator[None]:
     """Turn what SQLite and the system say into a sentence that names the folder."""
@@ -97,8 +94,9 @@ def _row_hash(table: str, row: Sequence[Any]) -> str:
 class Store:
     """An open run, held by this process alone. Made by :meth:`open`; may be used by several threads."""
 
-    def __init__(self, folder: Path, lock: sqlite3.Connection, database: sqlite3.Connection) -> None:
+    def __init__(self, folder: Path, lock: sqlite3.Connection, database: sqlite3.Connection, made: bool) -> None:
         self.folder = folder
+        self._made = made
         self._lock, self._database = lock, database
         self._one = threading.RLock()
         self._stage: str | None = None
@@ -123,18 +121,19 @@ class Store:
             cannot be written to.
         """
         path = Path(folder)
+        made = not path.exists()
         with _named(path):
             path.mkdir(parents=True, exist_ok=True)
             lock = _locked(path)
         try:
             with _named(path):
                 if restart:
-                    for name in (FILE, f"{FILE}-wal", f"{FILE}-shm"):
+                    for name in _FILES:
                         (path / name).unlink(missing_ok=True)
                 if not (path / FILE).exists():
                     _create(path, request)
                 database = _connect(path)
-            store = cls(path, lock, database)
+            store = cls(path, lock, database, made)
             try:
                 with _named(path):
                     _check(path, database)
@@ -163,6 +162,17 @@ class Store:
                 self._database.execute("PRAGMA journal_mode = DELETE")
             self._database.close()
             self._lock.close()
+
+    def discard(self) -> None:
+        """Close the run and leave nothing of it behind."""
+        with self._one:
+            self._stage = None
+            self.close()
+            for name in (*_FILES, LOCK):
+                (self.folder / name).unlink(missing_ok=True)
+            with suppress(OSError):  # others have put something there
+                if self._made:
+                    self.folder.rmdir()
 
     def fact(self, name: str) -> str | None:
         """Text kept by `name`, None if there is none."""

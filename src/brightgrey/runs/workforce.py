@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from brightgrey.errors import SettingsError
-from brightgrey.runs.blas import one_blas_thread
 from brightgrey.runs.parcel import Parcels
 from brightgrey.runs.store import RunError
 
@@ -62,16 +61,15 @@ class Workforce:
         RunError
             If the cluster cannot be reached.
         """
-        with one_blas_thread():
-            if self.dask:
-                with _cluster(self.dask) as client:
-                    yield Parcels(client.get_executor())
-                return
-            made = _processes(self.workers) if self.processes else ThreadPoolExecutor(self.workers)
-            try:
-                yield made
-            finally:
-                made.shutdown(wait=True, cancel_futures=True)
+        if self.dask:
+            with _cluster(self.dask) as client:
+                yield Parcels(client.get_executor())
+            return
+        made = _processes(self.workers) if self.processes else ThreadPoolExecutor(self.workers)
+        try:
+            yield made
+        finally:
+            made.shutdown(wait=True, cancel_futures=True)
 
 
 def _processes(workers: int) -> Executor:
