@@ -224,7 +224,7 @@ def test_identify_searches_for_the_structure(drive, tmp_path, call):
         arguments = (drive.folder / "a.csv", *options, *search, "--workers", workers, "--out", tmp_path / folder)
         done = call("identify", *arguments)
         assert done.code == 0, done.err
-    names = {p.name for p in (tmp_path / "one").iterdir()}
+    names = {p.name for p in (tmp_path / "one").iterdir()} - RUN
     assert names == RESULTS | {"history.csv"}
     assert all((tmp_path / "one" / n).read_bytes() == (tmp_path / "two" / n).read_bytes() for n in names)
     rows = list(csv.DictReader((tmp_path / "one" / "ranking.csv").read_text(encoding="utf-8").splitlines()))

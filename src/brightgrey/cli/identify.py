@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from brightgrey.search.genetic import Progress
     from brightgrey.search.survey import Stage
 
-__all__ = ["identify"]
+__all__ = ["checked_structure", "identify"]
 
 SEARCHES = ("auto", "exhaustive", "genetic")
 
@@ -184,7 +184,7 @@ def identify(
     from brightgrey.recordings.recording import check_hold
 
     check_folder(out)
-    chosen = _structure(structure, search, (*(require or ()), *(exclude or ())))
+    chosen = checked_structure(structure, search, (*(require or ()), *(exclude or ())))
     settings = (genetic.settings if search == "genetic" else genetic.refuse)(
         setting,
         mutation,
@@ -273,7 +273,7 @@ def _display(structure: str | None, *, silent: bool) -> Iterator[Callable[[Stage
         yield lambda step: display(step, "structure search")
 
 
-def _structure(text: str | None, search: str | None, effects: Sequence[str]) -> str | None:
+def checked_structure(text: str | None, search: str | None, effects: Sequence[str]) -> str | None:
     """Refuse what is no structure, and no search, before any file is read."""
     from brightgrey.kit import PAPER
     from brightgrey.search.survey import candidates

@@ -15,6 +15,7 @@ from brightgrey import __version__
 from brightgrey.cli.demo import demo
 from brightgrey.cli.effects import effects
 from brightgrey.cli.export import export
+from brightgrey.cli.fleet import fleet
 from brightgrey.cli.identify import identify
 from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.runs import runs
@@ -61,6 +62,7 @@ app.command()(export)
 app.command()(effects)
 app.command()(reproduce)
 app.command()(runs)
+app.command()(fleet)
 app.command()(analyse)
 app.command()(control)
 app.command()(watch)

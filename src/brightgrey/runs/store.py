@@ -19,7 +19,7 @@ from typing import Any, Literal
 from brightgrey.errors import BrightgreyError
 from brightgrey.runs.codec import canonical, digest
 
-__all__ = ["FILE", "LOCK", "Glance", "RunError", "Store", "glance"]
+__all__ = ["FILE", "LOCK", "Glance", "RunError", "Store", "glance", "held"]
 
 FILE, LOCK = "run.sqlite", "run.lock"
 _FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm")
@@ -252,6 +252,24 @@ class Store:
 def _insert(database: sqlite3.Connection, table: str, row: Sequence[Any]) -> None:
     marks = ", ".join("?" * (len(row) + 1))
     database.execute(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", (*row, _row_hash(table, row)))
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Keep other processes out of a folder that holds several runs.
+
+    Raises
+    ------
+    RunError
+        If one is at work there, or it cannot be written to.
+    """
+    with _named(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = _locked(folder)
+    try:
+        yield
+    finally:
+        lock.close()
 
 
 def _locked(folder: Path) -> sqlite3.Connection:
