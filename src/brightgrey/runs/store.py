@@ -79,6 +79,8 @@ def _named(folder: Path) -> Iterator[None]:
         if "readonly" in text or "unable to open" in text:
             raise RunError(f"cannot keep the run in '{folder}': {text}; it has to be writable") from error
         raise _damaged(folder, text) from error
+    except UnicodeDecodeError as error:  # SQLite's own words quote what it has found
+        raise _damaged(folder, "its schema is no text") from error
     except OSError as error:
         raise RunError(f"cannot keep the run in '{folder}': {error.strerror or error}") from error
 
@@ -132,7 +134,7 @@ class Store:
                         (path / name).unlink(missing_ok=True)
                 if not (path / FILE).exists():
                     _create(path, request)
-                database = _connect(path)
+                database = _connect(path, "rw")
             store = cls(path, lock, database, made)
             try:
                 with _named(path):
@@ -304,10 +306,13 @@ def _create(folder: Path, request: Mapping[str, Any]) -> None:
     aside.replace(folder / FILE)
 
 
-def _connect(folder: Path) -> sqlite3.Connection:
+def _connect(folder: Path, mode: Literal["ro", "rw"]) -> sqlite3.Connection:
     if (folder / FILE).stat().st_size == 0:
         raise _damaged(folder, "it is empty")
-    return sqlite3.connect(f"{(folder / FILE).absolute().as_uri()}?mode=rw", uri=True, check_same_thread=False)
+    where = f"{(folder / FILE).absolute().as_uri()}?mode={mode}"
+    database = sqlite3.connect(where, uri=True, timeout=_WAIT, check_same_thread=False)
+    database.text_factory = lambda text: text.decode(errors="replace")  # the hashes tell, not a decoder
+    return database
 
 
 def _check(folder: Path, database: sqlite3.Connection) -> None:
@@ -359,9 +364,7 @@ def glance(folder: str | Path) -> Glance:
         raise RunError(f"there is no run in '{folder}'")
     try:
         running = _is_locked(path)
-        if (path / FILE).stat().st_size == 0:
-            raise _damaged(path, "it is empty")
-        database = sqlite3.connect(f"{(path / FILE).absolute().as_uri()}?mode=ro", uri=True, timeout=_WAIT)
+        database = _connect(path, "ro")
         try:
             _check(path, database)
             facts = {name: json.loads(text) for name, text in database.execute("SELECT name, text FROM facts")}
@@ -371,7 +374,7 @@ def glance(folder: str | Path) -> Glance:
             database.close()
     except sqlite3.OperationalError as error:
         raise RunError(f"cannot read '{path / FILE}': {error}") from error
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:
         raise _damaged(path, str(error)) from error
     state = "running" if running and facts["state"] != "finished" else facts["state"]
     return Glance(path, facts["request"], state, count, seconds, generations, facts.get("stage", {}))

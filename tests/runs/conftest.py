@@ -1,0 +1,69 @@
+"""Small runs: a short recording by the reference solver, and searches of a few structures of one mass."""
+
+import contextlib
+import io
+import os
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from brightgrey.cli import main
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.simulation.reference import reference
+
+STRUCTURE = "one_mass+coulomb+viscous"
+VALUES = {"J1": 0.02, "M_C": 1.0, "f_v": 0.02}
+FILES = ("model.json", "ranking.csv", "report.html")
+
+
+def recording_csv(values=VALUES, seed=0, samples=600, structure=STRUCTURE):
+    """Torque and quantised, noisy velocity of a known drive."""
+    u = E.torque()[:samples]
+    (y,) = reference(structure, values, u, E.dt, f_tanh=E.f_tanh)
+    y = y + 2e-3 * np.abs(y).max() * np.random.default_rng(seed).standard_normal(y.shape)
+    y = 1e-3 * np.round(y / 1e-3)
+    rows = [f"{k * E.dt:.6f},{a:.9g},{b:.6f}\n" for k, (a, b) in enumerate(zip(u, y, strict=True))]
+    return "t [s],torque [N m],velocity [rad/s]\n" + "".join(rows)
+
+
+def results(folder):
+    """Bytes of what has to be the same."""
+    return {name: (folder / name).read_bytes() for name in FILES}
+
+
+def call(*arguments):
+    """Run the program in this process."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main([str(a) for a in arguments])
+    return SimpleNamespace(code=code, out=out.getvalue(), err=err.getvalue())
+
+
+def start(*arguments, **how):
+    """Start the program in another process."""
+    environment = {**os.environ, "MPLBACKEND": "agg"}
+    command = [sys.executable, "-m", "brightgrey", *map(str, arguments)]
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **how)
+
+
+@pytest.fixture(scope="session")
+def small(tmp_path_factory):
+    """Recording, options of two searches on it, and what they come to when nobody interrupts them."""
+    folder = tmp_path_factory.mktemp("small")
+    (folder / "a.csv").write_text(recording_csv())
+    columns = (folder / "a.csv", "--input", "torque", "--output", "velocity", "--f-tanh", f"{E.f_tanh!r}")
+    without = [o for e in ("two_mass", "stribeck", "current_control") for o in ("--exclude", e)]
+    genetic = ("--search", "genetic", "--setting", "ours", "--population", 6, "--elite", 1, "--generations", 3)
+    searches = {
+        "exhaustive": ("identify", *columns, *without),
+        "genetic": ("identify", *columns, *genetic, "--iterations", 10),
+    }
+    whole = {}
+    for name, arguments in searches.items():
+        done = call(*arguments, "--workers", 2, "--out", folder / name)
+        assert done.code == 0, done.err
+        whole[name] = results(folder / name)
+    return SimpleNamespace(folder=folder, searches=searches, whole=whole, columns=columns)
