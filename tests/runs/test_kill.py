@@ -38,26 +38,22 @@ def length_of(small, name, folder):
     return time.monotonic() - begun
 
 
-def killed_often(small, tmp_path, times, seed):
+def killed_often(small, tmp_path, name, times, seed):
     draw = random.Random(seed)
-    kept = []
-    for name in small.searches:
-        length = length_of(small, name, tmp_path / name)
-        for number in range(times):
-            share = draw.random()
-            kept.append(kill_and_resume(small, name, share, length, tmp_path / f"{name}{number}"))
-    return kept
+    length = length_of(small, name, tmp_path / name)
+    return [kill_and_resume(small, name, draw.random(), length, tmp_path / str(k)) for k in range(times)]
 
 
-def test_killed_at_a_few_instants(small, tmp_path):
-    killed_often(small, tmp_path, 2, seed=1)
+@pytest.mark.parametrize("name", ["exhaustive", "genetic"])
+def test_killed_at_a_few_instants(small, tmp_path, name):
+    killed_often(small, tmp_path, name, 2, seed=1)
 
 
 @pytest.mark.long
-def test_killed_at_a_hundred_instants(small, tmp_path):
-    kept = killed_often(small, tmp_path, 50, seed=2)
-    assert len(kept) == 100
-    assert sum(k > 0 for k in kept) > 25  # instants within the search are among them
+@pytest.mark.parametrize("name", ["exhaustive", "genetic"])
+def test_killed_at_fifty_instants(small, tmp_path, name):
+    kept = killed_often(small, tmp_path, name, 50, seed=2)
+    assert sum(k > 0 for k in kept) > 12  # instants within the search are among them
     print(sorted(kept))
 
 
