@@ -7,10 +7,10 @@ import signal
 import time
 
 import pytest
+from small_runs import call, results, start
 
 from brightgrey.runs import glance
 from brightgrey.runs.store import FILE
-from conftest import call, results, start
 
 MOST = 60.0  # s until a test has failed
 

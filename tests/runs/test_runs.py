@@ -4,9 +4,9 @@ import json
 import shutil
 
 import numpy as np
+from small_runs import call, results
 
 from brightgrey.runs import glance
-from conftest import call, results
 
 
 def copied(small, tmp_path, name="exhaustive"):
@@ -98,6 +98,11 @@ def test_a_given_structure_keeps_its_result_too(small, tmp_path):
     done = call(*arguments)
     assert "was finished before" in done.out
     assert results(tmp_path) == before
+    other = call(*arguments, "--seed", 3)  # seconds of work are no loss
+    assert other.code == 0, other.err
+    assert json.loads((tmp_path / "model.json").read_text())["seed"] == 3
+    assert call(*small.searches["exhaustive"], "--out", tmp_path, "--max-evaluations", 4).code == 0
+    assert "structure was null" in call(*arguments).err  # but those of a search are
     refused = call(*arguments[:-2], "--max-evaluations", 3, "--out", tmp_path)
     assert refused.code == 2
     assert "belong to a search" in refused.err

@@ -6,13 +6,13 @@ import signal
 
 import numpy as np
 import pytest
+from small_runs import results
 
 from brightgrey.api import read_recording
 from brightgrey.api.runs import identify_into
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.runs import RunError, Workforce
-from conftest import results
 
 EXCLUDE = ("two_mass", "stribeck", "current_control")
 

@@ -133,13 +133,15 @@ def identify_into(
     Raises
     ------
     RunError
-        If another process is at work in `folder`, a run of another request or a damaged one is there, results
+        If another process is at work in `folder`, a run of another request (but for the finished fit of a given
+        structure, which is replaced) or a damaged one is there, results
         cannot be kept, or the search was stopped before there is anything.
     BrightgreyError
         As :func:`identify`.
     """
     check_folder(folder)
-    with Store.open(folder, request_of(recordings, structure, **options), restart=restart) as store:
+    request = request_of(recordings, structure, **options)
+    with Store.open(folder, request, restart=restart, cheap=_is_fit) as store:
         if store.finished:
             files = store.files()
             said = files.pop(PRINTED, b"").decode()
@@ -170,6 +172,11 @@ def identify_into(
         if not result.stopped:
             store.finish({**contents, PRINTED: said.encode()})
         return Kept(contents, said, result)
+
+
+def _is_fit(request: Mapping[str, Any]) -> bool:
+    """Whether nothing was searched: such a result is soon there again."""
+    return request.get("structure") is not None
 
 
 def _note(store: Store, step: Stage | Progress) -> None:

@@ -33,3 +33,5 @@ def demo(
         result = api.demo(seed=seed, workers=workers, progress=lambda step: display(step, "demo"))
         result.write(out)
     show.result(result, out, quiet=quiet, json=json)
+    if result.stopped:
+        raise typer.Exit(130)

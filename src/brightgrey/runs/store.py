@@ -10,16 +10,15 @@ from __future__ import annotations
 import json
 import sqlite3
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from brightgrey.errors import BrightgreyError
 from brightgrey.runs.codec import canonical, digest
 
-__all__ = ["FILE", "LOCK", "Glance", "RunError", "Store", "glance", "held"]
+__all__ = ["FILE", "LOCK", "RunError", "Store", "checked", "connect", "damaged", "held"]
 
 FILE, LOCK = "run.sqlite", "run.lock"
 _FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm")
@@ -39,33 +38,6 @@ class RunError(BrightgreyError):
     """A run that cannot be begun, gone on with or kept: names the folder and what to do."""
 
 
-@dataclass(frozen=True)
-class Glance:
-    """What :func:`glance` saw of a run.
-
-    Attributes
-    ----------
-    folder : Path
-    request : mapping
-    state : {'finished', 'running', 'unfinished'}
-    evaluations : int
-    seconds : float
-        That the evaluations took, in sum.
-    generations : int
-        Of a genetic search, that are complete.
-    stage : mapping
-        Where the search stood: `name`, `done`, `total`, `best`; empty before it has begun.
-    """
-
-    folder: Path
-    request: Mapping[str, Any]
-    state: str
-    evaluations: int
-    seconds: float
-    generations: int
-    stage: Mapping[str, Any]
-
-
 @contextmanager
 def _named(folder: Path) -> Iterator[None]:
     """Turn what SQLite and the system say into a sentence that names the folder."""
@@ -78,14 +50,15 @@ def _named(folder: Path) -> Iterator[None]:
             raise RunError(f"cannot keep the run in '{folder}': {text}; {hint}") from error
         if "readonly" in text or "unable to open" in text:
             raise RunError(f"cannot keep the run in '{folder}': {text}; it has to be writable") from error
-        raise _damaged(folder, text) from error
+        raise damaged(folder, text) from error
     except UnicodeDecodeError as error:  # SQLite's own words quote what it has found
-        raise _damaged(folder, "its schema is no text") from error
+        raise damaged(folder, "its schema is no text") from error
     except OSError as error:
         raise RunError(f"cannot keep the run in '{folder}': {error.strerror or error}") from error
 
 
-def _damaged(folder: Path, what: str) -> RunError:
+def damaged(folder: Path, what: str) -> RunError:
+    """Error that says what is wrong with the file of a run."""
     return RunError(f"'{folder / FILE}' is damaged: {what}; nothing of it was used. --restart begins the run anew")
 
 
@@ -104,7 +77,14 @@ class Store:
         self._stage: str | None = None
 
     @classmethod
-    def open(cls, folder: str | Path, request: Mapping[str, Any], *, restart: bool = False) -> Store:
+    def open(
+        cls,
+        folder: str | Path,
+        request: Mapping[str, Any],
+        *,
+        restart: bool = False,
+        cheap: Callable[[Mapping[str, Any]], bool] = lambda request: False,
+    ) -> Store:
         """Begin the run of `request` in `folder`, or take it up again.
 
         Parameters
@@ -115,6 +95,8 @@ class Store:
             Plain data: all that the result depends on.
         restart : bool
             Forget the run that is there.
+        cheap : callable
+            Whether a finished run of some request may be replaced by another one unasked: it took no time.
 
         Raises
         ------
@@ -130,24 +112,11 @@ class Store:
         try:
             with _named(path):
                 if restart:
-                    for name in _FILES:
-                        (path / name).unlink(missing_ok=True)
-                if not (path / FILE).exists():
-                    _create(path, request)
-                database = _connect(path, "rw")
-            store = cls(path, lock, database, made)
-            try:
-                with _named(path):
-                    _check(path, database)
-                    _check_request(path, json.loads(store.fact("request") or "{}"), request)
-                    store._begin()
-            except BaseException:
-                database.close()
-                raise
+                    _forget(path)
+                return cls(path, lock, _opened(path, request, cheap), made)
         except BaseException:
             lock.close()
             raise
-        return store
 
     def __enter__(self) -> Store:
         return self
@@ -234,11 +203,6 @@ class Store:
         rows = [("files", (name, content)) for name, content in files.items()]
         self._save([*rows, ("facts", ("state", '"finished"'))])
 
-    def _begin(self) -> None:
-        with self._one:
-            self._database.execute("PRAGMA journal_mode = WAL")
-            self._database.execute("PRAGMA synchronous = FULL")
-
     def _save(self, rows: Sequence[tuple[str, Sequence[Any]]]) -> None:
         with self._one, _named(self.folder):
             self._write(rows)
@@ -306,88 +270,73 @@ def _create(folder: Path, request: Mapping[str, Any]) -> None:
     aside.replace(folder / FILE)
 
 
-def _connect(folder: Path, mode: Literal["ro", "rw"]) -> sqlite3.Connection:
+def _forget(folder: Path) -> None:
+    for name in _FILES:
+        (folder / name).unlink(missing_ok=True)
+
+
+def _opened(folder: Path, request: Mapping[str, Any], cheap: Callable[[Mapping[str, Any]], bool]) -> sqlite3.Connection:
+    """Checked file of the run of `request`, made if there is none."""
+    if not (folder / FILE).exists():
+        _create(folder, request)
+    database = connect(folder, "rw")
+    try:
+        facts = checked(folder, database)
+        apart = _apart(facts["request"], request)
+        if not apart:
+            database.execute("PRAGMA journal_mode = WAL")
+            database.execute("PRAGMA synchronous = FULL")
+            return database
+    except BaseException:
+        database.close()
+        raise
+    database.close()
+    if facts["state"] == "finished" and cheap(facts["request"]):
+        _forget(folder)
+        return _opened(folder, request, cheap)
+    raise RunError(
+        f"'{folder}' holds a run of another request: {'; '.join(apart)}. Use another folder, or --restart to"
+        " begin anew there"
+    )
+
+
+def connect(folder: Path, mode: Literal["ro", "rw"]) -> sqlite3.Connection:
+    """Open the file of a run; RunError if it is empty."""
     if (folder / FILE).stat().st_size == 0:
-        raise _damaged(folder, "it is empty")
+        raise damaged(folder, "it is empty")
     where = f"{(folder / FILE).absolute().as_uri()}?mode={mode}"
     database = sqlite3.connect(where, uri=True, timeout=_WAIT, check_same_thread=False)
     database.text_factory = lambda text: text.decode(errors="replace")  # the hashes tell, not a decoder
     return database
 
 
-def _check(folder: Path, database: sqlite3.Connection) -> None:
-    """Refuse a file that is damaged: SQLite's own check, then the hash of every row."""
+def checked(folder: Path, database: sqlite3.Connection) -> dict[str, Any]:
+    """Facts of a file that is not damaged, by SQLite's own check and the hash of every row; else RunError."""
     problems = [str(row[0]) for row in database.execute("PRAGMA integrity_check")]
     if problems != ["ok"]:
-        raise _damaged(folder, problems[0].replace("\n", " "))
+        raise damaged(folder, problems[0].replace("\n", " "))
     for table in _TABLES:
         for *row, stored in database.execute(f"SELECT * FROM {table}"):
             if _row_hash(table, row) != stored:
-                raise _damaged(folder, f"row '{row[0]}' of table '{table}' does not match its hash")
-    facts = dict(database.execute("SELECT name, text FROM facts"))
+                raise damaged(folder, f"row '{row[0]}' of table '{table}' does not match its hash")
+    facts = {name: json.loads(text) for name, text in database.execute("SELECT name, text FROM facts")}
     if "request" not in facts or "state" not in facts:
-        raise _damaged(folder, "the request is missing")
-    if facts.get("format") != canonical(FORMAT):
-        raise RunError(f"'{folder / FILE}' has the format {facts.get('format')}; this version reads '{FORMAT}'")
+        raise damaged(folder, "the request is missing")
+    if facts.get("format") != FORMAT:
+        raise RunError(f"'{folder / FILE}' has the format '{facts.get('format')}'; this version reads '{FORMAT}'")
+    return facts
 
 
-def _check_request(folder: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Refuse another request than the one that the run was begun with; says what differs."""
+def _apart(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """What differs between the request that a run was begun with and another one."""
     now = json.loads(canonical(now))
-    apart = [
+    return [
         f"{name} was {_shown(before.get(name))} and is {_shown(now.get(name))}"
         for name in sorted({*before, *now})
         if before.get(name) != now.get(name)
     ]
-    if apart:
-        raise RunError(
-            f"'{folder}' holds a run of another request: {'; '.join(apart)}. Use another folder, or --restart to"
-            " begin anew there"
-        )
 
 
 def _shown(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:28]}…{text[-28:]}"
-
-
-def glance(folder: str | Path) -> Glance:
-    """Look at the run in `folder`, which may be going on, without disturbing it.
-
-    Raises
-    ------
-    RunError
-        If there is none, or it is damaged.
-    """
-    path = Path(folder)
-    if not (path / FILE).exists():
-        raise RunError(f"there is no run in '{folder}'")
-    try:
-        running = _is_locked(path)
-        database = _connect(path, "ro")
-        try:
-            _check(path, database)
-            facts = {name: json.loads(text) for name, text in database.execute("SELECT name, text FROM facts")}
-            count, seconds = database.execute("SELECT count(*), total(seconds) FROM evaluations").fetchone()
-            (generations,) = database.execute("SELECT count(*) FROM generations").fetchone()
-        finally:
-            database.close()
-    except sqlite3.OperationalError as error:
-        raise RunError(f"cannot read '{path / FILE}': {error}") from error
-    except (sqlite3.Error, UnicodeDecodeError) as error:
-        raise _damaged(path, str(error)) from error
-    state = "running" if running and facts["state"] != "finished" else facts["state"]
-    return Glance(path, facts["request"], state, count, seconds, generations, facts.get("stage", {}))
-
-
-def _is_locked(folder: Path) -> bool:
-    if not (folder / LOCK).exists():
-        return False
-    lock = sqlite3.connect(f"{(folder / LOCK).absolute().as_uri()}?mode=ro", uri=True, timeout=0)
-    try:
-        lock.execute("SELECT count(*) FROM sqlite_master").fetchone()
-    except sqlite3.OperationalError as error:
-        return "locked" in str(error)
-    finally:
-        lock.close()
-    return False

@@ -106,7 +106,7 @@ def weigh(
         All structures of a grammar, or as many as were tried.
     seed : int
     executor : concurrent.futures.Executor, optional
-        Makes the refits, one after the other.
+        Makes the refits, most of them one after the other.
     progress : callable, optional
         Called with every structure that is examined.
     """
@@ -118,9 +118,9 @@ def _weigh(scale: _Scale, progress: Callable[[Structure], None] | None) -> Evide
     found = _minimal_structures(scale, progress)
     structures = [j.structure for j in found]
     effects = _all_effects(scale.known)
+    asked = {s: {e: scale.shown(s, e) for e in effects if not has(s, e)} for s in structures}  # side by side
     shown = {
-        s: {e: scale.shown(s, e) and not scale.gain(s, e) > _NOTABLE for e in effects if not has(s, e)}
-        for s in structures
+        s: {e: answer() and not scale.gain(s, e) > _NOTABLE for e, answer in of.items()} for s, of in asked.items()
     }
     optional = tuple(e for e in effects if any(e in of and not of[e] for of in shown.values()))
     cards = tuple(scale.card(e, structures, optional) for e in effects)
@@ -169,17 +169,17 @@ class _Scale:
         found = significance(self.misfit(small), self.misfit(big), self.whitening.samples)
         return found > threshold(big.free - small.free, LEVEL / max(tests, 1))
 
-    def shown(self, structure: Structure, effect: str) -> bool:
+    def shown(self, structure: Structure, effect: str) -> Callable[[], bool]:
         """Whether the recording shows that `effect` is not there at the least size that matters, beside `structure`.
 
         It would have been found: its power is enough for small changes. And it is refuted: with the effect held at
         that size and all else fitted anew, the fit is significantly worse. Friction bends so much that small changes
-        alone promise too much.
+        alone promise too much. What comes back waits for that fit.
         """
         big = self.with_effect(structure, effect)
         placed = Placed.parse(effect)
         if big is None or placed.effect.noticeable is None:
-            return False
+            return lambda: False
         judged = self.bench.judge(structure)
         task = self.bench.task
         changed = placed.effect.noticeable(task.scales, judged.values)
@@ -189,11 +189,15 @@ class _Scale:
         size = self.whitening.unexplained(judged, change)
         tests = len(extensions(structure, self.known))
         if power(size, len(placed.effect.parameters), LEVEL / max(tests, 1)) < _SHOWN:
-            return False
+            return lambda: False
         own = {name: value for name, value in least.items() if name not in structure.parameters}
-        held = self.bench.held(big, values, own)
-        found = significance(self.misfit(held), self.misfit(judged), self.whitening.samples)
-        return found > threshold(1, LEVEL)
+        held, without = self.bench.held(big, values, own), self.misfit(judged)
+
+        def worse() -> bool:
+            found = significance(self.misfit(held()), without, self.whitening.samples)
+            return found > threshold(1, LEVEL)
+
+        return worse
 
     def with_effect(self, structure: Structure, effect: str) -> Structure | None:
         """Least structure that has `effect` beyond `structure`, one mass or one effect more."""

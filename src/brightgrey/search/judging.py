@@ -158,10 +158,13 @@ class Bench:
         self.judged[structure] = new
         return True
 
-    def held(self, structure: Structure, values: Mapping[str, float], held: Mapping[str, float]) -> Judged:
-        """Refit from `values` with some of them held; nothing is kept."""
+    def held(
+        self, structure: Structure, values: Mapping[str, float], held: Mapping[str, float]
+    ) -> Callable[[], Judged]:
+        """Refit from `values` with some of them held; what comes back waits for it, and nothing is kept."""
         task = replace(self.task, fixed={**self.task.fixed, **held})
-        return self._end(_refit_held, task, structure, values)
+        end = self.executor.submit(_refit_held, task, structure, values)
+        return lambda: _judged(task, structure, end.result())
 
     def cost(self, structure: Structure) -> float:
         """Least cost known of `structure`: its own, or that of a refitted one that it contains."""
