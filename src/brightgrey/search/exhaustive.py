@@ -23,12 +23,13 @@ from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.problem import Problem
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.identification import Identification
-from brightgrey.search.lattice import effects_of, extensions, ladder_of, largest_within, without_ladder
-from brightgrey.search.work import in_order, pool
+from brightgrey.search.lattice import effects_of, extensions, ladder_of, largest_within, size, without_ladder
+from brightgrey.search.work import in_turn, pool
 
 __all__ = ["Fitted", "Options", "fit_all", "fit_one"]
 
 Array = NDArray[np.float64]
+_Item = tuple[bool, Structure]  # whether it is a hub that is sought from everywhere
 _IMPROVED = 0.999  # of the cost: what is worth another descent
 
 
@@ -106,7 +107,8 @@ def fit_all(
     options : Options, optional
     seed : int
     executor : concurrent.futures.Executor, optional
-        Structures of equal size are fitted in parallel; the result does not depend on it. One thread by default.
+        Fits structures at a time that do not contain each other; the result does not depend on it. One thread by
+        default.
     progress : callable, optional
         Called with every structure that has been fitted for the first time, in the order of the result.
 
@@ -117,29 +119,44 @@ def fit_all(
     """
     how = options or Options()
     order = {s: i for i, s in enumerate(structures)}
-    sizes: dict[int, list[Structure]] = {}
-    for s in structures:
-        sizes.setdefault(s.masses + len(s.placed), []).append(s)
+    rising = sorted(structures, key=size)
+    first = _hubs(structures)
+    hubs: dict[Structure, Fitted] = {}
     done: dict[Structure, Fitted] = {}
+    near = {s: [h for h in first if ladder_of(h) == ladder_of(s)] for s in structures}
+    within = {s: largest_within(s, structures) for s in structures}
 
-    def call(structure: Structure) -> tuple[Any, ...]:
-        near = [h for h in hubs if ladder_of(h.structure) == ladder_of(structure)]
-        parents = [done[s] for s in largest_within(structure, done)]
-        return task, structure, _best(parents, how), near, how, (seed, order[structure])
+    def needs(item: _Item) -> list[_Item]:
+        """Hubs of its ladder, and what it contains."""
+        hub, s = item
+        return [] if hub else [(True, h) for h in near[s]] + [(False, t) for t in within[s]]
+
+    def call(item: _Item) -> tuple[Any, ...]:
+        hub, s = item
+        if hub:
+            return _from_everywhere, task, s, how, seed
+        parents = _best([done[t] for t in within[s]], how)
+        return fit_one, task, s, parents, [hubs[h] for h in near[s]], how, (seed, order[s])
+
+    def take(item: _Item, fitted: Fitted) -> None:
+        hub, s = item
+        if hub:
+            hubs[s] = fitted
+            return
+        done[s] = fitted
+        if progress is not None:
+            progress(fitted)
+
+    def above(s: Structure) -> tuple[Any, ...] | None:
+        larger = _better_above(done, s)
+        return (_from_above, task, done[s], larger, how) if larger else None
 
     with pool(executor) as workers:
-        hubs = list(in_order(workers, _from_everywhere, [(task, s, how, seed) for s in _hubs(structures)]))
-        for size in sorted(sizes):
-            for fitted in in_order(workers, fit_one, [call(s) for s in sizes[size]]):
-                done[fitted.structure] = fitted
-                if progress is not None:
-                    progress(fitted)
-        for size in sorted(sizes, reverse=True):
-            better = [(task, done[s], larger, how) for s in sizes[size] if (larger := _better_above(done, s))]
-            for fitted in in_order(workers, _from_above, better):
-                done[fitted.structure] = fitted
+        in_turn(workers, [(True, h) for h in first] + [(False, s) for s in rising], needs, call, take)
+        falling = sorted(structures, key=size, reverse=True)
+        in_turn(workers, falling, lambda s: extensions(s, structures), above, done.__setitem__)
     for s in done:
-        done[s] = _at_least_as_good(done[s], [done[t] for t in largest_within(s, done)])
+        done[s] = _at_least_as_good(done[s], [done[t] for t in within[s]])
     return done
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,8 @@ from brightgrey.search.lattice import contains, extensions
 from brightgrey.search.work import Stopped, pool
 
 __all__ = ["Ranked", "Stage", "Survey", "candidates", "survey"]
+
+_AT_ONCE = 32  # misfits: a simulation alone is not worth sending
 
 
 @dataclass(frozen=True)
@@ -165,19 +167,43 @@ def survey(
             progress(Stage("evidence", examined, None, structure))
 
     evidence = None
+    known: dict[Structure, Misfit] = {}
     try:
         with pool(executor) as workers:
             fitted = fit_all(task, structures, options=options, seed=seed, executor=workers, progress=fitted_one)
             if not np.isfinite(least):
                 raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
+            ahead = _misfits_ahead(workers, task, fitted)  # while evidence leaves workers idle
             evidence = weigh(task, fitted, seed=seed, executor=workers, progress=weighed_one)
+            for part, found in ahead:
+                known |= zip(part, found.result(), strict=True)
     except (KeyboardInterrupt, Stopped):
         if not np.isfinite(least):
             raise
-    return Survey(_ranking(task, fitted, evidence), evidence, fitted)
+    return Survey(_ranking(task, fitted, evidence, known), evidence, fitted)
 
 
-def _ranking(task: Identification, fitted: Mapping[Structure, Fitted], evidence: Evidence | None) -> tuple[Ranked, ...]:
+def _misfits_ahead(
+    executor: Executor, task: Identification, fitted: Mapping[Structure, Fitted]
+) -> list[tuple[Sequence[Structure], Future[list[Misfit]]]]:
+    """Misfits of all structures at their own values, some dozens in a call."""
+    own = [s for s, f in fitted.items() if not f.idle]
+    parts = [own[i : i + _AT_ONCE] for i in range(0, len(own), _AT_ONCE)]
+    return [(part, executor.submit(_misfits, task, [(s, fitted[s].values) for s in part])) for part in parts]
+
+
+def _misfits(task: Identification, valued: Sequence[tuple[Structure, Mapping[str, float]]]) -> list[Misfit]:
+    """Misfit of each structure with its values, at the level of the search."""
+    return [task.misfits(s, {n: np.array([values[n]]) for n in s.parameters})[0] for s, values in valued]
+
+
+def _ranking(
+    task: Identification,
+    fitted: Mapping[Structure, Fitted],
+    evidence: Evidence | None,
+    known: Mapping[Structure, Misfit],
+) -> tuple[Ranked, ...]:
+    """All structures in their places; `known` are misfits at the values of `fitted`."""
     minimal, optional = ([j.structure for j in evidence.minimal], evidence.optional) if evidence else ([], ())
     tied = set(minimal)
     for s in minimal:
@@ -192,7 +218,9 @@ def _ranking(task: Identification, fitted: Mapping[Structure, Fitted], evidence:
         if judged is None and f.idle:  # it fits as well as one without them, with their values it does not
             shown = next(t for t, g in fitted.items() if not g.idle and g.cost == f.cost and contains(s, t))
             values = fitted[shown].values
-        (misfit,) = task.misfits(shown, {name: np.array([values[name]]) for name in shown.parameters})
+        misfit = known.get(shown) if judged is None else None
+        if misfit is None:
+            (misfit,) = _misfits(task, [(shown, values)])
         value = independent * np.log(max(cost, 1e-300) / samples) + f.free * np.log(independent)
         ranked.append(Ranked(s, f.free, misfit, float(value), s in tied))
     place = {s: i for i, s in enumerate(minimal)}
