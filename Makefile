@@ -43,6 +43,7 @@ bench: setup  ## speed and accuracy, as ratios measured in one run
 	$(BIN)/python bench/speed.py
 	$(BIN)/python bench/genetic.py speed
 	$(BIN)/python bench/identification.py
+	$(BIN)/python bench/runs.py
 
 bench-long: setup  ## the statistics of docs/results.md
 	$(BIN)/python bench/accuracy.py

@@ -29,6 +29,7 @@ def test_commands_and_python_in_their_order(tmp_path, monkeypatch):
     results = {"report.html", "model.json", "ranking.csv", "fit.png"}
     expected = {f"{folder}/{name}" for folder in ("demo", "out") for name in results}
     expected |= {f"out/export/drive.{kind}" for kind in ("c", "h", "fmu")}
+    expected |= {"out/run.sqlite", "out/run.lock"}
     assert written == expected | {"demo/recording.csv", "out/simulated.csv", "fit.pdf", "friction.svg"}
 
 

@@ -13,6 +13,7 @@ from brightgrey.effects import registry
 
 STRUCTURE = "one_mass+coulomb+viscous"
 RESULTS = {"model.json", "ranking.csv", "report.html", "fit.png"}
+RUN = {"run.sqlite", "run.lock"}
 
 
 def model_of(folder):
@@ -20,7 +21,7 @@ def model_of(folder):
 
 
 def test_identify_finds_the_drive(drive):
-    assert {p.name for p in drive.out.iterdir()} == RESULTS
+    assert {p.name for p in drive.out.iterdir()} == RESULTS | RUN
     model = model_of(drive.out)
     assert model["structure"] == STRUCTURE.split("+")
     for name, truth in drive.truth.items():
@@ -223,7 +224,7 @@ def test_identify_searches_for_the_structure(drive, tmp_path, call):
         arguments = (drive.folder / "a.csv", *options, *search, "--workers", workers, "--out", tmp_path / folder)
         done = call("identify", *arguments)
         assert done.code == 0, done.err
-    names = {p.name for p in (tmp_path / "one").iterdir()}
+    names = {p.name for p in (tmp_path / "one").iterdir()} - RUN
     assert names == RESULTS | {"history.csv"}
     assert all((tmp_path / "one" / n).read_bytes() == (tmp_path / "two" / n).read_bytes() for n in names)
     rows = list(csv.DictReader((tmp_path / "one" / "ranking.csv").read_text(encoding="utf-8").splitlines()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -29,6 +30,7 @@ from brightgrey.export.ranking import Row, front, ranking_csv
 from brightgrey.export.trace import Trace, pooled_fit
 from brightgrey.kit import Structure, function_set
 from brightgrey.recordings import Recording
+from brightgrey.runs.blas import one_blas_thread
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import GeneticSettings, Progress, Run
 from brightgrey.search.survey import Stage
@@ -71,6 +73,8 @@ class Result:
         Command that gives this result again; without one the report makes it from the model.
     differences : tuple of Difference
         Where the search found ties: what differs for control between them, the best structure first.
+    stopped : bool
+        The search was ended before its time: this is the best so far.
     """
 
     model: Model
@@ -84,6 +88,7 @@ class Result:
     run: Run | None = field(default=None, repr=False)
     request: str = ""
     differences: tuple[Difference, ...] = field(default=(), repr=False)
+    stopped: bool = False
 
     @property
     def symptoms(self) -> tuple[Symptom, ...]:
@@ -169,18 +174,21 @@ class Result:
         SettingsError
             If `folder` cannot be written to.
         """
+        check_folder(folder)
+        write_files(folder, self.contents())
+
+    def contents(self) -> dict[str, bytes]:
+        """Contents of the files that :meth:`write` writes, by name."""
         from brightgrey.report.figure import picture
         from brightgrey.report.page import page
 
-        check_folder(folder)
-        contents = {
+        return {
             "report.html": page(self.content).encode(),
             "model.json": self.model.text().encode(),
             "ranking.csv": ranking_csv(self.ranking).encode(),
             "fit.png": picture(self.plot(), "png"),
             **self.files,
         }
-        write_files(folder, contents)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -188,6 +196,7 @@ class Result:
         return ("report.html", "model.json", "ranking.csv", "fit.png", *self.files)
 
 
+@one_blas_thread()
 def identify(
     recordings: Recording | Sequence[Recording],
     structure: Structure | str | None = None,
@@ -205,6 +214,7 @@ def identify(
     starts: int = 8,
     seed: int = 0,
     workers: int = 1,
+    executor: Executor | None = None,
     level: Literal["accurate", "fast"] = "accurate",
     estimator: Literal["least-squares", "pattern-search"] = "least-squares",
     profile: Sequence[str] = (),
@@ -225,7 +235,7 @@ def identify(
     require, exclude : sequence of str
         Effects that every structure of an exhaustive search has, or that none has; masses count cumulatively.
     progress : callable, optional
-        Called after every structure or generation of the search. Ctrl-C ends a genetic search with the best so far.
+        Called after every structure or generation of the search. Ctrl-C ends a search with the best so far.
     bounds : mapping of str to (low, high), optional
         Ranges by parameter, in the recording's units.
     fixed : mapping of str to float, optional
@@ -247,6 +257,8 @@ def identify(
         Seed of all random draws. The same seed gives the same bytes, for any number of workers.
     workers : int
         Threads to simulate on.
+    executor : concurrent.futures.Executor, optional
+        Makes the evaluations of a search instead: threads, processes, a cluster. The result does not depend on it.
     level : {'accurate', 'fast'}
         Level of integration.
     estimator : {'least-squares', 'pattern-search'}
@@ -294,6 +306,7 @@ def identify(
             seed,
             workers,
             progress,
+            executor,
         )
         found = find(several, wish)
         structure, bounds, fixed = found.structure, found.own(bounds), found.own(fixed)
@@ -392,6 +405,7 @@ def _result(
         evidence,
         run=run,
         differences=apart,
+        stopped=found is not None and found.stopped,
     )
 
 

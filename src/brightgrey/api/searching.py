@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import Literal, TypeVar
 
@@ -21,7 +21,8 @@ from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import GeneticSettings, Progress, Run, history_csv
 from brightgrey.search.genetic.settings import OURS
 from brightgrey.search.repetition import run
-from brightgrey.search.survey import Stage, candidates, survey
+from brightgrey.search.survey import Stage, Survey, candidates, survey
+from brightgrey.search.work import pool
 
 __all__ = ["Found", "Wish", "find"]
 
@@ -41,6 +42,7 @@ class Found:
     files: Mapping[str, bytes] = field(default_factory=dict)
     evidence: Evidence | None = None
     run: Run | None = None
+    stopped: bool = False
 
     def own(self, given: Mapping[str, T] | None) -> dict[str, T]:
         """Those of `given` that are about a parameter of the structure."""
@@ -63,6 +65,8 @@ class Wish:
     seed, workers : int
     progress : callable or None
         Called after every structure (`Stage`) or generation (`Progress`).
+    executor : Executor or None
+        Where evaluations are made; `workers` threads if there is none.
     """
 
     how: Literal["auto", "exhaustive"] | GeneticSettings
@@ -74,6 +78,7 @@ class Wish:
     seed: int
     workers: int
     progress: Callable[[Stage | Progress], None] | None
+    executor: Executor | None = None
 
 
 def find(recordings: Sequence[Recording], wish: Wish) -> Found:
@@ -106,8 +111,8 @@ def find(recordings: Sequence[Recording], wish: Wish) -> Found:
 
 
 def _exhaustive(task: Identification, structures: Sequence[Structure], wish: Wish) -> Found:
-    with ThreadPoolExecutor(wish.workers) as pool:
-        done = survey(task, structures, seed=wish.seed, executor=pool, progress=wish.progress)
+    with pool(wish.executor, wish.workers) as executor:
+        done = survey(task, structures, seed=wish.seed, executor=executor, progress=wish.progress)
     best = done.best
     factors = np.array([signal.factor for signal in task.recordings[0].outputs])
     weights = task.weights(best.structure)
@@ -122,22 +127,37 @@ def _exhaustive(task: Identification, structures: Sequence[Structure], wish: Wis
         )
         for r in done.ranking
     )
-    count = len(done.evidence.minimal)
-    note = f"all {len(structures)} structures tried; {count} minimal {'ones' if count > 1 else 'one'}"
-    if len(structures) == 1:
-        note = "one structure tried"
     return Found(
         structure=best.structure,
         values=best.values,
         ranking=rows,
         criterion=CriterionPart(name="BIC", value=done.ranking[0].criterion),
-        note=note,
+        note=_note_on_survey(done, len(structures)),
         evidence=done.evidence,
+        stopped=done.evidence is None,
     )
 
 
+def _note_on_survey(done: Survey, structures: int) -> str:
+    if done.evidence is None:
+        count = len(done.fitted)
+        return f"stopped: {count} of {structures} structures fitted, the simple ones first; the best so far, unweighed"
+    if structures == 1:
+        return "one structure tried"
+    count = len(done.evidence.minimal)
+    return f"all {structures} structures tried; {count} minimal {'ones' if count > 1 else 'one'}"
+
+
 def _genetic(task: Identification, settings: GeneticSettings, wish: Wish) -> Found:
-    done = run(task, settings, wish.seed, workers=wish.workers, progress=wish.progress, grammar=function_set())
+    done = run(
+        task,
+        settings,
+        wish.seed,
+        workers=wish.workers,
+        executor=wish.executor,
+        progress=wish.progress,
+        grammar=function_set(),
+    )
     best = done.best
     if not best.value > float("-inf") or not best.result.misfit.fit_percent > float("-inf"):
         raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
@@ -149,6 +169,7 @@ def _genetic(task: Identification, settings: GeneticSettings, wish: Wish) -> Fou
         files={"history.csv": history_csv(done).encode()},
         note=_note(done, settings),
         run=done,
+        stopped=done.interrupted,
     )
 
 

@@ -37,3 +37,5 @@ def demo(
         result = replace(result, request=given(context))
         result.write(out)
     show.result(result, out, quiet=quiet, json=json)
+    if result.stopped:
+        raise typer.Exit(130)

@@ -4,14 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from brightgrey.cli import genetic, options
-from brightgrey.cli.options import CORES, Json, Quiet, Seed, Step, Time, Unit, Workers
+from brightgrey.cli.options import (
+    CORES,
+    Dask,
+    Json,
+    MaxEvaluations,
+    MaxSeconds,
+    Processes,
+    Quiet,
+    Restart,
+    Seed,
+    Step,
+    Time,
+    Unit,
+    Workers,
+)
 from brightgrey.cli.request import given
 from brightgrey.errors import SettingsError, unknown_name
 
@@ -19,7 +32,7 @@ if TYPE_CHECKING:
     from brightgrey.search.genetic import Progress
     from brightgrey.search.survey import Stage
 
-__all__ = ["identify"]
+__all__ = ["checked_structure", "identify"]
 
 SEARCHES = ("auto", "exhaustive", "genetic")
 
@@ -149,13 +162,20 @@ def identify(
     initial: Begin = "auto",
     seed: Seed = 0,
     workers: Workers = CORES,
+    processes: Processes = False,
+    dask: Dask = None,
+    max_evaluations: MaxEvaluations = None,
+    max_seconds: MaxSeconds = None,
+    restart: Restart = False,
     out: Out = Path("out"),
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Estimate the parameters of a structure from recordings, or search for the structure, too.
 
-    Writes report.html, model.json, ranking.csv and fit.png to DIR; a search adds history.csv with every evaluation.
+    Writes report.html, model.json, ranking.csv and fit.png to DIR; a genetic search adds history.csv. What has been
+    evaluated is kept in DIR as well: the same command goes on after an interruption, and gives the result at once
+    after the end.
 
     All values, in and out, stand in the recording's units.
     """
@@ -166,7 +186,7 @@ def identify(
     from brightgrey.recordings.recording import check_hold
 
     check_folder(out)
-    chosen = _structure(structure, search, (*(require or ()), *(exclude or ())))
+    chosen = checked_structure(structure, search, (*(require or ()), *(exclude or ())))
     settings = (genetic.settings if search == "genetic" else genetic.refuse)(
         setting,
         mutation,
@@ -182,11 +202,17 @@ def identify(
     )
     held = check_hold(hold)
     from brightgrey import api
+    from brightgrey.api.runs import identify_into
+    from brightgrey.cli.stopping import signals
     from brightgrey.estimation.onset import check_initial
     from brightgrey.estimation.patterns import check_estimator
+    from brightgrey.runs import Budget, Workforce
 
     method = check_estimator(estimator or "least-squares") if structure else "least-squares"
     begin = check_initial(initial)
+    if structure and (processes or dask or max_evaluations or max_seconds):
+        raise SettingsError("--processes, --dask, --max-evaluations and --max-seconds belong to a search")
+    workforce, budget = Workforce(workers, processes, dask), Budget(max_evaluations, max_seconds)
 
     def read(file: Path) -> api.Recording:
         return api.read_recording(
@@ -202,11 +228,16 @@ def identify(
             hold=held,
         )
 
-    with _display(structure, silent=quiet or json) as progress:
-        result = api.identify(
+    with (
+        signals() as stop,
+        workforce.executor() as executor,
+        _display(structure, silent=quiet or json) as progress,
+    ):
+        kept = identify_into(
+            out,
             [read(file) for file in recordings],
             chosen,
-            search=settings or search,  # type: ignore[arg-type]
+            search=settings or search,
             require=require or (),
             exclude=exclude or (),
             progress=progress,
@@ -220,10 +251,16 @@ def identify(
             initial=begin,
             seed=seed,
             workers=workers,
+            executor=executor,
+            budget=budget,
+            stop=stop,
+            restart=restart,
+            printed=lambda result: show.text(result, out),
+            request=given(context),
         )
-        result = replace(result, request=given(context))
-        result.write(out)
-    show.result(result, out, quiet=quiet, json=json)
+    show.kept(kept, out, quiet=quiet, json=json)
+    if kept.stopped:
+        stop.leave()
 
 
 @contextmanager
@@ -239,7 +276,7 @@ def _display(structure: str | None, *, silent: bool) -> Iterator[Callable[[Stage
         yield lambda step: display(step, "structure search")
 
 
-def _structure(text: str | None, search: str | None, effects: Sequence[str]) -> str | None:
+def checked_structure(text: str | None, search: str | None, effects: Sequence[str]) -> str | None:
     """Refuse what is no structure, and no search, before any file is read."""
     from brightgrey.kit import function_set
     from brightgrey.search.survey import candidates

@@ -16,8 +16,13 @@ from brightgrey.errors import SettingsError
 
 __all__ = [
     "CORES",
+    "Dask",
     "Json",
+    "MaxEvaluations",
+    "MaxSeconds",
+    "Processes",
     "Quiet",
+    "Restart",
     "Seed",
     "Step",
     "Time",
@@ -39,6 +44,26 @@ Workers = Annotated[
     int,
     typer.Option("--workers", min=1, metavar="N", help="Threads to simulate on. Results do not depend on it."),
 ]
+Processes = Annotated[
+    bool, typer.Option("--processes", help="Evaluate in processes of this machine instead of threads.")
+]
+Dask = Annotated[
+    str | None,
+    typer.Option("--dask", metavar="ADDRESS", help="Evaluate on the workers of the Dask scheduler at host:port."),
+]
+MaxEvaluations = Annotated[
+    int | None,
+    typer.Option(
+        "--max-evaluations",
+        metavar="N",
+        help="Stop a search after so many evaluations in all, with the best so far; the same command goes on.",
+    ),
+]
+MaxSeconds = Annotated[
+    float | None,
+    typer.Option("--max-seconds", metavar="S", help="Stop a search after so long, with the best so far."),
+]
+Restart = Annotated[bool, typer.Option("--restart", help="Forget the run that DIR holds, and begin anew.")]
 Time = Annotated[
     str | None, typer.Option("--time", metavar="NAME", help="Column of time. Found where its name says it.")
 ]

@@ -15,8 +15,10 @@ from brightgrey import __version__
 from brightgrey.cli.demo import demo
 from brightgrey.cli.effects import effects
 from brightgrey.cli.export import export
+from brightgrey.cli.fleet import fleet
 from brightgrey.cli.identify import identify
 from brightgrey.cli.reproduce import reproduce
+from brightgrey.cli.runs import runs
 from brightgrey.cli.simulate import simulate
 from brightgrey.cli.work import analyse, control, watch
 from brightgrey.errors import BrightgreyError
@@ -59,6 +61,8 @@ app.command()(simulate)
 app.command()(export)
 app.command()(effects)
 app.command()(reproduce)
+app.command()(runs)
+app.command()(fleet)
 app.command()(analyse)
 app.command()(control)
 app.command()(watch)

@@ -9,7 +9,8 @@ import typer
 
 __all__ = ["given"]
 
-ELSEWHERE = {"out", "workers", "quiet", "json"}  # a result does not depend on them
+# A result does not depend on them.
+ELSEWHERE = {"out", "workers", "processes", "dask", "max_evaluations", "max_seconds", "restart", "quiet", "json"}
 
 
 def given(context: typer.Context) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json as json_module
 import os
 import sys
@@ -20,11 +21,23 @@ if TYPE_CHECKING:
     from brightgrey.api import Result, Simulation
     from brightgrey.api.differences import Difference
     from brightgrey.api.reproduction import Reproduction
+    from brightgrey.api.runs import Kept
     from brightgrey.export.ranking import Row
     from brightgrey.report.tables import FitRow
     from brightgrey.search.evidence import Evidence
 
-__all__ = ["as_json", "effects", "plain_table", "reproduction", "result", "screen", "simulation", "working"]
+__all__ = [
+    "as_json",
+    "effects",
+    "kept",
+    "plain_table",
+    "reproduction",
+    "result",
+    "screen",
+    "simulation",
+    "text",
+    "working",
+]
 
 _TOP = 10  # structures of the ranking that are shown
 _COMPARED = 3  # tied structures that are shown side by side
@@ -54,6 +67,26 @@ def as_json(value: Any) -> None:
     print(json_module.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
 
 
+def kept(found: Kept, folder: Path, *, quiet: bool, json: bool) -> None:
+    """Print what a run has come to, now or earlier."""
+    if found.result is not None:
+        result(found.result, folder, quiet=quiet, json=json)
+        if found.stopped and not (quiet or json):
+            screen().print("Stopped before the end: the same command goes on from here.")
+    elif json:
+        print(found.files["model.json"].decode(), end="")
+    elif not quiet:
+        screen().print(f"The run in {folder} was finished before; its result:", soft_wrap=True)
+        print(found.printed, end="")
+
+
+def text(found: Result, folder: Path) -> str:
+    """What :func:`result` prints where nobody's terminal is."""
+    out = io.StringIO()
+    _result(Console(file=out, width=PIPED_WIDTH, markup=False, emoji=False, highlight=False), found, folder)
+    return out.getvalue()
+
+
 def result(found: Result, folder: Path, *, quiet: bool, json: bool) -> None:
     """Print parameters, fit, remarks and where the files are."""
     if quiet:
@@ -61,9 +94,12 @@ def result(found: Result, folder: Path, *, quiet: bool, json: bool) -> None:
     if json:
         print(found.model.text(), end="")
         return
+    _result(screen(), found, folder)
+
+
+def _result(console: Console, found: Result, folder: Path) -> None:
     from brightgrey.report.tables import FIXED, fit_rows, parameter_rows, remarks, sentence
 
-    console = screen()
     console.print(Text(str(found.model.structure), style="bold"))
     table = plain_table("parameter", "estimate >", "unit")
     for row in parameter_rows(found.model):

@@ -15,7 +15,7 @@ from brightgrey.estimation.problem import Problem
 from brightgrey.simulation import Settings
 from brightgrey.simulation.lanes import LANES
 
-__all__ = ["Descent", "End", "descend", "descend_many", "evaluate", "normal"]
+__all__ = ["Descent", "End", "descend", "descend_many", "evaluate", "finish", "normal"]
 
 Array = NDArray[np.float64]
 _STEP = 1e-6  # of a forward difference, in the searched scale
@@ -278,6 +278,11 @@ def _met(field: _Field) -> NDArray[np.bool_]:
 
 def descend(problem: Problem, search: Search, settings: Settings, start: Array, *, limit: int = 50) -> Descent:
     """Least squares from `start`, shape (P,), SI values, to the last digits that the simulation gives."""
+    end = finish(problem, search, settings, start, limit=limit)
+    return Descent(*end, *evaluate(problem, search, settings, search.inward(end.values)))
+
+
+def finish(problem: Problem, search: Search, settings: Settings, start: Array, *, limit: int = 50) -> End:
+    """:func:`descend` without residual and Jacobian."""
     (end,) = descend_many(problem, search, settings, start[:, None], limit=limit, tolerance=_LAST_DIGITS)
-    residual, jacobian = evaluate(problem, search, settings, search.inward(end.values))
-    return Descent(end.values, end.cost, end.converged, end.evaluations, residual, jacobian)
+    return end

@@ -103,3 +103,6 @@ class Structure:
 
     def __str__(self) -> str:
         return "+".join(self.names)
+
+    def __reduce__(self) -> tuple[type[Structure], tuple[tuple[Placed, ...]]]:
+        return Structure, (self.placed,)  # the declarations of the parameters stay at home

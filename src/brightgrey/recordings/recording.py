@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import html
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -161,6 +163,15 @@ class Recording:
     def dt(self) -> float:
         """Sampling interval in s."""
         return interval(float(self.t[0]), float(self.t[-1]), self.samples - 1)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of all that it holds, as 64 hexadecimal digits."""
+        signals = [(s.name, s.kind, s.unit, s.gain) for s in (self.input, *self.outputs)]
+        whole = hashlib.sha256(repr((self.name, self.hold, self.notes, signals, self.y.shape)).encode())
+        for array in (self.t, self.u, self.y, self.resolution):
+            whole.update(array.astype("<f8").tobytes())
+        return whole.hexdigest()
 
     @property
     def units(self) -> Units:

@@ -9,6 +9,7 @@ matters.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,6 +21,7 @@ from brightgrey.search.exhaustive import Fitted
 from brightgrey.search.identification import Identification
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import contains, effects_of, extensions, ladder_of, minimal, simpler
+from brightgrey.search.work import pool
 
 __all__ = ["Card", "Evidence", "has", "weigh"]
 
@@ -92,6 +94,7 @@ def weigh(
     fitted: Mapping[Structure, Fitted],
     *,
     seed: int = 0,
+    executor: Executor | None = None,
     progress: Callable[[Structure], None] | None = None,
 ) -> Evidence:
     """Find the minimal structures among those `fitted`, and what the recording says about every effect.
@@ -102,16 +105,22 @@ def weigh(
     fitted : mapping of Structure to Fitted
         All structures of a grammar, or as many as were tried.
     seed : int
+    executor : concurrent.futures.Executor, optional
+        Makes the refits, most of them one after the other.
     progress : callable, optional
         Called with every structure that is examined.
     """
-    scale = _Scale.of(task, fitted, seed)
+    with pool(executor) as workers:
+        return _weigh(_Scale.of(task, fitted, workers, seed), progress)
+
+
+def _weigh(scale: _Scale, progress: Callable[[Structure], None] | None) -> Evidence:
     found = _minimal_structures(scale, progress)
     structures = [j.structure for j in found]
-    effects = _all_effects(fitted)
+    effects = _all_effects(scale.known)
+    asked = {s: {e: scale.shown(s, e) for e in effects if not has(s, e)} for s in structures}  # side by side
     shown = {
-        s: {e: scale.shown(s, e) and not scale.gain(s, e) > _NOTABLE for e in effects if not has(s, e)}
-        for s in structures
+        s: {e: answer() and not scale.gain(s, e) > _NOTABLE for e, answer in of.items()} for s, of in asked.items()
     }
     optional = tuple(e for e in effects if any(e in of and not of[e] for of in shown.values()))
     cards = tuple(scale.card(e, structures, optional) for e in effects)
@@ -129,9 +138,9 @@ class _Scale:
     known: Mapping[Structure, Fitted]
 
     @classmethod
-    def of(cls, task: Identification, fitted: Mapping[Structure, Fitted], seed: int) -> _Scale:
+    def of(cls, task: Identification, fitted: Mapping[Structure, Fitted], executor: Executor, seed: int) -> _Scale:
         """Yardstick from the noise of the structure that fits best."""
-        bench = Bench(task, fitted, seed)
+        bench = Bench(task, fitted, executor, seed)
         best = min(fitted.values(), key=lambda f: (f.cost, f.free))
         reference = bench.judge(best.structure)
         lengths = [r.samples for r in task.recordings for _ in r.outputs]
@@ -160,17 +169,17 @@ class _Scale:
         found = significance(self.misfit(small), self.misfit(big), self.whitening.samples)
         return found > threshold(big.free - small.free, LEVEL / max(tests, 1))
 
-    def shown(self, structure: Structure, effect: str) -> bool:
+    def shown(self, structure: Structure, effect: str) -> Callable[[], bool]:
         """Whether the recording shows that `effect` is not there at the least size that matters, beside `structure`.
 
         It would have been found: its power is enough for small changes. And it is refuted: with the effect held at
         that size and all else fitted anew, the fit is significantly worse. Friction bends so much that small changes
-        alone promise too much.
+        alone promise too much. What comes back waits for that fit.
         """
         big = self.with_effect(structure, effect)
         placed = Placed.parse(effect)
         if big is None or placed.effect.noticeable is None:
-            return False
+            return lambda: False
         judged = self.bench.judge(structure)
         task = self.bench.task
         changed = placed.effect.noticeable(task.scales, judged.values)
@@ -180,11 +189,15 @@ class _Scale:
         size = self.whitening.unexplained(judged, change)
         tests = len(extensions(structure, self.known))
         if power(size, len(placed.effect.parameters), LEVEL / max(tests, 1)) < _SHOWN:
-            return False
+            return lambda: False
         own = {name: value for name, value in least.items() if name not in structure.parameters}
-        held = self.bench.held(big, values, own)
-        found = significance(self.misfit(held), self.misfit(judged), self.whitening.samples)
-        return found > threshold(1, LEVEL)
+        held, without = self.bench.held(big, values, own), self.misfit(judged)
+
+        def worse() -> bool:
+            found = significance(self.misfit(held()), without, self.whitening.samples)
+            return found > threshold(1, LEVEL)
+
+        return worse
 
     def with_effect(self, structure: Structure, effect: str) -> Structure | None:
         """Least structure that has `effect` beyond `structure`, one mass or one effect more."""

@@ -10,9 +10,9 @@ number of masses.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,13 @@ from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.problem import Problem
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.identification import Identification
-from brightgrey.search.lattice import effects_of, extensions, ladder_of, largest_within, without_ladder
+from brightgrey.search.lattice import effects_of, extensions, ladder_of, largest_within, size, without_ladder
+from brightgrey.search.work import in_turn, pool
 
 __all__ = ["Fitted", "Options", "fit_all", "fit_one"]
 
 Array = NDArray[np.float64]
+_Item = tuple[bool, Structure]  # whether it is a hub that is sought from everywhere
 _IMPROVED = 0.999  # of the cost: what is worth another descent
 
 
@@ -105,9 +107,10 @@ def fit_all(
     options : Options, optional
     seed : int
     executor : concurrent.futures.Executor, optional
-        Structures of equal size are fitted in parallel; the result does not depend on it. One thread by default.
+        Fits structures at a time that do not contain each other; the result does not depend on it. One thread by
+        default.
     progress : callable, optional
-        Called with every structure that is done, in the order of the result.
+        Called with every structure that has been fitted for the first time, in the order of the result.
 
     Returns
     -------
@@ -116,52 +119,64 @@ def fit_all(
     """
     how = options or Options()
     order = {s: i for i, s in enumerate(structures)}
-    sizes: dict[int, list[Structure]] = {}
-    for s in structures:
-        sizes.setdefault(s.masses + len(s.placed), []).append(s)
+    rising = sorted(structures, key=size)
+    first = _hubs(structures)
+    hubs: dict[Structure, Fitted] = {}
     done: dict[Structure, Fitted] = {}
+    near = {s: [h for h in first if ladder_of(h) == ladder_of(s)] for s in structures}
+    within = {s: largest_within(s, structures) for s in structures}
 
-    hubs: list[Fitted] = []
+    def needs(item: _Item) -> list[_Item]:
+        """Hubs of its ladder, and what it contains."""
+        hub, s = item
+        return [] if hub else [(True, h) for h in near[s]] + [(False, t) for t in within[s]]
 
-    def hub(structure: Structure) -> Fitted:
-        return _from_everywhere(task, structure, how, seed)
+    def call(item: _Item) -> tuple[Any, ...]:
+        hub, s = item
+        if hub:
+            return _from_everywhere, task, s, how, seed
+        parents = _best([done[t] for t in within[s]], how)
+        return fit_one, task, s, parents, [hubs[h] for h in near[s]], how, (seed, order[s])
 
-    def one(structure: Structure) -> Fitted:
-        near = [h for h in hubs if ladder_of(h.structure) == ladder_of(structure)]
-        parents = [done[s] for s in largest_within(structure, done)]
-        return fit_one(task, structure, parents, near, how, [seed, order[structure]])
+    def take(item: _Item, fitted: Fitted) -> None:
+        hub, s = item
+        if hub:
+            hubs[s] = fitted
+            return
+        done[s] = fitted
+        if progress is not None:
+            progress(fitted)
 
-    with ThreadPoolExecutor(1) as single:
-        pool = executor or single
-        hubs += pool.map(hub, _hubs(structures))
-        for size in sorted(sizes):
-            found = list(pool.map(one, sizes[size]))
-            for fitted in found:
-                done[fitted.structure] = fitted
-                if progress is not None:
-                    progress(fitted)
-        for size in sorted(sizes, reverse=True):
-            for fitted in pool.map(partial(_from_above, task, done, how), sizes[size]):
-                done[fitted.structure] = fitted
+    def above(s: Structure) -> tuple[Any, ...] | None:
+        larger = _better_above(done, s)
+        return (_from_above, task, done[s], larger, how) if larger else None
+
+    with pool(executor) as workers:
+        in_turn(workers, [(True, h) for h in first] + [(False, s) for s in rising], needs, call, take)
+        falling = sorted(structures, key=size, reverse=True)
+        in_turn(workers, falling, lambda s: extensions(s, structures), above, done.__setitem__)
     for s in done:
-        done[s] = _at_least_as_good(done[s], [done[t] for t in largest_within(s, done)])
+        done[s] = _at_least_as_good(done[s], [done[t] for t in within[s]])
     return done
 
 
-def _from_above(
-    task: Identification, done: Mapping[Structure, Fitted], options: Options, structure: Structure
-) -> Fitted:
-    """Descend once more where a larger structure did better and does without what it has beyond this one."""
-    own = done[structure]
-    problem, space = task.problem(structure), task.space(structure, initial=True)
-    larger = [
-        done[s].values
-        for s in extensions(structure, done)
-        if done[s].cost < own.cost and not done[s].idle and set(space.names) <= set(done[s].values)
-    ]
-    if not larger:
+def _best(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
+    """Those of `parents` that are looked at."""
+    return sorted(parents, key=lambda p: p.cost)[: options.parents]
+
+
+def _better_above(done: Mapping[Structure, Fitted], structure: Structure) -> list[Fitted]:
+    """Larger structures that did better, and not without what they have beyond this one."""
+    return [done[s] for s in extensions(structure, done) if done[s].cost < done[structure].cost and not done[s].idle]
+
+
+def _from_above(task: Identification, own: Fitted, larger: Sequence[Fitted], options: Options) -> Fitted:
+    """Descend once more from where `larger` structures did better."""
+    problem, space = task.problem(own.structure), task.space(own.structure, initial=True)
+    values = [f.values for f in larger if set(space.names) <= set(f.values)]
+    if not values:
         return own
-    begins = np.array([[values[name] for name in space.names] for values in larger]).T
+    begins = np.array([[known[name] for name in space.names] for known in values]).T
     begins = np.clip(begins, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
     if not cost.min() < _IMPROVED * own.cost:
@@ -171,7 +186,7 @@ def _from_above(
         problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, rival=own.cost
     )
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    return Fitted(structure, named, end.cost, len(space.names), (), own.batches + 1 + end.evaluations)
+    return Fitted(own.structure, named, end.cost, len(space.names), (), own.batches + 1 + end.evaluations)
 
 
 def _at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
@@ -228,7 +243,7 @@ def fit_one(
     """Fit one structure, begun where its best `parents` and the `hubs` of its ladder have ended."""
     problem, space = task.problem(structure), task.space(structure, initial=True)
     rng = np.random.default_rng(list(seed))
-    best = sorted(parents, key=lambda p: p.cost)[: options.parents]
+    best = _best(parents, options)
     # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
     origins = best if best and _two_ports(structure) else [*best, *hubs]
     begins = sorted((_extended(task, problem, space, f, options.drawn, rng) for f in origins), key=lambda b: b[0])

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.explore import explore
-from brightgrey.estimation.leastsquares import descend, descend_many
+from brightgrey.estimation.leastsquares import Descent, End, descend_many, evaluate, finish
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.exhaustive import Fitted
@@ -25,15 +26,80 @@ _RELATIVES = 6  # starts that are taken over from relatives
 _DESCENTS = 3  # of the best of all starts
 
 
-def _finished(task: Identification, structure: Structure, begin: Array) -> Judged:
+def _refit(
+    task: Identification,
+    structure: Structure,
+    wanted: Sequence[Mapping[str, float]],
+    deep: bool,
+    seeds: tuple[Sequence[int], int],
+) -> End:
+    """Descend from what relatives have found, `wanted`, best first; `deep` searches from everywhere, too."""
+    problem, space = task.problem(structure), task.space(structure, initial=True)
+    begins = _starts(task, structure, wanted, seeds[0])
+    if deep:
+        named = [dict(zip(space.names, b.tolist(), strict=True)) for b in begins.T]
+        found = explore(problem, space, task.settings, named, starts=8, patience=1, seed=seeds[1])
+        ends = list(found.ends)
+    else:
+        ends = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=np.inf)
+    return _last(task, structure, min(ends, key=lambda e: e.cost).values)
+
+
+def _starts(
+    task: Identification, structure: Structure, wanted: Sequence[Mapping[str, float]], seed: Sequence[int]
+) -> Array:
+    """Best starts from the values `wanted`, what they lack drawn, shape (P, S), SI."""
+    problem, space = task.problem(structure), task.space(structure, initial=True)
+    drawn = space.candidates(8, np.random.default_rng(list(seed)))
+    drawn = np.concatenate([space.start[:, None], drawn], axis=1)
+    tried = []
+    for values in wanted:
+        block = np.array(drawn)
+        held = [i for i, name in enumerate(space.names) if name in values]
+        block[held] = np.array([values[space.names[i]] for i in held])[:, None]
+        tried.append(block if len(held) < len(space.names) else block[:, :1])
+    begins = np.concatenate(tried, axis=1) if tried else drawn
+    begins = np.unique(np.clip(begins, space.low[:, None], space.high[:, None]), axis=1)
+    cost = problem.costs(space.named(begins), task.settings)
+    return np.asarray(begins[:, np.argsort(cost, kind="stable")[:_DESCENTS]])
+
+
+def _refit_from(task: Identification, structure: Structure, larger: Sequence[Mapping[str, float]], rival: float) -> End:
+    """Descend from the best of some values of larger structures."""
+    problem, space = task.problem(structure), task.space(structure, initial=True)
+    table = [[values.get(n, start) for n, start in zip(space.names, space.start, strict=True)] for values in larger]
+    begins = np.clip(np.array(table).T, space.low[:, None], space.high[:, None])
+    cost = problem.costs(space.named(begins), task.settings)
+    begin = begins[:, [int(np.argmin(cost))]]
+    (end,) = descend_many(problem, space, task.settings, begin, limit=30, tolerance=1e-4, rival=rival)
+    return _last(task, structure, end.values)
+
+
+def _refit_held(task: Identification, structure: Structure, values: Mapping[str, float]) -> End:
+    """Descend from `values`; what is held is fixed in `task`."""
+    space = task.space(structure, initial=True)
+    begin = np.array([values.get(name, start) for name, start in zip(space.names, space.start, strict=True)])
+    begin = np.clip(begin, space.low, space.high)
+    (end,) = descend_many(task.problem(structure), space, task.settings, begin[:, None], tolerance=1e-4)
+    return _last(task, structure, end.values)
+
+
+def _last(task: Identification, structure: Structure, begin: Array) -> End:
     """Last descent, at the accurate level."""
     problem, space = task.problem(structure), task.space(structure, initial=True)
-    end = descend(problem, space, replace(task.settings, level="accurate"), begin)
+    return finish(problem, space, replace(task.settings, level="accurate"), begin)
+
+
+def _judged(task: Identification, structure: Structure, end: End) -> Judged:
+    """All that is compared of a structure; residual and Jacobian are too large to be sent or kept."""
+    problem, space = task.problem(structure), task.space(structure, initial=True)
+    settings = replace(task.settings, level="accurate")
+    residual, jacobian = evaluate(problem, space, settings, space.inward(end.values))
     theta, low, high = (space.inward(v) for v in (end.values, space.low, space.high))
     near = _AT_BOUND * (high - low)
     inside = np.flatnonzero((theta - low > near) & (high - theta > near))
     values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    return Judged(structure, values, end, len(space.names), tuple(inside.tolist()))
+    return Judged(structure, values, Descent(*end, residual, jacobian), len(space.names), tuple(inside.tolist()))
 
 
 @dataclass
@@ -45,6 +111,8 @@ class Bench:
     task : Identification
         Its level is that of the search.
     fitted : mapping of Structure to Fitted
+    executor : concurrent.futures.Executor
+        Makes the refits.
     seed : int
     judged : dict of Structure to Judged
     deep : set of Structure
@@ -53,6 +121,7 @@ class Bench:
 
     task: Identification
     fitted: Mapping[Structure, Fitted]
+    executor: Executor
     seed: int = 0
     judged: dict[Structure, Judged] = field(default_factory=dict)
     deep: set[Structure] = field(default_factory=set)
@@ -62,20 +131,12 @@ class Bench:
         known = self.judged.get(structure)
         if known is not None and (structure in self.deep or not deep):
             return known
-        task, problem, space = self.task, self.task.problem(structure), self.task.space(structure, initial=True)
-        begins = self._starts(structure)
+        number = sorted(map(str, self.fitted)).index(str(structure)) if deep else 0
+        names = self.task.space(structure, initial=True).names
+        seeds = ((self.seed, len(names)), number + 1000 * self.seed)
+        end = self._end(_refit, self.task, structure, self._wanted(structure), deep, seeds)
         if deep:
-            named = [dict(zip(space.names, b.tolist(), strict=True)) for b in begins.T]
-            order = [self.seed, sorted(map(str, self.fitted)).index(str(structure))]
-            found = explore(
-                problem, space, task.settings, named, starts=8, patience=1, seed=int(order[1] + 1000 * order[0])
-            )
-            ends = list(found.ends)
             self.deep.add(structure)
-        else:
-            ends = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=np.inf)
-        best = min(ends, key=lambda e: e.cost)
-        end = _finished(task, structure, best.values)
         if known is not None and known.cost <= end.cost:
             return known
         self.judged[structure] = end
@@ -83,43 +144,35 @@ class Bench:
 
     def improve(self, structure: Structure) -> bool:
         """Refit from a larger structure that has meanwhile come to fit better; whether that has helped."""
-        own, task = self.judged[structure], self.task
-        problem, space = task.problem(structure), task.space(structure, initial=True)
+        own = self.judged[structure]
         larger = [
-            [j.values.get(name, start) for name, start in zip(space.names, space.start, strict=True)]
+            j.values
             for s, j in self.judged.items()
             if s != structure and contains(s, structure) and j.cost < _IMPROVED * own.cost
         ]
         if not larger:
             return False
-        begins = np.clip(np.array(larger).T, space.low[:, None], space.high[:, None])
-        cost = problem.costs(space.named(begins), task.settings)
-        begin = begins[:, [int(np.argmin(cost))]]
-        (end,) = descend_many(problem, space, task.settings, begin, limit=30, tolerance=1e-4, rival=own.cost)
-        new = _finished(task, structure, end.values)
+        new = self._end(_refit_from, self.task, structure, larger, own.cost)
         if new.cost >= _IMPROVED * own.cost:
             return False
         self.judged[structure] = new
         return True
 
-    def held(self, structure: Structure, values: Mapping[str, float], held: Mapping[str, float]) -> Judged:
-        """Refit from `values` with some of them held; nothing is kept."""
+    def held(
+        self, structure: Structure, values: Mapping[str, float], held: Mapping[str, float]
+    ) -> Callable[[], Judged]:
+        """Refit from `values` with some of them held; what comes back waits for it, and nothing is kept."""
         task = replace(self.task, fixed={**self.task.fixed, **held})
-        space = task.space(structure, initial=True)
-        begin = np.array([values.get(name, start) for name, start in zip(space.names, space.start, strict=True)])
-        begin = np.clip(begin, space.low, space.high)
-        (end,) = descend_many(task.problem(structure), space, task.settings, begin[:, None], tolerance=1e-4)
-        return _finished(task, structure, end.values)
+        end = self.executor.submit(_refit_held, task, structure, values)
+        return lambda: _judged(task, structure, end.result())
 
     def cost(self, structure: Structure) -> float:
         """Least cost known of `structure`: its own, or that of a refitted one that it contains."""
         own = self.judged[structure].cost if structure in self.judged else self.fitted[structure].cost
         return min([own, *(j.cost for s, j in self.judged.items() if contains(structure, s))])
 
-    def _starts(self, structure: Structure) -> Array:
-        """Best starts from the structure's own fit and those of its relatives, shape (P, S), SI."""
-        space, problem = self.task.space(structure, initial=True), self.task.problem(structure)
-        rng = np.random.default_rng([self.seed, len(space.names)])
+    def _wanted(self, structure: Structure) -> list[Mapping[str, float]]:
+        """Values of the structure's own fit and of its best relatives."""
         own: list[Mapping[str, float]] = [self.fitted[structure].values] if structure in self.fitted else []
         kin: list[tuple[float, Mapping[str, float]]] = []
         for s, j in self.judged.items():
@@ -129,19 +182,10 @@ class Bench:
             if s not in self.judged and (contains(s, structure) or contains(structure, s)) and not f.idle:
                 kin.append((f.cost, f.values))
         kin.sort(key=lambda item: item[0])
-        wanted = own + [values for _, values in kin[:_RELATIVES]]
-        drawn = space.candidates(8, rng)
-        drawn = np.concatenate([space.start[:, None], drawn], axis=1)
-        tried = []
-        for values in wanted:
-            block = np.array(drawn)
-            held = [i for i, name in enumerate(space.names) if name in values]
-            block[held] = np.array([values[space.names[i]] for i in held])[:, None]
-            tried.append(block if len(held) < len(space.names) else block[:, :1])
-        begins = np.concatenate(tried, axis=1) if tried else drawn
-        begins = np.unique(np.clip(begins, space.low[:, None], space.high[:, None]), axis=1)
-        cost = problem.costs(space.named(begins), self.task.settings)
-        return np.asarray(begins[:, np.argsort(cost, kind="stable")[:_DESCENTS]])
+        return own + [values for _, values in kin[:_RELATIVES]]
+
+    def _end(self, refit: Callable[..., End], task: Identification, structure: Structure, *rest: object) -> Judged:
+        return _judged(task, structure, self.executor.submit(refit, task, structure, *rest).result())
 
     def outputs(self, structure: Structure, sets: Sequence[Mapping[str, float]]) -> Array:
         """Weighted residuals at the accurate level for some values, shape (residuals, K)."""

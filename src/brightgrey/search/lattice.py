@@ -15,6 +15,7 @@ __all__ = [
     "largest_within",
     "minimal",
     "simpler",
+    "size",
     "without_ladder",
 ]
 
@@ -35,24 +36,25 @@ def contains(big: Structure, small: Structure) -> bool:
     return small.masses <= big.masses and without_ladder(small) <= without_ladder(big)
 
 
-def _size(structure: Structure) -> int:
+def size(structure: Structure) -> int:
+    """Number of masses and placed effects: what a structure contains is smaller."""
     return structure.masses + len(structure.placed)
 
 
 def simpler(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
     """Structures `among` others that lack one effect, or one mass, of `structure`."""
-    return [s for s in among if _size(s) == _size(structure) - 1 and contains(structure, s)]
+    return [s for s in among if size(s) == size(structure) - 1 and contains(structure, s)]
 
 
 def extensions(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
     """Structures `among` others that have one effect, or one mass, more than `structure`."""
-    return [s for s in among if _size(s) == _size(structure) + 1 and contains(s, structure)]
+    return [s for s in among if size(s) == size(structure) + 1 and contains(s, structure)]
 
 
 def largest_within(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
     """Largest of the structures `among` others that `structure` contains: none of them contains another."""
     found: list[Structure] = []
-    for s in sorted((s for s in among if s != structure and contains(structure, s)), key=_size, reverse=True):
+    for s in sorted((s for s in among if s != structure and contains(structure, s)), key=size, reverse=True):
         if not any(contains(t, s) for t in found):
             found.append(s)
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
 from dataclasses import astuple, dataclass, fields
 
 import numpy as np
@@ -88,6 +89,7 @@ def run(
     seed: int,
     *,
     workers: int = 1,
+    executor: Executor | None = None,
     progress: Callable[[Progress], None] | None = None,
     identify: Estimator | None = None,
     grammar: Grammar = PAPER,
@@ -102,6 +104,7 @@ def run(
         grammar=grammar,
         seed=seed,
         workers=workers,
+        executor=executor,
         progress=progress,
     )
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +16,11 @@ from brightgrey.search.evidence import Evidence, has, weigh
 from brightgrey.search.exhaustive import Fitted, Options, fit_all
 from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import contains, extensions
+from brightgrey.search.work import Stopped, pool
 
 __all__ = ["Ranked", "Stage", "Survey", "candidates", "survey"]
+
+_AT_ONCE = 32  # misfits: a simulation alone is not worth sending
 
 
 @dataclass(frozen=True)
@@ -62,18 +65,19 @@ class Survey:
     ----------
     ranking : tuple of Ranked
         Minimal structures first, then by the criterion.
-    evidence : Evidence
+    evidence : Evidence or None
+        None if the survey was stopped before its end.
     fitted : mapping of Structure to Fitted
     """
 
     ranking: tuple[Ranked, ...]
-    evidence: Evidence
+    evidence: Evidence | None
     fitted: Mapping[Structure, Fitted]
 
     @property
-    def best(self) -> Judged:
-        """The minimal structure with the best criterion."""
-        return self.evidence.minimal[0]
+    def best(self) -> Judged | Fitted:
+        """The minimal structure with the best criterion; the one with the best criterion if there is no evidence."""
+        return self.evidence.minimal[0] if self.evidence else self.fitted[self.ranking[0].structure]
 
 
 def candidates(
@@ -131,25 +135,29 @@ def survey(
     progress : callable, optional
         Called whenever a structure is done.
 
+    Returns
+    -------
+    Survey
+        If it is stopped (Ctrl-C, or the executor says so) with what was fitted until then.
+
     Raises
     ------
     SettingsError
         If no structure could be simulated.
+    KeyboardInterrupt, Stopped
+        If it is stopped before there is anything.
     """
-    count, least = 0, np.inf
-    leader = structures[0]
+    least, leader = np.inf, structures[0]
+    fitted: dict[Structure, Fitted] = {}
 
     def fitted_one(f: Fitted) -> None:
-        nonlocal count, least, leader
-        count += 1
+        nonlocal least, leader
+        fitted[f.structure] = f
         if f.cost < least:
             least, leader = f.cost, f.structure
         if progress is not None:
-            progress(Stage("structures", count, len(structures), leader))
+            progress(Stage("structures", len(fitted), len(structures), leader))
 
-    fitted = fit_all(task, structures, options=options, seed=seed, executor=executor, progress=fitted_one)
-    if not np.isfinite(least):
-        raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
     examined = 0
 
     def weighed_one(structure: Structure) -> None:
@@ -158,28 +166,77 @@ def survey(
         if progress is not None:
             progress(Stage("evidence", examined, None, structure))
 
-    evidence = weigh(task, fitted, seed=seed, progress=weighed_one)
-    return Survey(_ranking(task, fitted, evidence), evidence, fitted)
+    evidence = None
+    known: dict[Structure, Misfit] = {}
+    try:
+        with pool(executor) as workers:
+            fitted = fit_all(task, structures, options=options, seed=seed, executor=workers, progress=fitted_one)
+            if not np.isfinite(least):
+                raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
+            ahead = _misfits_ahead(workers, task, fitted)  # while evidence leaves workers idle
+            evidence = weigh(task, fitted, seed=seed, executor=workers, progress=weighed_one)
+            for part, found in ahead:
+                known |= zip(part, found.result(), strict=True)
+    except (KeyboardInterrupt, Stopped):
+        if not np.isfinite(least):
+            raise
+    return Survey(_ranking(task, fitted, evidence, known), evidence, fitted)
 
 
-def _ranking(task: Identification, fitted: Mapping[Structure, Fitted], evidence: Evidence) -> tuple[Ranked, ...]:
-    minimal = [j.structure for j in evidence.minimal]
+def _misfits_ahead(
+    executor: Executor, task: Identification, fitted: Mapping[Structure, Fitted]
+) -> list[tuple[Sequence[Structure], Future[list[Misfit]]]]:
+    """Misfits of all structures at their own values, some dozens in a call."""
+    own = [s for s, f in fitted.items() if not f.idle]
+    parts = [own[i : i + _AT_ONCE] for i in range(0, len(own), _AT_ONCE)]
+    declared = _declared(fitted)
+    return [
+        (part, executor.submit(_misfits, task, [_own(s, fitted[s].values, declared) for s in part])) for part in parts
+    ]
+
+
+def _declared(structures: Iterable[Structure]) -> frozenset[str]:
+    return frozenset(name for s in structures for name in s.parameters)
+
+
+def _own(
+    structure: Structure, values: Mapping[str, float], declared: frozenset[str]
+) -> tuple[Structure, dict[str, float]]:
+    """Structure with its own values and those of an estimated initial state, which no structure declares."""
+    return structure, {n: v for n, v in values.items() if n in structure.parameters or n not in declared}
+
+
+def _misfits(task: Identification, valued: Sequence[tuple[Structure, Mapping[str, float]]]) -> list[Misfit]:
+    """Misfit of each structure with its values, at the level of the search."""
+    return [task.misfits(s, {n: np.array([v]) for n, v in values.items()})[0] for s, values in valued]
+
+
+def _ranking(
+    task: Identification,
+    fitted: Mapping[Structure, Fitted],
+    evidence: Evidence | None,
+    known: Mapping[Structure, Misfit],
+) -> tuple[Ranked, ...]:
+    """All structures in their places; `known` are misfits at the values of `fitted`."""
+    minimal, optional = ([j.structure for j in evidence.minimal], evidence.optional) if evidence else ([], ())
     tied = set(minimal)
     for s in minimal:
-        tied.update(e for e in extensions(s, fitted) if any(has(e, o) and not has(s, o) for o in evidence.optional))
+        tied.update(e for e in extensions(s, fitted) if any(has(e, o) and not has(s, o) for o in optional))
     samples = sum(r.samples for r in task.recordings) * len(task.recordings[0].outputs)
-    declared = {name for s in fitted for name in s.parameters}
+    independent = evidence.independent if evidence else float(samples)
+    declared = _declared(fitted)
     ranked = []
     for s, f in fitted.items():
-        judged = evidence.judged.get(s)
+        judged = evidence.judged.get(s) if evidence else None
         cost, values = (judged.cost, judged.values) if judged is not None else (f.cost, f.values)
         shown = s
         if judged is None and f.idle:  # it fits as well as one without them, with their values it does not
             shown = next(t for t, g in fitted.items() if not g.idle and g.cost == f.cost and contains(s, t))
             values = fitted[shown].values
-        unknown = [name for name in values if name not in declared]
-        (misfit,) = task.misfits(shown, {name: np.array([values[name]]) for name in (*shown.parameters, *unknown)})
-        value = evidence.independent * np.log(max(cost, 1e-300) / samples) + f.free * np.log(evidence.independent)
+        misfit = known.get(shown) if judged is None else None
+        if misfit is None:
+            (misfit,) = _misfits(task, [_own(shown, values, declared)])
+        value = independent * np.log(max(cost, 1e-300) / samples) + f.free * np.log(independent)
         ranked.append(Ranked(s, f.free, misfit, float(value), s in tied))
     place = {s: i for i, s in enumerate(minimal)}
     ranked.sort(key=lambda r: (place.get(r.structure, len(place)), r.criterion, str(r.structure)))

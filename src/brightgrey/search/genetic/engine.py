@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +19,7 @@ from brightgrey.search.genetic.record import Evaluation, Progress, Run
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.search.genetic.settings import GeneticSettings
 from brightgrey.search.genetic.tree import Node, with_values
+from brightgrey.search.work import Stopped, in_order, pool
 
 __all__ = ["search"]
 
@@ -32,6 +33,7 @@ def search(
     grammar: Grammar = PAPER,
     seed: int = 0,
     workers: int = 1,
+    executor: Executor | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Run:
     """Search for a structure by the paper's degenerate genetic programming.
@@ -42,7 +44,7 @@ def search(
     Parameters
     ----------
     estimator : callable
-        Identifies a structure from several starts; called in threads.
+        Identifies a structure from several starts; called wherever `executor` does.
     draw : callable
         Random parameters of a submodel.
     settings : GeneticSettings, optional
@@ -52,20 +54,22 @@ def search(
     grammar : Grammar
     seed : int
     workers : int
-        Threads.
+        Threads, if there is no executor.
+    executor : concurrent.futures.Executor, optional
+        The result does not depend on it.
     progress : callable, optional
         Called after every generation.
 
     Returns
     -------
     Run
-        An interruption (Ctrl-C) ends it with what is there so far.
+        An interruption (Ctrl-C, or the executor says so) ends it with what is there so far.
 
     Raises
     ------
     SettingsError
         If the standard start is wanted and there is none.
-    KeyboardInterrupt
+    KeyboardInterrupt, Stopped
         If there is nothing so far.
     """
     settings = settings or GeneticSettings()
@@ -75,7 +79,8 @@ def search(
     began = time.monotonic()
     done: list[Evaluation] = []
     born: Sequence[Born] = [Born(tree, (), "initial") for tree in initial(settings.population, rules, draw, rng)]
-    with _Bench(estimator, workers) as bench:
+    with pool(executor, workers) as workforce:
+        bench = _Bench(estimator, workforce)
         for generation in range(settings.generations + 1):
             try:
                 current = _evaluate(generation, born, start, bench, judge)
@@ -83,8 +88,9 @@ def search(
                 if progress:
                     share = (settings.generations - generation) / (generation + 1)
                     left = share * (time.monotonic() - began)
-                    progress(Progress(generation, settings.generations, Run(tuple(done)).best, left))
-            except KeyboardInterrupt:
+                    state = rng.bit_generator.state
+                    progress(Progress(generation, settings.generations, Run(tuple(done)).best, left, state, current))
+            except (KeyboardInterrupt, Stopped):
                 if not done:
                     raise
                 return Run(tuple(done), interrupted=True)
@@ -138,18 +144,11 @@ def _evaluate(
 
 @dataclass
 class _Bench:
-    """Identifies jobs on threads, each one once; those of one structure side by side."""
+    """Has jobs identified, each one once; those of one structure side by side."""
 
     estimator: Estimator
-    workers: int
+    executor: Executor
     known: dict[Job, Evaluated] = field(default_factory=dict)
-
-    def __enter__(self) -> _Bench:
-        self.pool = ThreadPoolExecutor(self.workers)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.pool.shutdown(wait=True, cancel_futures=True)
 
     def identify(self, jobs: Sequence[Job]) -> list[tuple[Evaluated, bool]]:
         """Results in the order of `jobs`, each with whether it had been there before."""
@@ -158,7 +157,8 @@ class _Bench:
             if job not in self.known:
                 fresh.setdefault(job.structure, {})[job] = None
         groups = sorted(fresh.items(), key=lambda group: -len(group[0].parameters) * len(group[1]))
-        results = self.pool.map(lambda group: self.estimator(group[0], [job.start for job in group[1]]), groups)
+        calls = [(structure, tuple(job.start for job in wanted)) for structure, wanted in groups]
+        results = in_order(self.executor, self.estimator, calls)
         first: set[Job] = set()
         for (_, wanted), result in zip(groups, results, strict=True):
             self.known |= zip(wanted, result, strict=True)

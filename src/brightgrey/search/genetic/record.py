@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from brightgrey.search.evaluation import Evaluated, Job
 from brightgrey.search.genetic.tree import Node
@@ -49,12 +50,26 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a search stands after a generation; `seconds_left` is a guess from the time so far."""
+    """Where a search stands after a generation.
+
+    Attributes
+    ----------
+    generation, generations : int
+    best : Evaluation
+    seconds_left : float
+        A guess from the time so far.
+    random : mapping
+        State of the random generator that the next generation is drawn with.
+    population : sequence of Evaluation
+        This generation.
+    """
 
     generation: int
     generations: int
     best: Evaluation
     seconds_left: float
+    random: Mapping[str, Any]
+    population: Sequence[Evaluation]
 
     @property
     def fit_percent(self) -> float:

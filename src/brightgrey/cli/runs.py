@@ -1,0 +1,65 @@
+"""``brightgrey runs``: what is kept in a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from brightgrey.cli.options import Json
+
+__all__ = ["runs"]
+
+
+def runs(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or one with runs below it.")],
+    json: Json = False,
+) -> None:
+    """List the runs in a folder: what was asked for, whether it is finished, how much is done, the best so far."""
+    from rich.text import Text
+
+    from brightgrey.api.runs import found_in
+    from brightgrey.cli.show import as_json, plain_table, screen
+    from brightgrey.runs import Glance
+
+    found = found_in(folder)
+    if json:
+        as_json([_plain(where, run) for where, run in found])
+        return
+    console = screen()
+    table = plain_table("folder", "state", "evaluations >", "seconds >", "stage", "best so far")
+    for where, run in found:
+        if isinstance(run, Glance):
+            cells = (str(run.evaluations), f"{run.seconds:.1f}", _stage(run), str(run.stage.get("best", "-")))
+            table.add_row(str(where), run.state, *cells)
+        else:
+            table.add_row(str(where), "unreadable", "-", "-", "-", "-", style="yellow")
+    console.print(table)
+    for where, run in found:
+        if not isinstance(run, Glance):
+            console.print(f"- {run}", soft_wrap=True)
+        elif len(found) == 1:
+            console.print()
+            console.print(Text(f"request in {where}", style="bold"))
+            for name, value in run.request.items():
+                console.print(f"  {name}: {value}", soft_wrap=True)
+    if any(not isinstance(run, Glance) for _, run in found):
+        raise typer.Exit(2)
+
+
+def _stage(run: Any) -> str:
+    if not run.stage:
+        return "-"
+    of = "" if run.stage["total"] is None else f" of {run.stage['total']}"
+    return f"{run.stage['name']} {run.stage['done']}{of}"
+
+
+def _plain(where: Path, run: Any) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from brightgrey.runs import Glance
+
+    if not isinstance(run, Glance):
+        return {"folder": str(where), "state": "unreadable", "error": str(run)}
+    return {**asdict(run), "folder": str(where)}

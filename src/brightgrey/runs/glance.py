@@ -1,0 +1,81 @@
+"""A look at a run from outside, which may be going on meanwhile."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from brightgrey.runs.store import FILE, LOCK, RunError, checked, connect, damaged
+
+__all__ = ["Glance", "glance"]
+
+
+@dataclass(frozen=True)
+class Glance:
+    """What :func:`glance` saw of a run.
+
+    Attributes
+    ----------
+    folder : Path
+    request : mapping
+    state : {'finished', 'running', 'unfinished'}
+    evaluations : int
+    seconds : float
+        That the evaluations took, in sum.
+    generations : int
+        Of a genetic search, that are complete.
+    stage : mapping
+        Where the search stood: `name`, `done`, `total`, `best`; empty before it has begun.
+    """
+
+    folder: Path
+    request: Mapping[str, Any]
+    state: str
+    evaluations: int
+    seconds: float
+    generations: int
+    stage: Mapping[str, Any]
+
+
+def glance(folder: str | Path) -> Glance:
+    """Look at the run in `folder`, which may be going on, without disturbing it.
+
+    Raises
+    ------
+    RunError
+        If there is none, or it is damaged.
+    """
+    path = Path(folder)
+    if not (path / FILE).exists():
+        raise RunError(f"there is no run in '{folder}'")
+    try:
+        running = _is_locked(path)
+        database = connect(path, "ro")
+        try:
+            facts = checked(path, database)
+            count, seconds = database.execute("SELECT count(*), total(seconds) FROM evaluations").fetchone()
+            (generations,) = database.execute("SELECT count(*) FROM generations").fetchone()
+        finally:
+            database.close()
+    except sqlite3.OperationalError as error:
+        raise RunError(f"cannot read '{path / FILE}': {error}") from error
+    except (sqlite3.Error, UnicodeDecodeError) as error:
+        raise damaged(path, str(error)) from error
+    state = "running" if running and facts["state"] != "finished" else facts["state"]
+    return Glance(path, facts["request"], state, count, seconds, generations, facts.get("stage", {}))
+
+
+def _is_locked(folder: Path) -> bool:
+    if not (folder / LOCK).exists():
+        return False
+    lock = sqlite3.connect(f"{(folder / LOCK).absolute().as_uri()}?mode=ro", uri=True, timeout=0)
+    try:
+        lock.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except sqlite3.OperationalError as error:
+        return "locked" in str(error)
+    finally:
+        lock.close()
+    return False

@@ -1,0 +1,342 @@
+"""One SQLite file per output folder: what was asked for, every evaluation, and what came of it.
+
+Each row carries the hash of what it holds. The file is checked as a whole when it is opened, so that a damaged one is
+named and never read as a result. A second file, always empty, carries the lock: SQLite's own, which ends with its
+process however that dies.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Literal
+
+from brightgrey.errors import BrightgreyError
+from brightgrey.runs.codec import canonical, digest
+
+__all__ = ["FILE", "LOCK", "RunError", "Store", "checked", "connect", "damaged", "held"]
+
+FILE, LOCK = "run.sqlite", "run.lock"
+_FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm")
+FORMAT = "brightgrey/run/1"
+State = Literal["unfinished", "finished"]
+_WAIT = 0.5  # s for a lock: `brightgrey runs` holds it for an instant
+_TABLES = {
+    "facts": "name TEXT PRIMARY KEY, text TEXT NOT NULL",
+    "evaluations": "key TEXT PRIMARY KEY, number INTEGER NOT NULL, function TEXT NOT NULL, subject TEXT NOT NULL,"
+    " seconds REAL NOT NULL, result TEXT NOT NULL",
+    "generations": "number INTEGER PRIMARY KEY, state TEXT NOT NULL",
+    "files": "name TEXT PRIMARY KEY, content BLOB NOT NULL",
+}
+
+
+class RunError(BrightgreyError):
+    """A run that cannot be begun, gone on with or kept: names the folder and what to do."""
+
+
+@contextmanager
+def _named(folder: Path) -> Iterator[None]:
+    """Turn what SQLite and the system say into a sentence that names the folder."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        text = str(error)
+        if "full" in text or "disk I/O" in text:
+            hint = "make room; the same command then goes on where it stopped"
+            raise RunError(f"cannot keep the run in '{folder}': {text}; {hint}") from error
+        if "readonly" in text or "unable to open" in text:
+            raise RunError(f"cannot keep the run in '{folder}': {text}; it has to be writable") from error
+        raise damaged(folder, text) from error
+    except UnicodeDecodeError as error:  # SQLite's own words quote what it has found
+        raise damaged(folder, "its schema is no text") from error
+    except OSError as error:
+        raise RunError(f"cannot keep the run in '{folder}': {error.strerror or error}") from error
+
+
+def damaged(folder: Path, what: str) -> RunError:
+    """Error that says what is wrong with the file of a run."""
+    return RunError(f"'{folder / FILE}' is damaged: {what}; nothing of it was used. --restart begins the run anew")
+
+
+def _row_hash(table: str, row: Sequence[Any]) -> str:
+    return digest(table, *(cell if isinstance(cell, bytes) else repr(cell) for cell in row))
+
+
+class Store:
+    """An open run, held by this process alone. Made by :meth:`open`; may be used by several threads."""
+
+    def __init__(self, folder: Path, lock: sqlite3.Connection, database: sqlite3.Connection, made: bool) -> None:
+        self.folder = folder
+        self._made = made
+        self._lock, self._database = lock, database
+        self._one = threading.RLock()
+        self._stage: str | None = None
+
+    @classmethod
+    def open(
+        cls,
+        folder: str | Path,
+        request: Mapping[str, Any],
+        *,
+        restart: bool = False,
+        cheap: Callable[[Mapping[str, Any]], bool] = lambda request: False,
+    ) -> Store:
+        """Begin the run of `request` in `folder`, or take it up again.
+
+        Parameters
+        ----------
+        folder : str or Path
+            Made if it is not there.
+        request : mapping
+            Plain data: all that the result depends on.
+        restart : bool
+            Forget the run that is there.
+        cheap : callable
+            Whether a finished run of some request may be replaced by another one unasked: it took no time.
+
+        Raises
+        ------
+        RunError
+            If another process holds the run, another request was made there, the file is damaged or the folder
+            cannot be written to.
+        """
+        path = Path(folder)
+        made = not path.exists()
+        with _named(path):
+            path.mkdir(parents=True, exist_ok=True)
+            lock = _locked(path)
+        try:
+            with _named(path):
+                if restart:
+                    _forget(path)
+                return cls(path, lock, _opened(path, request, cheap), made)
+        except BaseException:
+            lock.close()
+            raise
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Write what waits and let go of the run."""
+        with self._one:
+            with suppress(sqlite3.Error):  # the stage is for the eye only
+                self._write([])
+            with suppress(sqlite3.Error):  # without a log beside it, the file can be read from a read-only folder
+                self._database.execute("PRAGMA journal_mode = DELETE")
+            self._database.close()
+            self._lock.close()
+
+    def discard(self) -> None:
+        """Close the run and leave nothing of it behind."""
+        with self._one:
+            self._stage = None
+            self.close()
+            for name in (*_FILES, LOCK):
+                (self.folder / name).unlink(missing_ok=True)
+            with suppress(OSError):  # others have put something there
+                if self._made:
+                    self.folder.rmdir()
+
+    def fact(self, name: str) -> str | None:
+        """Text kept by `name`, None if there is none."""
+        with self._one:
+            row = self._database.execute("SELECT text FROM facts WHERE name = ?", (name,)).fetchone()
+        return None if row is None else str(row[0])
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run came to its end."""
+        return self.fact("state") == '"finished"'
+
+    def result(self, key: str) -> str | None:
+        """Text of the result of an evaluation, None if it has not been made."""
+        with self._one:
+            row = self._database.execute("SELECT result FROM evaluations WHERE key = ?", (key,)).fetchone()
+        return None if row is None else str(row[0])
+
+    def keep(self, key: str, number: int, function: str, subject: str, seconds: float, result: str) -> None:
+        """Keep an evaluation; it is on the disk when this returns.
+
+        Raises
+        ------
+        RunError
+            If it cannot be written.
+        """
+        self._save([("evaluations", (key, number, function, subject, float(seconds), result))])
+
+    def generation(self, number: int, state: Mapping[str, Any]) -> None:
+        """Keep the state of a generation, or hold it against the one kept by an earlier part of the run.
+
+        Raises
+        ------
+        RunError
+            If they differ: then the run does not repeat itself, and must not go on.
+        """
+        text = canonical(state)
+        with self._one:
+            row = self._database.execute("SELECT state FROM generations WHERE number = ?", (number,)).fetchone()
+        if row is None:
+            self._save([("generations", (number, text))])
+        elif row[0] != text:
+            raise RunError(f"'{self.folder / FILE}': generation {number} is not what it was when the run was begun")
+
+    def stage(self, stage: Mapping[str, Any]) -> None:
+        """Note where the search stands; it is written with the next evaluation."""
+        self._stage = canonical(stage)
+
+    def files(self) -> dict[str, bytes]:
+        """Results of a finished run by file name."""
+        with self._one:
+            rows = self._database.execute("SELECT name, content FROM files ORDER BY rowid").fetchall()
+        return {str(name): bytes(content) for name, content in rows}
+
+    def finish(self, files: Mapping[str, bytes]) -> None:
+        """Keep the results and mark the run as finished, both or none."""
+        rows = [("files", (name, content)) for name, content in files.items()]
+        self._save([*rows, ("facts", ("state", '"finished"'))])
+
+    def _save(self, rows: Sequence[tuple[str, Sequence[Any]]]) -> None:
+        with self._one, _named(self.folder):
+            self._write(rows)
+
+    def _write(self, rows: Sequence[tuple[str, Sequence[Any]]]) -> None:
+        waiting = [] if self._stage is None else [("facts", ("stage", self._stage))]
+        self._stage = None
+        with self._database:  # one transaction
+            for table, row in [*waiting, *rows]:
+                _insert(self._database, table, row)
+
+
+def _insert(database: sqlite3.Connection, table: str, row: Sequence[Any]) -> None:
+    marks = ", ".join("?" * (len(row) + 1))
+    database.execute(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", (*row, _row_hash(table, row)))
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Keep other processes out of a folder that holds several runs.
+
+    Raises
+    ------
+    RunError
+        If one is at work there, or it cannot be written to.
+    """
+    with _named(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = _locked(folder)
+    try:
+        yield
+    finally:
+        lock.close()
+
+
+def _locked(folder: Path) -> sqlite3.Connection:
+    """Lock of the folder, held until the connection is closed or the process ends."""
+    lock = sqlite3.connect(folder / LOCK, timeout=_WAIT, isolation_level=None, check_same_thread=False)
+    try:
+        lock.execute("BEGIN EXCLUSIVE")
+    except sqlite3.OperationalError as error:
+        lock.close()
+        if "locked" in str(error):
+            raise RunError(
+                f"another process is at work in '{folder}'; wait for its end, or use another folder"
+            ) from None
+        raise
+    return lock
+
+
+def _create(folder: Path, request: Mapping[str, Any]) -> None:
+    """Make the file aside: it comes to its place with the request in it, or not at all."""
+    aside = folder / f"{FILE}.new"
+    aside.unlink(missing_ok=True)
+    database = sqlite3.connect(aside)
+    try:
+        with database:
+            for table, columns in _TABLES.items():
+                database.execute(f"CREATE TABLE {table} ({columns}, hash TEXT NOT NULL)")
+            _insert(database, "facts", ("format", canonical(FORMAT)))
+            _insert(database, "facts", ("request", canonical(request)))
+            _insert(database, "facts", ("state", canonical("unfinished")))
+    finally:
+        database.close()
+    aside.replace(folder / FILE)
+
+
+def _forget(folder: Path) -> None:
+    for name in _FILES:
+        (folder / name).unlink(missing_ok=True)
+
+
+def _opened(folder: Path, request: Mapping[str, Any], cheap: Callable[[Mapping[str, Any]], bool]) -> sqlite3.Connection:
+    """Checked file of the run of `request`, made if there is none."""
+    if not (folder / FILE).exists():
+        _create(folder, request)
+    database = connect(folder, "rw")
+    try:
+        facts = checked(folder, database)
+        apart = _apart(facts["request"], request)
+        if not apart:
+            database.execute("PRAGMA journal_mode = WAL")
+            database.execute("PRAGMA synchronous = FULL")
+            return database
+    except BaseException:
+        database.close()
+        raise
+    database.close()
+    if facts["state"] == "finished" and cheap(facts["request"]):
+        _forget(folder)
+        return _opened(folder, request, cheap)
+    raise RunError(
+        f"'{folder}' holds a run of another request: {'; '.join(apart)}. Use another folder, or --restart to"
+        " begin anew there"
+    )
+
+
+def connect(folder: Path, mode: Literal["ro", "rw"]) -> sqlite3.Connection:
+    """Open the file of a run; RunError if it is empty."""
+    if (folder / FILE).stat().st_size == 0:
+        raise damaged(folder, "it is empty")
+    where = f"{(folder / FILE).absolute().as_uri()}?mode={mode}"
+    database = sqlite3.connect(where, uri=True, timeout=_WAIT, check_same_thread=False)
+    database.text_factory = lambda text: text.decode(errors="replace")  # the hashes tell, not a decoder
+    return database
+
+
+def checked(folder: Path, database: sqlite3.Connection) -> dict[str, Any]:
+    """Facts of a file that is not damaged, by SQLite's own check and the hash of every row; else RunError."""
+    problems = [str(row[0]) for row in database.execute("PRAGMA integrity_check")]
+    if problems != ["ok"]:
+        raise damaged(folder, problems[0].replace("\n", " "))
+    for table in _TABLES:
+        for *row, stored in database.execute(f"SELECT * FROM {table}"):
+            if _row_hash(table, row) != stored:
+                raise damaged(folder, f"row '{row[0]}' of table '{table}' does not match its hash")
+    facts = {name: json.loads(text) for name, text in database.execute("SELECT name, text FROM facts")}
+    if "request" not in facts or "state" not in facts:
+        raise damaged(folder, "the request is missing")
+    if facts.get("format") != FORMAT:
+        raise RunError(f"'{folder / FILE}' has the format '{facts.get('format')}'; this version reads '{FORMAT}'")
+    return facts
+
+
+def _apart(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """What differs between the request that a run was begun with and another one."""
+    now = json.loads(canonical(now))
+    return [
+        f"{name} was {_shown(before.get(name))} and is {_shown(now.get(name))}"
+        for name in sorted({*before, *now})
+        if before.get(name) != now.get(name)
+    ]
+
+
+def _shown(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else f"{text[:28]}…{text[-28:]}"

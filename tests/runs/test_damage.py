@@ -1,0 +1,154 @@
+"""A damaged store is named, and never read as a result."""
+
+import random
+import shutil
+import sqlite3
+import subprocess
+import sys
+
+import pytest
+from small_runs import call
+
+from brightgrey.errors import BrightgreyError
+from brightgrey.runs import RunError, Store
+from brightgrey.runs.codec import text_of, value_of
+from brightgrey.runs.store import FILE
+
+REQUEST = {"recording": "a", "seed": 0}
+PAGE = 4096
+
+
+def keys(folder):
+    database = sqlite3.connect(folder / FILE)
+    found = [row[0] for row in database.execute("SELECT key FROM evaluations")]
+    database.close()
+    return found
+
+
+@pytest.fixture
+def kept(tmp_path):
+    """A store with some evaluations, closed; gives its folder and what it holds."""
+    folder = tmp_path / "run"
+    with Store.open(folder, REQUEST) as store:
+        for number in range(60):
+            store.keep(f"{number:064x}", number, "f", "one_mass", 0.1, text_of((0.1 * number, "x" * 200)))
+        content = {key: store.result(key) for key in (f"{n:064x}" for n in range(60))}
+    return folder, content
+
+
+def read(folder):
+    with Store.open(folder, REQUEST) as store:
+        return {f"{n:064x}": store.result(f"{n:064x}") for n in range(60)}
+
+
+def test_floats_come_back_exactly():
+    draw = random.Random(0)
+    for _ in range(1000):
+        value = draw.uniform(-1, 1) * 10.0 ** draw.randint(-300, 300)
+        assert value_of(text_of((value, float("inf"), -0.0))) == (value, float("inf"), -0.0)
+        assert text_of(value_of(text_of(value))) == text_of(value)
+
+
+def test_undamaged_it_is_read(kept):
+    folder, content = kept
+    assert read(folder) == content
+
+
+def test_a_flipped_byte_in_a_row_is_named(kept):
+    folder, _ = kept
+    data = bytearray((folder / FILE).read_bytes())
+    at = data.index(b"xxxx")
+    data[at + 2] ^= 1
+    (folder / FILE).write_bytes(data)
+    with pytest.raises(RunError, match=r"run.sqlite' is damaged: row '0+.*' of table 'evaluations' does not match"):
+        read(folder)
+
+
+@pytest.mark.parametrize("size", [0, 50, 100, PAGE - 1, PAGE, 3 * PAGE + 17, -PAGE, -1])
+def test_a_truncated_file_is_named(kept, size):
+    folder, _ = kept
+    data = (folder / FILE).read_bytes()
+    (folder / FILE).write_bytes(data[:size])
+    with pytest.raises(RunError, match=r"run.sqlite' is damaged: "):
+        read(folder)
+
+
+@pytest.mark.parametrize("filler", [b"\x00", b"\xa5"])
+def test_a_torn_page_is_named(kept, filler):
+    folder, content = kept
+    data = (folder / FILE).read_bytes()
+    assert len(data) > 5 * PAGE
+    for page in range(len(data) // PAGE):
+        torn = data[: page * PAGE + PAGE // 2] + PAGE // 2 * filler + data[(page + 1) * PAGE :]
+        (folder / FILE).write_bytes(torn)
+        try:
+            found = read(folder)
+        except RunError:
+            continue
+        assert found == content  # half a page that holds nothing
+
+
+def test_flipped_bytes_anywhere_never_change_a_result(kept):
+    folder, content = kept
+    data = (folder / FILE).read_bytes()
+    draw = random.Random(3)
+    refused = 0
+    for _ in range(300):
+        flipped = bytearray(data)
+        flipped[draw.randrange(len(data))] ^= 1 << draw.randrange(8)
+        for extra in folder.glob(f"{FILE}-*"):
+            extra.unlink()
+        (folder / FILE).write_bytes(flipped)
+        try:
+            found = read(folder)
+        except BrightgreyError:
+            refused += 1
+        else:
+            # What is not found is computed again; what is found is what was kept.
+            assert all(value in (None, content[key]) for key, value in found.items())
+    assert refused > 100
+
+
+def test_the_program_names_the_damage_in_one_line(small, tmp_path):
+    folder = shutil.copytree(small.folder / "exhaustive", tmp_path / "copy")
+    before = (folder / "model.json").read_bytes()
+    data = bytearray((folder / FILE).read_bytes())
+    data[data.index(b'"Fitted"') + 2] ^= 2
+    (folder / FILE).write_bytes(data)
+    for done in (call(*small.searches["exhaustive"], "--out", folder), call("runs", folder)):
+        assert done.code == 2
+        assert "is damaged: row" in done.err + done.out
+    assert (folder / "model.json").read_bytes() == before
+    done = call(*small.searches["exhaustive"], "--restart", "--out", folder, "--quiet")
+    assert done.code == 0, done.err
+    assert (folder / "model.json").read_bytes() == before
+
+
+def test_a_lock_dies_with_its_process(tmp_path):
+    code = f"""
+import os, signal
+from brightgrey.runs import Store
+store = Store.open({str(tmp_path)!r}, {REQUEST!r})
+store.keep("k", 1, "f", "", 0.0, "1.0")
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
+    with Store.open(tmp_path, REQUEST) as store:
+        assert store.result("k") == "1.0"
+        with pytest.raises(RunError, match="another process"):
+            Store.open(tmp_path, REQUEST)
+
+
+def test_another_request_is_refused(kept):
+    folder, content = kept
+    with pytest.raises(RunError, match="seed was 0 and is 1"):
+        Store.open(folder, {**REQUEST, "seed": 1})
+    assert read(folder) == content
+
+
+def test_a_generation_that_does_not_repeat_itself_is_refused(tmp_path):
+    with Store.open(tmp_path, REQUEST) as store:
+        store.generation(0, {"random": 1})
+        store.generation(0, {"random": 1})
+        with pytest.raises(RunError, match="generation 0"):
+            store.generation(0, {"random": 2})

@@ -1,0 +1,108 @@
+"""What a folder with a run says to those who come later."""
+
+import json
+import shutil
+
+import numpy as np
+from small_runs import call, results
+
+from brightgrey.runs import glance
+
+
+def copied(small, tmp_path, name="exhaustive"):
+    return shutil.copytree(small.folder / name, tmp_path / "copy")
+
+
+def test_a_finished_run_prints_its_result_and_evaluates_nothing(small, tmp_path):
+    folder = copied(small, tmp_path)
+    before = glance(folder)
+    assert before.state == "finished"
+    (folder / "model.json").unlink()
+    (folder / "ranking.csv").write_text("changed")
+    done = call(*small.searches["exhaustive"], "--workers", 1, "--out", folder)
+    assert done.code == 0, done.err
+    assert "was finished before" in done.out
+    assert "one_mass+coulomb+viscous" in done.out
+    assert results(folder) == small.whole["exhaustive"]
+    assert glance(folder) == before
+    done = call(*small.searches["exhaustive"], "--out", folder, "--json")
+    assert done.out.encode() == small.whole["exhaustive"]["model.json"]
+
+
+def test_another_request_is_refused_with_what_differs(small, tmp_path):
+    folder = copied(small, tmp_path)
+    before = results(folder)
+    done = call(*small.searches["exhaustive"], "--seed", 7, "--exclude", "delay", "--out", folder)
+    assert done.code == 2
+    assert "seed was 0 and is 7" in done.err
+    assert "exclude was" in done.err
+    assert "--restart" in done.err
+    assert results(folder) == before
+    other = tmp_path / "a.csv"
+    text = (small.folder / "a.csv").read_text()
+    other.write_text(text[:-2] + "9\n")
+    done = call("identify", other, *small.searches["exhaustive"][2:], "--out", folder)
+    assert done.code == 2
+    assert "recording 1 was a.csv (" in done.err
+    assert "seed" not in done.err
+
+
+def test_restart_begins_anew(small, tmp_path):
+    folder = copied(small, tmp_path, "genetic")
+    arguments = (*small.searches["genetic"], "--seed", 1, "--out", folder, "--quiet")
+    assert call(*arguments).code == 2
+    assert call(*arguments, "--restart").code == 0
+    assert json.loads((folder / "model.json").read_text())["seed"] == 1
+
+
+def test_wrong_use_leaves_no_run_behind(small, tmp_path):
+    done = call(*small.searches["exhaustive"], "--bound", "J9=1:2", "--out", tmp_path / "out")
+    assert done.code == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_runs_are_listed(small):
+    done = call("runs", small.folder, "--json")
+    assert done.code == 0, done.err
+    rows = json.loads(done.out)
+    assert [row["state"] for row in rows] == ["finished", "finished"]
+    assert [row["request"]["search"] for row in rows] == ["auto", "genetic"]
+    exhaustive, genetic = rows
+    assert exhaustive["evaluations"] > 16
+    assert genetic["generations"] == 4
+    assert "one_mass" in exhaustive["stage"]["best"]
+    shown = call("runs", small.folder / "genetic")
+    assert "generations 3 of 3" in shown.out
+    assert "genetic population: 6" in shown.out
+    assert call("runs", small.folder / "nowhere").code == 2
+
+
+def test_generations_are_kept_with_the_state_of_the_random_numbers(small):
+    import sqlite3
+
+    database = sqlite3.connect(f"file:{small.folder / 'genetic' / 'run.sqlite'}?mode=ro", uri=True)
+    states = [json.loads(text) for (text,) in database.execute("SELECT state FROM generations ORDER BY number")]
+    database.close()
+    assert len(states) == 4
+    rng = np.random.default_rng()
+    for state in states:
+        rng.bit_generator.state = state["random"]
+        assert len(state["population"]) == 6
+    assert len({str(s["random"]) for s in states}) == 4
+
+
+def test_a_given_structure_keeps_its_result_too(small, tmp_path):
+    arguments = ("identify", *small.columns, "--structure", "one_mass+coulomb+viscous", "--out", tmp_path)
+    assert call(*arguments).code == 0
+    before = results(tmp_path)
+    done = call(*arguments)
+    assert "was finished before" in done.out
+    assert results(tmp_path) == before
+    other = call(*arguments, "--seed", 3)  # seconds of work are no loss
+    assert other.code == 0, other.err
+    assert json.loads((tmp_path / "model.json").read_text())["seed"] == 3
+    assert call(*small.searches["exhaustive"], "--out", tmp_path, "--max-evaluations", 4).code == 0
+    assert "structure was null" in call(*arguments).err  # but those of a search are
+    refused = call(*arguments[:-2], "--max-evaluations", 3, "--out", tmp_path)
+    assert refused.code == 2
+    assert "belong to a search" in refused.err

@@ -1,0 +1,105 @@
+"""The same bytes wherever evaluations are made."""
+
+import logging
+import os
+import signal
+
+import numpy as np
+import pytest
+from small_runs import results
+
+from brightgrey.api import read_recording
+from brightgrey.api.runs import identify_into
+from brightgrey.errors import SettingsError
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.runs import RunError, Workforce
+
+EXCLUDE = ("two_mass", "stribeck", "current_control")
+
+
+def searched(small, folder, executor, progress=None):
+    recording = read_recording(small.folder / "a.csv", input="torque", outputs=["velocity"])
+    return identify_into(
+        folder, [recording], exclude=EXCLUDE, f_tanh=E.f_tanh, executor=executor, workers=1, progress=progress
+    )
+
+
+@pytest.mark.parametrize("workforce", [Workforce(1), Workforce(4), Workforce(2, processes=True)], ids=str)
+def test_threads_and_processes(small, tmp_path, workforce):
+    with workforce.executor() as executor:
+        searched(small, tmp_path, executor)
+    assert results(tmp_path) == small.whole["exhaustive"]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_loses_a_worker(small, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    how = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with distributed.LocalCluster(**how, silence_logs=logging.CRITICAL) as cluster:
+        pids = [worker.process.pid for worker in cluster.workers.values()]
+        killed = []
+
+        def kill(step):
+            if not killed and getattr(step, "done", 0) >= 3:
+                os.kill(pids[0], signal.SIGKILL)
+                killed.append(pids[0])
+
+        with Workforce(dask=cluster.scheduler_address).executor() as executor:
+            searched(small, tmp_path, executor, kill)
+    assert killed
+    assert results(tmp_path) == small.whole["exhaustive"]
+
+
+def test_a_process_that_dies_is_told_and_the_run_goes_on(small, tmp_path):
+    def kill(step):
+        if getattr(step, "done", 0) == 3:
+            for process in executor._inner._processes.values():
+                os.kill(process.pid, signal.SIGKILL)
+
+    with Workforce(2, processes=True).executor() as executor, pytest.raises(RunError, match="the same command goes on"):
+        searched(small, tmp_path, executor, kill)
+    searched(small, tmp_path, None)
+    assert results(tmp_path) == small.whole["exhaustive"]
+
+
+def test_a_recording_travels_once_per_worker(small):
+    from concurrent.futures import Executor, Future
+
+    from brightgrey.runs import parcel
+
+    sent = []
+
+    class Wire(Executor):
+        def submit(self, fn, *args):
+            sent.append(sum(len(a) for a in args if isinstance(a, bytes)) + 1_000_000 * (len(args) > 2))
+            future = Future()
+            future.set_result(fn(*args))
+            return future
+
+    recording = read_recording(small.folder / "a.csv", input="torque", outputs=["velocity"], decimate=2)
+    parcel._HELD.clear()
+    parcels = parcel.Parcels(Wire())
+    for _ in range(5):
+        assert parcels.submit(np.shape, recording.y).result() == recording.y.shape
+        assert parcels.submit(_samples, recording).result() == recording.samples
+    assert sum(size > 1_000_000 for size in sent) == 1
+
+
+def _samples(recording):
+    return recording.samples
+
+
+def test_wrong_workforces_are_refused():
+    with pytest.raises(SettingsError, match="at least 1"):
+        Workforce(0)
+    with pytest.raises(SettingsError, match="take one of them"):
+        Workforce(1, processes=True, dask="host:1")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_is_not_there_is_named(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("brightgrey.runs.workforce._PATIENCE", 1)
+    with pytest.raises(RunError, match=r"127\.0\.0\.1:9"), Workforce(dask="127.0.0.1:9").executor():
+        pass
