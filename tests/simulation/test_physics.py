@@ -295,6 +295,34 @@ def test_neighbours_and_threads_change_no_bit(number, seed):
             np.testing.assert_array_equal(outputs(members, threads), full[:, :, members])
 
 
+@pytest.mark.parametrize("name", ["two_mass+coulomb+viscous+backlash", "three_mass+stribeck+backlash+delay"])
+@pytest.mark.parametrize("group", [2, 4, 8, 16])
+@pytest.mark.parametrize("level", ["fast", "accurate"])
+def test_other_groups_change_no_bit(name, group, level):
+    """A group's lanes go on together where its leader needs short steps; the others next to them must not notice."""
+    structure = PAPER.parse(name)
+    rng = np.random.default_rng(group)
+    sets = [random_values(structure.parameters, rng) for _ in range(6)]
+    u = TORQUE[:300]
+    how = Settings(E.f_tanh, E.speed, level)
+
+    def outputs(members):
+        values = {
+            n: np.concatenate([sets[k][n] * (1.0 + 1e-6 * np.arange(group)) for k in members])
+            for n in structure.parameters
+        }
+        s = assemble(structure, values, E.f_tanh)
+        return response(s, u, DT, s.rest(u=u[0]), how, group=group).y[0].reshape(len(u), -1, group)
+
+    full = outputs(range(6))
+    for members in ([2], [5, 2, 0], [1, 4]):
+        np.testing.assert_array_equal(outputs(members), full[:, members])
+    alone = {n: np.array([s[n] for s in sets]) for n in structure.parameters}
+    s = assemble(structure, alone, E.f_tanh)
+    leaders = response(s, u, DT, s.rest(u=u[0]), how).y[0]
+    np.testing.assert_allclose(full[:, :, 0], leaders, rtol=0.0, atol=1e-9 * np.abs(leaders).max())
+
+
 @pytest.mark.parametrize("number", [447, 290, 200])
 def test_frozen_steps_give_jacobians(number):
     structure, values, _ = drive(number)

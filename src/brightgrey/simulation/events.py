@@ -151,11 +151,14 @@ def sort(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> 
         everyone = -1 if ((failed | coarse) >> leader) & 1 else 0
         exceptional |= (failed | everyone) & (((1 << group) - 1) << leader)
     exceptional &= ~dead
+    for lane in range(LANES):  # before any attempt of one group writes over what the full step says of the others
+        if (exceptional >> lane) & 1:
+            set_whole(work.begin, lane, _shorter(shape, plant, call, work, shape.ticks, lane))
     take_some(shape, plant, work, h, ~exceptional)
     for leader in range(0, LANES, group):
         led = (exceptional >> leader) & ((1 << group) - 1)
         if led & 1 and group >= _WORTHWHILE:
-            invoke(call.together, (block, k, base, leader))
+            invoke(call.together, (block, k, base, leader, whole(work.begin, leader)))
         elif led:
             if not led & 1:  # the leader took the full step
                 for tick in range(ticks):
@@ -164,21 +167,19 @@ def sort(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> 
                 if (exceptional >> lane) & 1:
                     # Followers of a leader that took the full step have failed it, too.
                     follow = 1 if lane > leader else 0
-                    level = shape.ticks
-                    if not follow or not led & 1:
-                        level = _shorter(shape, plant, call, work, level, lane)
+                    level = whole(work.begin, lane) if not follow or not led & 1 else shape.ticks
                     invoke(call.refine, (block, k, base, lane, follow, 0, ticks, level))
 
 
 @Entry
-def together(block: Any, k: Any, base: Any, leader: Any) -> None:
-    """Base step `base` after sample k for a whole group in halved steps, which its leader chooses.
+def together(block: Any, k: Any, base: Any, leader: Any, level: Any) -> None:
+    """Base step `base` after sample k for a whole group in steps that its leader chooses, of 2^level ticks at first.
 
     Lanes whose own events ask for more, or that are in another mode, go through a step on their own.
     """
     shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
-    position, level = 0, _shorter(shape, plant, call, work, shape.ticks, leader)  # the full step has been tried
+    position = 0
     while position < 1 << shape.ticks:
         size = 1 << level
         drive_all(shape, plant, call, k, (base << shape.ticks) + position, size, work)

@@ -147,7 +147,8 @@ class Work(NamedTuple):
     ahead : limits * points rows: watched quantity within an attempted step
     error : error estimate of the last step, in units of speed
     drive : 3 rows: input at the start of a step, its slope, and the change of slope (or jump) inside
-    plan : int array: level of the leader's step at each tick
+    plan : int array: level of the leader's step at each tick; begin : int array (lanes,): level to go on with after a
+        full step that was not accepted
     point, system, series, course : of one lane, states side by side: state; columns of its matrix, constant and slope
         (n + 2 rows); Taylor coefficients; those of a watched quantity
     scratch : 5 n + 3 rows
@@ -179,6 +180,7 @@ class Work(NamedTuple):
     error: Any
     drive: Any
     plan: Any
+    begin: Any
     point: Any
     system: Any
     series: Any
@@ -410,6 +412,7 @@ def work_for(shape: Shape) -> tuple[Work, NDArray[np.float64]]:
         error=1,
         drive=3,
         plan=-(-pieces // LANES),
+        begin=1,
         point=1,
         system=n + 2,
         series=SERIES_TERMS,
