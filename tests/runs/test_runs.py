@@ -61,7 +61,7 @@ def test_wrong_use_leaves_no_run_behind(small, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_runs_are_listed(small):
+def test_runs_are_listed(small, monkeypatch):
     done = call("runs", small.folder, "--json")
     assert done.code == 0, done.err
     rows = json.loads(done.out)
@@ -71,7 +71,8 @@ def test_runs_are_listed(small):
     assert exhaustive["evaluations"] > 16
     assert genetic["generations"] == 4
     assert "one_mass" in exhaustive["stage"]["best"]
-    shown = call("runs", small.folder / "genetic")
+    monkeypatch.chdir(small.folder)  # a long path would fold the table
+    shown = call("runs", "genetic")
     assert "generations 3 of 3" in shown.out
     assert "genetic population: 6" in shown.out
     assert call("runs", small.folder / "nowhere").code == 2

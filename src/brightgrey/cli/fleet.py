@@ -25,7 +25,7 @@ from brightgrey.cli.options import (
     Unit,
     Workers,
 )
-from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.errors import SettingsError
 
 if TYPE_CHECKING:
     from brightgrey.api.fleet import Fleet, Member
@@ -89,11 +89,8 @@ def fleet(
 
     axes = read_manifest(manifest)
     check_folder(out)
-    if search not in (None, *SEARCHES):
-        raise SettingsError(unknown_name("search", str(search), SEARCHES))
-    chosen = one.checked_structure(structure, search, (*(require or ()), *(exclude or ())))
-    if chosen and (processes or dask or max_evaluations or max_seconds):
-        raise SettingsError("--processes, --dask, --max-evaluations and --max-seconds belong to a search")
+    chosen = one.checked_structure(structure, search, (*(require or ()), *(exclude or ())), SEARCHES)
+    one.check_for_search(chosen, processes, dask, max_evaluations, max_seconds)
     wanted: dict[str, Any] = {"bounds": options.bounds(bound or ()), "fixed": options.fixed(fix or ())}
     read = _reader(
         {

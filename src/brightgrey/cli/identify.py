@@ -210,8 +210,7 @@ def identify(
 
     method = check_estimator(estimator or "least-squares") if structure else "least-squares"
     begin = check_initial(initial)
-    if structure and (processes or dask or max_evaluations or max_seconds):
-        raise SettingsError("--processes, --dask, --max-evaluations and --max-seconds belong to a search")
+    check_for_search(structure, processes, dask, max_evaluations, max_seconds)
     workforce, budget = Workforce(workers, processes, dask), Budget(max_evaluations, max_seconds)
 
     def read(file: Path) -> api.Recording:
@@ -276,7 +275,15 @@ def _display(structure: str | None, *, silent: bool) -> Iterator[Callable[[Stage
         yield lambda step: display(step, "structure search")
 
 
-def checked_structure(text: str | None, search: str | None, effects: Sequence[str]) -> str | None:
+def check_for_search(structure: str | None, *options: object) -> None:
+    """Refuse options on the work of a search where there is none."""
+    if structure and any(options):
+        raise SettingsError("--processes, --dask, --max-evaluations and --max-seconds belong to a search")
+
+
+def checked_structure(
+    text: str | None, search: str | None, effects: Sequence[str], searches: Sequence[str] = SEARCHES
+) -> str | None:
     """Refuse what is no structure, and no search, before any file is read."""
     from brightgrey.kit import function_set
     from brightgrey.search.survey import candidates
@@ -285,8 +292,8 @@ def checked_structure(text: str | None, search: str | None, effects: Sequence[st
         if search is not None or effects:
             raise SettingsError("--structure excludes --search, --require and --exclude")
         return str(function_set().parse(text))
-    if search not in (None, *SEARCHES):
-        raise SettingsError(unknown_name("search", search, SEARCHES))
+    if search not in (None, *searches):
+        raise SettingsError(unknown_name("search", str(search), searches))
     if search == "genetic" and effects:
         raise SettingsError("--require and --exclude belong to the exhaustive search")
     candidates(effects, grammar=function_set())
