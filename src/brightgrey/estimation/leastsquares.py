@@ -219,13 +219,11 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
     low, high = search.inward(search.low), search.inward(search.high)
     cap = np.where(search.log, _CAP_LOG, _CAP_LINEAR)
     factors = np.array(_FACTORS)
-    tried = np.stack(
-        [
-            field.theta + step(field.theta, field.normal, field.scale, field.damped * factor, low, high, cap)
-            for factor in factors
-        ],
-        axis=1,
-    )
+    each = np.repeat(np.arange(len(field.theta)), len(factors))
+    damped = (field.damped[:, None] * factors).ravel()
+    begins = field.theta[each]
+    ends = begins + step(begins, field.normal.of(each), field.scale[each], damped, low, high, cap)
+    tried = ends.reshape(len(field.theta), len(factors), -1)
     outward = search.outward(tried.reshape(-1, tried.shape[2]).T)
     costs = problem.costs(search.named(outward), settings).reshape(tried.shape[:2])
     best = costs.argmin(axis=1)

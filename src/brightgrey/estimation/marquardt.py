@@ -26,8 +26,8 @@ class Normal(NamedTuple):
     gradient: Array
     curvature: Array
 
-    def of(self, which: NDArray[np.bool_]) -> Normal:
-        """Those of some starts."""
+    def of(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Normal:
+        """Those of some starts, by a mask or by their numbers."""
         return Normal(self.cost[which], self.gradient[which], self.curvature[which])
 
 

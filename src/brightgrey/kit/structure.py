@@ -95,6 +95,11 @@ class Structure:
         return sum(p.effect.masses for p in self.placed)
 
     @cached_property
+    def beside(self) -> frozenset[Placed]:
+        """Placed effects that bring no masses."""
+        return frozenset(p for p in self.placed if not p.effect.masses)
+
+    @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
         """Declarations of all parameters by their names in this structure."""
         return MappingProxyType(

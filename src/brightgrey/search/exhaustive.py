@@ -23,7 +23,7 @@ from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.problem import Problem
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.identification import Identification
-from brightgrey.search.lattice import effects_of, extensions, ladder_of, largest_within, size, without_ladder
+from brightgrey.search.lattice import effects_of, extensions, ladder_of, largest_within, size
 from brightgrey.search.work import in_turn, pool
 
 __all__ = ["Fitted", "Options", "fit_all", "fit_one"]
@@ -207,7 +207,7 @@ def _hubs(structures: Sequence[Structure]) -> list[Structure]:
 
     def laws(structure: Structure) -> list[int]:
         """Ports of the laws; 0 for effects without one."""
-        return [p.effect.law.ports if p.effect.law else 0 for p in without_ladder(structure)]
+        return [p.effect.law.ports if p.effect.law else 0 for p in structure.beside]
 
     def friction(structure: Structure) -> tuple[int, int]:
         ports = laws(structure)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from functools import cache
 
 from brightgrey.kit import Placed, Structure
 
@@ -16,7 +15,6 @@ __all__ = [
     "minimal",
     "simpler",
     "size",
-    "without_ladder",
 ]
 
 
@@ -25,15 +23,9 @@ def ladder_of(structure: Structure) -> Placed:
     return next(p for p in structure.placed if p.effect.masses)
 
 
-@cache
-def without_ladder(structure: Structure) -> frozenset[Placed]:
-    """All other placed effects."""
-    return frozenset(p for p in structure.placed if not p.effect.masses)
-
-
 def contains(big: Structure, small: Structure) -> bool:
     """Whether `small` is `big` without some effects or masses; masses count cumulatively. Equal ones do, too."""
-    return small.masses <= big.masses and without_ladder(small) <= without_ladder(big)
+    return small.masses <= big.masses and small.beside <= big.beside
 
 
 def size(structure: Structure) -> int:
@@ -43,18 +35,20 @@ def size(structure: Structure) -> int:
 
 def simpler(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
     """Structures `among` others that lack one effect, or one mass, of `structure`."""
-    return [s for s in among if size(s) == size(structure) - 1 and contains(structure, s)]
+    wanted = size(structure) - 1
+    return [s for s in among if size(s) == wanted and contains(structure, s)]
 
 
 def extensions(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
     """Structures `among` others that have one effect, or one mass, more than `structure`."""
-    return [s for s in among if size(s) == size(structure) + 1 and contains(s, structure)]
+    wanted = size(structure) + 1
+    return [s for s in among if size(s) == wanted and contains(s, structure)]
 
 
 def largest_within(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
     """Largest of the structures `among` others that `structure` contains: none of them contains another."""
     found: list[Structure] = []
-    for s in sorted((s for s in among if s != structure and contains(structure, s)), key=size, reverse=True):
+    for s in sorted((s for s in among if contains(structure, s) and s != structure), key=size, reverse=True):
         if not any(contains(t, s) for t in found):
             found.append(s)
     return found
@@ -68,4 +62,4 @@ def minimal(structures: Collection[Structure]) -> list[Structure]:
 def effects_of(big: Structure, small: Structure) -> tuple[str, ...]:
     """Names of the effects that `big` has beyond `small`; its masses, if there are more of them, come first."""
     more = (ladder_of(big).name,) if big.masses > small.masses else ()
-    return (*more, *(str(p) for p in big.placed if p in without_ladder(big) - without_ladder(small)))
+    return (*more, *(str(p) for p in big.placed if p in big.beside - small.beside))

@@ -50,6 +50,8 @@ def lower(system: StateSpace, dt: float) -> Lowered:
 
     def batched(array: Any, lead: int) -> Array:
         a = np.asarray(array, float)
+        if a.ndim == lead + 1 and a.shape[-1] == sets:
+            return a
         return np.broadcast_to(a.reshape((*a.shape[:lead], -1)), (*a.shape[:lead], sets))
 
     n = len(system.states)
