@@ -50,6 +50,10 @@ bench-long: setup  ## the statistics of docs/results.md
 	$(BIN)/python bench/global_optimum.py
 	$(BIN)/python bench/coverage.py
 	$(BIN)/python bench/real_recordings.py
+	$(BIN)/python bench/recovery.py run 0 200
+	$(BIN)/python bench/recovery.py table
+	$(BIN)/python bench/symptoms.py false --runs 60 --seed 101
+	$(BIN)/python bench/symptoms.py missing --runs 8
 	$(BIN)/python bench/genetic.py rates paper reference 0 100
 	$(BIN)/python bench/genetic.py rates ours reference 0 100
 	$(BIN)/python bench/genetic.py rates paper others 0 20

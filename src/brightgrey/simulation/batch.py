@@ -147,6 +147,7 @@ def _simulate(
         outputs=len(lowered.outputs),
         ticks=stepping.ticks,
         base_steps=stepping.base_steps,
+        jump=int(level.looks),
         points=stepping.points,
         newton=level.newton,
         hold=int(settings.hold == "linear"),

@@ -77,8 +77,11 @@ def _reached(shape: Any, plant: Any, work: Any, level: Any, lane: Any) -> Any:
 def _shorter(shape: Any, plant: Any, call: Any, work: Any, level: Any, lane: Any) -> Any:
     """Level of the next attempt: ends before the first limit, and is as short as the error's estimate lets expect.
 
-    At most a quarter for the error's sake: where friction turns within the step, its estimate exaggerates.
+    At most a quarter for the error's sake: where friction turns within the step, its estimate exaggerates. Where
+    steps do not jump (level ``accurate``, whose steps the exported programs take, too) the half is next.
     """
+    if shape.jump == 0:
+        return level - 1
     size = float(1 << level) * _reached(shape, plant, work, level, lane)
     ratio = get(work.error, 0, lane) / real(call.numbers, 1) * 0.125 if shape.channels > 0 else 0.0
     least = max(level - 2, 0)

@@ -51,6 +51,8 @@ class Shape(NamedTuple):
         Exponent: a base step is cut into at most 2^ticks pieces.
     base_steps : int
         Base steps per sampling interval.
+    jump : int
+        1 if the step after a failed one may be much shorter, 0 if it is always half of it.
     points : int
         Moments within a base step at which limited states are looked at: 1 for a third of it, else 2^i - 1 for evenly
         spaced ones.
@@ -73,6 +75,7 @@ class Shape(NamedTuple):
     outputs: int
     ticks: int
     base_steps: int
+    jump: int
     points: int
     newton: int
     hold: int

@@ -196,6 +196,8 @@ def _base_step(
 
 def _shorter(run: _Run, size: int, failed: bool, error: float, states: list[Array]) -> int:
     """Ticks of the next attempt: as many as lie before the first limit, and as the error's estimate lets expect."""
+    if not run.tolerance.looks:
+        return size // 2
     reached = min((_reached(run, b, states) for b in range(len(run.modes))), default=1.0)
     after = size // 2
     while after > 1 and after > reached * size:

@@ -70,7 +70,8 @@ class Tolerances(NamedTuple):
     most : int
         ... which then is no smaller than a sample over this.
     looks : bool
-        Whether a base step may take in all parts of a sample, looking at limits within; else every part is one.
+        Whether a base step may take in all parts of a sample, looking at limits within, and a failed step be followed
+        by a much shorter one. Else every part is a step, and the half follows: so do the exported programs.
     """
 
     error: float
