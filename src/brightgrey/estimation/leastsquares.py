@@ -13,7 +13,6 @@ from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.marquardt import Normal, step
 from brightgrey.estimation.problem import Problem
 from brightgrey.simulation import Settings
-from brightgrey.simulation.lanes import LANES
 
 __all__ = ["Descent", "End", "descend", "descend_many", "evaluate", "finish", "normal"]
 
@@ -94,20 +93,10 @@ def evaluate(problem: Problem, search: Search, settings: Settings, theta: Array)
 
 
 def normal(problem: Problem, search: Search, settings: Settings, theta: Array) -> Normal:
-    """Cost, gradient and J' J at `theta`, shape (S, P), of all starts in one call of the simulation.
-
-    A start and its neighbours take the next power of two of lanes, or several rows of lanes that it leads.
-    """
+    """Cost, gradient and J' J at `theta`, shape (S, P), of all starts in one call of the simulation."""
     starts, count = theta.shape
     steps, sets = _neighbours(theta, search)
-    width = min(1 << count.bit_length(), LANES)
-    inside = max(width - 1, 1)
-    rows = max(1, -(-count // inside))
-    number = np.zeros((rows, width), int)
-    number[:, 1:] = np.minimum(1 + np.arange(rows * inside), count).reshape(rows, inside)[:, : width - 1]
-    lane = np.array([0] + [j // inside * width + 1 + j % inside for j in range(count)])
-    values = search.named(sets[:, :, number.ravel()].reshape(count, starts * rows * width))
-    total = problem.products(values, settings, width, lane, 1.0 / steps)
+    total = problem.products(search.named(sets.reshape(count, starts * (1 + count))), settings, 1.0 / steps)
     total = np.tril(total) + np.tril(total, -1).transpose(0, 2, 1)
     return Normal(total[:, 0, 0], total[:, 1:, 0], total[:, 1:, 1:])
 

@@ -16,26 +16,23 @@ LARGEST = 1e6  # of a weighted residual: squares stay finite
 
 
 @cached
-def add_products(y: Any, measured: Any, weight: Any, lost: Any, lane: Any, per_step: Any, products: Any) -> None:
+def add_products(y: Any, measured: Any, weight: Any, lost: Any, per_step: Any, products: Any) -> None:
     """Add the products of residual and derivatives, summed over samples, of each start.
 
     Parameters
     ----------
-    y : ndarray, shape (outputs, samples, starts, lanes)
-        Simulated outputs.
+    y : ndarray, shape (outputs, samples, starts, 1 + P)
+        Simulated outputs of each start and its neighbours.
     measured : ndarray, shape (outputs, samples)
     weight, lost : ndarray, shape (outputs,)
         1 over the noise; residual of a simulation that has diverged.
-    lane : int ndarray, shape (1 + P,)
-        Where the start itself and its neighbours stand.
     per_step : ndarray, shape (starts, P)
         1 over the distance of each neighbour.
     products : ndarray, shape (starts, 1 + P, 1 + P)
         Lower triangles are added to: row 0 the squared residual, entries (i, 0) the gradient, the rest J' J.
         Sums run over samples in their order, so they do not depend on how many starts there are.
     """
-    outputs, samples, starts, _ = y.shape
-    width = len(lane)
+    outputs, samples, starts, width = y.shape
     d = np.zeros(width)
     for s in range(starts):
         total = products[s]
@@ -45,7 +42,7 @@ def add_products(y: Any, measured: Any, weight: Any, lost: Any, lane: Any, per_s
                 r = (centre - measured[out, k]) * weight[out]
                 d[0] = min(max(r, -LARGEST), LARGEST) if np.isfinite(r) else lost[out]
                 for j in range(1, width):
-                    slope = (y[out, k, s, lane[j]] - centre) * weight[out] * per_step[s, j - 1]
+                    slope = (y[out, k, s, j] - centre) * weight[out] * per_step[s, j - 1]
                     d[j] = slope if abs(slope) < np.inf else 0.0
                 for i in range(width):
                     a = d[i]

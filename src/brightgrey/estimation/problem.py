@@ -141,20 +141,18 @@ class Problem:
         self,
         values: Mapping[str, Array],
         settings: Settings,
-        width: int,
-        lane: NDArray[np.int64],
         per_step: Array,
     ) -> Array:
         """Products of residual and derivatives, shape (S, 1 + P, 1 + P), lower triangles; see `add_products`.
 
-        `values` hold S starts of equally many lanes, led by the first of every `width`.
+        `values` hold S starts, each followed by its P neighbours.
         """
         starts, count = per_step.shape
         total = np.zeros((starts, 1 + count, 1 + count))
         for r, onset in zip(self.recordings, self.onsets, strict=True):
-            y = predict_many(self.structure, values, r, settings, onset=onset, group=width, threads=self.threads)
+            y = predict_many(self.structure, values, r, settings, onset=onset, group=1 + count, threads=self.threads)
             y = np.ascontiguousarray(y).reshape(*y.shape[:2], starts, -1)
-            add_products(y, r.y, self.weights, self._lost(r), lane, per_step, total)
+            add_products(y, r.y, self.weights, self._lost(r), per_step, total)
         return total
 
     def costs(self, values: Mapping[str, Array], settings: Settings) -> Array:

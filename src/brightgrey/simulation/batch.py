@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,16 +97,16 @@ def response(
     cuts = parts_per_sample(system, lowered, dt, settings)[::group]
     parts = []
     for cut in np.unique(cuts):
-        pick, width = _lanes(np.flatnonzero(cuts == cut), group)
-        parts.append((pick.ravel(), *_simulate(lowered, u, dt, start, settings, width, threads, int(cut), pick)))
-    order, y, diverged = parts[0]
-    if len(parts) == 1 and np.array_equal(order[:sets], np.arange(sets)):
-        y, diverged = y[:, :, :sets], diverged[:sets]  # the usual case needs no copy
+        lanes = _lanes(np.flatnonzero(cuts == cut), group)
+        parts.append((lanes, *_simulate(lowered, u, dt, start, settings, lanes, threads, int(cut))))
+    lanes, y, diverged = parts[0]
+    if len(parts) == 1:
+        y, diverged = (y[:, :, :sets] if lanes.plain else y[:, :, lanes.place]), diverged[lanes.place]
     else:
         y, diverged = np.empty((*y.shape[:2], sets)), np.empty(sets, np.int64)
-        for order, columns, lost in parts:
-            y[:, :, order] = columns  # a set that fills several lanes has the same result in all of them
-            diverged[order] = lost
+        for lanes, columns, lost in parts:
+            own = lanes.pick.ravel()[lanes.place]
+            y[:, :, own], diverged[own] = columns[:, :, lanes.place], lost[lanes.place]
     for k in np.flatnonzero(diverged >= 0):
         y[:, diverged[k] :, k] = np.nan
     return Response(y, diverged)
@@ -128,15 +129,15 @@ def _simulate(
     dt: float,
     x0: Array,
     settings: Settings,
-    group: int,
+    lanes: _Lanes,
     threads: int,
     cut: int,
-    pick: NDArray[np.int64],
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Simulate the parameter sets `pick`, shape (batches, LANES), for all of which a sample is cut in `cut` parts.
+    """Simulate the parameter sets in `lanes`, for all of which a sample is cut in `cut` parts.
 
-    Returns outputs, shape (outputs, samples, pick.size), and where each diverged.
+    Returns outputs, shape (outputs, samples, lanes), and where each diverged.
     """
+    pick = lanes.pick
     level = tolerances(settings.level, bool(lowered.limited))
     stepping = stepping_of(level, cut)
     shape = Shape(
@@ -151,7 +152,7 @@ def _simulate(
         points=stepping.points,
         newton=level.newton,
         hold=int(settings.hold == "linear"),
-        group=group,
+        group=lanes.width,
         samples=len(u),
         euler=int(settings.level == "euler"),
     )
@@ -168,13 +169,14 @@ def _simulate(
         y=address(y),
         stride=pick.size,
         diverged=address(diverged),
+        idle=address(lanes.idle),
         delayed=0,
         tables=tables.address() if steps else 0,
         kinks=kinks.address() if steps and lowered.delay.any() else 0,
         start=start.address(),
         sort=sort.address() if steps else 0,
         refine=refine.address() if steps else 0,
-        together=together.address() if steps and group > 1 else 0,
+        together=together.address() if steps and lanes.width > 1 else 0,
         creep=creep.address() if steps else 0,
         euler=0 if steps else euler.address(),
     )
@@ -194,16 +196,46 @@ def _simulate(
     return y, diverged.ravel()
 
 
-def _lanes(leaders: NDArray[np.int64], group: int) -> tuple[NDArray[np.int64], int]:
-    """Sets of the groups `leaders`, in rows of LANES, and how many lanes follow one leader.
+class _Lanes(NamedTuple):
+    """How parameter sets fill rows of lanes.
 
-    A group takes the next power of two, or several rows that all begin with its leader. The last set of a group
-    is repeated to fill it, the last group to fill a row.
+    Attributes
+    ----------
+    pick : int ndarray, shape (rows, LANES)
+        Set of each lane.
+    width : int
+        The first lane of every so many leads.
+    place : int ndarray, shape (sets,)
+        Lane, counted through all rows, of each set in the order of the sets.
+    idle : int ndarray, shape (rows,)
+        Bits of the lanes that nobody asks for.
+    plain : bool
+        Whether the first set is in the first lane and so on.
+    """
+
+    pick: NDArray[np.int64]
+    width: int
+    place: NDArray[np.int64]
+    idle: NDArray[np.int64]
+    plain: bool
+
+
+def _lanes(leaders: NDArray[np.int64], group: int) -> _Lanes:
+    """Lanes of the groups `leaders`.
+
+    A group takes the next power of two, or several rows that all begin with its leader. What is left of a group
+    and of the last row repeats a set and is idle.
     """
     width = min(1 << (group - 1).bit_length(), LANES)
     rows = max(1, -(-(group - 1) // (LANES - 1))) if width == LANES else 1
     inside = np.zeros((rows, width), np.int64)
-    inside[:, 1:] = np.minimum(np.arange(1, rows * (width - 1) + 1), group - 1).reshape(rows, width - 1)
+    inside[:, 1:] = np.arange(1, rows * (width - 1) + 1).reshape(rows, width - 1)
+    others = np.arange(group - 1)
+    places = np.append(0, others // max(width - 1, 1) * width + 1 + others % max(width - 1, 1))
     missing = -len(leaders) % (LANES // width)
-    leaders = np.append(leaders, np.repeat(leaders[-1:], missing))
-    return (leaders[:, None, None] * group + inside).reshape(-1, LANES), width
+    spare = np.append(np.zeros(len(leaders), bool), np.ones(missing, bool))[:, None, None] | (inside >= group)
+    repeated = np.append(leaders, np.repeat(leaders[-1:], missing))
+    pick = (repeated[:, None, None] * group + np.minimum(inside, group - 1)).reshape(-1, LANES)
+    place = (np.arange(len(leaders))[:, None] * (rows * width) + places).ravel()
+    idle = spare.reshape(-1, LANES) @ (1 << np.arange(LANES))
+    return _Lanes(pick, width, place, idle, bool(place[-1] == len(place) - 1))

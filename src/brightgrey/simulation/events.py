@@ -161,7 +161,7 @@ def sort(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> 
     for leader in range(0, LANES, group):
         led = (exceptional >> leader) & ((1 << group) - 1)
         if led & 1 and group >= _WORTHWHILE:
-            invoke(call.together, (block, k, base, leader, whole(work.begin, leader)))
+            invoke(call.together, (block, k, base, leader, whole(work.begin, leader), dead))
         elif led:
             if not led & 1:  # the leader took the full step
                 for tick in range(ticks):
@@ -175,10 +175,11 @@ def sort(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> 
 
 
 @Entry
-def together(block: Any, k: Any, base: Any, leader: Any, level: Any) -> None:
+def together(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: Any) -> None:
     """Base step `base` after sample k for a whole group in steps that its leader chooses, of 2^level ticks at first.
 
-    Lanes whose own events ask for more, or that are in another mode, go through a step on their own.
+    Lanes whose own events ask for more, or that are in another mode, go through a step on their own; `dead` ones do
+    not.
     """
     shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
@@ -198,6 +199,7 @@ def together(block: Any, k: Any, base: Any, leader: Any, level: Any) -> None:
         for lane in range(leader, leader + shape.group):
             if (out >> lane) & 1 or mode_bits(shape, work, lane) != bits:
                 alone |= 1 << lane
+        alone &= ~dead
         take_some(shape, plant, work, size * tick, ~alone & (((1 << shape.group) - 1) << leader))
         for lane in range(leader, leader + shape.group):
             if not (alone >> lane) & 1:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from brightgrey.simulation.compiled import cached, inlined
 from brightgrey.simulation.lanes import (
     LANES,
@@ -99,7 +97,7 @@ def run(block: Any, first: Any, last: Any) -> None:
             if delayed:
                 invoke(call.kinks, (block,))
         invoke(call.start, (block,))
-        dead = np.int64(0)  # a literal would compile all below once more
+        dead = whole(call.idle, number)
         for k in range(shape.samples):
             if k > 0:
                 for base in range(shape.base_steps):

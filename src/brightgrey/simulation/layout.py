@@ -212,6 +212,8 @@ class Call(NamedTuple):
         Columns of `y`.
     diverged : int array (batches, LANES)
         First sample at which a lane's state is not finite, -1 if there is none; written by the kernel.
+    idle : int array (batches,)
+        Bits of the lanes that only fill a batch: what is exceptional in them is not gone into.
     delayed : int
         1 if any lane of the batch at work has dead time.
     tables, kinks, start, sort, refine, together, creep, euler : int
@@ -223,6 +225,7 @@ class Call(NamedTuple):
     y: Any
     stride: Any
     diverged: Any
+    idle: Any
     delayed: Any
     tables: Any
     kinks: Any
