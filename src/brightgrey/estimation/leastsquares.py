@@ -24,6 +24,7 @@ _FACTORS = (0.03, 0.3, 3.0, 30.0)  # of the last damping, that are tried
 _LEAST, _MOST = 1e-9, 1e12  # damping
 _FADING = 0.5  # per round, of what the damping is relative to where the derivatives have become smaller
 _CAP_LOG, _CAP_LINEAR = 2.0, 0.5  # longest step of a parameter: e^2 times, half of the range
+_HARDLY, _LITTLE = 1e-6, 0.1  # damping of the step that promises most; part of the tolerance that is not worth it
 _QUIET = 2  # rounds in which the cost may fall by less than the tolerance
 _PATIENCE = 8  # rounds that every start is given
 _WATCHED = 4  # rounds whose descent is counted on to go on
@@ -208,13 +209,17 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
     low, high = search.inward(search.low), search.inward(search.high)
     cap = np.where(search.log, _CAP_LOG, _CAP_LINEAR)
     factors = np.array(_FACTORS)
-    each = np.repeat(np.arange(len(field.theta)), len(factors))
-    damped = (field.damped[:, None] * factors).ravel()
-    begins = field.theta[each]
-    ends = begins + step(begins, field.normal.of(each), field.scale[each], damped, low, high, cap)
-    tried = ends.reshape(len(field.theta), len(factors), -1)
-    outward = search.outward(tried.reshape(-1, tried.shape[2]).T)
-    costs = problem.costs(search.named(outward), settings).reshape(tried.shape[:2])
+    starts, count = field.theta.shape
+    each = np.repeat(np.arange(starts), 1 + len(factors))
+    damped = np.column_stack([np.full(starts, _HARDLY), field.damped[:, None] * factors])
+    changes = step(field.theta[each], field.normal.of(each), field.scale[each], damped.ravel(), low, high, cap)
+    changes = changes.reshape(starts, -1, count)
+    done = _promise(field.normal, changes[:, 0]) < _LITTLE * tolerance * field.normal.cost
+    tried = field.theta[:, None] + changes[:, 1:]
+    costs = np.full(tried.shape[:2], np.inf)
+    if not done.all():
+        outward = search.outward(tried[~done].reshape(-1, count).T)
+        costs[~done] = problem.costs(search.named(outward), settings).reshape(-1, len(factors))
     best = costs.argmin(axis=1)
     row = np.arange(len(best))
     better = costs[row, best] < field.normal.cost
@@ -230,9 +235,15 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
         now,
         np.maximum(_FADING * field.scale, np.einsum("sii->si", now.curvature)),
         np.clip(field.damped * np.where(better, factors[best], _FACTORS[-1] ** 2), _LEAST, _MOST),
-        np.where(fall > tolerance * field.normal.cost, 0, field.quiet + 1),
+        np.where(done, _QUIET, np.where(fall > tolerance * field.normal.cost, 0, field.quiet + 1)),
         np.hstack([field.history[:, 1:], now.cost[:, None]]),
     )
+
+
+def _promise(normal: Normal, change: Array) -> Array:
+    """Fall of the cost that the quadratic picture promises for a step `change`, shape (S, P)."""
+    bend = np.einsum("si,sij,sj->s", change, normal.curvature, change)
+    return np.asarray(-2.0 * np.einsum("si,si->s", normal.gradient, change) - bend)
 
 
 def _with(old: Array, where: NDArray[np.bool_], new: Array) -> Array:
