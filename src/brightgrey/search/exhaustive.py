@@ -246,7 +246,9 @@ def fit_one(
     best = _best(parents, options)
     # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
     origins = best if best and _two_ports(structure) else [*best, *hubs]
-    begins = sorted((_extended(task, problem, space, f, options.drawn, rng) for f in origins), key=lambda b: b[0])
+    drawn = np.array_split(space.candidates(options.drawn * len(origins), rng), len(origins), axis=1)
+    begins = [_extended(task, problem, space, f, part) for f, part in zip(origins, drawn, strict=True)]
+    begins.sort(key=lambda b: b[0])
     chosen = np.stack([values for _, values in begins[: options.starts]], axis=1)
     ends = descend_many(
         problem,
@@ -270,11 +272,10 @@ def _two_ports(structure: Structure) -> bool:
 
 
 def _extended(
-    task: Identification, problem: Problem, space: Search, parent: Fitted, count: int, rng: np.random.Generator
+    task: Identification, problem: Problem, space: Search, parent: Fitted, drawn: Array
 ) -> tuple[float, Array]:
     """Best of some starts at another optimum, with its cost: what that lacks is drawn, and what is drawn with it."""
-    candidates = space.candidates(count, rng)
-    candidates = np.concatenate([space.start[:, None], candidates], axis=1)
+    candidates = np.concatenate([space.start[:, None], drawn], axis=1)
     own = [i for i, name in enumerate(space.names) if name in parent.values]
     kept = np.array(candidates)
     kept[own] = np.array([parent.values[space.names[i]] for i in own])[:, None]

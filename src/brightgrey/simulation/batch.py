@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -97,15 +98,16 @@ def response(
     cuts = parts_per_sample(system, lowered, dt, settings)[::group]
     parts = []
     for cut in np.unique(cuts):
-        lanes = _lanes(np.flatnonzero(cuts == cut), group)
-        parts.append((lanes, *_simulate(lowered, u, dt, start, settings, lanes, threads, int(cut))))
-    lanes, y, diverged = parts[0]
+        leaders = np.flatnonzero(cuts == cut)
+        own = (leaders[:, None] * group + np.arange(group)).ravel()
+        lanes = _lanes(len(leaders), group)
+        parts.append((own, lanes, *_simulate(lowered, u, dt, start, settings, own, lanes, threads, int(cut))))
+    own, lanes, y, diverged = parts[0]
     if len(parts) == 1:
         y, diverged = (y[:, :, :sets] if lanes.plain else y[:, :, lanes.place]), diverged[lanes.place]
     else:
         y, diverged = np.empty((*y.shape[:2], sets)), np.empty(sets, np.int64)
-        for lanes, columns, lost in parts:
-            own = lanes.pick.ravel()[lanes.place]
+        for own, lanes, columns, lost in parts:
             y[:, :, own], diverged[own] = columns[:, :, lanes.place], lost[lanes.place]
     for k in np.flatnonzero(diverged >= 0):
         y[:, diverged[k] :, k] = np.nan
@@ -129,15 +131,16 @@ def _simulate(
     dt: float,
     x0: Array,
     settings: Settings,
+    sets: NDArray[np.int64],
     lanes: _Lanes,
     threads: int,
     cut: int,
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Simulate the parameter sets in `lanes`, for all of which a sample is cut in `cut` parts.
+    """Simulate parameter `sets` in `lanes`, for all of which a sample is cut in `cut` parts.
 
     Returns outputs, shape (outputs, samples, lanes), and where each diverged.
     """
-    pick = lanes.pick
+    pick = sets[lanes.pick]
     level = tolerances(settings.level, bool(lowered.limited))
     stepping = stepping_of(level, cut)
     shape = Shape(
@@ -202,7 +205,7 @@ class _Lanes(NamedTuple):
     Attributes
     ----------
     pick : int ndarray, shape (rows, LANES)
-        Set of each lane.
+        Which of the sets is in each lane.
     width : int
         The first lane of every so many leads.
     place : int ndarray, shape (sets,)
@@ -220,8 +223,9 @@ class _Lanes(NamedTuple):
     plain: bool
 
 
-def _lanes(leaders: NDArray[np.int64], group: int) -> _Lanes:
-    """Lanes of the groups `leaders`.
+@lru_cache(maxsize=256)
+def _lanes(count: int, group: int) -> _Lanes:
+    """Lanes of `count` groups.
 
     A group takes the next power of two, or several rows that all begin with its leader. What is left of a group
     and of the last row repeats a set and is idle.
@@ -232,10 +236,10 @@ def _lanes(leaders: NDArray[np.int64], group: int) -> _Lanes:
     inside[:, 1:] = np.arange(1, rows * (width - 1) + 1).reshape(rows, width - 1)
     others = np.arange(group - 1)
     places = np.append(0, others // max(width - 1, 1) * width + 1 + others % max(width - 1, 1))
-    missing = -len(leaders) % (LANES // width)
-    spare = np.append(np.zeros(len(leaders), bool), np.ones(missing, bool))[:, None, None] | (inside >= group)
-    repeated = np.append(leaders, np.repeat(leaders[-1:], missing))
-    pick = (repeated[:, None, None] * group + np.minimum(inside, group - 1)).reshape(-1, LANES)
-    place = (np.arange(len(leaders))[:, None] * (rows * width) + places).ravel()
+    missing = -count % (LANES // width)
+    spare = np.append(np.zeros(count, bool), np.ones(missing, bool))[:, None, None] | (inside >= group)
+    numbers = np.minimum(np.arange(count + missing), count - 1)
+    pick = (numbers[:, None, None] * group + np.minimum(inside, group - 1)).reshape(-1, LANES)
+    place = (np.arange(count)[:, None] * (rows * width) + places).ravel()
     idle = spare.reshape(-1, LANES) @ (1 << np.arange(LANES))
     return _Lanes(pick, width, place, idle, bool(place[-1] == len(place) - 1))
