@@ -26,7 +26,7 @@ _FADING = 0.5  # per round, of what the damping is relative to where the derivat
 _CAP_LOG, _CAP_LINEAR = 2.0, 0.5  # longest step of a parameter: e^2 times, half of the range
 _HARDLY, _LITTLE = 1e-6, 0.1  # damping of the step that promises most; part of the tolerance that is not worth it
 _QUIET = 2  # rounds in which the cost may fall by less than the tolerance
-_PATIENCE = 8  # rounds that every start is given
+_EARLY, _PATIENCE = 4, 8  # rounds before a start has to promise to arrive at all, and soon
 _WATCHED = 4  # rounds whose descent is counted on to go on
 _AHEAD = 10  # rounds of such descent within which a start has to reach the best one
 _EVERY = 4  # rounds between two looks for starts that have met
@@ -181,9 +181,10 @@ def descend_many(
         field = _round(problem, search, settings, field, tolerance)
         converged = field.quiet >= _QUIET
         going = ~converged
-        if rival is not None and turn >= _PATIENCE:
+        if rival is not None and turn >= _EARLY:
+            ahead = limit - turn if turn < _PATIENCE else _AHEAD
             least = min([rival, float(field.normal.cost.min()), *(end.cost for end in ends.values())])
-            going &= ~_hopeless(field, least)
+            going &= ~_hopeless(field, least, ahead)
         if rival is not None and turn % _EVERY == 0:
             going &= ~_met(field)
         if content is not None and np.any(converged) and field.normal.cost[converged].min() <= field.normal.cost.min():
@@ -252,11 +253,11 @@ def _with(old: Array, where: NDArray[np.bool_], new: Array) -> Array:
     return out
 
 
-def _hopeless(field: _Field, least: float) -> NDArray[np.bool_]:
-    """Starts that would not reach the least cost within some rounds if they went on falling as in the last ones."""
+def _hopeless(field: _Field, least: float, ahead: int) -> NDArray[np.bool_]:
+    """Starts that would not reach the least cost in `ahead` rounds if they went on falling as in the last ones."""
     cost = np.maximum(field.normal.cost, 1e-300)
     fall = np.log(np.maximum(field.history[:, 0], cost) / cost) / (_WATCHED - 1)
-    return np.asarray(np.log(cost / max(least, 1e-300)) > _AHEAD * fall + _SAME_COST)
+    return np.asarray(np.log(cost / max(least, 1e-300)) > ahead * fall + _SAME_COST)
 
 
 def _met(field: _Field) -> NDArray[np.bool_]:
