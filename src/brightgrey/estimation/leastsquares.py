@@ -281,7 +281,15 @@ def descend(problem: Problem, search: Search, settings: Settings, start: Array, 
     return Descent(*end, *evaluate(problem, search, settings, search.inward(end.values)))
 
 
-def finish(problem: Problem, search: Search, settings: Settings, start: Array, *, limit: int = 50) -> End:
-    """:func:`descend` without residual and Jacobian."""
-    (end,) = descend_many(problem, search, settings, start[:, None], limit=limit, tolerance=_LAST_DIGITS)
+def finish(
+    problem: Problem,
+    search: Search,
+    settings: Settings,
+    start: Array,
+    *,
+    limit: int = 50,
+    tolerance: float = _LAST_DIGITS,
+) -> End:
+    """:func:`descend` without residual and Jacobian, to `tolerance` of the cost."""
+    (end,) = descend_many(problem, search, settings, start[:, None], limit=limit, tolerance=tolerance)
     return end

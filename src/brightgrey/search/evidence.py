@@ -34,6 +34,7 @@ _SLACK = 1.02  # ratio of costs within which a structure is always looked at
 _ACCURACY = 1e-4  # of an output's standard deviation: what neither simulation nor sensor is trusted in
 _ROUGH = 3e-4  # the same at the level of the search; it is worse than that in few of a hundred drives
 _MOST = 24  # structures that are examined
+_AT_ONCE = 2  # larger structures refitted side by side: what an inadequate one does not need is in vain
 _RARE = 1e-3
 
 
@@ -191,7 +192,7 @@ class _Scale:
         if power(size, len(placed.effect.parameters), LEVEL / max(tests, 1)) < _SHOWN:
             return lambda: False
         own = {name: value for name, value in least.items() if name not in structure.parameters}
-        held, without = self.bench.held(big, values, own), self.misfit(judged)
+        held, without = self.bench.held(big, values, own, judged.cost), self.misfit(judged)
 
         def worse() -> bool:
             found = significance(self.misfit(held()), without, self.whitening.samples)
@@ -315,8 +316,9 @@ def _minimal_structures(scale: _Scale, progress: Callable[[Structure], None] | N
 def _without_loss(scale: _Scale, judged: Judged) -> list[Judged]:
     """Adequate structures that lack one effect, or one mass, of an adequate one; they are refitted from there."""
     found = []
-    for s in simpler(judged.structure, scale.known):
-        scale.bench.judge(s)
+    smaller = simpler(judged.structure, scale.known)
+    scale.bench.judge_all(smaller)
+    for s in smaller:
         scale.bench.improve(s)
         if not scale.better(judged, scale.bench.judge(s), 1) and _adequate(scale, s):
             found.append(scale.bench.judge(s))
@@ -358,7 +360,8 @@ def _adequate(scale: _Scale, structure: Structure) -> bool:
         return True
     far = min(larger, key=lambda s: (scale.bench.cost(s), scale.known[s].free))
     compared = sorted({*more, far}, key=lambda s: (scale.bench.cost(s), str(s)))
-    return not any(scale.better(scale.bench.judge(s), own, len(compared)) for s in compared)
+    pairs = (scale.bench.judge_all(compared[i : i + _AT_ONCE]) for i in range(0, len(compared), _AT_ONCE))
+    return not any(scale.better(j, own, len(compared)) for pair in pairs for j in pair)
 
 
 def _independent(scale: _Scale) -> float:

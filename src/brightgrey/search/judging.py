@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 _AT_BOUND = 1e-4  # of the searched range
 _IMPROVED = 0.999  # of the cost: what counts as better
 _RELATIVES = 6  # starts that are taken over from relatives
+_SETTLED = 1e-5  # of the cost, far less than chance: N of it is 1 in a hundred thousand samples
+_NEAR = 2.0  # times the rival's cost: beyond it, digits do not matter
 _DESCENTS = 3  # of the best of all starts
 
 
@@ -75,19 +77,20 @@ def _refit_from(task: Identification, structure: Structure, larger: Sequence[Map
     return _last(task, structure, end.values)
 
 
-def _refit_held(task: Identification, structure: Structure, values: Mapping[str, float]) -> End:
-    """Descend from `values`; what is held is fixed in `task`."""
+def _refit_held(task: Identification, structure: Structure, values: Mapping[str, float], rival: float) -> End:
+    """Descend from `values` as long as that may lead to the cost `rival`; what is held is fixed in `task`."""
     space = task.space(structure, initial=True)
     begin = np.array([values.get(name, start) for name, start in zip(space.names, space.start, strict=True)])
     begin = np.clip(begin, space.low, space.high)
-    (end,) = descend_many(task.problem(structure), space, task.settings, begin[:, None], tolerance=1e-4)
-    return _last(task, structure, end.values)
+    problem, begins = task.problem(structure), begin[:, None]
+    (end,) = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=rival)
+    return _last(task, structure, end.values) if end.cost < _NEAR * rival else end
 
 
 def _last(task: Identification, structure: Structure, begin: Array) -> End:
     """Last descent, at the accurate level."""
     problem, space = task.problem(structure), task.space(structure, initial=True)
-    return finish(problem, space, replace(task.settings, level="accurate"), begin)
+    return finish(problem, space, replace(task.settings, level="accurate"), begin, tolerance=_SETTLED)
 
 
 def _judged(task: Identification, structure: Structure, end: End) -> Judged:
@@ -128,19 +131,25 @@ class Bench:
 
     def judge(self, structure: Structure, *, deep: bool = False) -> Judged:
         """Refit `structure`; `deep` searches from everywhere, too."""
-        known = self.judged.get(structure)
-        if known is not None and (structure in self.deep or not deep):
-            return known
-        number = sorted(map(str, self.fitted)).index(str(structure)) if deep else 0
-        names = self.task.space(structure, initial=True).names
-        seeds = ((self.seed, len(names)), number + 1000 * self.seed)
-        end = self._end(_refit, self.task, structure, self._wanted(structure), deep, seeds)
-        if deep:
-            self.deep.add(structure)
-        if known is not None and known.cost <= end.cost:
-            return known
-        self.judged[structure] = end
-        return end
+        (judged,) = self.judge_all([structure], deep=deep)
+        return judged
+
+    def judge_all(self, structures: Sequence[Structure], *, deep: bool = False) -> list[Judged]:
+        """Refit `structures` side by side: none begins from what another one of them finds."""
+        asked = []
+        for s in structures:
+            if s not in self.judged or (deep and s not in self.deep):
+                number = sorted(map(str, self.fitted)).index(str(s)) if deep else 0
+                names = self.task.space(s, initial=True).names
+                seeds = ((self.seed, len(names)), number + 1000 * self.seed)
+                asked.append((s, self.executor.submit(_refit, self.task, s, self._wanted(s), deep, seeds)))
+        for s, end in asked:
+            new, known = _judged(self.task, s, end.result()), self.judged.get(s)
+            if deep:
+                self.deep.add(s)
+            if known is None or new.cost < known.cost:
+                self.judged[s] = new
+        return [self.judged[s] for s in structures]
 
     def improve(self, structure: Structure) -> bool:
         """Refit from a larger structure that has meanwhile come to fit better; whether that has helped."""
@@ -152,18 +161,22 @@ class Bench:
         ]
         if not larger:
             return False
-        new = self._end(_refit_from, self.task, structure, larger, own.cost)
+        end = self.executor.submit(_refit_from, self.task, structure, larger, own.cost).result()
+        new = _judged(self.task, structure, end)
         if new.cost >= _IMPROVED * own.cost:
             return False
         self.judged[structure] = new
         return True
 
     def held(
-        self, structure: Structure, values: Mapping[str, float], held: Mapping[str, float]
+        self, structure: Structure, values: Mapping[str, float], held: Mapping[str, float], rival: float
     ) -> Callable[[], Judged]:
-        """Refit from `values` with some of them held; what comes back waits for it, and nothing is kept."""
+        """Refit from `values` with some of them held; what comes back waits for it, and nothing is kept.
+
+        Nothing is asked but whether the cost comes near `rival`.
+        """
         task = replace(self.task, fixed={**self.task.fixed, **held})
-        end = self.executor.submit(_refit_held, task, structure, values)
+        end = self.executor.submit(_refit_held, task, structure, values, rival)
         return lambda: _judged(task, structure, end.result())
 
     def cost(self, structure: Structure) -> float:
@@ -183,9 +196,6 @@ class Bench:
                 kin.append((f.cost, f.values))
         kin.sort(key=lambda item: item[0])
         return own + [values for _, values in kin[:_RELATIVES]]
-
-    def _end(self, refit: Callable[..., End], task: Identification, structure: Structure, *rest: object) -> Judged:
-        return _judged(task, structure, self.executor.submit(refit, task, structure, *rest).result())
 
     def outputs(self, structure: Structure, sets: Sequence[Mapping[str, float]]) -> Array:
         """Weighted residuals at the accurate level for some values, shape (residuals, K)."""
