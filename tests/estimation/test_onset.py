@@ -1,11 +1,14 @@
 """State before the first sample."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit, predict
 from brightgrey.estimation.onset import Onset, check_initial, noise_of
+from brightgrey.estimation.problem import Problem
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings
@@ -36,7 +39,10 @@ def test_auto_takes_standstill_or_clear_motion():
 def test_estimated_speed_is_limited_by_the_sensors_noise():
     recording = drive(5.0, 0.1)
     (speed,) = Onset.of(recording, "estimated").unknown
-    assert speed.high - speed.low == pytest.approx(12.0 * noise_of(recording)[0] / np.sqrt(10), rel=1e-6)
+    line = noise_of(recording)[0] / np.sqrt(
+        10
+    )  # of a mean; the beginning of a line has twice, of a parabola thrice that
+    assert 12.0 * line <= speed.high - speed.low <= 12.0 * line + 2.0 * 3.0 * 3.0 * line
     found = fit(STRUCTURE, [recording], f_tanh=2.5, initial="estimated", level="fast")
     assert found.initial_states[0]["v1"] == pytest.approx(5.0, abs=0.1)
     assert set(found.estimates) == set(TRUE)
@@ -52,11 +58,34 @@ def test_position_in_the_gap_is_searched_for_where_a_recording_begins_in_motion(
     names = [part.name for part in Onset.of(recording, "auto", "", ("lambda1",)).unknown]
     assert names == ["speed(0)", "lambda1(0)/width"]
     found = fit(structure, [recording], f_tanh=2.5, level="fast", seed=1)
-    assert found.initial_states[0]["lambda1"] == pytest.approx(-0.06, rel=0.2)
+    state = found.initial_states[0]  # lambda1 follows the masses within d1/c1, half a sample: it does not show itself
+    assert state["q2"] - state["q1"] == pytest.approx(0.06, rel=0.02)
+    assert [state["v1"], state["v2"]] == pytest.approx([8.0, 8.0], abs=0.02)
     y = predict(
         structure, {n: e.value for n, e in found.estimates.items()}, recording, SETTINGS, found.initial_states[0]
     )
     assert np.std(y - recording.y) <= 1.1 * 0.01
+
+
+@pytest.mark.parametrize("structure", ["two_mass+coulomb+viscous", "three_mass+viscous", "two_mass+viscous+backlash"])
+def test_swinging_shafts_at_the_first_sample_are_searched_for(structure):
+    structure = PAPER.parse(structure)
+    masses = {"J1": 0.012, "J2": 0.008, "J3": 0.01, "c1": 75.0, "d1": 0.036, "c2": 120.0, "d2": 0.02}
+    known = {**masses, "f_v": 0.05, "M_C": 0.4, "alpha": 0.05}
+    values = {name: known[name] for name in structure.parameters}
+    rest = np.zeros(2 * structure.masses + ("backlash" in structure.names))
+    whole = drive(0.0, 0.0, structure=structure, values=values, x0=rest, samples=1200)
+    noise = 1e-3 * np.abs(whole.y).max()
+    for begin in (190, 260):  # the shafts swing there, and turn with up to the largest speed
+        y = whole.y[:, begin:] + noise * np.random.default_rng(begin).standard_normal(1200 - begin)
+        cut = replace(whole, t=whole.t[begin:], u=whole.u[begin:], y=y)
+        problem = Problem.of(structure, [cut])
+        assert len(problem.unknown) == 1 + 2 * (structure.masses - 1) + ("backlash" in structure.names)
+        found = fit(structure, [cut], f_tanh=2.5, level="fast", seed=1)
+        residual = np.sqrt(found.cost / cut.samples) / problem.weights[0]
+        assert residual <= noise * (1.0 + 3.0 / np.sqrt(2.0 * cut.samples))
+        for name, e in found.estimates.items() if structure.masses == 2 else ():  # three fit in more than one way
+            assert abs(e.value - values[name]) <= 5.0 * e.std, name
 
 
 def test_every_recording_has_its_own_initial_state():

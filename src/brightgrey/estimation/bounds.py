@@ -47,6 +47,8 @@ class Search:
         Of the recordings.
     blocks : tuple of Block
         Parameters that are drawn together.
+    still : bool ndarray, shape (P,)
+        Parameters that begin at their start in all candidates.
     """
 
     names: tuple[str, ...]
@@ -56,7 +58,8 @@ class Search:
     log: NDArray[np.bool_]
     fixed: Mapping[str, float]
     scales: Scales
-    blocks: tuple[Block, ...] = ()
+    blocks: tuple[Block, ...]
+    still: NDArray[np.bool_]
 
     @property
     def width(self) -> Array:
@@ -103,6 +106,7 @@ class Search:
             rows = list(block.rows)
             drawn = block.spread(self.scales, share[rows])
             values[rows] = np.clip(drawn, self.low[rows, None], self.high[rows, None])
+        values[self.still] = self.start[self.still, None]
         return values
 
 
@@ -152,7 +156,8 @@ def search_space(
     starts += [part.start for part in unknown]
     names += tuple(part.name for part in unknown)
     blocks = tuple(_together(structure, names, bounds))
-    return Search(names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, blocks)
+    still = np.array([False] * len(ranges) + [not part.drawn for part in unknown], bool)
+    return Search(names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, blocks, still)
 
 
 def _together(

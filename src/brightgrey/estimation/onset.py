@@ -24,6 +24,8 @@ _AT_REST = 0.1  # of the largest speed
 _FIRST = 10  # samples that tell position and speed at the start
 _INTERCEPT = 2.0  # standard deviation of a line's beginning, in that of a mean
 _SURE = 3.0  # standard deviations of what the sensor allows
+_WOUND = 3.0  # times the twist that the largest input gives in even acceleration: swings add to it
+_APART = 0.5  # of the largest speed: what masses may differ by
 
 
 def check_initial(initial: str) -> Initial:
@@ -36,12 +38,21 @@ def check_initial(initial: str) -> Initial:
 
 @dataclass(frozen=True)
 class Unknown:
-    """A part of the initial state that is searched for, in SI; searched linearly."""
+    """A part of the initial state that is searched for, in SI; searched linearly.
+
+    Attributes
+    ----------
+    name : str
+    low, high, start : float
+    drawn : bool
+        Whether fresh starts of a search draw it, too; else they begin at `start`.
+    """
 
     name: str
     low: float
     high: float
     start: float
+    drawn: bool = True
 
 
 def noise_of(recording: Recording) -> Array:
@@ -60,12 +71,14 @@ def initial_state(recording: Recording, system: StateSpace) -> Array:
 
 @dataclass(frozen=True)
 class Onset:
-    """Position and speed before the first sample; all masses move alike, and T is the first input.
+    """Position and speed before the first sample; T is the first input.
 
     Attributes
     ----------
     position, speed : float
-        SI.
+        SI, of all masses but for what is unknown of the others.
+    torque : float
+        Largest input in SI: twists are counted in those that it gives in even acceleration.
     unknown : tuple of Unknown
         Parts that are searched for. Their names end in `tag`.
     tag : str
@@ -74,11 +87,19 @@ class Onset:
 
     position: float
     speed: float
+    torque: float = 0.0
     unknown: tuple[Unknown, ...] = ()
     tag: str = ""
 
     @classmethod
-    def of(cls, recording: Recording, initial: Initial = "auto", tag: str = "", limited: tuple[str, ...] = ()) -> Onset:
+    def of(
+        cls,
+        recording: Recording,
+        initial: Initial = "auto",
+        tag: str = "",
+        limited: tuple[str, ...] = (),
+        masses: int = 1,
+    ) -> Onset:
         """Onset of a recording.
 
         Parameters
@@ -91,26 +112,35 @@ class Onset:
         tag : str
         limited : tuple of str
             Names of the limited states, which ``estimated`` searches for, too.
+        masses : int
+            Masses in a row. ``estimated`` searches for the twist of each shaft and the speed of each further mass, too:
+            a drive that moves has swung, and what is left of that is as large as the effects that are looked for.
         """
         kinds = [signal.kind for signal in recording.outputs]
         at = kinds.index("position") if "position" in kinds else None
         position = float(recording.y[at][0]) if at is not None else 0.0
         course = speed_of(recording)
         steps = np.arange(len(course[:_FIRST]))
-        speed = float(np.polyfit(steps, course[:_FIRST], 1)[1])  # a line: the drive may speed up from the first on
+        speed, bent = (float(np.polyfit(steps, course[:_FIRST], degree)[-1]) for degree in (1, 2))  # it may speed up
         moving = abs(speed) >= _AT_REST * float(np.abs(course).max()) > 0.0
         if initial == "rest" or (initial == "auto" and not moving):
-            return cls(position, 0.0, (), tag)
+            return cls(position, 0.0, 0.0, (), tag)
         unknown: list[Unknown] = []
+        torque = float(np.abs(recording.u).max())
         if initial != "samples":
             noise = noise_of(recording)
             if at is not None:
                 slack = _SURE * float(noise[at])
                 unknown.append(Unknown(f"position(0){tag}", position - slack, position + slack, position))
-            slack = _SURE * _speed_noise(recording, noise)
+            slack = _SURE * _speed_noise(recording, noise) + abs(bent - speed)
             unknown.append(Unknown(f"speed(0){tag}", speed - slack, speed + slack, speed))
             unknown += [Unknown(f"{name}(0)/width{tag}", -1.0, 0.0, -0.5) for name in limited]
-        return cls(position, speed, tuple(unknown), tag)
+            if torque > 0.0:
+                share, fast = float(recording.u[0]) / torque, _APART * float(np.abs(course).max())
+                for i in range(1, masses):
+                    unknown.append(Unknown(f"twist{i}(0)/full{tag}", -_WOUND, _WOUND, share, drawn=False))
+                    unknown.append(Unknown(f"speed{i + 1}-speed{i}(0){tag}", -fast, fast, 0.0, drawn=False))
+        return cls(position, speed, torque, tuple(unknown), tag)
 
     def state(self, system: StateSpace, u: float, values: Mapping[str, Array]) -> Array:
         """Initial states, shape (n, K) or (n, 1): of the unknown parts, `values` holds arrays of shape (K,).
@@ -137,6 +167,12 @@ class Onset:
         for element in system.elements:
             if element.limits is not None:
                 _relax(x, system, element)
+        if any(name.startswith("twist") for name in values):
+            speeds, positions = _masses(system)
+            full = _wound(system, self.torque, speeds, positions)
+            for i in range(1, len(positions)):
+                x[positions[i:]] += known(f"twist{i}(0)/full", 0.0) * full[i - 1]
+                x[speeds[i:]] += known(f"speed{i + 1}-speed{i}(0)", 0.0)
         return x
 
 
@@ -146,6 +182,32 @@ def _relax(x: Array, system: StateSpace, element: Element) -> None:
     place = Placed.parse(element.name).place
     behind = [i for i, name in enumerate(system.state_names) if name.startswith("q") and int(name[1:]) > place]
     x[behind] -= (row * x).sum(axis=0) / row[behind].sum(axis=0)
+
+
+def _masses(system: StateSpace) -> tuple[list[int], list[int]]:
+    """Numbers of the states that are speeds, and of those that are positions, in the order of the masses."""
+    kinds = [state.at_rest for state in system.states]
+    return [i for i, k in enumerate(kinds) if k == "speed"], [i for i, k in enumerate(kinds) if k == "position"]
+
+
+def _wound(system: StateSpace, torque: float, speeds: list[int], positions: list[int]) -> Array:
+    """Twist of each shaft, shape (masses - 1, K) or (masses - 1, 1), where `torque` accelerates all masses alike.
+
+    Friction aside: this is a measure to count twists by.
+    """
+    n, m = len(system.states), len(positions)
+    A = system.A.reshape(n, n, -1)
+    drive = system.B[:, 0].reshape(n, -1)[speeds]
+    for i, state in enumerate(system.states):
+        if state.at_rest == "input":
+            drive = drive + A[speeds, i]
+    stiff = A[np.ix_(speeds, positions[1:])]
+    sets = max(drive.shape[-1], stiff.shape[-1])
+    matrix = np.full((sets, m, m), -1.0)  # the last column is the acceleration's
+    matrix[:, :, : m - 1] = np.broadcast_to(stiff, (m, m - 1, sets)).transpose(2, 0, 1)
+    wanted = -torque * np.broadcast_to(drive, (m, sets)).T
+    apart = np.linalg.solve(matrix, wanted[:, :, None])[:, : m - 1, 0].T
+    return np.diff(apart, axis=0, prepend=0.0)
 
 
 def _speed_noise(recording: Recording, noise: Array) -> float:

@@ -106,8 +106,8 @@ def _diverged(ended: Ended) -> Finding | None:
 
 
 def _hidden(ended: Ended) -> list[Finding]:
-    search = ended.search
-    declared = [ended.problem.structure.parameters.get(name) for name in search.names]
+    search, known = ended.search, ended.problem.structure.parameters
+    declared = [known.get(name) for name in search.names]
     return [
         Finding(
             "not identifiable",
@@ -115,6 +115,7 @@ def _hidden(ended: Ended) -> list[Finding]:
             tuple(search.names[i] for i in hidden.indices),
         )
         for hidden in ended.estimates.hidden
+        if any(search.names[i] in known for i in hidden.indices)  # how it began alone is no loss
     ]
 
 

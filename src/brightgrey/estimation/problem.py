@@ -102,7 +102,9 @@ class Problem:
         floor = np.maximum(noise, 1e-3 * spread)
         tags = [f"#{k + 1}" if len(recordings) > 1 else "" for k in range(len(recordings))]
         limited = _limited(structure)
-        onsets = tuple(Onset.of(r, initial, tag, limited) for r, tag in zip(recordings, tags, strict=True))
+        onsets = tuple(
+            Onset.of(r, initial, tag, limited, structure.masses) for r, tag in zip(recordings, tags, strict=True)
+        )
         return cls(structure, tuple(recordings), 1.0 / np.where(floor > 0.0, floor, 1.0), onsets, threads)
 
     @property
