@@ -88,6 +88,17 @@ def test_swinging_shafts_at_the_first_sample_are_searched_for(structure):
             assert abs(e.value - values[name]) <= 5.0 * e.std, name
 
 
+def test_another_recording_that_begins_in_motion_is_predicted_from_its_own_beginning():
+    structure = PAPER.parse("two_mass+coulomb+viscous")
+    values = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "f_v": 0.05, "M_C": 0.4}
+    whole = drive(0.0, 0.0, structure=structure, values=values, x0=np.zeros(4), samples=1000)
+    noise = 1e-3 * np.abs(whole.y).max()
+    y = whole.y[:, 200:] + noise * np.random.default_rng(3).standard_normal(800)
+    cut = replace(whole, t=whole.t[200:], u=whole.u[200:], y=y)
+    residual = predict(structure, values, cut, SETTINGS) - y
+    assert np.sqrt(np.mean(residual**2)) <= noise * (1.0 + 3.0 / np.sqrt(2.0 * 800))
+
+
 def test_every_recording_has_its_own_initial_state():
     both = [drive(5.0, 0.02, seed=1), drive(-3.0, 0.02, seed=2)]
     found = fit(STRUCTURE, both, f_tanh=2.5, initial="estimated", level="fast")

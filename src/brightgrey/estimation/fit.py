@@ -16,7 +16,7 @@ from brightgrey.estimation.estimates import Estimate, estimates_of
 from brightgrey.estimation.explore import Found, explore, first_field
 from brightgrey.estimation.finding import Finding
 from brightgrey.estimation.informative import recording_findings
-from brightgrey.estimation.leastsquares import Descent, End, descend
+from brightgrey.estimation.leastsquares import Descent, End, descend, descend_many
 from brightgrey.estimation.onset import Initial
 from brightgrey.estimation.outcome import Ended, Outcome, outcome_of, unmoved
 from brightgrey.estimation.patterns import Estimator, check_estimator, pattern_descent, pattern_searches
@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 _SHARPNESS = 100.0  # default f_tanh times the largest speed
 _ELSEWHERE = 0.1  # in the searched scale
 _FINISHED = 2  # descents that are finished at the accurate level
+_BEGINNING = 30  # rounds for the beginning of another recording
 _RIVAL = 1.01  # ... if their cost is not larger than the least by this factor, which is what `fast` may be off
 
 
@@ -269,15 +270,32 @@ def predict(
         Gives input, outputs and, if `initial` is not given, the initial state.
     settings : Settings
     initial : mapping of str to float, optional
-        Initial state by state name, SI.
+        Initial state by state name, SI. If it is not given and the recording begins in motion, what its first samples
+        leave open of it is fitted to the recording, as in a fit; no parameter is.
 
     Returns
     -------
     ndarray, shape (outputs, samples)
         SI; not-a-number from the sample on at which the simulation diverged.
     """
+    if initial is None:
+        initial = _began(structure, values, recording, settings)
     arrays = {name: np.array([value]) for name, value in values.items()}
     return predict_many(structure, arrays, recording, settings, initial=initial)[:, :, 0]
+
+
+def _began(
+    structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings
+) -> Mapping[str, float] | None:
+    """Initial state of a recording for known parameters; None if it begins at rest."""
+    problem = Problem.of(structure, [recording])
+    if not problem.unknown:
+        return None
+    own = {name: values[name] for name in structure.parameters}
+    search = search_space(structure, scales([recording]), {}, own, problem.unknown)
+    (end,) = descend_many(problem, search, settings, search.start[:, None], limit=_BEGINNING)
+    named = dict(zip(search.names, end.values.tolist(), strict=True)) | own
+    return problem.states(named, settings.f_tanh)[0]
 
 
 def _finalists(search: Search, ends: Sequence[End], order: Sequence[int]) -> list[int]:

@@ -145,7 +145,8 @@ class Onset:
     def state(self, system: StateSpace, u: float, values: Mapping[str, Array]) -> Array:
         """Initial states, shape (n, K) or (n, 1): of the unknown parts, `values` holds arrays of shape (K,).
 
-        A limited state is counted in widths of its range, from its upper limit; the shaft it stands in is relaxed.
+        A limited state is counted in widths of its range, from its upper limit, and the shaft it stands in is relaxed;
+        then twists are added: those of even acceleration by `u` where they are not known.
         """
 
         def known(name: str, otherwise: float) -> Array:
@@ -167,11 +168,12 @@ class Onset:
         for element in system.elements:
             if element.limits is not None:
                 _relax(x, system, element)
-        if any(name.startswith("twist") for name in values):
-            speeds, positions = _masses(system)
+        speeds, positions = _masses(system)
+        if self.torque > 0.0 and len(positions) > 1:
             full = _wound(system, self.torque, speeds, positions)
+            x = x + np.zeros(full.shape[1])
             for i in range(1, len(positions)):
-                x[positions[i:]] += known(f"twist{i}(0)/full", 0.0) * full[i - 1]
+                x[positions[i:]] += known(f"twist{i}(0)/full", u / self.torque) * full[i - 1]
                 x[speeds[i:]] += known(f"speed{i + 1}-speed{i}(0)", 0.0)
         return x
 

@@ -14,6 +14,7 @@ __all__ = ["Correlation", "draws", "intervals"]
 Array = NDArray[np.float64]
 Correlation = Mapping[tuple[str, str], float]
 LIMIT = 1.959963984540054  # quantile of the normal distribution at 97.5 %
+_FAR = 300.0  # in the logarithm: what cannot be told has an interval that no number holds
 
 
 def draws(model: Model, correlation: Correlation, count: int) -> dict[str, Array]:
@@ -95,7 +96,8 @@ def _moved(model: Model, name: str, error: Array) -> Array:
     assert part.ci95 is not None
     high = part.ci95[1]
     if declared.scale == "log":
-        moved = part.value * np.exp(error * np.log(max(high / part.value, 1.0)))
+        reach = error * np.log(max(high / part.value, 1.0))
+        moved = part.value * np.exp(np.clip(reach, -_FAR, _FAR))
     else:
         moved = part.value + error * (high - part.value)
     bounds = model.settings.bounds.get(name, (-np.inf, np.inf))
