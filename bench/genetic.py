@@ -144,7 +144,7 @@ def rates(setting: str, truths: tuple[str, ...], first: int, last: int) -> None:
         if not wanted:
             continue
         ready, how = task(truth), SETTINGS[setting]
-        identify = Remembering(estimator(how.estimator, ready, how.iterations))
+        identify = Remembering(estimator(how.estimator, ready, how.iterations, how.patience))
         for seed in wanted:
             began = time.process_time()
             done = repetition(run(ready, how, seed, identify=identify), PAPER.parse(truth), seed)
@@ -206,7 +206,7 @@ def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[S
     best = max(fitted.values(), key=lambda f: value(f.cost / weight**2, f.free))
     least = value(1.01 * best.cost / weight**2, best.free)
     middle = time.process_time()
-    identify = estimator(how.estimator, ready, how.iterations)
+    identify = estimator(how.estimator, ready, how.iterations, how.patience)
     done = search(identify, ready.draw, how, standard=ready.standard, grammar=grammar, seed=drive.number)
     fresh = [e for e in done.evaluations if not e.repeated]
     found = next((k for k, e in enumerate(fresh, 1) if e.value >= least), None)

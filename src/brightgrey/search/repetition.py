@@ -95,7 +95,7 @@ def run(
     grammar: Grammar = PAPER,
 ) -> Run:
     """One search on `task`, by the estimator of `settings` if `identify` does not give another."""
-    chosen = identify or estimator(settings.estimator, task, settings.iterations)
+    chosen = identify or estimator(settings.estimator, task, settings.iterations, settings.patience)
     return search(
         chosen,
         task.draw,

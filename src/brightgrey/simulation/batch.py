@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +23,7 @@ from brightgrey.simulation.propagators import tables
 from brightgrey.simulation.settings import Settings, stepping_of, tolerances
 from brightgrey.simulation.start import start
 
-__all__ = ["Response", "parts_per_sample", "response"]
+__all__ = ["Response", "parts_per_sample", "response", "squares"]
 
 Array = NDArray[np.float64]
 _LOST = 1e9  # states this many times larger than input, speed and start are no motion any more
@@ -88,9 +89,7 @@ def response(
     u = np.ascontiguousarray(u, float)
     lowered = lower(system, dt)
     sets = lowered.A.shape[-1]
-    n = lowered.A.shape[0]
-    start = np.asarray(x0, float)
-    start = np.broadcast_to(start[:, None] if start.ndim == 1 else start, (n, sets))
+    start = _starts(lowered, x0)
     if sets % group:
         raise SettingsError(f"{sets} parameter sets do not make groups of {group}")
     cuts = parts_per_sample(system, lowered, dt, settings)[::group]
@@ -109,6 +108,67 @@ def response(
     for k in np.flatnonzero(diverged >= 0):
         y[:, diverged[k] :, k] = np.nan
     return Response(y, diverged)
+
+
+class _Judge(NamedTuple):
+    """What outputs should be, shape (outputs, samples), weights (outputs,), and per set squares so far and limit (K,)."""
+
+    target: Array
+    weights: Array
+    spent: Array
+    most: Array
+
+
+def squares(
+    system: StateSpace,
+    u: ArrayLike,
+    dt: float,
+    x0: ArrayLike,
+    settings: Settings,
+    target: ArrayLike,
+    weights: ArrayLike,
+    *,
+    spent: Array,
+    most: Array,
+    threads: int = 1,
+) -> Array:
+    """Sums of squares of what K simulations are off a target, each given up as soon as its sum reaches a limit.
+
+    The squares are summed from sample to sample, so that a sum below its limit is the same whatever the limit.
+
+    Parameters
+    ----------
+    system, u, dt, x0, settings, threads
+        As for :func:`response`.
+    target : array_like, shape (outputs, samples)
+    weights : array_like, shape (outputs,)
+        Of the squares.
+    spent, most : ndarray, shape (K,)
+        Where each sum begins, and its limit.
+
+    Returns
+    -------
+    ndarray, shape (K,)
+        Infinite where the limit was reached or the simulation diverged.
+    """
+    u, target = np.ascontiguousarray(u, float), np.ascontiguousarray(target, float)
+    judge = _Judge(target, np.ascontiguousarray(weights, float), spent, most)
+    lowered = lower(system, dt)
+    start = _starts(lowered, x0)
+    cuts = parts_per_sample(system, lowered, dt, settings)
+    total = np.empty(len(cuts))
+    for cut in np.unique(cuts):
+        own = np.flatnonzero(cuts == cut)
+        pick, width = _lanes(own, 1)
+        sums, lost = _simulate(lowered, u, dt, start, settings, width, threads, int(cut), pick, judge)
+        total[own] = np.where(lost < 0, sums.ravel(), np.inf)[: len(own)]
+    return total
+
+
+def _starts(lowered: Lowered, x0: ArrayLike) -> Array:
+    """Initial states, shape (n, K)."""
+    start = np.asarray(x0, float)
+    return np.broadcast_to(start[:, None] if start.ndim == 1 else start, (lowered.A.shape[0], lowered.A.shape[-1]))
 
 
 def parts_per_sample(system: StateSpace, lowered: Lowered, dt: float, settings: Settings) -> NDArray[np.int64]:
@@ -132,10 +192,12 @@ def _simulate(
     threads: int,
     cut: int,
     pick: NDArray[np.int64],
+    judge: _Judge | None = None,
 ) -> tuple[Array, NDArray[np.int64]]:
     """Simulate the parameter sets `pick`, shape (batches, LANES), for all of which a sample is cut in `cut` parts.
 
-    Returns outputs, shape (outputs, samples, pick.size), and where each diverged.
+    Returns outputs, shape (outputs, samples, pick.size), or the sums of squares, shape as `pick`, of a judge, and where
+    each diverged or was given up.
     """
     level = tolerances(settings.level, bool(lowered.limited))
     stepping = stepping_of(level, cut)
@@ -160,7 +222,12 @@ def _simulate(
     limit = _LOST * max(scale, float(np.abs(u).max()), float(np.abs(x0).max()))
     steps = shape.euler == 0
     numbers = np.array([dt, level.error * scale, level.change * scale, limit])
-    y = aligned((shape.outputs, len(u), pick.size))
+    y = aligned((shape.outputs, len(u), pick.size) if judge is None else pick.shape)
+    most = aligned(pick.shape)
+    if judge is not None:
+        y[:] = judge.spent[pick]
+        most[:] = judge.most[pick]
+        most[:, 1:][pick[:, 1:] == pick[:, :-1]] = -np.inf  # what only fills lanes
     diverged = np.empty(pick.shape, np.int64)
     call = Call(
         numbers=address(numbers),
@@ -168,6 +235,10 @@ def _simulate(
         y=address(y),
         stride=pick.size,
         diverged=address(diverged),
+        target=0 if judge is None else address(judge.target),
+        weights=0 if judge is None else address(judge.weights),
+        spent=address(y),
+        most=address(most),
         delayed=0,
         tables=tables.address() if steps else 0,
         kinks=kinks.address() if steps and lowered.delay.any() else 0,

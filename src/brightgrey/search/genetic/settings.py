@@ -31,6 +31,9 @@ matters (paper's reference, exact identification, 200 runs each): true structure
 probabilities 40 %, half 34 %, no mutation 6 %; p_clone 0 and 0.5 instead of 0.2: 42 % and 38 %.
 """
 
+PATIENCE = 20
+"""Polls without a gain of a hundredth after which a pattern search ends; docs/results.md says what that costs."""
+
 ASSUMED: Mapping[str, float] = MappingProxyType(
     {
         "J1": 0.010,
@@ -89,6 +92,9 @@ class GeneticSettings:
         The paper's is pattern search.
     iterations : int
         Limit of the estimator's iterations for each individual in each generation (paper: 500).
+    patience : int
+        A pattern search ends, too, where so many polls together lower the cost by less than a hundredth; 0 if only
+        the limit counts. Not in the paper.
     criterion : str
         What individuals are selected by, see :mod:`brightgrey.search.criteria`.
     k_p : float
@@ -114,6 +120,7 @@ class GeneticSettings:
     mutations: Mapping[str, float] = field(default_factory=lambda: dict(PROBABILITIES))
     estimator: Estimator = "pattern-search"
     iterations: int = 500
+    patience: int = PATIENCE
     criterion: str = "fitness"
     k_p: float = 2.0
     begin: Begin = "inherited"
@@ -121,7 +128,7 @@ class GeneticSettings:
     fresh: int = 0
 
     def __post_init__(self) -> None:
-        for name, least in (("population", 1), ("generations", 0), ("iterations", 1), ("elite", 0), ("fresh", 0)):
+        for name, least in (("population", 1), ("generations", 0), ("iterations", 1), ("patience", 0), ("elite", 0), ("fresh", 0)):
             value = getattr(self, name)
             if value < least:
                 raise SettingsError(f"{name} is {value}; at least {least} is needed")
