@@ -151,14 +151,14 @@ class _Walk:
         self.point, self.cost, self.width = begin, cost, width
         self.way = deque([begin], maxlen=max(_MOVES) + 1)  # where its last successes were
         self.course = [cost]  # after every poll
-        self.spent, self.row = 1, 0
+        self.spent, self.row, self.failed = 1, 0, False
         self.reason: Reason = "mesh"
 
     def poll(self, basis: Array, low: Array, high: Array) -> Array:
         """Points of the next poll away from where the search stands, shape (n, K)."""
         points = self.point[:, None] + basis * self.width
         moves = [2.0 * self.point - self.way[-1 - back] for back in _MOVES if back < len(self.way)]
-        if moves:
+        if moves and not self.failed:  # after a failure they have been tried
             points = np.column_stack([points, *moves])
         points = np.minimum(np.maximum(points, low[:, None]), high[:, None])
         return np.asarray(points[:, np.any(points != self.point[:, None], axis=0)])
@@ -181,7 +181,8 @@ class _Walk:
     def go(self, points: Array, costs: Array) -> None:
         """Take the best of the polled points if it is better, and choose the next mesh."""
         best = int(costs.argmin()) if costs.size else 0
-        if costs.size and costs[best] < self.cost:
+        self.failed = not (costs.size and costs[best] < self.cost)
+        if not self.failed:
             self.point, self.cost = points[:, best].copy(), float(costs[best])
             self.way.append(self.point)
             self.row += 1

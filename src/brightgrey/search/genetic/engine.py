@@ -23,6 +23,8 @@ from brightgrey.search.work import Stopped, in_order, pool
 
 __all__ = ["search"]
 
+_LIMITED = 5  # times as long takes a simulation with a limited state
+
 
 def search(
     estimator: Estimator,
@@ -156,7 +158,7 @@ class _Bench:
         for job in jobs:
             if job not in self.known:
                 fresh.setdefault(job.structure, {})[job] = None
-        groups = sorted(fresh.items(), key=lambda group: -len(group[0].parameters) * len(group[1]))
+        groups = sorted(fresh.items(), key=lambda group: -_effort(group[0]) * len(group[1]))
         calls = [(structure, tuple(job.start for job in wanted)) for structure, wanted in groups]
         results = in_order(self.executor, self.estimator, calls)
         first: set[Job] = set()
@@ -168,3 +170,9 @@ class _Bench:
             out.append((self.known[job], job not in first))
             first.discard(job)
         return out
+
+
+def _effort(structure: Structure) -> int:
+    """Roughly how long a structure takes: by far the longest where a law of two ports is between limits."""
+    limited = any(p.effect.law is not None and p.effect.law.ports > 1 for p in structure.placed)
+    return len(structure.parameters) * (_LIMITED if limited else 1)
