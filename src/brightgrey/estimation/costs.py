@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.pattern_search import CostMany
 from brightgrey.estimation.onset import Onset
+from brightgrey.estimation.pattern_search import CostMany
 from brightgrey.estimation.problem import Problem, predict_many, systems
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, squares

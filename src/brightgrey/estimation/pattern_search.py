@@ -71,8 +71,8 @@ def pattern_search(
     """Minimise from several begins, each on its own, with all their polls in one batch.
 
     A poll looks from the best point one mesh width forth and back along every coordinate (positive basis 2N), and
-    beside that to where the way of the last 2, 4, 8 and 16 successes leads if it is gone once more (pattern moves, which
-    follow a bent valley). It goes to the best of these points if that is better than where it stands; after two
+    beside that to where the way of the last 2, 4, 8 and 16 successes leads if it is gone once more (pattern moves,
+    which follow a bent valley). It goes to the best of these points if that is better than where it stands; after two
     successes in succession the mesh doubles, after a failure it halves. A point beyond a bound is put onto it. Polls
     are complete: with the simulations side by side the points after the first success cost next to nothing
     (Hooke and Jeeves 1961, doi:10.1145/321062.321069; Torczon 1997, doi:10.1137/S1052623493250780; bounds: Lewis and

@@ -45,8 +45,8 @@ class PatternSearch:
         cost_many = cost_function(problem, space, self.task.settings)
         low, high = space.inward(space.low), space.inward(space.high)
         begins = space.inward(self.task.begins(space, starts))
-        limits = {"iterations": self.iterations, "patience": self.patience or None}
-        found = pattern_search(cost_many, begins, low, high, **limits)
+        patience = self.patience or None
+        found = pattern_search(cost_many, begins, low, high, iterations=self.iterations, patience=patience)
         ends = self.task.arrays(space, space.outward(np.array([end.values for end in found]).T))
         return _evaluated(self.task, structure, ends, [end.evaluations for end in found], len(space.names))
 

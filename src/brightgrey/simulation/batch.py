@@ -111,7 +111,7 @@ def response(
 
 
 class _Judge(NamedTuple):
-    """What outputs should be, shape (outputs, samples), weights (outputs,), and per set squares so far and limit (K,)."""
+    """What outputs should be, shape (outputs, samples), weights (outputs,), and per set squares so far, limit (K,)."""
 
     target: Array
     weights: Array
