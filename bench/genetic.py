@@ -11,9 +11,10 @@
 solver without noise. The truths beside the paper's reference are spread over the function set; their values are off
 from the assumed ones by 17 to 40 %.
 
-`exhaustive` compares both searches on the same recordings (1 % noise, nothing bounded by the user). *Found*: the best
-structure of the genetic search is as good, by its criterion, as the best of all structures with an RSS larger by 1 % at
-most. It is asked of the whole run, and of its first fits, a quarter of the number of structures.
+`exhaustive` compares both searches on the same recordings (1 % noise, nothing bounded by the user). *Found*: a fit of
+the genetic search is as good, by the criterion, as the best of all structures with an RSS larger by 1 % at most. It is
+asked of the whole run, and of its first fits, a quarter of the number of structures; searches for hubs and further fits
+of the same structure count as fits, those of the search of all structures do not.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search import estimator
 from brightgrey.search.criteria import Misfit, criterion
-from brightgrey.search.exhaustive import fit_all
+from brightgrey.search.exhaustive import Fits, Options, fit_all
 from brightgrey.search.experiment import reference_recording, task_of
 from brightgrey.search.genetic.engine import search
 from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES
@@ -41,7 +42,7 @@ from brightgrey.search.identification import Identification
 from brightgrey.search.repetition import Repetition, repetition, repetitions_csv, run, summary, wilson
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import UnsettledError
-from recovery import Drive
+from recovery import Drive, effective
 
 NOISE = 0.01
 # The paper's setting with identification that does not fail, so that only the search of structures is judged.
@@ -144,7 +145,7 @@ def rates(setting: str, truths: tuple[str, ...], first: int, last: int) -> None:
         if not wanted:
             continue
         ready, how = task(truth), SETTINGS[setting]
-        identify = Remembering(estimator(how.estimator, ready, how.iterations))
+        identify = Remembering(estimator(how.estimator, ready, how.iterations, how.patience))
         for seed in wanted:
             began = time.process_time()
             done = repetition(run(ready, how, seed, identify=identify), PAPER.parse(truth), seed)
@@ -162,15 +163,17 @@ def rates(setting: str, truths: tuple[str, ...], first: int, last: int) -> None:
             )
 
 
-def exhaustive(first: int, last: int, setting: str, grammar: Grammar, out: Path) -> None:
+def exhaustive(seed: int, first: int, last: int, setting: str, grammar: Grammar, out: Path) -> None:
     """Both searches on the same drives; rows are added to `out`."""
     rows = [json.loads(text) for text in out.read_text().splitlines()] if out.exists() else []
     structures = list(grammar.structures())
     for number in range(first, last):
-        if (setting, number, grammar.name) in {(r["setting"], r["number"], r["grammar"]) for r in rows}:
+        if (setting, seed, number, grammar.name) in {
+            (r["setting"], r["seed"], r["number"], r["grammar"]) for r in rows
+        }:
             continue
         try:
-            drive = Drive(1, number, structures)
+            drive = Drive(seed, number, structures)
         except UnsettledError as why:
             print(f"{number:4d} left out: {why}", flush=True)
             continue
@@ -192,46 +195,74 @@ def part_of_paper(masses: int, without: list[str]) -> Grammar:
 
 
 def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[Structure]) -> dict:
-    """One drive: the criterion's best of all structures, and what the genetic search came to with how many fits."""
+    """One drive: the best of all structures, and after how many fits the genetic search had one as good."""
     (recording, _), began, how = drive.recordings(NOISE), time.process_time(), SETTINGS[setting]
     known = scales([recording])
     ready = Identification((recording,), known, Settings(PAPER_EXPERIMENT.f_tanh, known.speed, "fast"))
-    judge, weight = criterion(how.criterion, how.k_p), ready.problem(structures[0]).weights[0]
-    floor = recording.samples * float(recording.resolution[0]) ** 2 / 12.0
-
-    def value(rss: float, free: int) -> float:
-        return judge.value(Misfit((rss,), (floor,), recording.samples, (1.0,)), free)
-
     fitted = fit_all(ready, structures, seed=drive.seed)
-    best = max(fitted.values(), key=lambda f: value(f.cost / weight**2, f.free))
-    least = value(1.01 * best.cost / weight**2, best.free)
     middle = time.process_time()
-    identify = estimator(how.estimator, ready, how.iterations)
-    done = search(identify, ready.draw, how, standard=ready.standard, grammar=grammar, seed=drive.number)
-    fresh = [e for e in done.evaluations if not e.repeated]
-    found = next((k for k, e in enumerate(fresh, 1) if e.value >= least), None)
-    quarter = max(fresh[: len(structures) // 4], key=lambda e: e.value)
-    return {
+    fits = Fits(ready, structures, options=Options(rounds=how.iterations), seed=drive.number)
+    identify = estimator(how.estimator, ready, how.iterations, how.patience)
+    done = search(identify, ready.draw, how, standard=ready.standard, fits=fits, grammar=grammar, seed=drive.number)
+    ended = time.process_time()
+    made = (
+        [None if hub else (f.cost, f.free) for hub, f in fits.log]
+        if how.begin == "relatives"
+        else [
+            (sum(e.result.misfit.rss) * ready.problem(e.job.structure).weights[0] ** 2, e.result.n_parameters)
+            for e in done.evaluations
+            if not e.repeated
+        ]
+    )
+    row = {
         "setting": setting,
         "grammar": grammar.name,
+        "seed": drive.seed,
         "number": drive.number,
         "truth": str(drive.truth),
-        "exhaustive": str(best.structure),
         "genetic": str(done.best.job.structure),
-        "fits": len(fresh),
-        "found after": found,
-        "rss": sum(done.best.result.misfit.rss) / (best.cost / weight**2),
-        "rss, a quarter": sum(quarter.result.misfit.rss) / (best.cost / weight**2),
-        "seconds": [round(middle - began, 1), round(time.process_time() - middle, 1)],
+        "fits": len(made),
+        "structures": len({e.job.structure for e in done.evaluations}),
+        "seconds": [round(middle - began, 1), round(ended - middle, 1)],
     }
+    for name, value in judges(ready, fitted).items():
+        best = max(fitted.values(), key=lambda f: value(f.cost, f.free))
+        least = value(1.01 * best.cost, best.free)
+        found = (k for k, fit in enumerate(made, 1) if fit is not None and value(*fit) >= least)
+        row |= {name: str(best.structure), f"{name} after": next(found, None)}
+    return row
+
+
+def judges(task: Identification, fitted: dict) -> dict:
+    """Criteria of cost and number of parameters, the larger the better.
+
+    That of the genetic search, BIC with all samples, and that of the ranking, with the number of independent ones.
+    """
+    (r,), first = task.recordings, next(iter(fitted))
+    weight = task.problem(first).weights[0]
+    floor = r.samples * float(r.resolution[0]) ** 2 / 12.0
+    best = min(fitted.values(), key=lambda f: (f.cost, f.free))
+    values = {name: np.array([v]) for name, v in {**task.standard(best.structure), **best.values}.items()}
+    independent = effective(task.problem(best.structure).residuals(values, task.settings)[:, 0])
+
+    def bic(cost: float, free: int) -> float:
+        return criterion("bic").value(Misfit((cost / weight**2,), (floor,), r.samples, (1.0,)), free)
+
+    def ranking(cost: float, free: int) -> float:
+        rss = max(cost / weight**2, floor, 1e-300)
+        return -float(independent * np.log(rss / r.samples) + free * np.log(independent))
+
+    return {"bic": bic, "ranking": ranking}
 
 
 def compared(rows: list[dict], count: int) -> None:
     """Print how often the genetic search found what there was."""
-    for what, most in ((f"a quarter of {count} fits", count // 4), ("the whole run", None)):
-        hits = [r["found after"] is not None and (most is None or r["found after"] <= most) for r in rows]
-        low, high = wilson(sum(hits), len(hits))
-        print(f"{what}: optimum found in {sum(hits)} of {len(hits)} ({100 * low:.0f} to {100 * high:.0f} %)")
+    for name in ("bic", "ranking"):
+        for what, most in ((f"a quarter of {count} fits", count // 4), ("the whole run", None)):
+            after = [r[f"{name} after"] for r in rows]
+            hits = sum(k is not None and (most is None or k <= most) for k in after)
+            low, high = wilson(hits, len(rows))
+            print(f"{name}, {what}: optimum found in {hits} of {len(rows)} ({100 * low:.0f} to {100 * high:.0f} %)")
     fits, shares = [r["fits"] for r in rows], [r["seconds"][1] / r["seconds"][0] for r in rows]
     print(f"fits of the whole run: median {np.median(fits):g}, most {max(fits)}; CPU time over that of all"
           f" {count}: median {np.median(shares):.2g}")  # fmt: skip
@@ -273,6 +304,7 @@ def main() -> None:
     against = tasks.add_parser("exhaustive")
     against.add_argument("first", type=int)
     against.add_argument("last", type=int)
+    against.add_argument("--seed", type=int, default=1, help="of the drives")
     against.add_argument("--masses", type=int, default=4, help="at most")
     against.add_argument("--without", nargs="*", default=[], help="effects that no structure has")
     against.add_argument("--setting", choices=SETTINGS, default="ours")
@@ -283,7 +315,9 @@ def main() -> None:
     elif given.task == "table":
         table()
     elif given.task == "exhaustive":
-        exhaustive(given.first, given.last, given.setting, part_of_paper(given.masses, given.without), given.out)
+        exhaustive(
+            given.seed, given.first, given.last, given.setting, part_of_paper(given.masses, given.without), given.out
+        )
     else:
         known = {"reference": (PAPER_EXPERIMENT.structure,), "others": OTHERS}
         rates(given.setting, known.get(given.truth, (given.truth,)), given.first, given.last)

@@ -11,21 +11,22 @@ TARGET = np.array([0.3, -1.2, 2.0])
 LOW, HIGH = np.full(3, -3.0), np.full(3, 3.0)
 
 
-def bowl(points):
+def bowl(points, most=None):
     return np.sum(np.array([1.0, 4.0, 0.2])[:, None] * (points - TARGET[:, None]) ** 2, axis=0)
 
 
-def valley(points):
+def valley(points, most=None):
     x, y = points
     return (1 - x) ** 2 + 20 * (y - x * x) ** 2
 
 
 class Counted:
     def __init__(self, cost):
-        self.cost, self.batches, self.points = cost, [], []
+        self.cost, self.batches, self.points, self.limits = cost, [], [], []
 
-    def __call__(self, points):
+    def __call__(self, points, most):
         self.batches.append(points.shape[1])
+        self.limits.append(most.copy())
         self.points.append(points.copy())
         return self.cost(points)
 
@@ -51,21 +52,44 @@ def test_bent_valley_from_several_begins():
         assert end.cost <= reference + 1e-6
 
 
-def test_mesh_doubles_on_success_and_halves_on_failure():
+def test_mesh_doubles_after_two_successes_and_halves_after_a_failure():
     cost = Counted(lambda points: points[0])  # the lower the better, down to the bound
     (end,) = pattern_search(cost, [0.5], [0.0], [1.0], mesh=0.0625, smallest=0.01)
     visited = [sorted(batch[0].tolist()) for batch in cost.points]
-    # 0.5, then +-1/16, from 7/16 +-1/8, from 5/16 +-1/4, from 1/16 +-1/2 (put onto the bound), then failures at 0.
-    assert visited[:5] == [[0.5], [0.4375, 0.5625], [0.3125, 0.5625], [0.0625, 0.5625], [0.0, 0.5625]]
-    widths = [batch[0] for batch in visited[5:]]
-    np.testing.assert_allclose(widths, 1.0 / 2 ** np.arange(len(widths)))
+    # 0.5, then +-1/16 twice, from 3/8 +-1/8 and the way of two successes once more, which is as far; from 1/4 +-1/8 and
+    # the last two once more, which goes further; from 1/16 +-1/4, and two such moves (put onto the bound).
+    assert visited[:4] == [[0.5], [0.4375, 0.5625], [0.375, 0.5], [0.25, 0.25, 0.5]]
+    assert visited[4:6] == [[0.0625, 0.125, 0.375], [0.0, 0.0, 0.0, 0.3125]]
+    widths = [batch[0] for batch in visited[6:]]  # failures at 0, without moves
+    np.testing.assert_allclose(widths, 0.25 / 2 ** np.arange(len(widths)))
     assert end.values == (0.0,)
+
+
+def test_costs_are_asked_for_below_what_a_search_has():
+    cost = Counted(bowl)
+    ends = pattern_search(cost, np.array([[0.0, 2.0]] * 3), LOW, HIGH, iterations=20)
+    lowest = bowl(np.array([[0.0, 2.0]] * 3))
+    assert np.all(np.isinf(cost.limits[0]))
+    assert set(cost.limits[1]) == set(lowest)
+
+    def given_up(points, most):
+        found = bowl(points)
+        return np.where(found < most, found, np.inf)
+
+    assert pattern_search(given_up, np.array([[0.0, 2.0]] * 3), LOW, HIGH, iterations=20) == ends
+
+
+def test_a_search_that_gains_nothing_ends():
+    (end,) = pattern_search(lambda p, most: 1.0 + 1e-4 * bowl(p), np.zeros(3), LOW, HIGH, patience=12)
+    assert (end.reason, end.iterations) == ("stalled", 12)
+    (end,) = pattern_search(bowl, np.zeros(3), LOW, HIGH, patience=12)
+    assert end.reason == "mesh"  # every dozen polls gained
 
 
 def test_a_poll_of_all_searches_is_one_batch():
     cost = Counted(bowl)
     ends = pattern_search(cost, np.zeros((3, 5)), LOW, HIGH, iterations=3, mesh=0.01)
-    assert cost.batches == [5, 30, 30, 30]
+    assert cost.batches == [5, 30, 30, 35]  # the third with the way of two successes once more
     assert [end.iterations for end in ends] == [3] * 5
     assert all(end.reason == "iterations" for end in ends)
 
@@ -98,14 +122,14 @@ def test_never_leaves_the_bounds_and_never_gets_worse():
 
 
 def test_costs_that_are_no_numbers_are_never_chosen():
-    def holes(points):
+    def holes(points, most):
         c = bowl(points)
         return np.where(points[0] > 0.5, np.nan, np.where(points[1] > 0.0, np.inf, c))
 
     (end,) = pattern_search(holes, [-2.0, 1.0, 0.0], LOW, HIGH)
     assert np.isfinite(end.cost)
     assert end.values[0] <= 0.5
-    (nowhere,) = pattern_search(lambda p: np.full(p.shape[1], np.nan), [0.0, 0, 0], LOW, HIGH)
+    (nowhere,) = pattern_search(lambda p, most: np.full(p.shape[1], np.nan), [0.0, 0, 0], LOW, HIGH)
     assert nowhere.cost == np.inf
     assert nowhere.reason == "mesh"
 
@@ -115,7 +139,7 @@ def test_range_without_width_stays():
     assert end.values[1] == 0.5
     (fixed,) = pattern_search(bowl, TARGET, TARGET, TARGET)
     assert fixed.values == tuple(TARGET)
-    (nothing,) = pattern_search(lambda p: np.ones(p.shape[1]), np.zeros((0, 1)), [], [])
+    (nothing,) = pattern_search(lambda p, most: np.ones(p.shape[1]), np.zeros((0, 1)), [], [])
     assert nothing.cost == 1.0
 
 
@@ -127,6 +151,7 @@ def test_range_without_width_stays():
         ({"high": [np.inf, 1.0, 1.0]}, "finite"),
         ({"iterations": 0}, "iterations 0"),
         ({"evaluations": 0}, "evaluations 0"),
+        ({"patience": 0}, "patience 0"),
         ({"mesh": 0.0}, "mesh 0"),
     ],
 )

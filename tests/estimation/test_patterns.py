@@ -47,9 +47,13 @@ def test_cost_is_that_of_the_residuals(drawn):
     problem = Problem.of(structure, [drawn, drawn])
     search = search_space(structure, scales([drawn]), AROUND, {"f_v": 0.02})
     begins = np.array([[0.01, 0.02, 0.03], [0.5, 0.9, 1.7]])
-    found = cost_function(problem, search, settings)(search.inward(begins))
+    cost = cost_function(problem, search, settings)
+    found = cost(search.inward(begins), np.full(3, np.inf))
     values = dict(zip(search.names, begins, strict=True)) | {"f_v": np.full(3, 0.02)}
     np.testing.assert_allclose(found, np.square(problem.residuals(values, settings)).sum(axis=0), rtol=1e-10)
+    most = np.array([1.5 * found[0], found[1], 0.7 * found[2]])  # reached in the second recording
+    given_up = cost(search.inward(begins), most)
+    assert given_up.tolist() == [found[0], np.inf, np.inf]
 
 
 def test_unknown_estimator_is_refused(drawn):

@@ -3,7 +3,15 @@
 import pytest
 
 from brightgrey.kit import PAPER
-from brightgrey.search.lattice import contains, effects_of, extensions, minimal, simpler
+from brightgrey.search.lattice import (
+    contains,
+    effects_of,
+    extensions,
+    largest_within,
+    minimal,
+    simpler,
+    smallest_around,
+)
 
 ALL = list(PAPER.structures())
 
@@ -34,6 +42,18 @@ def test_neighbours_differ_by_one_step(structure):
         assert contains(big, structure)
         assert len(effects_of(big, structure)) == 1
         assert abs(big.masses - structure.masses) + abs(len(big.placed) - len(structure.placed)) == 1
+
+
+@pytest.mark.parametrize("structure", ALL[::53], ids=str)
+def test_next_ones_within_and_around_in_a_set_with_gaps(structure):
+    some = ALL[::7]
+    for found, holds in ((largest_within(structure, some), False), (smallest_around(structure, some), True)):
+        related = [t for t in some if t != structure and (contains(t, structure) if holds else contains(structure, t))]
+        assert set(found) <= set(related)
+        assert not any(a != b and contains(a, b) for a in found for b in found)
+        for t in related:
+            assert any(contains(t, f) if holds else contains(f, t) for f in found)
+    assert set(smallest_around(structure, ALL)) == set(extensions(structure, ALL))
 
 
 def test_everything_is_between_the_smallest_and_the_largest():

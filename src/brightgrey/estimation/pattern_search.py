@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -14,14 +15,18 @@ from brightgrey.errors import SettingsError
 __all__ = ["CostMany", "PatternEnd", "pattern_search"]
 
 Array = NDArray[np.float64]
-CostMany = Callable[[Array], Array]
-"""Costs, shape (K,), of K points, shape (n, K); what is not a number counts as infinite."""
-Reason = Literal["mesh", "iterations", "evaluations"]
+CostMany = Callable[[Array, Array], Array]
+"""Costs, shape (K,), of K points, shape (n, K), each of interest only below its limit, shape (K,): from there on it may
+be given as infinite. What is not a number counts as infinite."""
+Reason = Literal["mesh", "stalled", "iterations", "evaluations"]
 
 _GROW, _SHRINK = 2.0, 0.5
+_IN_SUCCESSION = 2  # successes after which the mesh grows: after each of them, every other poll would fail
+_MOVES = (2, 4, 8, 16)  # successes whose way together is tried once more
 _FIRST = 0.25  # first mesh, of the range: the poll then reaches half way from the middle to the bounds
 _LARGEST = 1.0  # a longer step leaves the range from anywhere
 _LAST = 1e-6  # mesh at which a search has converged
+_GAIN = 0.01  # part of the cost that `patience` polls have to be worth
 
 
 @dataclass(frozen=True)
@@ -38,8 +43,9 @@ class PatternEnd:
         Last mesh, of the range.
     iterations, evaluations : int
         Polls, and points at which the cost was asked for.
-    reason : {'mesh', 'iterations', 'evaluations'}
-        ``mesh``: converged, the mesh has shrunk to its smallest. The others are limits.
+    reason : {'mesh', 'stalled', 'iterations', 'evaluations'}
+        ``mesh``: converged, the mesh has shrunk to its smallest. ``stalled``: hardly anything was gained any more. The
+        others are limits.
     """
 
     values: tuple[float, ...]
@@ -58,22 +64,25 @@ def pattern_search(
     *,
     iterations: int = 500,
     evaluations: int | None = None,
+    patience: int | None = None,
     mesh: float = _FIRST,
     smallest: float = _LAST,
 ) -> tuple[PatternEnd, ...]:
     """Minimise from several begins, each on its own, with all their polls in one batch.
 
-    A poll looks from the best point one mesh width forth and back along every coordinate (positive basis 2N) and
-    goes to the best of these points if that is better than where it stands. Then the mesh doubles, otherwise
-    it halves. A point beyond a bound is put onto it. Polls are complete: with the simulations side by side the points
-    after the first success cost next to nothing (Torczon 1997, doi:10.1137/S1052623493250780; bounds: Lewis and
+    A poll looks from the best point one mesh width forth and back along every coordinate (positive basis 2N), and
+    beside that to where the way of the last 2, 4, 8 and 16 successes leads if it is gone once more (pattern moves,
+    which follow a bent valley). It goes to the best of these points if that is better than where it stands; after two
+    successes in succession the mesh doubles, after a failure it halves. A point beyond a bound is put onto it. Polls
+    are complete: with the simulations side by side the points after the first success cost next to nothing
+    (Hooke and Jeeves 1961, doi:10.1145/321062.321069; Torczon 1997, doi:10.1137/S1052623493250780; bounds: Lewis and
     Torczon 1999, doi:10.1137/S1052623496300507).
 
     Parameters
     ----------
     cost_many : callable
-        ``cost_many(points)`` with shape (n, K) gives K costs. A cost may not depend on its neighbours, then no
-        search depends on the others.
+        ``cost_many(points, most)`` with shapes (n, K) and (K,) gives K costs; only those below `most` matter. A cost
+        may not depend on its neighbours, then no search depends on the others.
     begins : array_like, shape (n, starts) or (n,)
         Put into the bounds where they lie outside.
     low, high : array_like, shape (n,)
@@ -82,6 +91,8 @@ def pattern_search(
         Most polls of a search; the paper's limit is 500.
     evaluations : int, optional
         Most points of a search; a poll that would need more is not begun.
+    patience : int, optional
+        A search ends, too, where so many polls together have lowered the cost by less than a hundredth.
     mesh, smallest : float
         First and last mesh, as parts of the range.
 
@@ -96,63 +107,96 @@ def pattern_search(
         For shapes that do not fit, bounds that are not finite or crossed, or limits below 1.
     """
     low, high = np.asarray(low, float), np.asarray(high, float)
-    point = np.array(begins, float)
-    point = point[:, None] if point.ndim == 1 else point
-    _check(point, low, high, iterations, evaluations, mesh, smallest)
-    point = np.clip(point, low[:, None], high[:, None])
-    starts = point.shape[1]
-    cost = _finite(cost_many(point)) if starts else np.zeros(0)
-    spent, polls = np.ones(starts, int), np.zeros(starts, int)
-    width = np.full(starts, mesh if np.any(low < high) else 0.0)
-    most = np.iinfo(np.int64).max if evaluations is None else evaluations
-    reasons: list[Reason] = ["mesh"] * starts
-    active = np.arange(starts)
-    while active.size:
-        points, wanted = _poll(point[:, active], width[active], low, high)
-        counts = wanted.sum(axis=0)
-        stop = _stops(width[active], polls[active], spent[active] + counts, smallest, iterations, most)
-        for i, reason in zip(active, stop, strict=True):
-            reasons[i] = reason or "mesh"
-        keep = np.array([reason is None for reason in stop])
-        active, points, wanted = active[keep], points[:, :, keep], wanted[:, keep]
-        if active.size:
-            where, found = _best(cost_many, points, wanted)
-            better = found < cost[active]
-            point[:, active[better]], cost[active[better]] = where[:, better], found[better]
-            width[active] = np.where(better, np.minimum(_GROW * width[active], _LARGEST), _SHRINK * width[active])
-            polls[active] += 1
-            spent[active] += counts[keep]
-    numbers = (point.T.tolist(), cost.tolist(), width.tolist(), polls.tolist(), spent.tolist(), reasons)
-    return tuple(PatternEnd(tuple(values), *rest) for values, *rest in zip(*numbers, strict=True))
+    begin = np.array(begins, float)
+    begin = begin[:, None] if begin.ndim == 1 else begin
+    _check(begin, low, high, iterations, evaluations, patience, mesh, smallest)
+    begin = np.clip(begin, low[:, None], high[:, None])
+    starts = begin.shape[1]
+    first = _finite(cost_many(begin, np.full(starts, np.inf))) if starts else np.zeros(0)
+    width = mesh if np.any(low < high) else 0.0
+    walks = [_Walk(x, cost, width) for x, cost in zip(begin.T, first.tolist(), strict=True)]
+    basis = np.hstack([np.eye(len(low)), -np.eye(len(low))]) * (high - low)[:, None]
+    limits = _Limits(iterations, evaluations or np.iinfo(np.int64).max, patience, smallest)
+    active = walks
+    while active:
+        polls = [(walk, walk.poll(basis, low, high)) for walk in active]
+        polls = [(walk, points) for walk, points in polls if walk.goes_on(points.shape[1], limits)]
+        active = [walk for walk, _ in polls]
+        if not any(points.size for _, points in polls):
+            costs = np.zeros(0)
+        else:
+            most = np.concatenate([np.full(points.shape[1], walk.cost) for walk, points in polls])
+            costs = _finite(cost_many(np.concatenate([points for _, points in polls], axis=1), most))
+        at = 0
+        for walk, points in polls:
+            walk.go(points, costs[at : at + points.shape[1]])
+            at += points.shape[1]
+    return tuple(walk.end() for walk in walks)
 
 
-def _best(cost_many: CostMany, points: Array, wanted: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Best point, shape (n, searches), and cost, shape (searches,), of each search's poll."""
-    polled = np.full(wanted.shape, np.inf)
-    if wanted.any():
-        polled[wanted] = _finite(cost_many(np.ascontiguousarray(points[:, wanted])))
-    best = polled.argmin(axis=0)
-    each = np.arange(len(best))
-    return points[:, best, each], polled[best, each]
+@dataclass(frozen=True)
+class _Limits:
+    """Where a search ends."""
+
+    iterations: int
+    evaluations: int
+    patience: int | None
+    smallest: float
 
 
-def _poll(point: Array, width: Array, low: Array, high: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Points of one poll, shape (n, 2n, searches), and which of them are away from where the search stands."""
-    n = len(low)
-    directions = np.hstack([np.eye(n), -np.eye(n)]) * (high - low)[:, None]
-    points = point[:, None, :] + directions[:, :, None] * width
-    points = np.clip(points, low[:, None, None], high[:, None, None])
-    return points, np.any(points != point[:, None, :], axis=0)
+class _Walk:
+    """One search on its way."""
 
+    def __init__(self, begin: Array, cost: float, width: float) -> None:
+        self.point, self.cost, self.width = begin, cost, width
+        self.way = deque([begin], maxlen=max(_MOVES) + 1)  # where its last successes were
+        self.course = [cost]  # after every poll
+        self.spent, self.row, self.failed = 1, 0, False
+        self.reason: Reason = "mesh"
 
-def _stops(
-    width: Array, polls: NDArray[np.int64], needed: NDArray[np.int64], smallest: float, iterations: int, most: int
-) -> list[Reason | None]:
-    """Why each search ends before its next poll; None if it does not."""
-    return [
-        "mesh" if w < smallest else "iterations" if p >= iterations else "evaluations" if e > most else None
-        for w, p, e in zip(width, polls, needed, strict=True)
-    ]
+    def poll(self, basis: Array, low: Array, high: Array) -> Array:
+        """Points of the next poll away from where the search stands, shape (n, K)."""
+        points = self.point[:, None] + basis * self.width
+        moves = [2.0 * self.point - self.way[-1 - back] for back in _MOVES if back < len(self.way)]
+        if moves and not self.failed:  # after a failure they have been tried
+            points = np.column_stack([points, *moves])
+        points = np.minimum(np.maximum(points, low[:, None]), high[:, None])
+        return np.asarray(points[:, np.any(points != self.point[:, None], axis=0)])
+
+    def goes_on(self, needed: int, limits: _Limits) -> bool:
+        """Whether the next poll, with so many points, is begun; if not, why stands in `reason`."""
+        done, patience = len(self.course) - 1, limits.patience
+        if self.width < limits.smallest:
+            self.reason = "mesh"
+        elif patience is not None and done >= patience and self.cost > (1.0 - _GAIN) * self.course[done - patience]:
+            self.reason = "stalled"
+        elif done >= limits.iterations:
+            self.reason = "iterations"
+        elif self.spent + needed > limits.evaluations:
+            self.reason = "evaluations"
+        else:
+            return True
+        return False
+
+    def go(self, points: Array, costs: Array) -> None:
+        """Take the best of the polled points if it is better, and choose the next mesh."""
+        best = int(costs.argmin()) if costs.size else 0
+        self.failed = not (costs.size and costs[best] < self.cost)
+        if not self.failed:
+            self.point, self.cost = points[:, best].copy(), float(costs[best])
+            self.way.append(self.point)
+            self.row += 1
+            if self.row == _IN_SUCCESSION:
+                self.width, self.row = min(_GROW * self.width, _LARGEST), 0
+        else:
+            self.width, self.row = _SHRINK * self.width, 0
+        self.course.append(self.cost)
+        self.spent += points.shape[1]
+
+    def end(self) -> PatternEnd:
+        """Where it ended."""
+        values, polls = tuple(self.point.tolist()), len(self.course) - 1
+        return PatternEnd(values, self.cost, self.width, polls, self.spent, self.reason)
 
 
 def _finite(cost: ArrayLike) -> Array:
@@ -161,13 +205,21 @@ def _finite(cost: ArrayLike) -> Array:
 
 
 def _check(
-    point: Array, low: Array, high: Array, iterations: int, evaluations: int | None, mesh: float, smallest: float
+    point: Array,
+    low: Array,
+    high: Array,
+    iterations: int,
+    evaluations: int | None,
+    patience: int | None,
+    mesh: float,
+    smallest: float,
 ) -> None:
     if point.ndim != 2 or low.shape != high.shape or low.shape != (len(point),):
         raise SettingsError(f"begins {point.shape}, low {low.shape} and high {high.shape} do not fit together")
     if not (np.isfinite(low).all() and np.isfinite(high).all() and np.all(low <= high) and np.isfinite(point).all()):
         raise SettingsError("a pattern search needs finite begins and bounds with low <= high")
-    if iterations < 1 or (evaluations is not None and evaluations < 1):
-        raise SettingsError(f"iterations {iterations} and evaluations {evaluations}: at least 1 of each is needed")
+    for name, limit in (("iterations", iterations), ("evaluations", evaluations), ("patience", patience)):
+        if limit is not None and limit < 1:
+            raise SettingsError(f"{name} {limit}: at least 1 is needed")
     if not 0.0 < smallest <= mesh <= _LARGEST:
         raise SettingsError(f"mesh {mesh:g} and smallest {smallest:g}: 0 < smallest <= mesh <= {_LARGEST:g} is needed")

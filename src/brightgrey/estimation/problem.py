@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from brightgrey.estimation.normal import LARGEST, add_products, add_squares
 from brightgrey.estimation.onset import Initial, Onset, Unknown, noise_of
-from brightgrey.kit import Structure, assemble
+from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 
-__all__ = ["Problem", "predict_many"]
+__all__ = ["Problem", "predict_many", "systems"]
 
 Array = NDArray[np.float64]
 _FEWEST = 100  # samples of a beginning
@@ -37,6 +37,26 @@ def predict_many(
     The initial state is `initial`, or else that of `onset`, whose unknown parts stand among the values.
     """
     kinds = [signal.kind for signal in recording.outputs]
+    system, x0 = systems(structure, values, recording, settings, onset=onset, initial=initial)
+    y = response(system, recording.u, recording.dt, x0, settings, group=group, threads=threads).y
+    for out, kind in enumerate(kinds):
+        if kind == "velocity-differenced":
+            before = y[out, :1] - recording.dt * x0[system.state_names.index("v1")]  # it moved as it does at first
+            y[out] = np.diff(y[out], axis=0, prepend=before) / recording.dt
+    return y
+
+
+def systems(
+    structure: Structure,
+    values: Mapping[str, Array],
+    recording: Recording,
+    settings: Settings,
+    *,
+    onset: Onset | None = None,
+    initial: Mapping[str, float] | None = None,
+) -> tuple[StateSpace, Array]:
+    """K systems, a differenced velocity's with its position for output, and their initial states, shape (n, K)."""
+    kinds = [signal.kind for signal in recording.outputs]
     outputs = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
     own = {name: values[name] for name in structure.parameters}
     system = assemble(structure, own, settings.f_tanh, outputs)
@@ -45,13 +65,7 @@ def predict_many(
     else:
         x0 = (onset or Onset.of(recording)).state(system, float(recording.u[0]), values)
     sets = max((np.size(value) for value in own.values()), default=1)
-    x0 = np.broadcast_to(x0, (len(x0), sets))
-    y = response(system, recording.u, recording.dt, x0, settings, group=group, threads=threads).y
-    for out, kind in enumerate(kinds):
-        if kind == "velocity-differenced":
-            before = y[out, :1] - recording.dt * x0[system.state_names.index("v1")]  # it moved as it does at first
-            y[out] = np.diff(y[out], axis=0, prepend=before) / recording.dt
-    return y
+    return system, np.broadcast_to(x0, (len(x0), sets))
 
 
 def _beginning(recording: Recording, share: float) -> Recording:

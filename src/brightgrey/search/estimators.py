@@ -30,10 +30,13 @@ class PatternSearch:
     task : Identification
     iterations : int
         Limit for each start (paper: 500).
+    patience : int
+        Polls that have to be worth a hundredth of the cost; 0 if they need not.
     """
 
     task: Identification
     iterations: int = 500
+    patience: int = 0
 
     def __call__(self, structure: Structure, starts: Sequence[Values]) -> Sequence[Evaluated]:
         """Identify `structure` from each of `starts`."""
@@ -42,7 +45,8 @@ class PatternSearch:
         cost_many = cost_function(problem, space, self.task.settings)
         low, high = space.inward(space.low), space.inward(space.high)
         begins = space.inward(self.task.begins(space, starts))
-        found = pattern_search(cost_many, begins, low, high, iterations=self.iterations)
+        patience = self.patience or None
+        found = pattern_search(cost_many, begins, low, high, iterations=self.iterations, patience=patience)
         ends = self.task.arrays(space, space.outward(np.array([end.values for end in found]).T))
         return _evaluated(self.task, structure, ends, [end.evaluations for end in found], len(space.names))
 
@@ -86,8 +90,8 @@ def _evaluated(
     ]
 
 
-def estimator(name: str, task: Identification, iterations: int) -> Estimator:
-    """Estimator by its name: ``pattern-search`` or ``least-squares``.
+def estimator(name: str, task: Identification, iterations: int, patience: int = 0) -> Estimator:
+    """Estimator by its name: ``pattern-search``, which ends where it is not worth its `patience`, or ``least-squares``.
 
     Raises
     ------
@@ -95,4 +99,4 @@ def estimator(name: str, task: Identification, iterations: int) -> Estimator:
         For any other name.
     """
     check_estimator(name)
-    return PatternSearch(task, iterations) if name == "pattern-search" else LeastSquares(task, iterations)
+    return PatternSearch(task, iterations, patience) if name == "pattern-search" else LeastSquares(task, iterations)

@@ -9,84 +9,28 @@ number of masses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.explore import explore
-from brightgrey.estimation.leastsquares import descend_many
-from brightgrey.estimation.problem import Problem
 from brightgrey.kit import Placed, Structure
+from brightgrey.search.fitting import (
+    IMPROVED,
+    Fitted,
+    Options,
+    at_least_as_good,
+    best_of,
+    fit_one,
+    from_above,
+    from_everywhere,
+)
 from brightgrey.search.identification import Identification
-from brightgrey.search.lattice import effects_of, extensions, ladder_of, largest_within, size
-from brightgrey.search.work import in_turn, pool
+from brightgrey.search.lattice import contains, ladder_of, largest_within, size, smallest_around
+from brightgrey.search.work import in_order, in_turn, pool
 
-__all__ = ["Fitted", "Options", "fit_all", "fit_one"]
+__all__ = ["Fits", "Fitted", "Options", "fit_all", "fit_one"]
 
-Array = NDArray[np.float64]
 _Item = tuple[bool, Structure]  # whether it is a hub that is sought from everywhere
-_IMPROVED = 0.999  # of the cost: what is worth another descent
-
-
-@dataclass(frozen=True)
-class Options:
-    """How thoroughly each structure is searched.
-
-    Attributes
-    ----------
-    parents : int
-        Simpler structures whose optima are looked at, beside those of the hubs.
-    starts : int
-        Descents: from the best of these optima.
-    fresh, patience : int
-        Starts of a field and fields without improvement, in the search for a hub.
-    drawn : int
-        Values of the further effect that are tried at each of these optima.
-    rounds : int
-        Of each descent.
-    tolerance : float
-        Relative to the cost.
-    """
-
-    parents: int = 2
-    starts: int = 2
-    fresh: int = 8
-    patience: int = 1
-    drawn: int = 15
-    rounds: int = 25
-    tolerance: float = 1e-3
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """One structure with its best parameters so far.
-
-    Attributes
-    ----------
-    structure : Structure
-    values : mapping of str to float
-        SI, fixed ones and unknown parts of initial states included.
-    cost : float
-        Weighted sum of squared residuals at the level of the search.
-    free : int
-        Number of estimated parameters.
-    idle : tuple of str
-        Effects that only made the fit worse than that of a structure without them: their values are meaningless.
-    batches : int
-        Batches of simulations.
-    """
-
-    structure: Structure
-    values: Mapping[str, float]
-    cost: float
-    free: int
-    idle: tuple[str, ...] = ()
-    batches: int = 0
 
 
 def fit_all(
@@ -117,85 +61,167 @@ def fit_all(
     dict of Structure to Fitted
         Simple ones first.
     """
-    how = options or Options()
-    order = {s: i for i, s in enumerate(structures)}
-    rising = sorted(structures, key=size)
-    first = _hubs(structures)
-    hubs: dict[Structure, Fitted] = {}
-    done: dict[Structure, Fitted] = {}
-    near = {s: [h for h in first if ladder_of(h) == ladder_of(s)] for s in structures}
-    within = {s: largest_within(s, structures) for s in structures}
-
-    def needs(item: _Item) -> list[_Item]:
-        """Hubs of its ladder, and what it contains."""
-        hub, s = item
-        return [] if hub else [(True, h) for h in near[s]] + [(False, t) for t in within[s]]
-
-    def call(item: _Item) -> tuple[Any, ...]:
-        hub, s = item
-        if hub:
-            return _from_everywhere, task, s, how, seed
-        parents = _best([done[t] for t in within[s]], how)
-        return fit_one, task, s, parents, [hubs[h] for h in near[s]], how, (seed, order[s])
-
-    def take(item: _Item, fitted: Fitted) -> None:
-        hub, s = item
-        if hub:
-            hubs[s] = fitted
-            return
-        done[s] = fitted
-        if progress is not None:
-            progress(fitted)
-
-    def above(s: Structure) -> tuple[Any, ...] | None:
-        larger = _better_above(done, s)
-        return (_from_above, task, done[s], larger, how) if larger else None
-
+    fits = Fits(task, structures, options=options, seed=seed)
     with pool(executor) as workers:
-        in_turn(workers, [(True, h) for h in first] + [(False, s) for s in rising], needs, call, take)
-        falling = sorted(structures, key=size, reverse=True)
-        in_turn(workers, falling, lambda s: extensions(s, structures), above, done.__setitem__)
-    for s in done:
-        done[s] = _at_least_as_good(done[s], [done[t] for t in within[s]])
-    return done
+        fits.add(structures, workers, progress)
+    return fits.done
 
 
-def _best(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
-    """Those of `parents` that are looked at."""
-    return sorted(parents, key=lambda p: p.cost)[: options.parents]
+class Fits:
+    """Fits of structures of one set, made as they are asked for, each begun where relatives have ended.
 
+    Attributes
+    ----------
+    task : Identification
+    done : dict of Structure to Fitted
+        In the order in which they were fitted for the first time.
+    hubs : dict of Structure to Fitted
+    log : list of (bool, Fitted)
+        All fits in their order, whether each is a hub's; those made once more, from a relative's optimum, too.
+    """
 
-def _better_above(done: Mapping[Structure, Fitted], structure: Structure) -> list[Fitted]:
-    """Larger structures that did better, and not without what they have beyond this one."""
-    return [done[s] for s in extensions(structure, done) if done[s].cost < done[structure].cost and not done[s].idle]
+    def __init__(
+        self, task: Identification, structures: Sequence[Structure], *, options: Options | None = None, seed: int = 0
+    ) -> None:
+        self.task, self.done, self.hubs = task, dict[Structure, Fitted](), dict[Structure, Fitted]()
+        self.log: list[tuple[bool, Fitted]] = []
+        self._how, self._seed = options or Options(), seed
+        self._order = {s: i for i, s in enumerate(structures)}
+        self._first = _hubs(structures)
+        self._sought: set[Structure] = set()
+        self._offered: set[tuple[Structure, Structure, float]] = set()
 
+    def add(
+        self, structures: Sequence[Structure], workers: Executor, progress: Callable[[Fitted], None] | None = None
+    ) -> set[Structure]:
+        """Fit those of `structures` that have not been; then relatives of them once more where that helps.
 
-def _from_above(task: Identification, own: Fitted, larger: Sequence[Fitted], options: Options) -> Fitted:
-    """Descend once more from where `larger` structures did better."""
-    problem, space = task.problem(own.structure), task.space(own.structure, initial=True)
-    values = [f.values for f in larger if set(space.names) <= set(f.values)]
-    if not values:
-        return own
-    begins = np.array([[known[name] for name in space.names] for known in values]).T
-    begins = np.clip(begins, space.low[:, None], space.high[:, None])
-    cost = problem.costs(space.named(begins), task.settings)
-    if not cost.min() < _IMPROVED * own.cost:
-        return own
-    begin = begins[:, [int(np.argmin(cost))]]
-    (end,) = descend_many(
-        problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, rival=own.cost
-    )
-    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    return Fitted(own.structure, named, end.cost, len(space.names), (), own.batches + 1 + end.evaluations)
+        Returns
+        -------
+        set of Structure
+            Those of which there was a fit already, and now is a better one.
+        """
+        before = tuple(self.done)
+        rising = sorted((s for s in structures if s not in self.done), key=size)
+        self._new(rising, workers, progress)
+        return self._settled(before, rising, workers) & set(before)
 
+    def seek(self, structure: Structure, workers: Executor) -> set[Structure]:
+        """Fit a structure once more, from everywhere, if that has not been done; then relatives where that helps.
 
-def _at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
-    """`own`, or what the best structure `within` it has if that is better: it could do without the effect."""
-    best = min(within, key=lambda f: f.cost, default=own)
-    if own.cost <= best.cost:
-        return own
-    idle = (*best.idle, *effects_of(own.structure, best.structure))
-    return replace(own, values={**own.values, **best.values}, cost=best.cost, idle=idle)
+        Returns
+        -------
+        set of Structure
+            Those of which there is a better fit now.
+        """
+        if structure in self._sought:
+            return set()
+        self._sought.add(structure)
+        (fitted,) = in_order(workers, from_everywhere, [(self.task, structure, self._how, self._seed)])
+        if not self._taken(structure, fitted):
+            return set()
+        before = [s for s in self.done if s != structure]
+        return self._settled(before, [structure], workers) | {structure}
+
+    def _settled(self, before: Sequence[Structure], latest: Sequence[Structure], workers: Executor) -> set[Structure]:
+        """Fit relatives of the `latest` fits once more where that helps; returns those that got better."""
+        better = {*self._up(before, latest, workers), *self._down(workers)}
+        for s in sorted(self.done, key=size):
+            within = [self.done[t] for t in largest_within(s, self.done)]
+            self.done[s] = at_least_as_good(self.done[s], within)
+        return better
+
+    def _new(self, rising: Sequence[Structure], workers: Executor, progress: Callable[[Fitted], None] | None) -> None:
+        """Fit structures for the first time, with the hubs that they need."""
+        known = [*self.done, *rising]
+        near = {s: [h for h in self._first if ladder_of(h) == ladder_of(s)] for s in rising}
+        hubs = [h for h in self._first if h not in self.hubs and any(h in n for n in near.values())]
+        within = {s: largest_within(s, known) for s in rising}
+        around = {s: smallest_around(s, self.done) for s in rising}
+
+        def needs(item: _Item) -> list[_Item]:
+            """Hubs of its ladder, and what it contains."""
+            hub, s = item
+            wanted = [] if hub else [(True, h) for h in near[s]] + [(False, t) for t in within[s]]
+            return [w for w in wanted if w in position]
+
+        def call(item: _Item) -> tuple[Any, ...]:
+            hub, s = item
+            if hub:
+                return from_everywhere, self.task, s, self._how, self._seed
+            parents = best_of([self.done[t] for t in within[s]], self._how)
+            others = [self.hubs[h] for h in near[s]] + best_of([self.done[t] for t in around[s]], self._how)
+            return fit_one, self.task, s, parents, others, self._how, (self._seed, self._order[s])
+
+        def take(item: _Item, fitted: Fitted) -> None:
+            hub, s = item
+            self.log.append((hub, fitted))
+            if hub:
+                self.hubs[s] = fitted
+                return
+            self.done[s] = fitted
+            if progress is not None:
+                progress(fitted)
+
+        items = [(True, h) for h in hubs] + [(False, s) for s in rising]
+        position = set(items)
+        in_turn(workers, items, needs, call, take)
+
+    def _up(self, before: Sequence[Structure], rising: Sequence[Structure], workers: Executor) -> list[Structure]:
+        """Fit structures once more that are worse than new ones that they contain; returns those that got better."""
+        better = []
+        larger = [s for s in before if any(contains(s, t) for t in rising)]
+        within = {s: largest_within(s, self.done) for s in larger}
+
+        def call(s: Structure) -> tuple[Any, ...] | None:
+            limit = IMPROVED * self.done[s].cost
+            offers = self._fresh(s, [t for t in within[s] if self.done[t].cost < limit])
+            if not offers:
+                return None
+            parents = best_of([self.done[t] for t in offers], self._how)
+            return fit_one, self.task, s, parents, [], self._how, (self._seed, self._order[s])
+
+        def take(s: Structure, fitted: Fitted | None) -> None:
+            if fitted is not None and self._taken(s, fitted):
+                better.append(s)
+
+        larger.sort(key=size)
+        chosen = set(larger)
+        in_turn(workers, larger, lambda s: [t for t in within[s] if t in chosen], call, take)
+        return better
+
+    def _down(self, workers: Executor) -> list[Structure]:
+        """Hand optima down to smaller structures, the largest first; returns those that got better."""
+        better = []
+        falling = sorted(self.done, key=size, reverse=True)
+        around = {s: smallest_around(s, self.done) for s in falling}
+
+        def call(s: Structure) -> tuple[Any, ...] | None:
+            own = self.done[s]
+            offers = self._fresh(s, [t for t in around[s] if self.done[t].cost < own.cost and not self.done[t].idle])
+            return (from_above, self.task, own, [self.done[t] for t in offers], self._how) if offers else None
+
+        def take(s: Structure, fitted: Fitted | None) -> None:
+            if fitted is not None and self._taken(s, fitted):
+                better.append(s)
+
+        in_turn(workers, falling, around.__getitem__, call, take)
+        return better
+
+    def _fresh(self, s: Structure, relatives: Sequence[Structure]) -> list[Structure]:
+        """Those whose present optimum has not been offered to `s` yet."""
+        offers = {t: (s, t, self.done[t].cost) for t in relatives}
+        fresh = [t for t, offer in offers.items() if offer not in self._offered]
+        self._offered.update(offers.values())
+        return fresh
+
+    def _taken(self, s: Structure, fitted: Fitted) -> bool:
+        """Keep a further fit if it is better than the one there is; whether it is."""
+        self.log.append((False, fitted))
+        if not fitted.cost < self.done[s].cost:
+            return False
+        self.done[s] = fitted
+        return True
 
 
 def _hubs(structures: Sequence[Structure]) -> list[Structure]:
@@ -221,72 +247,3 @@ def _hubs(structures: Sequence[Structure]) -> list[Structure]:
     for s in structures:
         ladders.setdefault(ladder_of(s), []).append(s)
     return list(dict.fromkeys(min(group, key=rank) for group in ladders.values() for rank in (friction, linear)))
-
-
-def _from_everywhere(task: Identification, structure: Structure, options: Options, seed: int) -> Fitted:
-    """Fit a structure of which nothing is known."""
-    problem, space = task.problem(structure), task.space(structure, initial=True)
-    found = explore(problem, space, task.settings, [], starts=options.fresh, patience=options.patience, seed=seed)
-    end = min(found.ends, key=lambda e: e.cost)
-    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    return Fitted(structure, named, end.cost, len(space.names), (), found.evaluations)
-
-
-def fit_one(
-    task: Identification,
-    structure: Structure,
-    parents: Sequence[Fitted],
-    hubs: Sequence[Fitted],
-    options: Options,
-    seed: Sequence[int],
-) -> Fitted:
-    """Fit one structure, begun where its best `parents` and the `hubs` of its ladder have ended."""
-    problem, space = task.problem(structure), task.space(structure, initial=True)
-    rng = np.random.default_rng(list(seed))
-    best = _best(parents, options)
-    # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
-    origins = best if best and _two_ports(structure) else [*best, *hubs]
-    drawn = np.array_split(space.candidates(options.drawn * len(origins), rng), len(origins), axis=1)
-    begins = [_extended(task, problem, space, f, part) for f, part in zip(origins, drawn, strict=True)]
-    begins.sort(key=lambda b: b[0])
-    chosen = np.stack([values for _, values in begins[: options.starts]], axis=1)
-    ends = descend_many(
-        problem,
-        space,
-        task.settings,
-        chosen,
-        limit=options.rounds,
-        tolerance=options.tolerance,
-        rival=best[0].cost if best else np.inf,
-    )
-    end = min(ends, key=lambda e: e.cost)
-    batches = len(begins) + max(e.evaluations for e in ends)
-    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    cost = end.cost if np.isfinite(end.cost) else np.inf
-    return _at_least_as_good(Fitted(structure, named, cost, len(space.names), (), batches), best)
-
-
-def _two_ports(structure: Structure) -> bool:
-    """Whether it has a law of two ports, which takes several times as long to simulate."""
-    return any(p.effect.law is not None and p.effect.law.ports > 1 for p in structure.placed)
-
-
-def _extended(
-    task: Identification, problem: Problem, space: Search, parent: Fitted, drawn: Array
-) -> tuple[float, Array]:
-    """Best of some starts at another optimum, with its cost: what that lacks is drawn, and what is drawn with it."""
-    candidates = np.concatenate([space.start[:, None], drawn], axis=1)
-    own = [i for i, name in enumerate(space.names) if name in parent.values]
-    kept = np.array(candidates)
-    kept[own] = np.array([parent.values[space.names[i]] for i in own])[:, None]
-    tried = [kept]
-    for rows in (block.rows for block in space.blocks):
-        if any(i not in own for i in rows) and any(i in own for i in rows):
-            anew = np.array(kept)
-            anew[list(rows)] = candidates[list(rows)]
-            tried.append(anew)
-    if len(own) == len(space.names):
-        tried = [kept[:, :1]]
-    begins = np.clip(np.concatenate(tried, axis=1), space.low[:, None], space.high[:, None])
-    cost = problem.costs(space.named(begins), task.settings)
-    return float(cost.min()), np.asarray(begins[:, int(np.argmin(cost))])

@@ -15,6 +15,7 @@ __all__ = [
     "minimal",
     "simpler",
     "size",
+    "smallest_around",
 ]
 
 
@@ -50,6 +51,15 @@ def largest_within(structure: Structure, among: Iterable[Structure]) -> list[Str
     found: list[Structure] = []
     for s in sorted((s for s in among if contains(structure, s) and s != structure), key=size, reverse=True):
         if not any(contains(t, s) for t in found):
+            found.append(s)
+    return found
+
+
+def smallest_around(structure: Structure, among: Iterable[Structure]) -> list[Structure]:
+    """Smallest of the structures `among` others that contain `structure`: none of them contains another."""
+    found: list[Structure] = []
+    for s in sorted((s for s in among if contains(s, structure) and s != structure), key=size):
+        if not any(contains(s, t) for t in found):
             found.append(s)
     return found
 

@@ -13,6 +13,7 @@ import numpy as np
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.estimators import estimator
 from brightgrey.search.evaluation import Estimator
+from brightgrey.search.exhaustive import Fits, Options
 from brightgrey.search.experiment import Verdict, first_appearance, verdict
 from brightgrey.search.genetic.engine import search
 from brightgrey.search.genetic.record import Progress, Run
@@ -95,12 +96,13 @@ def run(
     grammar: Grammar = PAPER,
 ) -> Run:
     """One search on `task`, by the estimator of `settings` if `identify` does not give another."""
-    chosen = identify or estimator(settings.estimator, task, settings.iterations)
+    chosen = identify or estimator(settings.estimator, task, settings.iterations, settings.patience)
     return search(
         chosen,
         task.draw,
         settings,
         standard=task.standard,
+        fits=Fits(task, tuple(grammar.structures()), options=Options(rounds=settings.iterations), seed=seed),
         grammar=grammar,
         seed=seed,
         workers=workers,

@@ -24,7 +24,7 @@ from brightgrey.simulation.propagators import tables
 from brightgrey.simulation.settings import Settings, stepping_of, tolerances
 from brightgrey.simulation.start import start
 
-__all__ = ["Response", "parts_per_sample", "response"]
+__all__ = ["Response", "parts_per_sample", "response", "squares"]
 
 Array = NDArray[np.float64]
 _LOST = 1e9  # states this many times larger than input, speed and start are no motion any more
@@ -90,9 +90,7 @@ def response(
     u = np.ascontiguousarray(u, float)
     lowered = lower(system, dt)
     sets = lowered.A.shape[-1]
-    n = lowered.A.shape[0]
-    start = np.asarray(x0, float)
-    start = np.broadcast_to(start[:, None] if start.ndim == 1 else start, (n, sets))
+    start = _starts(lowered, x0)
     if sets % group:
         raise SettingsError(f"{sets} parameter sets do not make groups of {group}")
     cuts = parts_per_sample(system, lowered, dt, settings)[::group]
@@ -112,6 +110,67 @@ def response(
     for k in np.flatnonzero(diverged >= 0):
         y[:, diverged[k] :, k] = np.nan
     return Response(y, diverged)
+
+
+class _Judge(NamedTuple):
+    """What outputs should be, shape (outputs, samples), weights (outputs,), and per set squares so far, limit (K,)."""
+
+    target: Array
+    weights: Array
+    spent: Array
+    most: Array
+
+
+def squares(
+    system: StateSpace,
+    u: ArrayLike,
+    dt: float,
+    x0: ArrayLike,
+    settings: Settings,
+    target: ArrayLike,
+    weights: ArrayLike,
+    *,
+    spent: Array,
+    most: Array,
+    threads: int = 1,
+) -> Array:
+    """Sums of squares of what K simulations are off a target, each given up as soon as its sum reaches a limit.
+
+    The squares are summed from sample to sample, so that a sum below its limit is the same whatever the limit.
+
+    Parameters
+    ----------
+    system, u, dt, x0, settings, threads
+        As for :func:`response`.
+    target : array_like, shape (outputs, samples)
+    weights : array_like, shape (outputs,)
+        Of the squares.
+    spent, most : ndarray, shape (K,)
+        Where each sum begins, and its limit.
+
+    Returns
+    -------
+    ndarray, shape (K,)
+        Infinite where the limit was reached or the simulation diverged.
+    """
+    u, target = np.ascontiguousarray(u, float), np.ascontiguousarray(target, float)
+    judge = _Judge(target, np.ascontiguousarray(weights, float), spent, most)
+    lowered = lower(system, dt)
+    start = _starts(lowered, x0)
+    cuts = parts_per_sample(system, lowered, dt, settings)
+    total = np.empty(len(cuts))
+    for cut in np.unique(cuts):
+        own = np.flatnonzero(cuts == cut)
+        lanes = _lanes(len(own), 1)
+        sums, lost = _simulate(lowered, u, dt, start, settings, own, lanes, threads, int(cut), judge)
+        total[own] = np.where(lost < 0, sums.ravel(), np.inf)[: len(own)]
+    return total
+
+
+def _starts(lowered: Lowered, x0: ArrayLike) -> Array:
+    """Initial states, shape (n, K)."""
+    start = np.asarray(x0, float)
+    return np.broadcast_to(start[:, None] if start.ndim == 1 else start, (lowered.A.shape[0], lowered.A.shape[-1]))
 
 
 def parts_per_sample(system: StateSpace, lowered: Lowered, dt: float, settings: Settings) -> NDArray[np.int64]:
@@ -135,10 +194,12 @@ def _simulate(
     lanes: _Lanes,
     threads: int,
     cut: int,
+    judge: _Judge | None = None,
 ) -> tuple[Array, NDArray[np.int64]]:
     """Simulate parameter `sets` in `lanes`, for all of which a sample is cut in `cut` parts.
 
-    Returns outputs, shape (outputs, samples, lanes), and where each diverged.
+    Returns outputs, shape (outputs, samples, lanes), or the sums of squares, shape (rows, LANES), of a judge, and where
+    each diverged or was given up.
     """
     pick = sets[lanes.pick]
     level = tolerances(settings.level, bool(lowered.limited))
@@ -164,7 +225,11 @@ def _simulate(
     limit = _LOST * max(scale, float(np.abs(u).max()), float(np.abs(x0).max()))
     steps = shape.euler == 0
     numbers = np.array([dt, level.error * scale, level.change * scale, limit])
-    y = aligned((shape.outputs, len(u), pick.size))
+    y = aligned((shape.outputs, len(u), pick.size) if judge is None else pick.shape)
+    most = aligned(pick.shape)
+    if judge is not None:
+        y[:] = judge.spent[pick]
+        most[:] = judge.most[pick]
     diverged = np.empty(pick.shape, np.int64)
     call = Call(
         numbers=address(numbers),
@@ -173,6 +238,10 @@ def _simulate(
         stride=pick.size,
         diverged=address(diverged),
         idle=address(lanes.idle),
+        target=0 if judge is None else address(judge.target),
+        weights=0 if judge is None else address(judge.weights),
+        spent=address(y),
+        most=address(most),
         delayed=0,
         tables=tables.address() if steps else 0,
         kinks=kinks.address() if steps and lowered.delay.any() else 0,

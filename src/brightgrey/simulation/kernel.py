@@ -27,8 +27,18 @@ __all__ = ["run"]
 
 
 @inlined
+def _note(call: Any, samples: Any, out: Any, k: Any, at: Any, value: Any, work: Any) -> None:
+    """Write an output at sample k, or add the square of what it is off its target."""
+    if call.target == 0:
+        store(call.y, (out * samples + k) * call.stride + at, value)
+    else:
+        apart = value - splat(real(call.target, out * samples + k), None)
+        put(work.spent, 0, None, get(work.spent, 0, None) + apart * apart * splat(real(call.weights, out), None))
+
+
+@inlined
 def _record(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any) -> Any:
-    """Write the outputs at sample k to the columns from `at` on; returns the lanes that have diverged."""
+    """Note the outputs at sample k, of the columns from `at` on; returns the lanes that are not worth going on with."""
     n, samples = shape.n, shape.samples
     total = splat(0.0, None)
     for i in range(n):
@@ -37,7 +47,7 @@ def _record(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any) -> An
     for out in range(shape.outputs):
         row = whole(plant.outputs, out)
         if row < n:
-            store(call.y, (out * samples + k) * call.stride + at, get(work.x, row, None))
+            _note(call, samples, out, k, at, get(work.x, row, None), work)
             continue
         row -= n
         if call.delayed == 1:
@@ -55,8 +65,11 @@ def _record(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any) -> An
             for i in range(n):
                 rate = rate + get(plant.rate, b * n + i, None) * get(work.x, i, None)
             value = value + get(plant.column, b * n + row, None) * rate * get(work.free, b, None)
-        store(call.y, (out * samples + k) * call.stride + at, value)
-    return lanes_not_less(total, splat(real(call.numbers, 3), None))
+        _note(call, samples, out, k, at, value, work)
+    lost = lanes_not_less(total, splat(real(call.numbers, 3), None))
+    if call.target != 0:
+        lost |= lanes_not_less(get(work.spent, 0, None), get(call.most, at // LANES, None))
+    return lost
 
 
 @inlined
@@ -98,6 +111,8 @@ def run(block: Any, first: Any, last: Any) -> None:
                 invoke(call.kinks, (block,))
         invoke(call.start, (block,))
         dead = whole(call.idle, number)
+        if call.target != 0:
+            put(work.spent, 0, None, get(call.spent, number, None))
         for k in range(shape.samples):
             if k > 0:
                 for base in range(shape.base_steps):
@@ -112,3 +127,7 @@ def run(block: Any, first: Any, last: Any) -> None:
                 for lane in range(LANES):
                     if (lost >> lane) & 1:
                         set_whole(call.diverged, number * LANES + lane, k)
+                if dead == (1 << LANES) - 1 and call.target != 0:
+                    break
+        if call.target != 0:
+            put(call.spent, number, None, get(work.spent, 0, None))

@@ -149,6 +149,7 @@ class Work(NamedTuple):
     event : limits rows: watched quantity at the start of a step
     ahead : limits * points rows: watched quantity within an attempted step
     error : error estimate of the last step, in units of speed
+    spent : weighted squares of what the outputs are off their targets so far
     drive : 3 rows: input at the start of a step, its slope, and the change of slope (or jump) inside
     plan : int array: level of the leader's step at each tick; begin : int array (lanes,): level to go on with after a
         full step that was not accepted
@@ -181,6 +182,7 @@ class Work(NamedTuple):
     event: Any
     ahead: Any
     error: Any
+    spent: Any
     drive: Any
     plan: Any
     begin: Any
@@ -211,9 +213,16 @@ class Call(NamedTuple):
     stride : int
         Columns of `y`.
     diverged : int array (batches, LANES)
-        First sample at which a lane's state is not finite, -1 if there is none; written by the kernel.
+        First sample at which a lane's state is not finite, or its squares are no longer below `most`, -1 if there is
+        none; written by the kernel.
     idle : int array (batches,)
         Bits of the lanes that only fill a batch: what is exceptional in them is not gone into.
+    target : float array (outputs, samples)
+        What the outputs should be; then squares are summed and `y` is not written. 0 if there is none.
+    weights : float array (outputs,)
+        Of the squares.
+    spent, most : float array (batches, LANES)
+        Sum of the weighted squares, before the call and after it, and from what on a lane is given up.
     delayed : int
         1 if any lane of the batch at work has dead time.
     tables, kinks, start, sort, refine, together, creep, euler : int
@@ -226,6 +235,10 @@ class Call(NamedTuple):
     stride: Any
     diverged: Any
     idle: Any
+    target: Any
+    weights: Any
+    spent: Any
+    most: Any
     delayed: Any
     tables: Any
     kinks: Any
@@ -416,6 +429,7 @@ def work_for(shape: Shape) -> tuple[Work, NDArray[np.float64]]:
         event=b,
         ahead=b * shape.points,
         error=1,
+        spent=1,
         drive=3,
         plan=-(-pieces // LANES),
         begin=1,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,15 +13,19 @@ from brightgrey.errors import SettingsError
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.criteria import Criterion, criterion
 from brightgrey.search.evaluation import Estimator, Evaluated, Job
+from brightgrey.search.exhaustive import Fits
 from brightgrey.search.genetic.offspring import Born, offspring, renewed
 from brightgrey.search.genetic.population import Draw, initial
 from brightgrey.search.genetic.record import Evaluation, Progress, Run
+from brightgrey.search.genetic.relatives import Relatives
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.search.genetic.settings import GeneticSettings
 from brightgrey.search.genetic.tree import Node, with_values
 from brightgrey.search.work import Stopped, in_order, pool
 
 __all__ = ["search"]
+
+_LIMITED = 5  # times as long takes a simulation with a limited state
 
 
 def search(
@@ -30,6 +34,7 @@ def search(
     settings: GeneticSettings | None = None,
     *,
     standard: Callable[[Structure], Mapping[str, float]] | None = None,
+    fits: Fits | None = None,
     grammar: Grammar = PAPER,
     seed: int = 0,
     workers: int = 1,
@@ -51,6 +56,9 @@ def search(
         The paper's by default.
     standard : callable, optional
         Start values of a structure by name, SI; needed where `settings` begin there.
+    fits : Fits, optional
+        Fits of the grammar's structures, needed where `settings` begin at relatives; then nothing is asked of
+        `estimator`.
     grammar : Grammar
     seed : int
     workers : int
@@ -68,12 +76,12 @@ def search(
     Raises
     ------
     SettingsError
-        If the standard start is wanted and there is none.
+        If the standard start or relatives are wanted and there are none.
     KeyboardInterrupt, Stopped
         If there is nothing so far.
     """
     settings = settings or GeneticSettings()
-    start = _start(settings, standard)
+    start = _start(settings, standard, fits)
     rules, rng = Rules(grammar), np.random.default_rng(seed)
     judge = criterion(settings.criterion, settings.k_p)
     began = time.monotonic()
@@ -81,10 +89,14 @@ def search(
     born: Sequence[Born] = [Born(tree, (), "initial") for tree in initial(settings.population, rules, draw, rng)]
     with pool(executor, workers) as workforce:
         bench = _Bench(estimator, workforce)
+        relatives = Relatives(fits, workforce) if fits is not None and settings.begin == "relatives" else None
         for generation in range(settings.generations + 1):
             try:
-                current = _evaluate(generation, born, start, bench, judge)
+                current = _evaluate(generation, born, start, relatives or bench, judge)
                 done += current
+                if relatives:
+                    spent = relatives.seek(Run(tuple(done)).best.job.structure)
+                    done += _improved(done, relatives, judge, spent)
                 if progress:
                     share = (settings.generations - generation) / (generation + 1)
                     left = share * (time.monotonic() - began)
@@ -104,14 +116,18 @@ def search(
 
 
 def _start(
-    settings: GeneticSettings, standard: Callable[[Structure], Mapping[str, float]] | None
-) -> Callable[[Node], Mapping[str, float]]:
-    """Where the identification of an individual starts."""
+    settings: GeneticSettings, standard: Callable[[Structure], Mapping[str, float]] | None, fits: Fits | None
+) -> Callable[[Node], Job]:
+    """Identification of an individual, with its start; none where it is left to relatives."""
     if settings.begin == "inherited":
-        return lambda tree: tree.parameters
+        return lambda tree: Job.of(tree.structure, tree.parameters)
+    if settings.begin == "relatives":
+        if fits is None:
+            raise SettingsError("begin is 'relatives', but no fits were given")
+        return lambda tree: Job(tree.structure, ())
     if standard is None:
         raise SettingsError("begin is 'standard', but no standard start was given")
-    return lambda tree: standard(tree.structure)
+    return lambda tree: Job.of(tree.structure, standard(tree.structure))
 
 
 def _elite(done: Sequence[Evaluation], settings: GeneticSettings) -> list[Born]:
@@ -121,11 +137,15 @@ def _elite(done: Sequence[Evaluation], settings: GeneticSettings) -> list[Born]:
 
 
 def _evaluate(
-    generation: int, born: Sequence[Born], start: Callable[[Node], Mapping[str, float]], bench: _Bench, judge: Criterion
+    generation: int,
+    born: Sequence[Born],
+    start: Callable[[Node], Job],
+    bench: _Bench | Relatives,
+    judge: Criterion,
 ) -> list[Evaluation]:
     """Identify the individuals of one generation and judge them."""
-    jobs = [Job.of(b.tree.structure, start(b.tree)) for b in born]
-    results = bench.identify(jobs)
+    jobs = [start(b.tree) for b in born]
+    results = bench.identify([j.structure for j in jobs]) if isinstance(bench, Relatives) else bench.identify(jobs)
     return [
         Evaluation(
             generation=generation,
@@ -142,6 +162,32 @@ def _evaluate(
     ]
 
 
+def _improved(done: Sequence[Evaluation], relatives: Relatives, judge: Criterion, simulations: int) -> list[Evaluation]:
+    """Individuals that have been identified better than before, numbered on behind the latest generation.
+
+    The first of them has taken the `simulations`.
+    """
+    latest, known = done[-1], {e.job.structure: e for e in done}
+    out = []
+    for number, structure in enumerate(relatives.better, latest.individual + 1):
+        result = relatives.evaluated(structure, simulations)
+        simulations = 0
+        out.append(
+            replace(
+                known[structure],
+                generation=latest.generation,
+                individual=number,
+                parents=(),
+                operator="relatives",
+                tree=with_values(known[structure].tree, dict(result.values)),
+                result=result,
+                value=judge.value(result.misfit, result.n_parameters),
+                repeated=False,
+            )
+        )
+    return out
+
+
 @dataclass
 class _Bench:
     """Has jobs identified, each one once; those of one structure side by side."""
@@ -156,7 +202,7 @@ class _Bench:
         for job in jobs:
             if job not in self.known:
                 fresh.setdefault(job.structure, {})[job] = None
-        groups = sorted(fresh.items(), key=lambda group: -len(group[0].parameters) * len(group[1]))
+        groups = sorted(fresh.items(), key=lambda group: -_effort(group[0]) * len(group[1]))
         calls = [(structure, tuple(job.start for job in wanted)) for structure, wanted in groups]
         results = in_order(self.executor, self.estimator, calls)
         first: set[Job] = set()
@@ -168,3 +214,9 @@ class _Bench:
             out.append((self.known[job], job not in first))
             first.discard(job)
         return out
+
+
+def _effort(structure: Structure) -> int:
+    """Roughly how long a structure takes: by far the longest where a law of two ports is between limits."""
+    limited = any(p.effect.law is not None and p.effect.law.ports > 1 for p in structure.placed)
+    return len(structure.parameters) * (_LIMITED if limited else 1)

@@ -17,7 +17,7 @@ from brightgrey.search.genetic.mutation import MUTATIONS
 
 __all__ = ["ASSUMED", "OURS", "PAPER_SETTINGS", "PROBABILITIES", "RANGE", "RESOLUTION", "Begin", "GeneticSettings"]
 
-Begin = Literal["inherited", "standard"]
+Begin = Literal["inherited", "standard", "relatives"]
 
 P_CLONE = 0.2
 PROBABILITIES: Mapping[str, float] = MappingProxyType(
@@ -30,6 +30,9 @@ Not in the paper, and fixed before any success rate was measured: at least one m
 matters (paper's reference, exact identification, 200 runs each): true structure found in 41 % of the runs; twice the
 probabilities 40 %, half 34 %, no mutation 6 %; p_clone 0 and 0.5 instead of 0.2: 42 % and 38 %.
 """
+
+PATIENCE = 20
+"""Polls without a gain of a hundredth after which a pattern search ends; docs/results.md says what that costs."""
 
 ASSUMED: Mapping[str, float] = MappingProxyType(
     {
@@ -89,13 +92,17 @@ class GeneticSettings:
         The paper's is pattern search.
     iterations : int
         Limit of the estimator's iterations for each individual in each generation (paper: 500).
+    patience : int
+        A pattern search ends, too, where so many polls together lower the cost by less than a hundredth; 0 if only
+        the limit counts. Not in the paper.
     criterion : str
         What individuals are selected by, see :mod:`brightgrey.search.criteria`.
     k_p : float
         Weight of the number of parameters in the paper's fitness (19) (paper: 2).
-    begin : {'inherited', 'standard'}
-        Where an identification starts: at the node's values, inherited or random (paper), or at the same standard
-        start for every individual of a structure, so that no structure is identified twice.
+    begin : {'inherited', 'standard', 'relatives'}
+        Where an identification starts: at the node's values, inherited or random (paper); at the same standard start
+        for every individual of a structure, so that no structure is identified twice; or, by least squares only, where
+        those end that a structure contains or is contained in, as in the search of all structures.
     elite : int
         Best structures so far that each new population begins with, unchanged (paper: 0).
     fresh : int
@@ -114,6 +121,7 @@ class GeneticSettings:
     mutations: Mapping[str, float] = field(default_factory=lambda: dict(PROBABILITIES))
     estimator: Estimator = "pattern-search"
     iterations: int = 500
+    patience: int = PATIENCE
     criterion: str = "fitness"
     k_p: float = 2.0
     begin: Begin = "inherited"
@@ -121,7 +129,8 @@ class GeneticSettings:
     fresh: int = 0
 
     def __post_init__(self) -> None:
-        for name, least in (("population", 1), ("generations", 0), ("iterations", 1), ("elite", 0), ("fresh", 0)):
+        limits = {"population": 1, "generations": 0, "iterations": 1, "patience": 0, "elite": 0, "fresh": 0}
+        for name, least in limits.items():
             value = getattr(self, name)
             if value < least:
                 raise SettingsError(f"{name} is {value}; at least {least} is needed")
@@ -140,6 +149,8 @@ class GeneticSettings:
             raise SettingsError(unknown_name("criterion", self.criterion, CRITERIA))
         if self.begin not in get_args(Begin):
             raise SettingsError(unknown_name("begin", self.begin, get_args(Begin)))
+        if self.begin == "relatives" and self.estimator != "least-squares":
+            raise SettingsError("begin 'relatives' needs the estimator 'least-squares'")
 
 
 PAPER_SETTINGS = GeneticSettings()
@@ -151,7 +162,7 @@ OURS = GeneticSettings(
     estimator="least-squares",
     iterations=30,
     criterion="bic",
-    begin="standard",
+    begin="relatives",
     elite=2,
     fresh=4,
 )

@@ -1,0 +1,198 @@
+"""One structure at a time: from everywhere, from the optima of relatives, or from where a larger one did better."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.estimation.bounds import Search
+from brightgrey.estimation.explore import explore
+from brightgrey.estimation.leastsquares import descend_many
+from brightgrey.estimation.problem import Problem
+from brightgrey.kit import Structure
+from brightgrey.search.identification import Identification
+from brightgrey.search.lattice import effects_of
+
+__all__ = [
+    "IMPROVED",
+    "Fitted",
+    "Options",
+    "at_least_as_good",
+    "best_of",
+    "fit_one",
+    "from_above",
+    "from_everywhere",
+]
+
+Array = NDArray[np.float64]
+IMPROVED = 0.999  # of the cost: what is worth another descent
+
+
+@dataclass(frozen=True)
+class Options:
+    """How thoroughly each structure is searched.
+
+    Attributes
+    ----------
+    parents : int
+        Simpler structures whose optima are looked at, beside those of the hubs.
+    starts : int
+        Descents: from the best of these optima.
+    fresh, patience : int
+        Starts of a field and fields without improvement, in the search for a hub.
+    drawn : int
+        Values of the further effect that are tried at each of these optima.
+    rounds : int
+        Of each descent.
+    tolerance : float
+        Relative to the cost.
+    """
+
+    parents: int = 2
+    starts: int = 2
+    fresh: int = 8
+    patience: int = 1
+    drawn: int = 15
+    rounds: int = 25
+    tolerance: float = 1e-3
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One structure with its best parameters so far.
+
+    Attributes
+    ----------
+    structure : Structure
+    values : mapping of str to float
+        SI, fixed ones and unknown parts of initial states included.
+    cost : float
+        Weighted sum of squared residuals at the level of the search.
+    free : int
+        Number of estimated parameters.
+    idle : tuple of str
+        Effects that only made the fit worse than that of a structure without them: their values are meaningless.
+    batches : int
+        Batches of simulations.
+    simulations : int
+        Parameter sets that the latest fit has simulated.
+    """
+
+    structure: Structure
+    values: Mapping[str, float]
+    cost: float
+    free: int
+    idle: tuple[str, ...] = ()
+    batches: int = 0
+    simulations: int = 0
+
+
+def best_of(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
+    """Those of `parents` that are looked at."""
+    return sorted(parents, key=lambda p: p.cost)[: options.parents]
+
+
+def from_above(task: Identification, own: Fitted, larger: Sequence[Fitted], options: Options) -> Fitted | None:
+    """Descend once more from where `larger` structures did better; None if that is no better for this one."""
+    problem, space = task.problem(own.structure), task.space(own.structure, initial=True)
+    values = [f.values for f in larger if set(space.names) <= set(f.values)]
+    if not values:
+        return None
+    begins = np.array([[known[name] for name in space.names] for known in values]).T
+    begins = np.clip(begins, space.low[:, None], space.high[:, None])
+    cost = problem.costs(space.named(begins), task.settings)
+    if not cost.min() < IMPROVED * own.cost:
+        return None
+    begin = begins[:, [int(np.argmin(cost))]]
+    (end,) = descend_many(
+        problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, rival=own.cost
+    )
+    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+    spent = cost.size + end.evaluations * (len(space.names) + 1)
+    return Fitted(own.structure, named, end.cost, len(space.names), (), own.batches + 1 + end.evaluations, spent)
+
+
+def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
+    """`own`, or what the best structure `within` it has if that is better: it could do without the effect."""
+    best = min(within, key=lambda f: f.cost, default=own)
+    if own.cost <= best.cost:
+        return own
+    idle = (*best.idle, *effects_of(own.structure, best.structure))
+    return replace(own, values={**own.values, **best.values}, cost=best.cost, idle=idle)
+
+
+def from_everywhere(task: Identification, structure: Structure, options: Options, seed: int) -> Fitted:
+    """Fit a structure of which nothing is known."""
+    problem, space = task.problem(structure), task.space(structure, initial=True)
+    found = explore(problem, space, task.settings, [], starts=options.fresh, patience=options.patience, seed=seed)
+    end = min(found.ends, key=lambda e: e.cost)
+    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+    spent = sum(e.evaluations for e in found.ends) * (len(space.names) + 1)
+    return Fitted(structure, named, end.cost, len(space.names), (), found.evaluations, spent)
+
+
+def fit_one(
+    task: Identification,
+    structure: Structure,
+    parents: Sequence[Fitted],
+    others: Sequence[Fitted],
+    options: Options,
+    seed: Sequence[int],
+) -> Fitted:
+    """Fit one structure, begun where its best `parents` and `others`, hubs and larger ones, have ended."""
+    problem, space = task.problem(structure), task.space(structure, initial=True)
+    rng = np.random.default_rng(list(seed))
+    best = best_of(parents, options)
+    # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
+    origins = best if best and _two_ports(structure) else [*best, *others]
+    drawn = np.array_split(space.candidates(options.drawn * len(origins), rng), len(origins), axis=1)
+    begins = [_extended(task, problem, space, f, part) for f, part in zip(origins, drawn, strict=True)]
+    begins.sort(key=lambda b: b[0])
+    chosen = np.stack([values for _, values, _ in begins[: options.starts]], axis=1)
+    ends = descend_many(
+        problem,
+        space,
+        task.settings,
+        chosen,
+        limit=options.rounds,
+        tolerance=options.tolerance,
+        rival=best[0].cost if best else np.inf,
+    )
+    end = min(ends, key=lambda e: e.cost)
+    batches = len(begins) + max(e.evaluations for e in ends)
+    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+    cost = end.cost if np.isfinite(end.cost) else np.inf
+    spent = sum(count for _, _, count in begins) + sum(e.evaluations for e in ends) * (len(space.names) + 1)
+    return at_least_as_good(Fitted(structure, named, cost, len(space.names), (), batches, spent), best)
+
+
+def _two_ports(structure: Structure) -> bool:
+    """Whether it has a law of two ports, which takes several times as long to simulate."""
+    return any(p.effect.law is not None and p.effect.law.ports > 1 for p in structure.placed)
+
+
+def _extended(
+    task: Identification, problem: Problem, space: Search, parent: Fitted, drawn: Array
+) -> tuple[float, Array, int]:
+    """Best of some starts at another optimum, with its cost and how many were tried.
+
+    What the other structure lacks is drawn, and what is drawn with it.
+    """
+    candidates = np.concatenate([space.start[:, None], drawn], axis=1)
+    own = [i for i, name in enumerate(space.names) if name in parent.values]
+    kept = np.array(candidates)
+    kept[own] = np.array([parent.values[space.names[i]] for i in own])[:, None]
+    tried = [kept]
+    for rows in (block.rows for block in space.blocks):
+        if any(i not in own for i in rows) and any(i in own for i in rows):
+            anew = np.array(kept)
+            anew[list(rows)] = candidates[list(rows)]
+            tried.append(anew)
+    if len(own) == len(space.names):
+        tried = [kept[:, :1]]
+    begins = np.clip(np.concatenate(tried, axis=1), space.low[:, None], space.high[:, None])
+    cost = problem.costs(space.named(begins), task.settings)
+    return float(cost.min()), np.asarray(begins[:, int(np.argmin(cost))]), cost.size

@@ -1,0 +1,105 @@
+"""Fits in the order in which a genetic search asks for them, each begun where relatives have ended."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from brightgrey.errors import SettingsError
+from brightgrey.estimation import scales
+from brightgrey.kit import PAPER, Grammar
+from brightgrey.recordings import Recording, Signal
+from brightgrey.search import Identification
+from brightgrey.search.exhaustive import Fits
+from brightgrey.search.genetic import GeneticSettings, search
+from brightgrey.search.genetic.settings import OURS
+from brightgrey.search.lattice import contains
+from brightgrey.search.work import pool
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
+
+FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})
+ALL = tuple(FEW.structures())
+TRUE = {"J1": 0.012, "J2": 0.008, "c1": 40.0, "d1": 0.05, "M_C": 0.5}
+BRIEF = replace(OURS, population=4, generations=3)
+
+
+@pytest.fixture(scope="module")
+def task():
+    t = 0.001 * np.arange(500)
+    torque = 4.0 * np.sign(np.sin(2.0 * np.pi * 5.0 * t)) * np.minimum(1.0, 20.0 * t)
+    (v,) = reference("two_mass+coulomb", TRUE, torque, 0.001, f_tanh=4.0)
+    v = v + 0.05 * np.random.default_rng(2).normal(size=t.size)
+    recording = Recording("made", t, torque, v[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),))
+    known = scales(recording)
+    return Identification((recording,), known, Settings(f_tanh=4.0, speed_scale=known.speed, level="fast"))
+
+
+def in_pieces(task, workers=1):
+    fits = Fits(task, ALL, seed=5)
+    largest_first = sorted(ALL, key=lambda s: -len(s.placed))
+    with ThreadPoolExecutor(workers) as executor:
+        for i in range(0, len(ALL), 5):
+            fits.add(largest_first[i : i + 5], executor)
+        fits.seek(PAPER.parse("two_mass+coulomb"), executor)
+    return fits
+
+
+@pytest.fixture(scope="module")
+def pieces(task):
+    return in_pieces(task)
+
+
+def test_in_whatever_order_none_is_worse_than_one_that_it_contains(pieces):
+    assert set(pieces.done) == set(ALL)
+    for big, own in pieces.done.items():
+        for small, other in pieces.done.items():
+            if contains(big, small):
+                assert own.cost <= other.cost
+    truth = pieces.done[PAPER.parse("two_mass+coulomb")]
+    assert {name: truth.values[name] for name in TRUE} == pytest.approx(TRUE, rel=0.1)
+
+
+def test_hubs_are_sought_once_and_every_fit_is_logged(pieces):
+    hubs = [f.structure for hub, f in pieces.log if hub]
+    assert sorted(map(str, hubs)) == sorted({str(h) for h in pieces.hubs})
+    assert len(pieces.log) >= len(ALL) + len(hubs) + 1  # the last one was sought from everywhere
+    assert all(f.simulations > 0 for _, f in pieces.log)
+
+
+def test_nothing_is_fitted_or_sought_twice(pieces):
+    before = len(pieces.log)
+    with pool(None) as executor:
+        assert pieces.add(ALL, executor) == set()
+        assert pieces.seek(PAPER.parse("two_mass+coulomb"), executor) == set()
+    assert len(pieces.log) == before
+
+
+def test_workers_change_nothing(task, pieces):
+    assert in_pieces(task, workers=3).log == pieces.log
+
+
+def genetic(task, workers=1, seed=1):
+    return search(None, task.draw, BRIEF, fits=Fits(task, ALL, seed=seed), grammar=FEW, seed=seed, workers=workers)
+
+
+def test_a_genetic_search_identifies_each_structure_with_its_relatives(task):
+    run = genetic(task)
+    assert run.best.job.structure == PAPER.parse("two_mass+coulomb")
+    assert run == genetic(task, workers=2)
+    for e in run.evaluations:
+        values = {name: np.array([value]) for name, value in e.result.values}
+        (misfit,) = task.misfits(e.job.structure, values)
+        assert e.result.misfit.rss[0] <= misfit.rss[0] * (1.0 + 1e-9)  # idle effects count as left out
+    improved = [e for e in run.evaluations if e.individual >= BRIEF.population]
+    assert all(e.operator == "relatives" and not e.repeated for e in improved)
+    again = [e for e in run.evaluations if e.individual < BRIEF.population and not e.repeated]
+    assert len(again) == len({e.job.structure for e in again})
+
+
+def test_relatives_need_fits_and_least_squares(task):
+    with pytest.raises(SettingsError, match="relatives"):
+        search(None, task.draw, BRIEF, grammar=FEW)
+    with pytest.raises(SettingsError, match="least-squares"):
+        GeneticSettings(begin="relatives")
