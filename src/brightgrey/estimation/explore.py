@@ -73,7 +73,8 @@ def explore(
     starts : int
         Descents per field.
     patience : int
-        Fields without improvement after which the search ends; 0 for the first field alone.
+        Fields without improvement after which the search ends, half as many if the residual is white; 0 for the first
+        field alone. So many fields at most come from an ensemble that learns, which takes longest.
     seed : int
     """
     begins: list[Array] = []
@@ -85,7 +86,7 @@ def explore(
     for number in range(1 + _MOST * patience):
         rng = np.random.default_rng([seed, number])
         missing = needed - _agreeing(ends, alone)
-        if problem.limited and number and number % 2 == 0:
+        if problem.limited and number % 2 == 0 and 0 < number <= 2 * patience:
             field = _learned(problem, search, settings, ends, starts, rng)
             found, batches = _descended(problem, problem, search, settings, field.starts, np.inf, missing)
         else:
