@@ -102,13 +102,19 @@ def wilson(hits: int, count: int, z: float = 1.96) -> tuple[float, float]:
     return centre - half, centre + half
 
 
-def report(noise: float, runs: list[Run], lost: list[str]) -> None:
+def share(runs: list[Run]) -> str:
+    """How many of `runs` reach the optimum, in words."""
+    if not runs:
+        return "none"
     hits = sum(run.ratio <= ENOUGH for run in runs)
-    low, high = wilson(hits, len(runs))
-    print(
-        f"\nnoise {100 * noise:g} %: {hits} of {len(runs)} reach the optimum = {100 * hits / len(runs):.1f} %", end=""
-    )
-    print(f" (95 % interval {100 * low:.1f} to {100 * high:.1f} %); {len(lost)} without reference")
+    low, high = (100 * limit for limit in wilson(hits, len(runs)))
+    return f"{hits} of {len(runs)} = {100 * hits / len(runs):.1f} % (95 % interval {low:.1f} to {high:.1f} %)"
+
+
+def report(noise: float, runs: list[Run], lost: list[str]) -> None:
+    print(f"\nnoise {100 * noise:g} %: the optimum is reached in {share(runs)}; {len(lost)} without reference")
+    for text, inside in (("without", False), ("with", True)):
+        print(f"  {text} backlash: {share([run for run in runs if ('backlash' in run.structure) == inside])}")
     seconds = sorted(run.seconds for run in runs)
     print(
         f"CPU time per fit: median {np.median(seconds):.2f} s, mean {np.mean(seconds):.2f} s, most {seconds[-1]:.1f} s"

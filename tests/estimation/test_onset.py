@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit, predict
@@ -48,6 +49,21 @@ def test_estimated_speed_is_limited_by_the_sensors_noise():
     assert set(found.estimates) == set(TRUE)
     for name, value in TRUE.items():
         assert found.estimates[name].value == pytest.approx(value, rel=0.02)
+
+
+@pytest.mark.parametrize("pole", [0.9, 0.95])
+def test_slow_noise_that_looks_like_motion_leaves_standstill_open(pole):
+    clean = drive(0.0, 0.0)
+    moving = left_out = 0
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        noise = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(1300))[500:]
+        noisy = replace(clean, y=clean.y + 0.06 * np.abs(clean.y).max() * noise)
+        for part in Onset.of(noisy).unknown:
+            moving += 1
+            left_out += not part.low <= 0.0 <= part.high
+    assert moving >= 10  # else this tests nothing
+    assert left_out <= 4  # beyond three standard deviations, which come from few means
 
 
 def test_position_in_the_gap_is_searched_for_where_a_recording_begins_in_motion():

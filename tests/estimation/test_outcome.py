@@ -146,6 +146,22 @@ def test_bound_is_named():
     assert found.outcome.text == "M_C at its low bound"
 
 
+def test_one_torque_level_leaves_viscous_friction_open_though_coulomb_friction_runs_to_its_bound():
+    """A square wave: in both directions the drive settles at one speed, which either friction explains."""
+    u = np.where(np.arange(SAMPLES) // 450 % 2, -2.0, 2.0)
+    slow = {"J1": 0.004, "f_v": 0.05}  # time constant 80 ms
+    r = measured_from("one_mass+viscous", slow, u, seed=0)
+    alone, both = (
+        fitted(text, r, bounds={"J1": (0.001, 0.02)}) for text in ("one_mass+viscous", "one_mass+coulomb+viscous")
+    )
+    assert both.estimates["M_C"].at_bound == "low"
+    low, high = both.estimates["f_v"].ci95
+    narrow = np.subtract(*alone.estimates["f_v"].ci95)
+    assert low <= slow["f_v"] <= high
+    assert low - high < 2.0 * narrow
+    assert "with those of f_v" in told(both, "at bound")
+
+
 def test_divergence_says_where():
     r = measured_from("one_mass", {"J1": 0.02})
     found = fitted("one_mass", r, fixed={"J1": 1e-14})

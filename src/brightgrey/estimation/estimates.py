@@ -13,7 +13,7 @@ from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.combinations import Open, open_directions
 from brightgrey.estimation.leastsquares import Descent
 from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.uncertainty import spread
+from brightgrey.estimation.uncertainty import Spread, spread
 from brightgrey.simulation import Settings
 
 __all__ = ["Estimate", "Estimates", "estimates_of"]
@@ -21,6 +21,7 @@ __all__ = ["Estimate", "Estimates", "estimates_of"]
 Array = NDArray[np.float64]
 _AT_BOUND = 1e-4  # of the searched range
 _LARGEST = 700.0  # exponent
+_NOTHING = 1e-3  # of the high bound: a low bound that stands for nothing
 
 
 @dataclass(frozen=True)
@@ -45,34 +46,57 @@ class Estimate:
     between: float | None = None
 
 
+class Reach(NamedTuple):
+    """How far from its low bound a parameter may be: the high end of its 95 % interval, SI, and its errors' partner.
+
+    `partner` is the parameter whose errors correlate most with its own, by `correlation`; empty if there is none.
+    """
+
+    high: float
+    partner: str
+    correlation: float
+
+
 class Estimates(NamedTuple):
     """Estimates by name, directions that the recordings leave open, parameters that recordings disagree on.
 
-    `correlation` is that of the estimation errors in the searched scale, by pairs of parameters that have an interval.
+    `correlation` is that of the estimation errors in the searched scale, by pairs of parameters that have an interval;
+    `reach` of parameters that have run to a low bound although others could take their place.
     """
 
     by_name: dict[str, Estimate]
     hidden: tuple[Open, ...]
     apart: tuple[str, ...]
     correlation: dict[tuple[str, str], float]
+    reach: dict[str, Reach]
 
 
 def estimates_of(problem: Problem, search: Search, settings: Settings, best: Descent) -> Estimates:
-    """Values with intervals in the searched scale; a parameter at its bound has none, and lends none to others."""
+    """Values with intervals in the searched scale; a parameter at its bound has none.
+
+    One that has faded away, at the low bound of a logarithmic range, may be larger all the same: its size is free
+    (linearly) when the intervals of the others are found.
+    """
     theta, low, high = (search.inward(v) for v in (best.values, search.low, search.high))
     near = _AT_BOUND * (high - low)
     side = np.where(theta - low <= near, -1, np.where(high - theta <= near, 1, 0))
     inside = np.flatnonzero(side == 0)
     std = np.full(len(theta), np.nan)
-    quantile, hidden = np.full(len(theta), np.nan), []
+    quantile, hidden, reach = np.full(len(theta), np.nan), [], dict[str, Reach]()
     covariance: Array = np.full((len(theta), len(theta)), np.nan)
     if inside.size:
         J = best.jacobian[:, inside]
-        found = spread(best.residual, J, [r.samples for r in problem.recordings for _ in r.outputs])
-        quantile[inside] = found.quantile
-        hidden = open_directions(J, found.covariance, search, inside)
-        std[inside] = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-        covariance[np.ix_(inside, inside)] = found.covariance
+        lengths = [r.samples for r in problem.recordings for _ in r.outputs]
+        gone = (side < 0) & search.log & (search.low <= _NOTHING * search.high)
+        faded = np.flatnonzero(gone & (np.linalg.norm(best.jacobian, axis=0) > 0.0))
+        found = spread(best.residual, np.hstack([J, best.jacobian[:, faded]]), lengths)
+        known = slice(inside.size)
+        reach = _reach(search, best, found, inside, faded)
+        alone = spread(best.residual, J, lengths).covariance if faded.size else found.covariance
+        quantile[inside] = found.quantile[known]
+        hidden = open_directions(J, alone, search, inside)
+        std[inside] = np.sqrt(np.maximum(np.diag(found.covariance)[known], 0.0))
+        covariance[np.ix_(inside, inside)] = found.covariance[known, known]
         for direction in hidden:
             if direction.blind:
                 std[list(direction.indices)] = np.nan
@@ -84,7 +108,22 @@ def estimates_of(problem: Problem, search: Search, settings: Settings, best: Des
             float(best.values[i]), float(std[i]), float(quantile[i]), float(between[i]), search, i, at[int(side[i])]
         )
     names = tuple(name for name, differs in zip(search.names, apart, strict=True) if differs)
-    return Estimates(result, tuple(hidden), names, _correlation(search, covariance, std))
+    return Estimates(result, tuple(hidden), names, _correlation(search, covariance, std), reach)
+
+
+def _reach(
+    search: Search, best: Descent, found: Spread, inside: NDArray[np.intp], faded: NDArray[np.intp]
+) -> dict[str, Reach]:
+    """Reach of the parameters that have faded away; the last of the covariance are theirs, relative to their values."""
+    std = np.sqrt(np.maximum(np.diag(found.covariance), 1e-300))
+    result = {}
+    for k, i in enumerate(faded, start=inside.size):
+        high = float(best.values[i] * (1.0 + found.quantile[k] * std[k]))
+        together = found.covariance[k, : inside.size] / (std[k] * std[: inside.size])
+        j = int(np.abs(together).argmax())
+        if high < search.high[i]:
+            result[search.names[i]] = Reach(high, search.names[inside[j]], float(together[j]))
+    return result
 
 
 def _correlation(search: Search, covariance: Array, std: Array) -> dict[tuple[str, str], float]:

@@ -1,21 +1,27 @@
 """Search for the global optimum: fields of starts, until the residual is explained or nothing improves.
 
-The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Three
+The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Four
 things help against them. Descents begin on the beginning of the recording, where few periods have passed and
 the valleys are wide. Later fields hold offspring of the best ends so far, with some parameters drawn anew
-(iterated local search). And every field holds fresh starts, so that no optimum is final.
+(iterated local search). Every field holds fresh starts, so that no optimum is final. And where limits make the cost
+rugged, every second field comes from a filter that keeps the model on the measured motion while it learns.
+
+A white residual alone proves little: 1800 samples may be white to any test, with 3 % more power than the noise
+has. So the search ends early only if independent starts agree, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.estimation.assimilate import assimilated
 from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.leastsquares import End, descend_many
+from brightgrey.estimation.leastsquares import SAME, End, descend_many
 from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.starts import best_of, given_starts, offspring
 from brightgrey.simulation import Settings
@@ -27,7 +33,9 @@ _PER_PARAMETER = 16  # candidates
 _BEGINNINGS = (0.3, 1.0, 0.6)  # of the recording, of one field after the other
 _FIRST_ROUNDS, _ROUNDS = 20, 40  # on a beginning, on the whole
 _ROUGH = 1e-3  # tolerance on a beginning
-_PARENTS = 4
+_PARENTS, _TEACHERS = 4, 8  # best ends: of offspring, of ensembles
+_AGREE = 2  # independent starts that make an optimum trustworthy
+_DOUBT = 0.5  # of the patience, if the residual is white and starts do not agree
 _MOST = 4  # fields per unit of patience
 _IMPROVED = 0.995  # of the least cost: what counts as an improvement
 _LAGS = 25
@@ -65,26 +73,36 @@ def explore(
     starts : int
         Descents per field.
     patience : int
-        Fields without improvement after which the search ends; 0 for the first field alone.
+        Fields without improvement after which the search ends, half as many if the residual is white; 0 for the first
+        field alone. So many fields at most come from an ensemble that learns, which takes longest.
     seed : int
     """
     begins: list[Array] = []
     ends: list[End] = []
+    alone: list[bool] = []
     best, idle, evaluations = np.inf, 0, 0
+    needed = min(_AGREE, starts)
     first = _first(search, given, starts)
     for number in range(1 + _MOST * patience):
-        part = problem.beginning(_BEGINNINGS[number % len(_BEGINNINGS)])
         rng = np.random.default_rng([seed, number])
-        field = _field(part, search, settings, first, ends, starts, rng)
-        found, batches = _descended(part, problem, search, settings, field, best)
-        begins, ends, evaluations = begins + field, ends + found, evaluations + batches
+        missing = needed - _agreeing(ends, alone)
+        if problem.limited and number % 2 == 0 and 0 < number <= 2 * patience:
+            field = _learned(problem, search, settings, ends, starts, rng)
+            found, batches = _descended(problem, problem, search, settings, field.starts, np.inf, missing)
+        else:
+            part = problem.beginning(_BEGINNINGS[number % len(_BEGINNINGS)])
+            field = _field(part, search, settings, first, ends, starts, rng)
+            found, batches = _descended(part, problem, search, settings, field.starts, best, missing)
+        begins, ends, alone = begins + field.starts, ends + found, alone + field.alone
+        evaluations += batches
         least = min(end.cost for end in found)
         idle = 0 if least < _IMPROVED * best else idle + 1
         best = min(best, least)
         if idle >= patience or not search.names:
             break
         leader = min(ends, key=lambda end: end.cost)
-        if is_white(problem, problem.residuals(search.named(leader.values[:, None]), settings)[:, 0]):
+        agreed = _agreeing(ends, alone) >= needed
+        if (agreed or idle >= _DOUBT * patience) and _explained(problem, search, settings, leader):
             break
         first = [] if leader.converged else [leader.values]
     return Found(np.stack(begins, axis=1), tuple(ends), evaluations)
@@ -103,7 +121,14 @@ def first_field(
     rng: np.random.Generator,
 ) -> list[Array]:
     """Starts of the first field, each of shape (P,), SI: those given, the declared one, and the best candidates."""
-    return _field(problem, search, settings, _first(search, given, starts), [], starts, rng)
+    return _field(problem, search, settings, _first(search, given, starts), [], starts, rng).starts
+
+
+class _Field(NamedTuple):
+    """Starts in SI, each of shape (P,), and which of them owe nothing to ends before."""
+
+    starts: list[Array]
+    alone: list[bool]
 
 
 def _field(
@@ -114,26 +139,40 @@ def _field(
     ends: Sequence[End],
     starts: int,
     rng: np.random.Generator,
-) -> list[Array]:
+) -> _Field:
     """Starts of one field: the first ones, and of fresh ones and offspring of the best ends equally many."""
     missing = starts - len(first)
     if missing <= 0 or not search.names:
-        return first
+        return _Field(first, [not ends] * len(first))
     candidates = search.candidates(_PER_PARAMETER * (1 + len(search.names)), rng)
     if not ends:
-        return first + best_of(part, search, settings, candidates, missing)
-    parents = [end.values for end in sorted(ends, key=lambda end: end.cost)[:_PARENTS]]
-    young = offspring(search, parents, candidates, rng)
+        return _Field(first + best_of(part, search, settings, candidates, missing), [True] * starts)
+    young = offspring(search, _best(ends, _PARENTS), candidates, rng)
     half = missing // 2
-    return (
-        first
-        + best_of(part, search, settings, candidates, missing - half)
-        + best_of(part, search, settings, young, half)
-    )
+    fresh = best_of(part, search, settings, candidates, missing - half)
+    chosen = first + fresh + best_of(part, search, settings, young, half)
+    return _Field(chosen, [False] * len(first) + [True] * len(fresh) + [False] * half)
+
+
+def _learned(
+    problem: Problem,
+    search: Search,
+    settings: Settings,
+    ends: Sequence[End],
+    starts: int,
+    rng: np.random.Generator,
+) -> _Field:
+    """Starts of one field that an ensemble about the best ends has learned."""
+    ensemble = assimilated(problem, search, settings, _best(ends, _TEACHERS), rng)
+    return _Field(best_of(problem, search, settings, ensemble, starts), [False] * starts)
+
+
+def _best(ends: Sequence[End], count: int) -> list[Array]:
+    return [end.values for end in sorted(ends, key=lambda end: end.cost)[:count]]
 
 
 def _descended(
-    part: Problem, whole: Problem, search: Search, settings: Settings, field: list[Array], best: float
+    part: Problem, whole: Problem, search: Search, settings: Settings, field: list[Array], best: float, needed: int
 ) -> tuple[list[End], int]:
     """Ends of a field, on the beginning of the recording first, and the batches it took."""
     begins = np.stack(field, axis=1)
@@ -143,9 +182,26 @@ def _descended(
         batches = max(end.evaluations for end in rough)
         begins = np.stack([end.values for end in rough], axis=1)
     ends = descend_many(
-        whole, search, settings, begins, limit=_ROUNDS, rival=best, content=lambda r: is_white(whole, r)
+        whole,
+        search,
+        settings,
+        begins,
+        limit=_ROUNDS,
+        rival=best,
+        content=lambda r: is_white(whole, r),
+        needed=needed,
     )
     return ends, batches + max(end.evaluations for end in ends)
+
+
+def _agreeing(ends: Sequence[End], alone: Sequence[bool]) -> int:
+    """How many independent starts have ended at the best optimum."""
+    least = min((end.cost for end in ends), default=0.0)
+    return sum(own and end.cost <= (1.0 + SAME) * least for end, own in zip(ends, alone, strict=True))
+
+
+def _explained(problem: Problem, search: Search, settings: Settings, end: End) -> bool:
+    return is_white(problem, problem.residuals(search.named(end.values[:, None]), settings)[:, 0])
 
 
 def is_white(problem: Problem, residual: Array) -> bool:

@@ -16,12 +16,13 @@ __all__ = ["recording_findings", "why_uninformative"]
 
 Array = NDArray[np.float64]
 _STEADY = 0.02  # scatter of an input, relative to its mean, that still counts as constant if it is white
-_BLOCKS = (1, 4, 16, 64)  # samples that are taken together, to find what follows the input
-_PAST = 8  # blocks that tell the next one
+_BLOCKS = (1, 4, 16, 32, 64)  # samples that are taken together, to find what follows the input
+_PAST, _SHORT_PAST = 8, 4  # blocks that tell the next one; where there are few
 _FEWEST = 8  # times as many blocks make a test
 _SMOOTH = 0.2  # times its range over the root of its steps; a random walk has 0.3 to 1
 _NOTHING = 1e-24  # of the power: what rounding leaves
-_SURE = 1e-5  # chance of taking noise for what follows the input
+_SURE = 1e-3  # chance of taking noise for what follows the input; a fit then finds out
+_CERTAIN = 1e-5  # ... of taking white noise on an input for excitation
 _FLAT = 5  # equal samples at the largest value that make a stop
 _STEEP = 3.0  # steps of the resolution per sample: what a signal may not stop from at once
 _USUAL = 0.3  # of the usual change per sample, likewise
@@ -78,7 +79,7 @@ def _white(x: Array) -> bool:
     """Whether neighbours differ as much as strangers do (von Neumann 1941, doi:10.1214/aoms/1177731677)."""
     about = x - x.mean()
     ratio = float(np.sum(np.diff(x) ** 2) / np.sum(about**2))
-    return ratio > 2.0 + float(norm.ppf(_SURE)) * 2.0 / float(np.sqrt(len(x)))
+    return ratio > 2.0 + float(norm.ppf(_CERTAIN)) * 2.0 / float(np.sqrt(len(x)))
 
 
 def _follows(y: Array, u: Array) -> bool:
@@ -90,23 +91,24 @@ def _follows(y: Array, u: Array) -> bool:
     """
     if len(y) < _FEWEST * _PAST:
         return True  # too few samples to deny it
-    lags = np.arange(1, _PAST + 1)
     for block in _BLOCKS:
         m = len(y) // block
-        if m < _FEWEST * _PAST:
+        past_blocks = _PAST if m >= _FEWEST * _PAST else _SHORT_PAST
+        if m < _FEWEST * past_blocks:
             break
+        lags = np.arange(1, past_blocks + 1)
         mean_y, mean_u = (x[: m * block].reshape(m, block).mean(axis=1) for x in (y - y.mean(), u - u.mean()))
-        rows = np.arange(_PAST, m)[:, None]
-        past = np.hstack([np.ones((m - _PAST, 1)), mean_y[rows - lags]])
+        rows = np.arange(past_blocks, m)[:, None]
+        past = np.hstack([np.ones((m - past_blocks, 1)), mean_y[rows - lags]])
         both = np.hstack([past, mean_u[rows - np.append(0, lags)]])
-        target = mean_y[_PAST:]
+        target = mean_y[past_blocks:]
         alone, helped = (float(np.sum((target - X @ np.linalg.lstsq(X, target)[0]) ** 2)) for X in (past, both))
         if np.sqrt(alone / len(target)) < _SMOOTH * float(np.ptp(mean_y)) / np.sqrt(m):
             return True
         free = len(target) - both.shape[1]
         if alone > _NOTHING * float(target @ target) and helped > 0.0:
-            gain = (alone - helped) / helped * free / (_PAST + 1)
-            if f_distribution.sf(gain, _PAST + 1, free) < _SURE:
+            gain = (alone - helped) / helped * free / (past_blocks + 1)
+            if f_distribution.sf(gain, past_blocks + 1, free) < _SURE:
                 return True
     return False
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from brightgrey.estimation.marquardt import Normal, step
 from brightgrey.estimation.problem import Problem
 from brightgrey.simulation import Settings
 
-__all__ = ["Descent", "End", "descend", "descend_many", "evaluate", "finish", "normal"]
+__all__ = ["SAME", "Descent", "End", "descend", "descend_many", "evaluate", "finish", "normal"]
 
 Array = NDArray[np.float64]
 _STEP = 1e-6  # of a forward difference, in the searched scale
@@ -31,6 +31,8 @@ _WATCHED = 4  # rounds whose descent is counted on to go on
 _AHEAD = 10  # rounds of such descent within which a start has to reach the best one
 _EVERY = 4  # rounds between two looks for starts that have met
 _SAME_COST, _SAME_PLACE = 1e-2, 1e-3  # relative to the cost: two starts that have met
+SAME = 5e-3
+"""Relative to the cost: two starts that have come to the same optimum."""
 
 
 class Descent(NamedTuple):
@@ -144,6 +146,7 @@ def descend_many(
     tolerance: float = 1e-4,
     rival: float | None = None,
     content: Callable[[Array], bool] | None = None,
+    needed: int = 1,
 ) -> list[End]:
     """Least squares from many starts side by side.
 
@@ -164,7 +167,9 @@ def descend_many(
         are ended, and so are those that would not reach the best one if they went on falling as they do.
         An end then depends on the other starts.
     content : callable, optional
-        ``content(residual)``, residuals of a start that has converged: if true, all others are ended.
+        ``content(residual)``, residuals of the best start if it has converged: if true, all others are ended.
+    needed : int
+        So many starts have to have come to the least cost before that is asked.
 
     Returns
     -------
@@ -187,10 +192,12 @@ def descend_many(
             going &= ~_hopeless(field, least, ahead)
         if rival is not None and turn % _EVERY == 0:
             going &= ~_met(field)
-        if content is not None and np.any(converged) and field.normal.cost[converged].min() <= field.normal.cost.min():
-            best = search.outward(field.theta[converged][field.normal.cost[converged].argmin()])
-            if content(problem.residuals(search.named(best[:, None]), settings)[:, 0]):
-                going[:] = False
+        if content is not None:
+            best = _settled(field, converged, list(ends.values()), needed)
+            if best is not None:
+                values = search.outward(field.theta[best])[:, None]
+                if content(problem.residuals(search.named(values), settings)[:, 0]):
+                    going[:] = False
         for i in np.flatnonzero(~going).tolist():
             ends[int(field.number[i])] = _end(search, field, i, bool(converged[i]), turn)
         field = field.keep(going)
@@ -258,6 +265,15 @@ def _hopeless(field: _Field, least: float, ahead: int) -> NDArray[np.bool_]:
     cost = np.maximum(field.normal.cost, 1e-300)
     fall = np.log(np.maximum(field.history[:, 0], cost) / cost) / (_WATCHED - 1)
     return np.asarray(np.log(cost / max(least, 1e-300)) > ahead * fall + _SAME_COST)
+
+
+def _settled(field: _Field, converged: NDArray[np.bool_], ended: Sequence[End], needed: int) -> int | None:
+    """Start that has converged to the least cost, if as many as `needed` have come to it."""
+    here = field.normal.cost
+    costs = np.array([*here, *(end.cost for end in ended)])
+    best = int(here.argmin())
+    agree = int(np.sum(costs <= (1.0 + SAME) * costs.min()))
+    return best if converged[best] and here[best] <= (1.0 + SAME) * costs.min() and agree >= needed else None
 
 
 def _met(field: _Field) -> NDArray[np.bool_]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import comb
 from typing import Literal, get_args
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.scales import speed_of
+from brightgrey.estimation.scales import ORDER, speed_of
 from brightgrey.kit import Placed, StateSpace
 from brightgrey.recordings import Recording
 
@@ -26,6 +27,8 @@ _INTERCEPT = 2.0  # standard deviation of a line's beginning, in that of a mean
 _SURE = 3.0  # standard deviations of what the sensor allows
 _WOUND = 3.0  # times the twist that the largest input gives in even acceleration: swings add to it
 _APART = 0.5  # of the largest speed: what masses may differ by
+_MEANS = (10, 20, 40)  # samples
+_BEND = 6  # differences of such means, in which little is left of motion
 
 
 def check_initial(initial: str) -> Initial:
@@ -133,7 +136,10 @@ class Onset:
                 slack = _SURE * float(noise[at])
                 unknown.append(Unknown(f"position(0){tag}", position - slack, position + slack, position))
             slack = _SURE * _speed_noise(recording, noise) + abs(bent - speed)
-            unknown.append(Unknown(f"speed(0){tag}", speed - slack, speed + slack, speed))
+            low, high = speed - slack, speed + slack
+            if abs(speed) <= _SURE * _slow_noise(recording):  # it may be at rest, too
+                low, high = min(low, 0.0), max(high, 0.0)
+            unknown.append(Unknown(f"speed(0){tag}", low, high, speed))
             unknown += [Unknown(f"{name}(0)/width{tag}", -1.0, 0.0, -0.5) for name in limited]
             if torque > 0.0:
                 share, fast = float(recording.u[0]) / torque, _APART * float(np.abs(course).max())
@@ -222,3 +228,19 @@ def _speed_noise(recording: Recording, noise: Array) -> float:
             found.append(_INTERCEPT * sigma / np.sqrt(_FIRST))
     least = min(found)
     return float(least) if np.isfinite(least) else 0.0
+
+
+def _slow_noise(recording: Recording) -> float:
+    """Standard deviation of the speed that the first samples tell if noise is slow, the worst measured speed counts.
+
+    Slow noise hardly shows from sample to sample, but in differences of means over some of them. Swings of the drive
+    show there, too, so that this may be too large.
+    """
+    found = [0.0]
+    for signal, y in zip(recording.outputs, recording.y, strict=True):
+        for length in _MEANS if ORDER[signal.kind] == 1 else ():
+            means = y[: len(y) // length * length].reshape(-1, length).mean(axis=1)
+            if len(means) > 2 * _BEND:
+                bend = 1.4826 * float(np.median(np.abs(np.diff(means, n=_BEND))))
+                found.append(_INTERCEPT * bend / float(np.sqrt(comb(2 * _BEND, _BEND))))
+    return max(found)

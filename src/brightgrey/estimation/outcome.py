@@ -23,6 +23,7 @@ __all__ = ["Ended", "Outcome", "outcome_of", "unmoved"]
 
 Array = NDArray[np.float64]
 _CHANCE = 1e-3  # of taking what fits by chance for motion that the model explains
+_EXCHANGED = 0.9  # correlation from which two parameters can hardly be told apart
 _ORDER: tuple[str, ...] = get_args(Kind)
 _BESIDE = _ORDER.index("converged")  # what comes after it is never the outcome
 
@@ -150,13 +151,22 @@ def _apart(ended: Ended) -> list[Finding]:
     return [Finding("recordings disagree", text, apart)]
 
 
+def _instead(ended: Ended, name: str) -> str:
+    """What may take the place of a parameter that has faded away."""
+    reach = ended.estimates.reach.get(name)
+    if reach is None or abs(reach.correlation) < _EXCHANGED:
+        return ""
+    return (
+        f" (its errors correlate by {reach.correlation:+.2f} with those of {reach.partner}: either may stand for both)"
+    )
+
+
 def _limits(ended: Ended) -> list[Finding]:
     at = {name: e.at_bound for name, e in ended.estimates.by_name.items() if e.at_bound}
     found = []
     if at:
-        found.append(
-            Finding("at bound", ", ".join(f"{name} at its {side} bound" for name, side in at.items()), tuple(at))
-        )
+        text = ", ".join(f"{name} at its {side} bound{_instead(ended, name)}" for name, side in at.items())
+        found.append(Finding("at bound", text, tuple(at)))
     if not ended.best.converged:
         text = f"no optimum within the limit ({ended.best.evaluations} evaluations)"
         found.append(Finding("evaluation limit", text))

@@ -138,6 +138,11 @@ class Problem:
         return tuple(found)
 
     @property
+    def limited(self) -> bool:
+        """Whether a state is kept between limits: then the cost is rugged."""
+        return bool(_limited(self.structure))
+
+    @property
     def samples(self) -> int:
         """Number of residuals."""
         return sum(r.y.size for r in self.recordings)
