@@ -4,7 +4,8 @@ Everything here speaks the recording's units, as people and model.json do; insid
 """
 
 from brightgrey.api.demo import demo
-from brightgrey.api.identification import Result, identify
+from brightgrey.api.identification import identify
+from brightgrey.api.result import Result
 from brightgrey.api.simulation import Simulation, read_for, simulate
 from brightgrey.export.exporter import Export, export
 from brightgrey.export.model import Model

@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from brightgrey.api.identification import Result, identify
+from brightgrey.api.identification import identify
+from brightgrey.api.result import Result
 from brightgrey.excitation import demo_recording
 from brightgrey.recordings import read_recording
 from brightgrey.search.genetic import Progress

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from brightgrey.api.identification import Result
 from brightgrey.api.manifest import Axis
+from brightgrey.api.result import Result
 from brightgrey.api.runs import identify_into
 from brightgrey.errors import BrightgreyError
 from brightgrey.export.files import check_folder, write_file

@@ -4,196 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from brightgrey import __version__, estimation
-from brightgrey.api.differences import Difference, differences
+from brightgrey.api.differences import differences
 from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
+from brightgrey.api.result import Result
 from brightgrey.api.searching import Found, Wish, find
-from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.errors import SettingsError
 from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.onset import check_initial
 from brightgrey.estimation.patterns import check_estimator
-from brightgrey.estimation.residuals import LAGS, Residuals, residual_analysis
-from brightgrey.estimation.symptoms import Symptom
 from brightgrey.export.build import model_of
 from brightgrey.export.criterion import bic
-from brightgrey.export.files import check_folder, write_files
 from brightgrey.export.model import Model
 from brightgrey.export.parts import CriterionPart
-from brightgrey.export.ranking import Row, front, ranking_csv
+from brightgrey.export.ranking import Row
 from brightgrey.export.trace import Trace, pooled_fit
 from brightgrey.kit import Structure, function_set
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas import one_blas_thread
-from brightgrey.search.evidence import Evidence
-from brightgrey.search.genetic import GeneticSettings, Progress, Run
+from brightgrey.search.genetic import GeneticSettings, Progress
 from brightgrey.search.survey import Stage
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from brightgrey.report.content import Content
-
-__all__ = ["Result", "identify"]
+__all__ = ["identify"]
 
 _PATIENCE, _PATIENCE_FOUND = 4, 0  # a search has looked everywhere already
-
-
-@dataclass(frozen=True)
-class Result:
-    """What :func:`identify` found out.
-
-    Attributes
-    ----------
-    model : Model
-        Structure, parameters with uncertainty, fit, outcome.
-    traces : tuple of Trace
-        The recordings with what the model makes of them, the test recording last.
-    ranking : tuple of Row
-        Structures that were tried, best first.
-    notes : tuple of str
-        Repairs of the recordings, and assumptions about them.
-    fit : Fit
-        The estimation in detail: start points and where they ended, all in SI.
-    evidence : Evidence or None
-        After an exhaustive search: what the recording says about every effect, in words and numbers.
-    files : mapping of str to bytes
-        Further files that :meth:`write` puts beside the results.
-    profiles : tuple of Profile
-        Profile likelihoods that were asked for, in SI.
-    run : Run or None
-        After a genetic search: every individual of every generation.
-    request : str
-        Command that gives this result again; without one the report makes it from the model.
-    differences : tuple of Difference
-        Where the search found ties: what differs for control between them, the best structure first.
-    stopped : bool
-        The search was ended before its time: this is the best so far.
-    """
-
-    model: Model
-    traces: tuple[Trace, ...] = field(repr=False)
-    ranking: tuple[Row, ...]
-    notes: tuple[str, ...]
-    fit: Fit = field(repr=False)
-    files: Mapping[str, bytes] = field(default_factory=dict, repr=False)
-    profiles: tuple[Profile, ...] = field(default=(), repr=False)
-    evidence: Evidence | None = field(default=None, repr=False)
-    run: Run | None = field(default=None, repr=False)
-    request: str = ""
-    differences: tuple[Difference, ...] = field(default=(), repr=False)
-    stopped: bool = False
-
-    @property
-    def symptoms(self) -> tuple[Symptom, ...]:
-        """What speaks for something that the structure has not, and what to try."""
-        return self.fit.symptoms
-
-    @property
-    def front(self) -> tuple[Row, ...]:
-        """Structures of the ranking that no other beats in error and number of parameters, few parameters first."""
-        return front(self.ranking)
-
-    def residuals(self) -> Mapping[tuple[str, str], Residuals]:
-        """Correlations of the residuals with themselves and with the input, by recording and output.
-
-        An output whose simulation diverged, or that has too few samples for 50 lags, is left out.
-        """
-        return {
-            (trace.name, signal.name): residual_analysis(residual, trace.u)
-            for trace in self.traces
-            for signal, residual in zip(trace.outputs, trace.residual, strict=True)
-            if np.isfinite(residual).all() and residual.size > 4 * LAGS
-        }
-
-    @cached_property
-    def content(self) -> Content:
-        """What report and figures are made of."""
-        from brightgrey.report.content import Content
-
-        return Content(
-            model=self.model,
-            traces=self.traces,
-            notes=self.notes,
-            evidence=self.evidence,
-            ranking=self.ranking,
-            correlation=self.fit.correlation,
-            run=self.run,
-            request=self.request,
-            symptoms=self.symptoms,
-            differences=self.differences,
-        )
-
-    def plot(self, what: str = "comparison") -> Figure:
-        """Draw one of the report's figures, for a notebook or a paper.
-
-        Parameters
-        ----------
-        what : str
-            ``comparison`` (measured against simulated, residual below), ``residuals`` (their correlations),
-            ``friction``, ``frequency``, ``backlash``, ``pareto`` or ``history``: those that apply to the result.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            ``figure.savefig("name.svg")`` writes it.
-
-        Raises
-        ------
-        SettingsError
-            If this result has no such figure; the message names those it has.
-        """
-        from brightgrey.report.figure import draw
-
-        drawn = self.content.charts
-        if what not in drawn:
-            raise SettingsError(unknown_name("figure of this result", what, list(drawn)))
-        return draw(drawn[what])
-
-    def _repr_html_(self) -> str:
-        from brightgrey.report.notebook import result_html
-
-        return result_html(self.content)
-
-    def write(self, folder: str | Path) -> None:
-        """Write model.json, ranking.csv, report.html and fit.png into `folder`, all or none.
-
-        Parameters
-        ----------
-        folder : str or Path
-            Made if it is not there; files of these names in it are replaced.
-
-        Raises
-        ------
-        SettingsError
-            If `folder` cannot be written to.
-        """
-        check_folder(folder)
-        write_files(folder, self.contents())
-
-    def contents(self) -> dict[str, bytes]:
-        """Contents of the files that :meth:`write` writes, by name."""
-        from brightgrey.report.figure import picture
-        from brightgrey.report.page import page
-
-        return {
-            "report.html": page(self.content).encode(),
-            "model.json": self.model.text().encode(),
-            "ranking.csv": ranking_csv(self.ranking).encode(),
-            "fit.png": picture(self.plot(), "png"),
-            **self.files,
-        }
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the files that :meth:`write` writes."""
-        return ("report.html", "model.json", "ranking.csv", "fit.png", *self.files)
 
 
 @one_blas_thread()

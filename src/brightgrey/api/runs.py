@@ -15,7 +15,8 @@ import numpy
 import scipy
 
 from brightgrey import __version__
-from brightgrey.api.identification import Result, identify
+from brightgrey.api.identification import identify
+from brightgrey.api.result import Result
 from brightgrey.errors import BrightgreyError
 from brightgrey.export.files import check_folder, write_files
 from brightgrey.export.model import Model

@@ -18,8 +18,9 @@ from brightgrey.simulation.events import refine, sort, together
 from brightgrey.simulation.kernel import run
 from brightgrey.simulation.kinks import kinks
 from brightgrey.simulation.lanes import LANES
-from brightgrey.simulation.layout import Call, Shape, address, aligned, block_for, work_for
+from brightgrey.simulation.layout import Call, Shape
 from brightgrey.simulation.lowering import Lowered, fill, lower, turning_rate
+from brightgrey.simulation.memory import address, aligned, block_for, work_for
 from brightgrey.simulation.propagators import tables
 from brightgrey.simulation.settings import Settings, stepping_of, tolerances
 from brightgrey.simulation.start import start

@@ -95,7 +95,7 @@ def run(block: Any, first: Any, last: Any) -> None:
     Parameters
     ----------
     block : int
-        Address of a block that no other thread uses (``layout.block_for``).
+        Address of a block that no other thread uses (``memory.block_for``).
     first, last : int
     """
     shape, work = shape_of(block), work_of(block)

@@ -3,39 +3,27 @@
 All tables are ``[row, lane]`` arrays of float64 with LANES columns, one after the other in memory, batch after batch;
 the row numbers are given below, so that a matrix entry (i, j) is row ``i * n + j``. The kernel's functions take the
 tables' addresses. One *block* of whole numbers holds them all, with sizes and options: entries of the kernel take its
-address and nothing else (:func:`block_for`).
+address and nothing else (`memory.block_for`).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from itertools import accumulate
 from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from brightgrey.simulation.lanes import LANES, group, real, register_jitable, set_whole, whole
 
 __all__ = [
     "Call",
     "Plant",
-    "Plants",
     "Shape",
     "Work",
-    "address",
-    "aligned",
-    "block_for",
     "call_of",
     "plant_of",
-    "plants_for",
     "points_of",
     "shape_of",
     "solo_rows",
     "table_rows",
     "use_batch",
-    "work_for",
     "work_of",
 ]
 
@@ -286,72 +274,6 @@ def use_batch(block: Any, number: Any) -> Any:
     return total > 0.0
 
 
-def block_for(shape: Shape, plants: Plants, work: Work, call: Call) -> NDArray[np.int64]:
-    """Block of one thread. All memory whose addresses it holds has to be kept alive by the caller.
-
-    Parameters
-    ----------
-    shape : Shape
-    plants : Plants
-    work : Work
-    call : Call
-        Whole numbers and addresses.
-    """
-    strides = [plants.stride if name in _TABLES else 0 for name in Plant._fields]
-    return np.array([*shape, *work, *call, *plants.first, *plants.first, *strides], np.int64)
-
-
-class Plants(NamedTuple):
-    """Systems in lanes for all batches of a call.
-
-    Attributes
-    ----------
-    first : Plant
-        Addresses for batch 0.
-    stride : int
-        Bytes from one batch to the next, of everything that differs by lane.
-    memory : tuple of ndarray
-        What the addresses point to.
-    """
-
-    first: Plant
-    stride: int
-    memory: tuple[NDArray[Any], ...]
-
-
-_PER_CALL = ("law", "channel", "first", "turning", "limited", "outputs")
-_TABLES = tuple(name for name in Plant._fields if name not in _PER_CALL)
-
-
-def plants_for(
-    tables: Mapping[str, NDArray[np.float64]], numbers: Mapping[str, Sequence[int]], pick: NDArray[np.int64]
-) -> Plants:
-    """Memory that holds the parameter sets `pick`, shape (batches, LANES).
-
-    Parameters
-    ----------
-    tables : mapping of str to ndarray, shape (rows, sets)
-        Fields of `Plant` that differ by lane.
-    numbers : mapping of str to sequence of int
-        The others.
-    pick : int ndarray
-    """
-    rows = np.concatenate([tables[name] for name in _TABLES])
-    lanes = aligned((len(pick), len(rows), LANES))
-    lanes[:] = rows[:, pick].transpose(1, 0, 2)
-    whole_numbers = np.array([n for name in _PER_CALL for n in numbers[name]] or [0], np.int64)
-    places: dict[str, int] = {}
-    place = address(lanes)
-    for name in _TABLES:
-        places[name] = place
-        place += len(tables[name]) * LANES * _ENTRY
-    place = address(whole_numbers)
-    for name in _PER_CALL:
-        places[name] = place
-        place += len(numbers[name]) * _ENTRY
-    return Plants(Plant(**places), len(rows) * LANES * _ENTRY, (lanes, whole_numbers))
-
-
 @register_jitable
 def end_rows(n: Any, channels: Any) -> Any:
     """Rows of the first part of a step table, per state i: from x (n), u, slope of u, 1, F1, F2 and the kink."""
@@ -382,70 +304,3 @@ def solo_rows(shape: Any) -> Any:
 def points_of(shape: Any, level: Any) -> Any:
     """Points within a step of 2^level ticks at which limited states are looked at; 1 is the one at a third of it."""
     return max(((shape.points + 1) >> (shape.ticks - level)) - 1, 1)
-
-
-_ENTRY = 8  # bytes of a number
-_LINE = 64  # bytes of a cache line: a register that lies across two of them takes two accesses
-
-
-def address(array: NDArray[Any]) -> int:
-    """Where the memory of an array begins."""
-    return int(array.__array_interface__["data"][0])
-
-
-def aligned(shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Array of zeros that begins at a cache line."""
-    count = math.prod(shape)
-    memory = np.zeros(count + _LINE // _ENTRY)
-    begin = -address(memory) % _LINE // _ENTRY
-    return memory[begin : begin + count].reshape(shape)
-
-
-def work_for(shape: Shape) -> tuple[Work, NDArray[np.float64]]:
-    """Zeroed memory for one thread: the addresses in it, and the memory itself."""
-    n, m, b = shape.n, shape.channels, shape.limits
-    modes, levels = 2**b, shape.ticks + 1
-    table, pieces = int(table_rows(shape)), 2**shape.ticks
-    propagator = n * n + n * (3 + 2 * m)
-    rows = Work(
-        tables=modes * levels * table,
-        current=table,
-        mode=b,
-        free=b,
-        low=b,
-        high=b,
-        x=n,
-        end=n,
-        force=m,
-        slope=m,
-        F1=m,
-        F2=m,
-        a1=m,
-        a2=m,
-        z1=m,
-        z2=m,
-        M=4 * m * m,
-        rhs=2 * m,
-        event=b,
-        ahead=b * shape.points,
-        error=1,
-        spent=1,
-        drive=3,
-        plan=-(-pieces // LANES),
-        begin=1,
-        point=1,
-        system=n + 2,
-        series=SERIES_TERMS,
-        course=1,
-        scratch=5 * n + 3,
-        build=6 * propagator,
-        look=2 * (n + 3 + 2 * m),
-        solo=modes * levels * LANES * (n + 4 + 2 * m) * int(solo_rows(shape)),
-        copied=modes * levels,
-        rows=int(solo_rows(shape)),
-        coupled=4 * m * m,
-    )
-    memory = aligned((sum(rows), LANES))
-    begin = address(memory)
-    starts = accumulate(rows, initial=0)
-    return Work(*(begin + start * LANES * _ENTRY for start, _ in zip(starts, rows, strict=False))), memory

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from brightgrey.effects import Element
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.laws import smooth_laws
-from brightgrey.simulation.layout import Plants, plants_for
+from brightgrey.simulation.memory import Plants, plants_for
 
 __all__ = ["Lowered", "lower", "turning_rate"]
 
