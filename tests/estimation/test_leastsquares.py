@@ -89,3 +89,21 @@ def test_nothing_to_search_is_a_descent_too(demo):
     found = descend(problem, search, settings, np.zeros(0))
     assert found.converged
     assert found.jacobian.shape == (demo.samples, 0)
+
+
+def test_contentment_is_asked_only_where_enough_starts_have_come_to_the_same_cost(demo):
+    problem, search, settings = task("one_mass+coulomb+viscous", demo)
+    begins = search.candidates(4, np.random.default_rng(3))
+    asked = []
+
+    def content(residual):
+        asked.append(float(residual @ residual))
+        return True
+
+    ends = descend_many(problem, search, settings, begins, content=content, needed=2)
+    least = min(end.cost for end in ends)
+    assert asked == pytest.approx([least])  # once: all others were ended
+    assert sum(end.cost <= 1.005 * least for end in ends) >= 2
+    asked.clear()
+    descend_many(problem, search, settings, begins, content=content, needed=5)
+    assert asked == []
