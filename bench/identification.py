@@ -28,6 +28,7 @@ from brightgrey.estimation.bounds import Search, search_space
 from brightgrey.estimation.problem import Problem
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
+from brightgrey.runs.blas import settle
 from brightgrey.simulation import Settings
 
 ENOUGH = 1.02
@@ -194,6 +195,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=5, help="seeds")
     parser.add_argument("--seconds", type=float, default=20.0, help="time that each run of the others is given")
     options = parser.parse_args()
+    settle()  # all on one core
     best = fit(STRUCTURE, [RECORDING], f_tanh=E.f_tanh)  # compiles, and gives the optimum
     search = search_space(STRUCTURE, scales([RECORDING]), {}, {})
     low, high = search.inward(search.low), search.inward(search.high)

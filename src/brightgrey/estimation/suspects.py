@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import bilinear, lfilter
+from scipy.signal import lfilter
 
 from brightgrey.effects import Effect, Scales, registry
 from brightgrey.estimation.problem import Problem, predict_many
@@ -164,16 +164,23 @@ def _swing(problem: Problem, frequency: float, lags: float) -> Array:
     of that is the speed of both together plus a part of the twist's rate: exactly, whatever their ratio.
     """
     turning = 2.0 * np.pi * frequency
-    denominator = [1.0, 2.0 * _DAMPED * turning, turning**2]
     columns = np.zeros((problem.samples, 2))
     for begin, r, out in _blocks(problem):
         u = np.interp(r.t - lags, r.t, r.u) - r.u[0]
         order = KINDS[r.outputs[out].kind]
         for column, rate in enumerate((order, order + 1 if order < 2 else order - 1)):
-            numerator = turning ** (2 - rate) * np.array([1.0] + [0.0] * rate)
-            answer = lfilter(*bilinear(numerator, denominator, 1.0 / r.dt), u)
+            answer = lfilter(*_resonance(rate, turning, r.dt), u)
             columns[begin : begin + r.samples, column] = problem.weights[out] * answer
     return columns
+
+
+def _resonance(rate: int, turning: float, dt: float) -> tuple[Array, Array]:
+    """Digital filter of w^(2-rate) s^rate / (s^2 + 2 D w s + w^2) by the bilinear transform."""
+    k = 2.0 / dt
+    damped = 2.0 * _DAMPED * turning * k
+    above = np.array(([1.0, 2.0, 1.0], [k, 0.0, -k], [k**2, -2.0 * k**2, k**2])[rate])
+    below = np.array([k**2 + damped + turning**2, 2.0 * (turning**2 - k**2), k**2 - damped + turning**2])
+    return turning ** (2 - rate) * above / below[0], below / below[0]
 
 
 def _blocks(problem: Problem) -> list[tuple[int, Recording, int]]:
