@@ -182,7 +182,7 @@ Chosen on seeds from 1000 on, among a few variants that docs/results.md lists.
 """
 
 RELATIVES = replace(OURS, begin="relatives")
-"""The same for recordings with noise, where one start misses optima: as good as all structures, with a quarter of fits.
+"""The same for recordings with noise, where one start per structure misses optima.
 
-In the paper's experiment it takes twice the simulations of `OURS`, without need.
+In the paper's experiment, whose ranges are narrow, it takes twice the simulations of `OURS`, without need.
 """
