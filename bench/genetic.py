@@ -37,7 +37,7 @@ from brightgrey.search.criteria import Misfit, criterion
 from brightgrey.search.exhaustive import Fits, Options, fit_all
 from brightgrey.search.experiment import reference_recording, task_of
 from brightgrey.search.genetic.engine import search
-from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES
+from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES, RELATIVES
 from brightgrey.search.identification import Identification
 from brightgrey.search.repetition import Repetition, repetition, repetitions_csv, run, summary, wilson
 from brightgrey.simulation import Settings
@@ -66,6 +66,7 @@ CHANGES = {
 SETTINGS = {
     "paper": PAPER_SETTINGS,
     "ours": OURS,
+    "relatives": RELATIVES,
     "ours-19": replace(OURS, criterion="fitness"),
     "paper-50": replace(PAPER_SETTINGS, iterations=50),
     "paper-ls": replace(PAPER_SETTINGS, estimator="least-squares", iterations=30),
@@ -163,7 +164,7 @@ def rates(setting: str, truths: tuple[str, ...], first: int, last: int) -> None:
             )
 
 
-def exhaustive(seed: int, first: int, last: int, setting: str, grammar: Grammar, out: Path) -> None:
+def exhaustive(seed: int, first: int, last: int, setting: str, grammar: Grammar, out: Path, whole: bool) -> None:
     """Both searches on the same drives; rows are added to `out`."""
     rows = [json.loads(text) for text in out.read_text().splitlines()] if out.exists() else []
     structures = list(grammar.structures())
@@ -177,7 +178,7 @@ def exhaustive(seed: int, first: int, last: int, setting: str, grammar: Grammar,
         except UnsettledError as why:
             print(f"{number:4d} left out: {why}", flush=True)
             continue
-        rows.append(against_all(drive, setting, grammar, structures))
+        rows.append(against_all(drive, setting, grammar, structures, whole))
         with out.open("a") as file:
             file.write(json.dumps(rows[-1]) + "\n")
         print(rows[-1], flush=True)
@@ -194,7 +195,7 @@ def part_of_paper(masses: int, without: list[str]) -> Grammar:
     return Grammar(f"{masses} masses, without {', '.join(without) or 'nothing'}", left)
 
 
-def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[Structure]) -> dict:
+def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[Structure], whole: bool) -> dict:
     """One drive: the best of all structures, and after how many fits the genetic search had one as good."""
     (recording, _), began, how = drive.recordings(NOISE), time.process_time(), SETTINGS[setting]
     known = scales([recording])
@@ -203,6 +204,8 @@ def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[S
     middle = time.process_time()
     fits = Fits(ready, structures, options=Options(rounds=how.iterations), seed=drive.number)
     identify = estimator(how.estimator, ready, how.iterations, how.patience)
+    if not whole:
+        how = replace(how, generations=len(structures) // 4 // (how.population - how.elite) + 2)
     done = search(identify, ready.draw, how, standard=ready.standard, fits=fits, grammar=grammar, seed=drive.number)
     ended = time.process_time()
     made = (
@@ -221,6 +224,7 @@ def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[S
         "number": drive.number,
         "truth": str(drive.truth),
         "genetic": str(done.best.job.structure),
+        "whole": whole,
         "fits": len(made),
         "structures": len({e.job.structure for e in done.evaluations}),
         "seconds": [round(middle - began, 1), round(ended - middle, 1)],
@@ -259,10 +263,13 @@ def compared(rows: list[dict], count: int) -> None:
     """Print how often the genetic search found what there was."""
     for name in ("bic", "ranking"):
         for what, most in ((f"a quarter of {count} fits", count // 4), ("the whole run", None)):
-            after = [r[f"{name} after"] for r in rows]
+            after = [r[f"{name} after"] for r in rows if most or r["whole"]]
             hits = sum(k is not None and (most is None or k <= most) for k in after)
-            low, high = wilson(hits, len(rows))
-            print(f"{name}, {what}: optimum found in {hits} of {len(rows)} ({100 * low:.0f} to {100 * high:.0f} %)")
+            low, high = wilson(hits, len(after)) if after else (0.0, 1.0)
+            print(f"{name}, {what}: optimum found in {hits} of {len(after)} ({100 * low:.0f} to {100 * high:.0f} %)")
+    rows = [r for r in rows if r["whole"]]
+    if not rows:
+        return
     fits, shares = [r["fits"] for r in rows], [r["seconds"][1] / r["seconds"][0] for r in rows]
     print(f"fits of the whole run: median {np.median(fits):g}, most {max(fits)}; CPU time over that of all"
           f" {count}: median {np.median(shares):.2g}")  # fmt: skip
@@ -305,9 +312,10 @@ def main() -> None:
     against.add_argument("first", type=int)
     against.add_argument("last", type=int)
     against.add_argument("--seed", type=int, default=1, help="of the drives")
+    against.add_argument("--quarter", action="store_true", help="end the genetic search after a quarter of the fits")
     against.add_argument("--masses", type=int, default=4, help="at most")
     against.add_argument("--without", nargs="*", default=[], help="effects that no structure has")
-    against.add_argument("--setting", choices=SETTINGS, default="ours")
+    against.add_argument("--setting", choices=SETTINGS, default="relatives")
     against.add_argument("--out", type=Path, default=Path("genetic.jsonl"))
     given = parser.parse_args()
     if given.task == "speed":
@@ -315,9 +323,8 @@ def main() -> None:
     elif given.task == "table":
         table()
     elif given.task == "exhaustive":
-        exhaustive(
-            given.seed, given.first, given.last, given.setting, part_of_paper(given.masses, given.without), given.out
-        )
+        grammar = part_of_paper(given.masses, given.without)
+        exhaustive(given.seed, given.first, given.last, given.setting, grammar, given.out, not given.quarter)
     else:
         known = {"reference": (PAPER_EXPERIMENT.structure,), "others": OTHERS}
         rates(given.setting, known.get(given.truth, (given.truth,)), given.first, given.last)

@@ -14,6 +14,7 @@ SMALL = GeneticSettings(generations=8)
 def test_the_paper_is_the_default():
     s = GeneticSettings()
     assert (s.population, s.generations, s.iterations, s.k_p) == (6, 20, 500, 2.0)
+    assert s.patience == 20  # ours: the paper names no other end of a search
     assert (s.estimator, s.criterion, s.begin, s.elite, s.fresh) == ("pattern-search", "fitness", "inherited", 0, 0)
 
 

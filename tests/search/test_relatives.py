@@ -13,7 +13,7 @@ from brightgrey.recordings import Recording, Signal
 from brightgrey.search import Identification
 from brightgrey.search.exhaustive import Fits
 from brightgrey.search.genetic import GeneticSettings, search
-from brightgrey.search.genetic.settings import OURS
+from brightgrey.search.genetic.settings import RELATIVES
 from brightgrey.search.lattice import contains
 from brightgrey.search.work import pool
 from brightgrey.simulation import Settings
@@ -22,7 +22,7 @@ from brightgrey.simulation.reference import reference
 FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})
 ALL = tuple(FEW.structures())
 TRUE = {"J1": 0.012, "J2": 0.008, "c1": 40.0, "d1": 0.05, "M_C": 0.5}
-BRIEF = replace(OURS, population=4, generations=3)
+BRIEF = replace(RELATIVES, population=4, generations=3)
 
 
 @pytest.fixture(scope="module")

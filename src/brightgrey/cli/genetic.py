@@ -68,7 +68,10 @@ Fresh = Annotated[
     int | None, typer.Option("--fresh", metavar="N", help="Mutations until a structure is a new one. Paper: 0.")
 ]
 Setting = Annotated[
-    str, typer.Option("--setting", metavar="paper|ours", help="Where the defaults of the options below come from.")
+    str,
+    typer.Option(
+        "--setting", metavar="paper|ours|relatives", help="Where the defaults of the options below come from."
+    ),
 ]
 
 
@@ -83,9 +86,9 @@ def settings(setting: str, mutation: Iterable[str] | None, **given: float | str 
     from dataclasses import replace
 
     from brightgrey.errors import SettingsError, unknown_name
-    from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS
+    from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, RELATIVES
 
-    known = {"paper": PAPER_SETTINGS, "ours": OURS}
+    known = {"paper": PAPER_SETTINGS, "ours": OURS, "relatives": RELATIVES}
     if setting not in known:
         raise SettingsError(unknown_name("setting", setting, known))
     base = known[setting]
