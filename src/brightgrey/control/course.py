@@ -35,8 +35,8 @@ class Watched:
     hold : {'linear', 'zoh'}
     z0 : ndarray, shape (K, n)
         Expected state at the first sample.
-    spread : ndarray, shape (K, n)
-        Standard deviation of each state around it.
+    P0 : ndarray, shape (K, n, n)
+        Its covariance.
     differenced : tuple of bool
         Outputs that are a position's difference over the last interval; the system's output is that position.
     tolerance : ndarray, shape (K,)
@@ -49,7 +49,7 @@ class Watched:
     dt: float
     hold: str
     z0: Array
-    spread: Array
+    P0: Array
     differenced: tuple[bool, ...]
     tolerance: Array
 

@@ -142,8 +142,7 @@ def extended(watched: Watched, noise: Noise) -> Filtered:
 
 def begin(watched: Watched, course: Course, torque: Array) -> tuple[Array, Array]:
     """State and covariance at the first sample."""
-    P0 = np.square(watched.spread)[:, :, None] * np.eye(watched.spread.shape[1])
-    return course.start(watched.z0, P0, torque, watched.system.state_names.index("v1"))
+    return course.start(watched.z0, watched.P0, torque, watched.system.state_names.index("v1"))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ Components that have come to agree are merged.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +20,14 @@ from brightgrey.control.kalman import Filtered, Noise, Record, begin, predicted,
 __all__ = ["mixture"]
 
 Array = NDArray[np.float64]
-_COMPONENTS = 12
-_APART = 0.7  # standard deviations between the halves of a split and their common mean
+_COMPONENTS = 20
+_APART = 0.866  # standard deviations between the halves of a split and their common mean
 _REACH = 3.0  # standard deviations within which a contact is in doubt
 _MATTERS = 0.1  # of a speed's standard deviation: what a doubtful contact may change in a sample
 _IDLE = 1e-4  # weight of a component that may be given up for a split
 _AGREED = 0.2  # squared distance of components that are merged, in their common variance
+_PASSES = 3
+_MISSED = 0.0
 _SPLITS = 4  # in one sample
 
 
@@ -63,8 +66,11 @@ def mixture(watched: Watched, noise: Noise, components: int = _COMPONENTS) -> Fi
     for k in range(samples):
         if k:
             bank = _merged(bank, course)
-            bank = _split(bank, course, k - 1)
-            bank = _Bank(bank.weights, *predicted(course, k - 1, bank.x, bank.P, many_torque))
+            for _ in range(int(_PASSES)):
+                bank = _split(bank, course, k - 1)
+            extra = _allowed(bank, course, k - 1)
+            x, P = predicted(course, k - 1, bank.x, bank.P, many_torque)
+            bank = _Bank(bank.weights, x, P + extra)
         y = np.repeat(watched.y[k], M, axis=0)
         after = updated(course, k, bank.x, bank.P, y, many_R)
         expected, S = _moments(bank.weights, y - after.innovation, after.S)
@@ -101,30 +107,31 @@ def _first(watched: Watched, course: Course, torque: Array, M: int) -> _Bank:
     x, P = begin(watched, course.picked(np.arange(K) * M), torque)
     x, P = np.repeat(x, M, axis=0), np.repeat(P, M, axis=0)
     filled = max(1, M // 3) if any(e.limited for e in course.lanes.elements) else 1
-    share = np.tile((np.arange(M) % filled + 0.5) / filled, K)
+    share = np.tile((np.arange(M) % filled + 0.5) / filled - 0.5, K)
     for e in course.lanes.elements:
         if e.limited:
-            row, pull = e.deciding()
-            at = int(np.argmax(np.abs(row[0, :]) * (np.arange(row.shape[1]) < course.lanes.speeds.min())))
-            width = e.high - e.low
-            x[:, e.state] = e.low + share * width
-            x[:, at] = x[:, e.state] / row[:, at]
-            var = np.square(width / filled) / 12.0
-            P[:, e.state, e.state] = var
-            P[:, e.state, at] = P[:, at, e.state] = var / row[:, at]
-            P[:, at, at] += var / np.square(row[:, at])
+            spread = P[:, e.state, e.state]
+            along = P[:, :, e.state] / np.where(spread > 0.0, spread, 1.0)[:, None]
+            x += (share * (e.high - e.low))[:, None] * along
+            P -= ((1.0 - filled**-2) * spread)[:, None, None] * along[:, :, None] * along[:, None, :]
     return _Bank(np.tile((np.arange(M) < filled) / filled, (K, 1)), x, P)
 
 
-def _split(bank: _Bank, course: Course, k: int) -> _Bank:
-    """Split the components whose contact is most in doubt, in place of those that have no weight."""
-    K, M = bank.weights.shape
+class _Doubt(NamedTuple):
+    """Contacts in doubt: how much it matters (K M,), along what to split (K M, m), and what linearisation misses."""
+
+    score: Array
+    along: Array
+    missed: Array
+
+
+def _doubts(bank: _Bank, course: Course, k: int) -> _Doubt:
     n = course.states
-    z = bank.x[:, :n]
-    std = np.sqrt(np.maximum(np.einsum("kii->ki", bank.P)[:, :n], 0.0))
+    z, P = bank.x[:, :n], bank.P
+    std = np.sqrt(np.maximum(np.einsum("kii->ki", P)[:, :n], 0.0))
+    room = np.maximum(std, course.tolerance[:, None])[:, course.lanes.speeds]
     rate = course.rate(k, bank.x)
-    score = np.zeros(K * M)
-    along = np.zeros((K * M, bank.x.shape[1]))
+    score, along, missed = np.zeros(len(z)), np.zeros(bank.x.shape), np.zeros(bank.x.shape)
     for e in course.lanes.elements:
         if not e.limited:
             continue
@@ -133,29 +140,41 @@ def _split(bank: _Bank, course: Course, k: int) -> _Bank:
         unit[:, e.state] = 1.0
         for h in (row, unit):
             middle, drift = np.einsum("ki,ki->k", h, z), np.einsum("ki,ki->k", h, rate) * course.dt
-            reach = np.einsum("kij,kj->ki", bank.P[:, :, :n], h)
-            s = np.sqrt(np.maximum(np.einsum("ki,ki->k", h, reach[:, :n]), 0.0))
-            low, high = np.minimum(middle, middle + drift) - _REACH * s, np.maximum(middle, middle + drift) + _REACH * s
-            doubtful = ((low < e.low) & (high > e.low)) | ((low < e.high) & (high > e.high))
-            jump = np.abs(e.G[:, course.lanes.speeds]) * (pull * s * course.dt)[:, None]
-            room = np.maximum(std[:, course.lanes.speeds], course.tolerance[:, None])
-            matter = (jump / room).max(axis=1)
-            new = np.where(doubtful & (matter > _MATTERS), matter, 0.0)
+            reach = np.einsum("kij,kj->ki", P[:, :, :n], h)
+            s = np.sqrt(np.maximum(np.einsum("ki,ki->k", h, reach[:, :n]), 1e-300))
+            low, high = np.minimum(middle, middle + drift), np.maximum(middle, middle + drift)
+            far = np.minimum(_outside(e.low, low, high), _outside(e.high, low, high)) / s
+            jump = (pull * s * course.dt)[:, None] * e.G
+            matter = (np.abs(jump[:, course.lanes.speeds]) / room).max(axis=1)
+            new = np.where((far < _REACH) & (matter > _MATTERS), np.minimum(matter, 10.0), 0.0)
             better = new > score
             score = np.where(better, new, score)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                direction = reach / s[:, None]
-            along[better] = direction[better]
-    score = np.minimum(score, 10.0).reshape(K, M) * bank.weights
+            along[better] = (reach / s[:, None])[better]
+            part = _MISSED * np.exp(-0.5 * np.square(np.minimum(far,50.)))[:, None] * jump
+            missed[better, :n] = part[better]
+    return _Doubt(score, along, missed)
+
+
+def _outside(limit: Array, low: Array, high: Array) -> Array:
+    """Distance of a limit from [low, high]."""
+    return np.maximum(np.maximum(limit - high, low - limit), 0.0)
+
+
+def _split(bank: _Bank, course: Course, k: int) -> _Bank:
+    """Split the components whose contact is most in doubt, in place of those that have no weight."""
+    K, M = bank.weights.shape
+    doubt = _doubts(bank, course, k)
+    alive = bank.weights > _IDLE * bank.weights.max(axis=1, keepdims=True)
+    score = np.where(alive, doubt.score.reshape(K, M) * bank.weights, 0.0)
     weights, x, P = bank.weights.copy(), bank.x.copy(), bank.P.copy()
     wanting, idle = np.argsort(-score, axis=1), np.argsort(weights, axis=1)
     rows = np.arange(K)
     for i in range(min(_SPLITS, M // 2)):
         one, other = wanting[:, i], idle[:, i]
-        do = (score[rows, one] > 0.0) & (weights[rows, other] < _IDLE * weights[rows, one]) & (one != other)
+        do = (score[rows, one] > 0.0) & ~alive[rows, other]
         r = rows[do]
         a, b = r * M + one[do], r * M + other[do]
-        shift = _APART * along[a]
+        shift = _APART * doubt.along[a]
         P[a] -= shift[:, :, None] * shift[:, None, :]
         P[b] = P[a]
         x[b] = x[a] + shift
@@ -163,6 +182,11 @@ def _split(bank: _Bank, course: Course, k: int) -> _Bank:
         weights[r, one[do]] *= 0.5
         weights[r, other[do]] = weights[r, one[do]]
     return _Bank(weights / weights.sum(axis=1, keepdims=True), course.clipped(x), P)
+
+
+def _allowed(bank: _Bank, course: Course, k: int) -> Array:
+    missed = _doubts(bank, course, k).missed
+    return missed[:, :, None] * missed[:, None, :]
 
 
 def _merged(bank: _Bank, course: Course) -> _Bank:
