@@ -24,7 +24,7 @@ __all__ = ["Point", "Trial", "estimated"]
 Array = NDArray[np.float64]
 _DIFFERENCE = 0.01  # of the logarithm: contacts make smaller ones rough
 _FACTORS = (0.6, 0.8, 1.25, 1.6, 2.2, 3.0)  # sizes tried first: contacts make the likelihood many-humped
-_FRACTIONS = (1.0, 0.3)
+_FRACTIONS = (1.0, 0.5, 0.2)
 _TURNS = 5
 _SETTLED = 0.3  # standard deviations that a step still moves
 _LANES = 600  # models in one run of the filter; a matter of memory
@@ -160,9 +160,13 @@ def _search(trial: Trial) -> _Search:
         if np.abs(step * np.linalg.norm(design, axis=0)).max() < _SETTLED:
             break
         step *= min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-12))
-        points = yield from _around(trial, np.array([here.size + share * step for share in _FRACTIONS]))
-        best = max(points, key=lambda point: point.posterior)
-        if not best.posterior > here.posterior:
+        sizes = np.array([here.size + share * step for share in _FRACTIONS])
+        answer = yield sizes
+        best = int(np.argmax(answer.posterior))
+        if not answer.posterior[best] > here.posterior:
             break
-        here = best
+        (point,) = yield from _around(trial, sizes[best : best + 1])
+        if not point.posterior > here.posterior:
+            break
+        here = point
     return here

@@ -125,7 +125,7 @@ class Course:
     @property
     def states(self) -> int:
         """The model's."""
-        return self.lanes.A.shape[1]
+        return int(self.lanes.A.shape[1])
 
     @property
     def remembers_position(self) -> bool:
@@ -133,10 +133,11 @@ class Course:
         return bool(self.differenced.any())
 
     def start(self, z0: Array, P0: Array, torque: Array, first_speed: int) -> tuple[Array, Array]:
-        """State and covariance at the first sample from the model's (K, n), (K, n, n); the last position lies one
-        interval back by mass 1's speed, state number `first_speed`.
+        """State and covariance at the first sample from the model's (K, n), (K, n, n).
+
+        The last position lies one interval back by mass 1's speed, state number `first_speed`.
         """
-        K, n = z0.shape
+        n = z0.shape[1]
         wide = np.eye(n + self.remembers_position + self.remembers_push)[:, :n]
         if self.remembers_position:
             wide[n, 0], wide[n, first_speed] = 1.0, -self.dt

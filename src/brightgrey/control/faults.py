@@ -141,8 +141,11 @@ def _doubts(case: Case) -> dict[str, float]:
 
 
 def _trial(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> Trial:
-    """What may have changed: the faults freely, all other parameters as far as the model does not know them."""
-    watched = {name for names in kinds.values() for name in names}
+    """What may have changed: the faults freely, every parameter as far as the model does not know it.
+
+    The doubt about a parameter that is a fault's only one is the fault's own and is added in the end.
+    """
+    watched = {names[0] for names in kinds.values() if len(names) == 1}
     doubtful = {n: min(s, _MOST_DOUBT) for n, s in _doubts(case).items() if n not in watched}
     changes = (*kinds.values(), *((name,) for name in doubtful))
     prior = np.array([0.0] * len(kinds) + [s**-2 for s in doubtful.values()])
@@ -158,7 +161,7 @@ def _findings(
     confidence: float,
 ) -> tuple[Finding, ...]:
     doubts = _doubts(case)
-    own = [max(doubts.get(name, 0.0) for name in names) for names in kinds.values()]
+    own = [doubts.get(names[0], 0.0) if len(names) == 1 else 0.0 for names in kinds.values()]
     return tuple(
         _finding(fault, names, float(point.size[i]), math.hypot(spread[i], own[i]), matters, confidence)
         for i, (fault, names) in enumerate(kinds.items())

@@ -196,7 +196,9 @@ def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: ArrayLike, tolerance
         if not coarse.any():
             break
         again = np.flatnonzero(coarse)
-        finer, still = _steps(lanes.picked(again), z[again], u0[again], u1[again], span[again], pieces, tolerance[again])
+        finer, still = _steps(
+            lanes.picked(again), z[again], u0[again], u1[again], span[again], pieces, tolerance[again]
+        )
         for whole, part in zip(step, finer, strict=True):
             whole[again] = part
         coarse[again] = still
@@ -229,7 +231,9 @@ def _steps(
             if e.limited:  # a contact that is made or lost is no bend; it is gone through in small steps
                 coarse |= (pieces < _PIECES[1]) & (np.abs(bend[:, e.state]) * h > tolerance * dt)
                 bend -= e.G * bend[:, e.state, None]
-        better = np.linalg.solve(np.eye(n) - 0.25 * h[:, None, None] * J, bend[:, :, None])[:, :, 0] * (h / 3.0)[:, None]
+        better = (
+            np.linalg.solve(np.eye(n) - 0.25 * h[:, None, None] * J, bend[:, :, None])[:, :, 0] * (h / 3.0)[:, None]
+        )
         coarse |= np.abs(better[:, lanes.speeds]).max(axis=1, initial=0.0) > tolerance
         z, put = lanes.inside(moved + better)
         by_input = np.einsum("kij,kj->ki", put, np.einsum("kij,kj->ki", E[:, :n, :n], by_input) + E[:, :n, n + 2])

@@ -9,26 +9,27 @@ Components that have come to agree are merged.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.control.course import Course, Watched
-from brightgrey.control.kalman import Filtered, Noise, Record, begin, predicted, updated
+from brightgrey.control.kalman import Filtered, Noise, Record, begin, extended, predicted, updated
 
 __all__ = ["mixture"]
 
 Array = NDArray[np.float64]
 _COMPONENTS = 20
-_APART = 0.866  # standard deviations between the halves of a split and their common mean
+_FILLED = 3  # of the components one in so many is in use at the start, each with its share of the gap
+_APART = float(np.sqrt(0.75))  # standard deviations from the middle to a half: those of a uniform distribution
 _REACH = 3.0  # standard deviations within which a contact is in doubt
 _MATTERS = 0.1  # of a speed's standard deviation: what a doubtful contact may change in a sample
-_IDLE = 1e-4  # weight of a component that may be given up for a split
+_MOST = 10.0  # beyond it, weight alone decides which component is split
+_IDLE = 1e-4  # of the largest weight: a component that may be given up for a split
 _AGREED = 0.2  # squared distance of components that are merged, in their common variance
-_PASSES = 3
-_MISSED = 0.0
-_SPLITS = 4  # in one sample
+_SLIGHT = 20.0  # a component of less than a twentieth of the weight is merged from farther off
+_PASSES = 3  # in one sample
+_SPLITS = 4  # in one pass
 
 
 @dataclass(frozen=True)
@@ -39,9 +40,14 @@ class _Bank:
     x: Array
     P: Array
 
+    @property
+    def alive(self) -> NDArray[np.bool_]:
+        """Which components have weight, shape (K, M)."""
+        return np.asarray(self.weights > _IDLE * self.weights.max(axis=1, keepdims=True))
+
 
 def mixture(watched: Watched, noise: Noise, components: int = _COMPONENTS) -> Filtered:
-    """Run the sum of Gaussians over the recordings.
+    """Run the sum of Gaussians over the recordings; without a gap it is the extended filter.
 
     Parameters
     ----------
@@ -55,34 +61,37 @@ def mixture(watched: Watched, noise: Noise, components: int = _COMPONENTS) -> Fi
     Filtered
         Mean and covariance of the sum. The likelihood is the sum's own.
     """
+    if not any(e.limits is not None for e in watched.system.elements):
+        return extended(watched, noise)
     samples, K = watched.u.shape
-    M = components
-    course = Course.of(watched, M)
-    R, torque = noise.sensors(K), noise.torques(K)
-    many_R, many_torque = np.repeat(R, M, axis=0), np.repeat(torque, M)
-    bank = _first(watched, course, torque, M)
+    course = Course.of(watched, components)
+    R, torque = (np.repeat(part, components, axis=0) for part in (noise.sensors(K), noise.torques(K)))
+    bank = _first(watched, course, noise.torques(K), components)
     out = Record.empty(samples, K, course.states, len(watched.differenced))
     chance = np.zeros(K)
     for k in range(samples):
         if k:
             bank = _merged(bank, course)
-            for _ in range(int(_PASSES)):
+            for _ in range(_PASSES):
                 bank = _split(bank, course, k - 1)
-            extra = _allowed(bank, course, k - 1)
-            x, P = predicted(course, k - 1, bank.x, bank.P, many_torque)
-            bank = _Bank(bank.weights, x, P + extra)
-        y = np.repeat(watched.y[k], M, axis=0)
-        after = updated(course, k, bank.x, bank.P, y, many_R)
-        expected, S = _moments(bank.weights, y - after.innovation, after.S)
-        likelihood = _log_normal(after.innovation, after.S).reshape(K, M) + np.log(np.maximum(bank.weights, 1e-300))
-        best = likelihood.max(axis=1, keepdims=True)
-        weights = np.exp(likelihood - best)
-        total = weights.sum(axis=1, keepdims=True)
-        chance += (best + np.log(total))[:, 0]
-        bank = _Bank(weights / total, after.x, after.P)
+            bank = _Bank(bank.weights, *predicted(course, k - 1, bank.x, bank.P, torque))
+        after = updated(course, k, bank.x, bank.P, np.repeat(watched.y[k], components, axis=0), R)
+        less, S = _moments(bank.weights, after.innovation, after.S)
+        weights, likelihood = _judged(bank.weights, after.innovation, after.S)
+        bank = _Bank(weights, after.x, after.P)
+        chance += likelihood
         mean, P = _moments(bank.weights, bank.x, bank.P)
-        out.keep(k, mean, P, watched.y[k] - expected, S)
+        out.keep(k, mean, P, less, S)
     return Filtered(out.z, out.std, out.innovations, out.covariances, chance)
+
+
+def _judged(weights: Array, innovation: Array, S: Array) -> tuple[Array, Array]:
+    """Weights after a sample, and the logarithm of its likelihood, shape (K,)."""
+    each = _log_normal(innovation, S).reshape(weights.shape) + np.log(np.maximum(weights, 1e-300))
+    best = each.max(axis=1, keepdims=True)
+    share = np.exp(each - best)
+    total = share.sum(axis=1, keepdims=True)
+    return share / total, np.asarray((best + np.log(total))[:, 0])
 
 
 def _log_normal(e: Array, S: Array) -> Array:
@@ -102,11 +111,11 @@ def _moments(weights: Array, x: Array, P: Array) -> tuple[Array, Array]:
 
 
 def _first(watched: Watched, course: Course, torque: Array, M: int) -> _Bank:
-    """Components evenly over every gap, its shaft relaxed."""
+    """Components evenly over every gap; the others are kept for splits."""
     K = watched.u.shape[1]
     x, P = begin(watched, course.picked(np.arange(K) * M), torque)
     x, P = np.repeat(x, M, axis=0), np.repeat(P, M, axis=0)
-    filled = max(1, M // 3) if any(e.limited for e in course.lanes.elements) else 1
+    filled = max(1, M // _FILLED)
     share = np.tile((np.arange(M) % filled + 0.5) / filled - 0.5, K)
     for e in course.lanes.elements:
         if e.limited:
@@ -117,101 +126,82 @@ def _first(watched: Watched, course: Course, torque: Array, M: int) -> _Bank:
     return _Bank(np.tile((np.arange(M) < filled) / filled, (K, 1)), x, P)
 
 
-class _Doubt(NamedTuple):
-    """Contacts in doubt: how much it matters (K M,), along what to split (K M, m), and what linearisation misses."""
+def _doubts(bank: _Bank, course: Course, k: int) -> tuple[Array, Array]:
+    """How much a doubtful contact matters to each component, shape (K M,), and along what to split it (K M, m).
 
-    score: Array
-    along: Array
-    missed: Array
-
-
-def _doubts(bank: _Bank, course: Course, k: int) -> _Doubt:
-    n = course.states
+    What decides is where the limited state is, or where its shaft would pull it.
+    """
+    n, speeds = course.states, course.lanes.speeds
     z, P = bank.x[:, :n], bank.P
-    std = np.sqrt(np.maximum(np.einsum("kii->ki", P)[:, :n], 0.0))
-    room = np.maximum(std, course.tolerance[:, None])[:, course.lanes.speeds]
-    rate = course.rate(k, bank.x)
-    score, along, missed = np.zeros(len(z)), np.zeros(bank.x.shape), np.zeros(bank.x.shape)
-    for e in course.lanes.elements:
-        if not e.limited:
-            continue
-        row, pull = e.deciding()
-        unit = np.zeros_like(row)
-        unit[:, e.state] = 1.0
-        for h in (row, unit):
-            middle, drift = np.einsum("ki,ki->k", h, z), np.einsum("ki,ki->k", h, rate) * course.dt
-            reach = np.einsum("kij,kj->ki", P[:, :, :n], h)
-            s = np.sqrt(np.maximum(np.einsum("ki,ki->k", h, reach[:, :n]), 1e-300))
-            low, high = np.minimum(middle, middle + drift), np.maximum(middle, middle + drift)
-            far = np.minimum(_outside(e.low, low, high), _outside(e.high, low, high)) / s
-            jump = (pull * s * course.dt)[:, None] * e.G
-            matter = (np.abs(jump[:, course.lanes.speeds]) / room).max(axis=1)
-            new = np.where((far < _REACH) & (matter > _MATTERS), np.minimum(matter, 10.0), 0.0)
-            better = new > score
-            score = np.where(better, new, score)
-            along[better] = (reach / s[:, None])[better]
-            part = _MISSED * np.exp(-0.5 * np.square(np.minimum(far,50.)))[:, None] * jump
-            missed[better, :n] = part[better]
-    return _Doubt(score, along, missed)
-
-
-def _outside(limit: Array, low: Array, high: Array) -> Array:
-    """Distance of a limit from [low, high]."""
-    return np.maximum(np.maximum(limit - high, low - limit), 0.0)
+    room = np.sqrt(np.maximum(np.einsum("kii->ki", P)[:, speeds], np.square(course.tolerance)[:, None]))
+    drift = course.rate(k, bank.x) * course.dt
+    score, along = np.zeros(len(z)), np.zeros(bank.x.shape)
+    for e in (e for e in course.lanes.elements if e.limited):
+        pulled, pull = e.deciding()
+        own = np.zeros_like(pulled)
+        own[:, e.state] = 1.0
+        for row in (pulled, own):
+            here, way = (np.einsum("ki,ki->k", row, part) for part in (z, drift))
+            reach = np.einsum("kij,kj->ki", P[:, :, :n], row)
+            std = np.sqrt(np.maximum(np.einsum("ki,ki->k", row, reach[:, :n]), 1e-300))
+            low, high = np.minimum(here, here + way), np.maximum(here, here + way)
+            far = np.min([np.maximum(np.maximum(limit - high, low - limit), 0.0) for limit in (e.low, e.high)], axis=0)
+            matter = np.max(np.abs(e.G[:, speeds]) * (pull * std * course.dt)[:, None] / room, axis=1)
+            found = np.where((far < _REACH * std) & (matter > _MATTERS), np.minimum(matter, _MOST), 0.0)
+            more = found > score
+            score[more], along[more] = found[more], reach[more] / std[more, None]
+    return score, along
 
 
 def _split(bank: _Bank, course: Course, k: int) -> _Bank:
     """Split the components whose contact is most in doubt, in place of those that have no weight."""
     K, M = bank.weights.shape
-    doubt = _doubts(bank, course, k)
-    alive = bank.weights > _IDLE * bank.weights.max(axis=1, keepdims=True)
-    score = np.where(alive, doubt.score.reshape(K, M) * bank.weights, 0.0)
-    weights, x, P = bank.weights.copy(), bank.x.copy(), bank.P.copy()
-    wanting, idle = np.argsort(-score, axis=1), np.argsort(weights, axis=1)
+    score, along = _doubts(bank, course, k)
+    alive = bank.alive
+    wish = np.where(alive, score.reshape(K, M) * bank.weights, 0.0)
+    weights, x, P = np.where(alive, bank.weights, 0.0), bank.x.copy(), bank.P.copy()
+    wanting, idle = np.argsort(-wish, axis=1), np.argsort(bank.weights, axis=1)
     rows = np.arange(K)
-    for i in range(min(_SPLITS, M // 2)):
+    for i in range(min(_SPLITS, M)):
         one, other = wanting[:, i], idle[:, i]
-        do = (score[rows, one] > 0.0) & ~alive[rows, other]
-        r = rows[do]
-        a, b = r * M + one[do], r * M + other[do]
-        shift = _APART * doubt.along[a]
+        r = rows[(wish[rows, one] > 0.0) & ~alive[rows, other]]
+        a, b = r * M + one[r], r * M + other[r]
+        shift = _APART * along[a]
         P[a] -= shift[:, :, None] * shift[:, None, :]
-        P[b] = P[a]
-        x[b] = x[a] + shift
-        x[a] = x[a] - shift
-        weights[r, one[do]] *= 0.5
-        weights[r, other[do]] = weights[r, one[do]]
+        x[b], P[b] = x[a] + shift, P[a]
+        x[a] -= shift
+        weights[r, one[r]] *= 0.5
+        weights[r, other[r]] = weights[r, one[r]]
     return _Bank(weights / weights.sum(axis=1, keepdims=True), course.clipped(x), P)
-
-
-def _allowed(bank: _Bank, course: Course, k: int) -> Array:
-    missed = _doubts(bank, course, k).missed
-    return missed[:, :, None] * missed[:, None, :]
 
 
 def _merged(bank: _Bank, course: Course) -> _Bank:
     """Merge in each recording the two components that are nearest to each other, if they agree."""
-    K, M = bank.weights.shape
-    n = course.states
-    rows = np.arange(K)
+    M = bank.weights.shape[1]
+    i, j, near = _nearest(bank, course)
+    r = np.flatnonzero(near)
     weights, x, P = bank.weights.copy(), bank.x.copy(), bank.P.copy()
-    each, var = x.reshape(K, M, -1)[:, :, :n], np.einsum("kii->ki", P).reshape(K, M, -1)[:, :, :n]
-    floor = np.square(course.least()).reshape(K, M, n)[:, :1]
-    d = np.square(each[:, :, None] - each[:, None, :]) / (var[:, :, None] + var[:, None, :] + floor[:, None])
-    share = weights[:, :, None] * weights[:, None, :] / (weights[:, :, None] + weights[:, None, :] + 1e-300)
-    cost = d.max(axis=3) * np.minimum(20.0 * share, 1.0)
-    used = weights > _IDLE * weights.max(axis=1, keepdims=True)
-    cost = np.where(used[:, :, None] & used[:, None, :] & ~np.eye(M, dtype=bool), cost, np.inf)
-    flat = cost.reshape(K, -1).argmin(axis=1)
-    i, j = flat // M, flat % M
-    do = cost.reshape(K, -1)[rows, flat] < _AGREED
-    r = rows[do]
-    a, b = r * M + i[do], r * M + j[do]
-    wa, wb = weights[r, i[do]], weights[r, j[do]]
-    total = wa + wb
-    fa, fb = (wa / total)[:, None], (wb / total)[:, None]
+    a, b = r * M + i[r], r * M + j[r]
+    total = weights[r, i[r]] + weights[r, j[r]]
+    share, rest = weights[r, i[r]] / total, weights[r, j[r]] / total
     apart = x[a] - x[b]
-    P[a] = fa[:, :, None] * P[a] + fb[:, :, None] * P[b] + (fa * fb)[:, :, None] * apart[:, :, None] * apart[:, None, :]
-    x[a] = fa * x[a] + fb * x[b]
-    weights[r, i[do]], weights[r, j[do]] = total, 0.0
+    between = (share * rest)[:, None, None] * apart[:, :, None] * apart[:, None, :]
+    P[a] = share[:, None, None] * P[a] + rest[:, None, None] * P[b] + between
+    x[a] = share[:, None] * x[a] + rest[:, None] * x[b]
+    weights[r, i[r]], weights[r, j[r]] = total, 0.0
     return _Bank(weights, x, P)
+
+
+def _nearest(bank: _Bank, course: Course) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Numbers of the two components that are nearest to each other, shape (K,), and whether they agree."""
+    K, M = bank.weights.shape
+    n, weights, alive = course.states, bank.weights, bank.alive
+    x = bank.x.reshape(K, M, -1)[:, :, :n]
+    var = np.einsum("kii->ki", bank.P).reshape(K, M, -1)[:, :, :n]
+    least = np.square(course.least()).reshape(K, M, n)[:, :1, None]
+    apart = np.square(x[:, :, None] - x[:, None]) / (var[:, :, None] + var[:, None] + least)
+    both = weights[:, :, None] * weights[:, None] / (weights[:, :, None] + weights[:, None] + 1e-300)
+    cost = apart.max(axis=3) * np.minimum(_SLIGHT * both, 1.0)
+    cost = np.where(alive[:, :, None] & alive[:, None] & ~np.eye(M, dtype=bool), cost, np.inf).reshape(K, -1)
+    best = cost.argmin(axis=1)
+    return best // M, best % M, np.asarray(cost.min(axis=1) < _AGREED)

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from brightgrey.control.coordinates import Twisted, twisted
 from brightgrey.control.course import Watched
 from brightgrey.control.kalman import Noise, extended
+from brightgrey.effects import Element
 from brightgrey.errors import RecordingError
 from brightgrey.estimation.onset import initial_state, noise_of
-from brightgrey.effects import Element
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
