@@ -37,8 +37,8 @@ class Gapped:
     port : ndarray, shape (n,)
         Row of the states that drives it.
     states : callable
-        From angular frequencies (h,) and the fundamental's states (n,) to the states (h, n) that a position of amplitude 1
-        in the gap leaves at each frequency.
+        From angular frequencies (h,) and the fundamental's states (n,) to the states (h, n) that a position of
+        amplitude 1 in the gap leaves at each frequency.
     """
 
     half: float
@@ -88,7 +88,7 @@ def balanced(gap: Gapped, omega: float, states: Complex) -> Balanced | None:
 
     def at(p: Array) -> tuple[float, Complex, Complex]:
         w = omega * float(np.exp(p[0]))
-        position = gap.half * np.append(p[1], p[2::2] + 1j * p[3::2])
+        position: Complex = np.asarray(gap.half * np.append(p[1], p[2::2] + 1j * p[3::2]), complex)
         per_position = gap.states(w * _HARMONICS, known)
         return w, position, per_position * position[:, None]
 
@@ -101,10 +101,10 @@ def balanced(gap: Gapped, omega: float, states: Complex) -> Balanced | None:
     begin = np.concatenate([[0.0], start])
     found = begin
     for _ in range(3):  # friction's gain follows the fundamental
-        solution = least_squares(miss, found, diff_step=1e-5, x_scale=0.1, max_nfev=40)
+        solution = least_squares(miss, found, diff_step=np.full(len(found), 1e-5), x_scale=0.1, max_nfev=40)
         found = solution.x
         known = at(found)[2][0]
-    size = float(np.linalg.norm(known) / np.linalg.norm(states))
+    size = max(float(np.linalg.norm(known) / np.linalg.norm(states)), 1e-300)
     if np.abs(solution.fun).max() > _MET or abs(found[0]) > _NEAR or abs(np.log(size)) > _NEAR:
         return None
     return Balanced(omega * float(np.exp(found[0])), known)

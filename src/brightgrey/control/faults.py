@@ -170,20 +170,19 @@ def _findings(
 
 def _spread(found: Point, prior: Array) -> Array:
     """Standard deviation of each estimated size, with autocorrelated innovations allowed for."""
-    slopes, white = found.slopes, found.white
-    information = slopes.T @ slopes + np.diag(prior) if np.isfinite(found.posterior) else np.zeros((len(prior),) * 2)
-    scale = np.sqrt(np.diag(information))
+    information = found.information
+    scale = np.sqrt(np.diag(information)) if np.isfinite(found.posterior) else np.zeros(len(prior))
     if not np.all(scale > 0.0) or np.linalg.cond(information / scale[:, None] / scale) > _SINGULAR:
         return np.full(len(prior), np.inf)
-    scores = slopes * white[:, None]
+    scores = found.scores - found.scores.mean(axis=0)
     total = scores.T @ scores + np.diag(prior)
-    lags = max(1, int(len(white) ** (1.0 / 3.0)))
+    lags = max(1, int(len(scores) ** (1.0 / 3.0)))
     for lag in range(1, lags + 1):
         part = scores[lag:].T @ scores[:-lag]
         total += (1.0 - lag / (lags + 1.0)) * (part + part.T)
     inverse = np.linalg.inv(information)
     robust = np.diag(inverse @ total @ inverse)
-    plain = np.diag(inverse) * max(1.0, float(np.mean(white**2)))
+    plain = np.diag(inverse) * max(1.0, float(np.mean(found.white**2)))
     return np.asarray(np.sqrt(np.maximum(robust, plain)))
 
 
