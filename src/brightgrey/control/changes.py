@@ -152,8 +152,8 @@ def _around(trial: Trial, size: Array) -> Generator[Array, _Answer, Point]:
     m = len(size)
     answer = yield size + _DIFFERENCE * np.vstack([np.zeros((1, m)), np.eye(m), -np.eye(m)])
     white, volume = ((part[1 : m + 1] - part[m + 1 :]) / (2.0 * _DIFFERENCE) for part in answer[1:])
-    chance = -0.5 * (np.square(answer.white).sum(axis=2) + answer.volume)
-    scores = (chance[1 : m + 1] - chance[m + 1 :]).T / (2.0 * _DIFFERENCE)
+    # Not the difference of their squares: far from the best fit its error would hide what is known beforehand.
+    scores = -((white * answer.white[0]).sum(axis=2) + 0.5 * volume).T
     flat = white.reshape(m, -1)
     information = flat @ flat.T + 0.5 / white.shape[2] * volume @ volume.T + np.diag(trial.prior)
     usable = bool(np.isfinite(scores).all() and np.isfinite(information).all())

@@ -2,7 +2,7 @@
 
 The declarations say which parameters belong to one fault. The innovations of a filter with the model are white as
 long as the drive is the model's; a fault makes them follow their derivative by the size of the fault. That size is
-estimated from them (Gauss-Newton on the whitened innovations), with a covariance that allows for innovations which
+estimated from them (Fisher's scoring), with a covariance that allows for innovations which
 are not quite white (Newey, West 1987, doi:10.2307/1913610), and a fault is reported when it is larger than what
 matters, at the confidence asked for.
 """
@@ -141,12 +141,18 @@ def _doubts(case: Case) -> dict[str, float]:
 
 
 def _trial(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> Trial:
-    """What may have changed: the faults freely, every parameter as far as the model does not know it.
+    """What may have changed: the faults freely, every other parameter as far as the model does not know it.
 
-    The doubt about a parameter that is a fault's only one is the fault's own and is added in the end.
+    The first parameter of a fault stands for it, and the doubt about it is added in the end; the fault's other
+    parameters may be off against it.
     """
-    watched = {names[0] for names in kinds.values() if len(names) == 1}
-    doubtful = {n: min(s, _MOST_DOUBT) for n, s in _doubts(case).items() if n not in watched}
+    doubts = _doubts(case)
+    first = {name: names[0] for names in kinds.values() for name in names}
+    doubtful = {
+        n: min(math.hypot(s, doubts.get(first[n], 0.0) if n in first else 0.0), _MOST_DOUBT)
+        for n, s in doubts.items()
+        if first.get(n) != n
+    }
     changes = (*kinds.values(), *((name,) for name in doubtful))
     prior = np.array([0.0] * len(kinds) + [s**-2 for s in doubtful.values()])
     return Trial(case.values, case.recording, case.noise, changes, prior)
@@ -161,7 +167,7 @@ def _findings(
     confidence: float,
 ) -> tuple[Finding, ...]:
     doubts = _doubts(case)
-    own = [doubts.get(names[0], 0.0) if len(names) == 1 else 0.0 for names in kinds.values()]
+    own = [doubts.get(names[0], 0.0) for names in kinds.values()]
     return tuple(
         _finding(fault, names, float(point.size[i]), math.hypot(spread[i], own[i]), matters, confidence)
         for i, (fault, names) in enumerate(kinds.items())

@@ -18,7 +18,7 @@ from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["Seen", "noise_levels", "see", "shaft_torque"]
+__all__ = ["Seen", "first_state", "noise_levels", "see", "shaft_torque"]
 
 Array = NDArray[np.float64]
 _AT_REST = 0.02  # of the speed scale: how well the first speed is known
@@ -82,7 +82,7 @@ def see(
     sensors, starts, torques = (np.array(part) for part in zip(*(own[id(r)] for r in each), strict=True))
     speed_noise = _speed_noise(kinds, sensors, settings)
     speed = _AT_REST * settings.speed_scale
-    z0, P0 = _start(coordinates, starts, speed, speed_noise, _AT_REST * torques)
+    z0, P0 = first_state(coordinates, starts, speed, speed_noise, _AT_REST * torques)
     if "position" in kinds:
         P0[:, 0, 0] = np.square(sensors[:, kinds.index("position")])
     watched = Watched(
@@ -116,11 +116,20 @@ def _speed_noise(kinds: Sequence[str], sensors: Array, settings: Settings) -> Ar
     return np.asarray(np.clip(least, 1e-4 * settings.speed_scale, 1e-2 * settings.speed_scale))
 
 
-def _start(coordinates: Twisted, x0: Array, speed: float, apart: Array, torque: Array) -> tuple[Array, Array]:
+def first_state(coordinates: Twisted, x0: Array, speed: float, apart: Array, torque: Array) -> tuple[Array, Array]:
     """First state, shape (K, n), and its covariance: all masses move alike, gaps stand anywhere, shafts are relaxed.
 
-    `speed` is how well the common speed is known, `apart` (K,) how equal those of the masses are where the drive
-    starts from rest.
+    Parameters
+    ----------
+    coordinates : Twisted
+    x0 : ndarray, shape (K, states)
+        Expected state but for gaps.
+    speed : float
+        How well the common speed is known.
+    apart : ndarray, shape (K,)
+        How equal the speeds of the masses are where the drive starts from rest.
+    torque : ndarray, shape (K,)
+        How well a lagging input is known.
     """
     system = coordinates.system
     n, K = len(system.states), len(x0)
@@ -143,7 +152,7 @@ def _start(coordinates: Twisted, x0: Array, speed: float, apart: Array, torque: 
             low, high = np.broadcast_to(e.limits.lower, (K,)), np.broadcast_to(e.limits.upper, (K,))
             follows = np.zeros((K, n))
             follows[:, e.limits.state] = 1.0
-            twist = relaxing(e, system)
+            twist = _relaxing(e, system)
             H = e.H[0].reshape(n, -1)
             follows[:, twist] = -H[e.limits.state] / H[twist]
             z0 += (0.5 * (low + high))[:, None] * follows
@@ -152,7 +161,7 @@ def _start(coordinates: Twisted, x0: Array, speed: float, apart: Array, torque: 
     return z0, P0
 
 
-def relaxing(gap: Element, system: StateSpace) -> int:
+def _relaxing(gap: Element, system: StateSpace) -> int:
     """Number of the twist that stands where the position in `gap` does, when its shaft is relaxed."""
     assert gap.limits is not None
     H = np.abs(gap.H[0].reshape(len(system.states), -1)).max(axis=1)
