@@ -177,7 +177,7 @@ def test_hidden_motion_torque_and_gap_are_estimated():
     assert np.sqrt(np.mean((found.z[settled, 0, names.index("lambda1")] - gap[settled]) ** 2)) < 0.1 * VALUES["alpha"]
     wound = VALUES["c1"] * (q1 - q2 - gap)
     rates = np.gradient(q1 - q2 - gap, recording.dt)
-    torque = shaft_torque(seen.watched.system, found.z[:, 0])
+    torque = shaft_torque(seen.watched.system, found.likeliest[:, 0])
     exact = wound + VALUES["d1"] * rates
     assert np.sqrt(np.mean((torque - exact)[settled] ** 2)) < 0.05 * np.abs(exact).max()
     assert np.abs(v1).max() > 1.0

@@ -55,6 +55,8 @@ class Filtered:
         Estimated states, each from the samples up to its own.
     std : ndarray, shape (samples, K, n)
         Their standard deviations.
+    likeliest : ndarray, shape (samples, K, n)
+        The states of the likeliest component of a sum of Gaussians; else the estimated ones.
     innovations : ndarray, shape (samples, K, outputs)
         Measured less predicted.
     covariances : ndarray, shape (samples, K, outputs, outputs)
@@ -65,6 +67,7 @@ class Filtered:
 
     z: Array
     std: Array
+    likeliest: Array
     innovations: Array
     covariances: Array
     log_likelihood: Array
@@ -151,6 +154,7 @@ class Record:
 
     z: Array
     std: Array
+    likeliest: Array
     innovations: Array
     covariances: Array
 
@@ -160,14 +164,16 @@ class Record:
         return cls(
             np.empty((samples, K, n)),
             np.empty((samples, K, n)),
+            np.empty((samples, K, n)),
             np.empty((samples, K, outputs)),
             np.empty((samples, K, outputs, outputs)),
         )
 
-    def keep(self, k: int, x: Array, P: Array, innovation: Array, S: Array) -> None:
+    def keep(self, k: int, x: Array, P: Array, innovation: Array, S: Array, likeliest: Array | None = None) -> None:
         """Write down sample k."""
         n = self.z.shape[2]
         self.z[k], self.innovations[k], self.covariances[k] = x[:, :n], innovation, S
+        self.likeliest[k] = (x if likeliest is None else likeliest)[:, :n]
         self.std[k] = np.sqrt(np.maximum(np.einsum("kii->ki", P)[:, :n], 0.0))
 
     def gaussian(self) -> Filtered:
@@ -175,4 +181,8 @@ class Record:
         solved = np.linalg.solve(self.covariances, self.innovations[..., None])[..., 0]
         _, size = np.linalg.slogdet(2.0 * np.pi * self.covariances)
         nis = np.sum(self.innovations * solved, axis=-1)
-        return Filtered(self.z, self.std, self.innovations, self.covariances, -0.5 * np.sum(nis + size, axis=0))
+        return self.likely(-0.5 * np.sum(nis + size, axis=0))
+
+    def likely(self, log_likelihood: Array) -> Filtered:
+        """What was found, with its likelihood."""
+        return Filtered(self.z, self.std, self.likeliest, self.innovations, self.covariances, log_likelihood)

@@ -81,8 +81,9 @@ def mixture(watched: Watched, noise: Noise, components: int = _COMPONENTS) -> Fi
         bank = _Bank(weights, after.x, after.P)
         chance += likelihood
         mean, P = _moments(bank.weights, bank.x, bank.P)
-        out.keep(k, mean, P, less, S)
-    return Filtered(out.z, out.std, out.innovations, out.covariances, chance)
+        heaviest = np.arange(K) * components + bank.weights.argmax(axis=1)
+        out.keep(k, mean, P, less, S, bank.x[heaviest])
+    return out.likely(chance)
 
 
 def _judged(weights: Array, innovation: Array, S: Array) -> tuple[Array, Array]:
