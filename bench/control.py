@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterable
+import time
 from pathlib import Path
 
 import numpy as np
@@ -24,10 +24,11 @@ from brightgrey import identify, read_recording
 from brightgrey.control.analysis import analyse
 from brightgrey.control.closed_loop import closed_loop
 from brightgrey.control.controllers import OutputFeedback
-from brightgrey.control.faults import Case, faults, groups
+from brightgrey.control.faults import Case, Finding, faults, groups
 from brightgrey.control.harmonic import limit_cycles
 from brightgrey.control.kalman import Noise, extended
 from brightgrey.control.loops import Compensator
+from brightgrey.control.mixture import mixture
 from brightgrey.control.unscented import unscented
 from brightgrey.control.watching import noise_levels, see
 from brightgrey.errors import BrightgreyError
@@ -35,7 +36,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.plants import random_values
 from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording, Signal
-from brightgrey.simulation import Settings
+from brightgrey.simulation import Settings, response
 from brightgrey.simulation.reference import UnsettledError, agreement, reference
 
 NOISE = 0.02  # rad/s
@@ -43,6 +44,8 @@ STEP = 0.01  # rad/s
 SETTINGS = Settings(E.f_tanh, E.speed)
 FAULTS = {"friction": 1.5, "backlash": 2.0, "load": 1.3}
 MODEL_STD = 0.02  # relative error of the model's parameters, as an identification leaves it
+ALL = "all"
+FAULTY = ("two_mass+coulomb+viscous", "two_mass+coulomb+viscous+backlash")
 DATA = Path(os.environ.get("BRIGHTGREY_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
@@ -57,45 +60,89 @@ def wilson(hits: int, of: int) -> str:
 
 
 def recorded(
-    structure: Structure, values: dict[str, float], rng: np.random.Generator, *, every: int = 1, torque: float = 0.0
+    structure: Structure,
+    values: dict[str, float],
+    rng: np.random.Generator,
+    *,
+    every: int = 1,
+    torque: float = 0.0,
+    by_reference: bool = True,
+    anywhere: bool = False,
 ):
-    """Recording of a drive by the reference solver; `torque` is the size of a disturbance that is not recorded."""
+    """Recording of a drive; `torque` is the size of a disturbance that is not recorded.
+
+    With `anywhere` a gap stands anywhere at the start, its shaft relaxed; else the drive starts pushed forward.
+    """
     u = E.torque()[::every]
     dt = E.dt * every
     pushed = u + torque * rng.normal(size=len(u))
     hold = "zoh" if torque else "linear"
-    v = reference(structure, values, pushed, dt, f_tanh=E.f_tanh, hold=hold)[0]
+    system = assemble(structure, values, E.f_tanh)
+    x0 = system.rest(0.0, 0.0, float(u[0]))
+    if anywhere:
+        for k in range(1, 4):
+            if f"lambda{k}" in system.state_names:
+                x0[system.state_names.index(f"lambda{k}")] = at = -2.0 * values["alpha"] * rng.random()
+                for j in range(k + 1, 5):
+                    if f"q{j}" in system.state_names:
+                        x0[system.state_names.index(f"q{j}")] = -at
+    if by_reference:
+        v = reference(structure, values, pushed, dt, f_tanh=E.f_tanh, hold=hold, x0=x0)[0]
+    else:
+        v = response(system, pushed, dt, x0, Settings(E.f_tanh, E.speed, hold=hold)).y[0, :, 0]
     y = np.round((v + NOISE * rng.normal(size=len(v))) / STEP) * STEP
     signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
     return Recording("simulated", dt * np.arange(len(u)), u, y[None], *signals, hold=hold)
 
 
-def consistency(runs: int, seed: int, names: Iterable[str]) -> None:
-    """Share of runs whose summed NIS lies in its 95 % band, both filters."""
-    sensor = np.array([np.hypot(NOISE, STEP / np.sqrt(12.0))])
+STRUCTURES = {
+    "one_mass+coulomb+viscous+stribeck+gravity": (extended,),
+    "two_mass+coulomb+viscous": (extended, unscented),
+    "three_mass+coulomb+viscous+stribeck": (extended,),
+    "two_mass+coulomb+viscous+stribeck+gravity+current_control+delay": (extended,),
+    "two_mass+coulomb+viscous+backlash": (extended, mixture),
+    "two_mass+coulomb+viscous+stribeck+backlash+current_control+delay": (extended, mixture),
+}
+
+
+def consistency(runs: int, seed: int, name: str, by_reference: bool) -> None:
+    """Share of runs whose summed NIS lies in its 95 % band. Every run has a drive and noises of its own."""
     torque = 0.05
-    for name in names:
-        structure = Structure.parse(name)
+    noise = Noise(torque, np.array([np.hypot(NOISE, STEP / np.sqrt(12.0))]))
+    number = list(STRUCTURES).index(name)
+    structure = Structure.parse(name)
+    totals: dict[str, list[float]] = {run_filter.__name__: [] for run_filter in STRUCTURES[name]}
+    spent = dict.fromkeys(totals, 0.0)
+    samples = E.samples
+    for first in range(0, runs, 100):
         drawn, recordings = [], []
-        for run in range(runs):
-            rng = np.random.default_rng([seed, run])
+        for run in range(first, min(first + 100, runs)):
+            rng = np.random.default_rng([seed, number, run])
             values = random_values(structure.parameters, rng)
             try:
-                recordings.append(recorded(structure, values, rng, torque=torque))
+                options = {"torque": torque, "by_reference": by_reference, "anywhere": True}
+                recordings.append(recorded(structure, values, rng, **options))
             except UnsettledError:
                 continue
             drawn.append(values)
         arrays = {n: np.array([values[n] for values in drawn]) for n in structure.parameters}
         watched = see(structure, arrays, recordings, SETTINGS).watched
-        low, high = chi2.ppf([0.025, 0.975], len(watched.u))
-        for run_filter in (extended, unscented):
-            total = run_filter(watched, Noise(torque, sensor)).nis.sum(axis=0)
-            inside = (low < total) & (total < high)
-            odd = ", ".join(f"{t / len(watched.u):.2f}" for t in np.sort(total[~inside]))
-            print(
-                f"{name}: {run_filter.__name__} {wilson(int(inside.sum()), len(inside))}; mean NIS outside: {odd}",
-                flush=True,
-            )
+        for run_filter in STRUCTURES[name]:
+            begun = time.process_time()
+            totals[run_filter.__name__] += list(run_filter(watched, noise).nis.sum(axis=0))
+            spent[run_filter.__name__] += time.process_time() - begun
+    low, high = chi2.ppf([0.025, 0.975], samples)
+    print(f"{name}: truth by {'the reference solver' if by_reference else 'the kernel at accurate'}, seed {seed}")
+    for text, found in totals.items():
+        total = np.array(found)
+        inside = (low < total) & (total < high)
+        odd = ", ".join(f"{t / samples:.3g}" for t in np.sort(total[~inside]))
+        spread = float(np.std((total - samples) / np.sqrt(2.0 * samples)))
+        print(
+            f"  {text}: {wilson(int(inside.sum()), len(inside))}; above the band {int(np.sum(total >= high))}, spread "
+            f"{spread:.3g} of the expected one; {spent[text] / len(total):.2g} s each; mean NIS outside: {odd}",
+            flush=True,
+        )
 
 
 def fundamental(y: np.ndarray, dt: float) -> tuple[float, float]:
@@ -171,40 +218,55 @@ def cycles(runs: int, seed: int) -> None:
         )
 
 
-def cases_of(structure: Structure, run: int, seed: int) -> list[tuple[str, Case]] | None:
+def cases_of(structure: Structure, run: int, seed: int, by_reference: bool) -> list[tuple[str, Case]] | None:
     """One drive, healthy and with each fault; None if it is chaotic. The model is off as after an identification."""
     rng = np.random.default_rng([seed, run])
     kinds = groups(structure)
     truth = random_values(structure.parameters, rng)
     u, dt = E.torque()[::2], 2 * E.dt
-    if agreement(structure, truth, u, dt, f_tanh=E.f_tanh, outputs=("velocity", "position"), both=False).chaotic:
+    options = {"f_tanh": E.f_tanh, "outputs": ("velocity", "position"), "both": False}
+    if "backlash" in structure.names and agreement(structure, truth, u, dt, **options).chaotic:
         return None
     model = {n: v * float(np.exp(MODEL_STD * rng.normal())) for n, v in truth.items()}
     std = {n: MODEL_STD * abs(v) for n, v in model.items()}
-    noise = noise_levels(structure, model, recorded(structure, truth, rng, every=2), SETTINGS)
+    noise = noise_levels(
+        structure, model, recorded(structure, truth, rng, every=2, by_reference=by_reference), SETTINGS
+    )
     cases = []
     for broken in (None, *kinds):
         factor = FAULTS[broken.subject] if broken else 1.0
         now = {n: v * (factor if broken and n in kinds[broken] else 1.0) for n, v in truth.items()}
-        recording = recorded(structure, now, rng, every=2)
+        recording = recorded(structure, now, rng, every=2, by_reference=by_reference)
         cases.append((broken.subject if broken else "", Case(model, recording, noise, std)))
     return cases
 
 
-def watch(name: str, runs: int, seed: int) -> None:
-    """Detections and false alarms."""
+def watch(name: str, runs: int, seed: int, by_reference: bool) -> None:
+    """Detections and false alarms; counted anew after every twenty drives."""
     structure = Structure.parse(name)
     cases: list[tuple[str, Case]] = []
+    results: list[tuple[Finding, ...]] = []
     left_out = 0
-    for run in range(runs):
-        try:
-            found = cases_of(structure, run, seed)
-        except UnsettledError:
-            found = None
-        left_out += found is None
-        cases += found or []
-    print(f"{name}: {runs - left_out} drives, seed {seed}, {left_out} chaotic ones left out", flush=True)
-    results = faults(structure, SETTINGS, [case for _, case in cases])
+    for first in range(0, runs, 20):
+        drawn: list[tuple[str, Case]] = []
+        for run in range(first, min(first + 20, runs)):
+            try:
+                found = cases_of(structure, run, seed, by_reference)
+            except UnsettledError:
+                found = None
+            left_out += found is None
+            drawn += found or []
+        cases += drawn
+        results += faults(structure, SETTINGS, [case for _, case in drawn])
+        last = first + 20 >= runs
+        print(f"{name}: {min(first + 20, runs) - left_out} drives, seed {seed}, {left_out} chaotic ones left out")
+        counted(structure, cases, results, every_miss=last)
+
+
+def counted(
+    structure: Structure, cases: list[tuple[str, Case]], results: list[tuple[Finding, ...]], *, every_miss: bool
+) -> None:
+    """Print shares of detections and false alarms."""
     alarms = [any(f.verdict == "changed" for f in fs) for (b, _), fs in zip(cases, results, strict=True) if not b]
     print(f"  healthy recordings with any alarm: {wilson(sum(alarms), len(alarms))}")
     for subject in (fault.subject for fault in groups(structure)):
@@ -213,14 +275,13 @@ def watch(name: str, runs: int, seed: int) -> None:
         others = [f for b, f in own if b != subject]
         hits, false = (sum(f.verdict == "changed" for f in part) for part in (guilty, others))
         open_ones = sum(f.verdict == "not decidable" for f in guilty)
-        decided = len(guilty) - open_ones
         print(
-            f"  {subject}: detected {wilson(hits, len(guilty))}, not decidable {open_ones}, of the decidable "
-            f"{wilson(hits, decided)}; alarmed without cause {wilson(false, len(others))}",
+            f"  {subject}: detected {wilson(hits, len(guilty))}, not decidable {open_ones}; "
+            f"alarmed without cause {wilson(false, len(others))}",
             flush=True,
         )
         for (_, case), (b, f) in zip(cases, own, strict=True):
-            if (b == subject) != (f.verdict == "changed"):
+            if every_miss and (b == subject) != (f.verdict == "changed"):
                 brief = {n: float(f"{v:.2g}") for n, v in case.values.items()}
                 print(f"    {b or 'healthy'}: {f.text}  {brief}")
 
@@ -265,20 +326,18 @@ def main() -> None:
     parser.add_argument("what", choices=("consistency", "cycles", "faults", "emps"))
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--structure", default="two_mass+coulomb+viscous+backlash")
+    parser.add_argument("--structure", default=ALL)
+    parser.add_argument("--reference", action="store_true", help="simulate by the reference solver, not the kernel")
     options = parser.parse_args()
     if options.what == "consistency":
-        names = (
-            "one_mass+coulomb+viscous+stribeck+gravity",
-            "two_mass+coulomb+viscous",
-            "two_mass+coulomb+viscous+stribeck+gravity+current_control+delay",
-            "two_mass+coulomb+viscous+backlash",
-        )
-        consistency(options.runs, options.seed, names)
+        for name in STRUCTURES:
+            if options.structure in (name, ALL):
+                consistency(options.runs, options.seed, name, options.reference)
     elif options.what == "cycles":
         cycles(options.runs, options.seed)
     elif options.what == "faults":
-        watch(options.structure, options.runs, options.seed)
+        for name in FAULTY if options.structure == ALL else (options.structure,):
+            watch(name, options.runs, options.seed, options.reference)
     else:
         emps()
 

@@ -10,15 +10,18 @@ from scipy.linalg import expm
 from scipy.stats import chi2
 
 from brightgrey.control.coordinates import twisted
+from brightgrey.control.course import Course
 from brightgrey.control.faults import Case, faults, groups
-from brightgrey.control.flow import Lanes, ahead, delayed_input, exponential
+from brightgrey.control.flow import Lanes, ahead, exponential
 from brightgrey.control.kalman import Noise, extended
+from brightgrey.control.mixture import mixture
 from brightgrey.control.unscented import unscented
 from brightgrey.control.watching import noise_levels, see, shaft_torque
 from brightgrey.effects import registry
 from brightgrey.errors import SettingsError
-from brightgrey.kit import Structure
-from brightgrey.recordings import Signal
+from brightgrey.kit import Structure, assemble
+from brightgrey.recordings import Recording, Signal
+from brightgrey.simulation import response
 from brightgrey.simulation.reference import reference
 
 FULL = "two_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
@@ -31,18 +34,34 @@ def test_exponentials_are_those_of_scipy():
         assert_allclose(mine, exact, atol=1e-9 * np.abs(exact).max())
 
 
+def carried(text, u, hold, **changed):
+    """Course of the first output by the steps of the filters, from rest, and the reference's."""
+    structure, values = Structure.parse(text), values_of(text, **changed)
+    t = E.dt * np.arange(len(u))
+    signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
+    seen = see(structure, values, Recording("none", t, u, 0.01 * u[None], *signals, hold=hold), SETTINGS)
+    watched, course = seen.watched, Course.of(seen.watched)
+    at_rest = system_of(text, **changed).rest(0.0, 0.0, float(u[0]))[None]
+    x, _ = course.start(at_rest @ seen.twisted.W.T, watched.P0, np.zeros(1), watched.system.state_names.index("v1"))
+    y = [course.measure(0, x)[0][0, 0]]
+    for k in range(len(u) - 1):
+        x = course.carry(k, x).x
+        y.append(course.measure(k + 1, x)[0][0, 0])
+    return np.array(y), reference(structure, values, u, E.dt, f_tanh=E.f_tanh, hold=hold)[0]
+
+
 @pytest.mark.parametrize("text", ["two_mass+coulomb+viscous+stribeck+gravity+current_control", FULL])
 def test_steps_follow_the_reference(text):
-    system = twisted(system_of(text)).system
-    lanes = Lanes.of(system)
-    u = E.torque()[:900]
-    begin, end = delayed_input(u[:, None], E.dt, np.array([float(np.asarray(system.dead_time))]), "linear")
-    z, v = np.zeros((1, len(system.states))), [0.0]
-    for k in range(len(u) - 1):
-        z = ahead(lanes, z, begin[k], end[k], E.dt, np.full(1, 1e-3)).z
-        v.append(z[0, system.state_names.index("v1")])
-    exact = reference(text, values_of(text), u, E.dt, f_tanh=E.f_tanh)[0]
-    assert np.abs(np.array(v) - exact).max() < 2e-3 * np.abs(exact).max()
+    mine, exact = carried(text, E.torque()[:900], "linear")
+    assert np.abs(mine - exact).max() < 2e-3 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("hold", ["linear", "zoh"])
+@pytest.mark.parametrize("samples", [0.3, 1.0, 1.6, 2.0])
+def test_dead_times_of_parts_of_a_sample_are_carried_exactly(hold, samples):
+    u = np.random.default_rng(3).normal(size=60)
+    mine, exact = carried("one_mass+viscous+current_control+delay", u, hold, T_d=samples * E.dt)
+    assert np.abs(mine - exact).max() < 1e-9 * np.abs(exact).max()
 
 
 def test_derivatives_of_a_step_are_those_of_differences():
@@ -81,6 +100,68 @@ def test_innovations_are_as_large_as_expected(run):
     assert low < found.nis.sum() < high
 
 
+@pytest.mark.parametrize("text", ["two_mass+viscous+current_control+delay", "two_mass+viscous+delay"])
+@pytest.mark.parametrize("kind", ["velocity", "acceleration"])
+def test_a_disturbance_that_is_late_or_felt_at_once_is_expected_as_such(text, kind):
+    """A light motor, whose innovations are the disturbance: eight drives' sum in its band."""
+    structure, values = Structure.parse(text), values_of(text, J1=0.0004, T_d=1.6e-3)
+    system, size = assemble(structure, values, E.f_tanh, (kind,)), 0.02 if kind == "velocity" else 2.0
+    total = 0.0
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        u = E.torque()[:500]
+        pushed = u + 0.05 * rng.normal(size=500)
+        y = response(system, pushed, E.dt, system.rest(), replace(SETTINGS, hold="zoh")).y[0, :, 0]
+        y = y + size * rng.normal(size=500)
+        signals = Signal("torque", "input", "N m"), (Signal("y", kind, "rad/s" if size < 1.0 else "rad/s²"),)
+        recording = Recording("simulated", E.dt * np.arange(500), u, y[None], *signals, hold="zoh")
+        watched = see(structure, values, recording, SETTINGS).watched
+        total += float(extended(watched, Noise(0.05, np.array([size]))).nis.sum())
+    low, high = chi2.ppf([5e-5, 1 - 5e-5], 2000)
+    assert low < total < high
+
+
+def test_a_gap_of_unknown_position_leaves_innovations_as_large_as_expected():
+    text = "two_mass+coulomb+viscous+backlash"
+    structure, values = Structure.parse(text), values_of(text, alpha=0.2, c1=700.0, d1=0.1)
+    system = assemble(structure, values, E.f_tanh)
+    u, totals = E.torque()[:600], []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        x0 = system.rest()
+        x0[system.state_names.index("lambda1")] = at = -0.4 * rng.random()
+        x0[system.state_names.index("q2")] = -at
+        pushed = u + 0.05 * rng.normal(size=600)
+        y = response(system, pushed, E.dt, x0, replace(SETTINGS, hold="zoh")).y[0, :, 0]
+        signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
+        y = y + 0.02 * rng.normal(size=600)
+        recording = Recording("simulated", E.dt * np.arange(600), u, y[None], *signals, hold="zoh")
+        watched = see(structure, values, recording, SETTINGS).watched
+        totals.append(float(mixture(watched, Noise(0.05, np.array([0.02]))).nis.sum()))
+    low, high = chi2.ppf([5e-5, 1 - 5e-5], 600)
+    assert all(low < total < high for total in totals)
+
+
+def test_without_a_gap_the_sum_of_gaussians_is_the_extended_filter():
+    text = "two_mass+coulomb+viscous"
+    watched = see(Structure.parse(text), values_of(text), recorded(text, 2), SETTINGS).watched
+    noise = Noise(0.05, np.array([0.02]))
+    assert_allclose(mixture(watched, noise).z, extended(watched, noise).z, rtol=0.0, atol=0.0)
+
+
+def test_a_contact_that_is_hardly_open_stays_closed():
+    system = twisted(system_of(FULL, alpha=1e-4, c1=1700.0, d1=0.1)).system
+    names, lanes = system.state_names, Lanes.of(system)
+    z = np.zeros((1, len(names)))
+    z[0, names.index("twist1")] = -3.8e-3
+    u, tolerance = np.zeros(1), np.full(1, 1e-3)
+    after = []
+    for off in (0.0, 1e-15):
+        z[0, names.index("lambda1")] = -2e-4 + off
+        after.append(ahead(lanes, z, u, u, 1e-3, tolerance).z)
+    assert_allclose(after[1], after[0], rtol=1e-6, atol=1e-9)
+
+
 def test_hidden_motion_torque_and_gap_are_estimated():
     text = "two_mass+coulomb+viscous+backlash"
     recording = recorded(text, 2)
@@ -89,14 +170,14 @@ def test_hidden_motion_torque_and_gap_are_estimated():
     )
     v2, gap, q1, q2, v1 = hidden
     seen = see(Structure.parse(text), values_of(text), recording, SETTINGS)
-    found = extended(seen.watched, Noise(1e-3, np.array([0.02])))
+    found = mixture(seen.watched, Noise(1e-3, np.array([0.02])))
     names = seen.watched.system.state_names
     settled = slice(len(v2) // 3, None)
     assert np.sqrt(np.mean((found.z[settled, 0, names.index("v2")] - v2[settled]) ** 2)) < 0.02 * np.abs(v2).max()
     assert np.sqrt(np.mean((found.z[settled, 0, names.index("lambda1")] - gap[settled]) ** 2)) < 0.1 * VALUES["alpha"]
     wound = VALUES["c1"] * (q1 - q2 - gap)
     rates = np.gradient(q1 - q2 - gap, recording.dt)
-    torque = shaft_torque(seen.watched.system, found.z[:, 0])
+    torque = shaft_torque(seen.watched.system, found.likeliest[:, 0])
     exact = wound + VALUES["d1"] * rates
     assert np.sqrt(np.mean((torque - exact)[settled] ** 2)) < 0.05 * np.abs(exact).max()
     assert np.abs(v1).max() > 1.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brightgrey.control.analysis import Analysis
 from brightgrey.control.analysis import analyse as analyse_system
@@ -12,7 +13,11 @@ from brightgrey.control.cascade import Cascade
 from brightgrey.control.cascade import cascade as suggest_cascade
 from brightgrey.control.faults import Case, Finding, faults
 from brightgrey.control.feedback import StateControl, state_control
-from brightgrey.control.kalman import Filtered, Noise, extended
+from brightgrey.control.kalman import Filtered, Noise
+from brightgrey.control.loops import Margins
+from brightgrey.control.mixture import mixture
+from brightgrey.control.observer import kalman_gain
+from brightgrey.control.observer import observed as with_observer
 from brightgrey.control.pieces import CONTACTS, steady
 from brightgrey.control.watching import Seen, noise_levels, see
 from brightgrey.effects import Dimension
@@ -26,6 +31,8 @@ __all__ = ["Design", "Watch", "analyse", "design", "inertia", "watch", "whitenes
 TORQUE = Dimension(input=1, motion=0, time=0)
 _HALF_SPEED = 0.5
 _ERROR = 0.05  # of the speed scale: an error worth the whole torque
+_DISTURBANCE = 0.05  # of the largest torque, a sample: generous, for margins
+_SENSOR = 1e-3  # of the speed scale
 
 
 @dataclass(frozen=True)
@@ -39,6 +46,10 @@ class Design:
     cascade : Cascade
     state : StateControl
         Of speed, linear-quadratic with integral action.
+    noise : Noise
+        Disturbance and noise of a measured speed that the Kalman filter is laid out for.
+    observer : ndarray, shape (n, 1)
+        Gains of the stationary Kalman filter that finds the states from the measured speed.
     delay : float
         Assumed lag of the sampled controller, s.
     """
@@ -46,7 +57,14 @@ class Design:
     analyses: tuple[Analysis, ...]
     cascade: Cascade
     state: StateControl
+    noise: Noise
+    observer: NDArray[np.float64]
     delay: float
+
+    @property
+    def observed(self) -> Margins:
+        """Margins of the state control with the Kalman filter in the loop."""
+        return self.state.analysis.margins(with_observer(self.state, self.observer), delay=self.delay)
 
 
 @dataclass(frozen=True)
@@ -146,7 +164,10 @@ def design(
         torque=torque / model.units.of(TORQUE)[1],
         settling=settling,
     )
-    return Design(analyses, suggest_cascade(analyses, inertia(analyses[0]), dt, computing=computing), state, delay)
+    noise = Noise(_DISTURBANCE * torque / model.units.of(TORQUE)[1], np.array([_SENSOR * settings.speed_scale]))
+    gain = kalman_gain(state.analysis.linear, noise, dt)
+    suggested = suggest_cascade(analyses, inertia(analyses[0]), dt, computing=computing)
+    return Design(analyses, suggested, state, noise, gain, delay)
 
 
 def inertia(analysis: Analysis) -> float:
@@ -185,7 +206,7 @@ def watch(
     case = Case(values, recording, noise, std)
     (findings,) = faults(model.structure, settings, [case], matters=matters, confidence=confidence)
     seen = see(model.structure, values, recording, settings)
-    return Watch(seen, extended(seen.watched, noise), noise, findings)
+    return Watch(seen, mixture(seen.watched, noise), noise, findings)
 
 
 def whiteness(filtered: Filtered) -> float:

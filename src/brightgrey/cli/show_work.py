@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.text import Text
 
 from brightgrey.cli.show import as_json, plain_table, screen
@@ -117,6 +118,13 @@ def design(found: Design, *, quiet: bool, json: bool) -> None:
                     "poles": [[p.real, p.imag] for p in s.poles.tolist()],
                     "margins": _margins(reached),
                 },
+                "observer": {
+                    "states": s.analysis.states,
+                    "gains": found.observer[:, 0].tolist(),
+                    "disturbance": float(np.ravel(found.noise.torque)[0]),
+                    "speed_noise": float(np.ravel(found.noise.outputs)[0]),
+                    "margins": _margins(found.observed),
+                },
             }
         )
         return
@@ -132,6 +140,10 @@ def design(found: Design, *, quiet: bool, json: bool) -> None:
     gains = ", ".join(f"{name} {value:.4g}" for name, value in zip(s.analysis.states, s.K.tolist(), strict=True))
     out.print(f"gains (SI): {gains}, integral {s.integral:.4g}", soft_wrap=True)
     out.print(f"opened at the input: {_margins_line(reached)}", soft_wrap=True)
+    out.print(Text("Kalman filter that finds these states from a measured speed", style="bold"))
+    pairs = zip(s.analysis.states, found.observer[:, 0].tolist(), strict=True)
+    out.print(f"gains (SI): {', '.join(f'{name} {value:.4g}' for name, value in pairs)}", soft_wrap=True)
+    out.print(f"state control on its states: {_margins_line(found.observed)}", soft_wrap=True)
 
 
 def watched(found: Watch, *, quiet: bool, json: bool) -> None:

@@ -1,4 +1,4 @@
-"""Which change of a model makes a filter's innovations white again: Gauss-Newton, many recordings side by side.
+"""Which change of a model makes a filter's innovations likely again: many recordings side by side.
 
 Filtering one recording or fifty costs nearly the same, so every search asks for the models it wants to have tried, all
 searches wait for each other, and one run of the filter answers them all.
@@ -24,8 +24,8 @@ __all__ = ["Point", "Trial", "estimated"]
 Array = NDArray[np.float64]
 _DIFFERENCE = 0.01  # of the logarithm: contacts make smaller ones rough
 _FACTORS = (0.6, 0.8, 1.25, 1.6, 2.2, 3.0)  # sizes tried first: contacts make the likelihood many-humped
-_FRACTIONS = (1.0, 0.3)
-_TURNS = 5
+_FRACTIONS = (1.0, 0.5, 0.2)
+_TURNS = 8
 _SETTLED = 0.3  # standard deviations that a step still moves
 _LANES = 600  # models in one run of the filter; a matter of memory
 
@@ -54,19 +54,37 @@ class Trial:
 
 
 class Point(NamedTuple):
-    """Logarithms of the factors, the posterior there (-inf: diverged), the white innovations and their derivatives."""
+    """Logarithms of the factors and what the innovations say there.
+
+    Attributes
+    ----------
+    size : ndarray, shape (changes,)
+    posterior : float
+        -inf where the filter diverges.
+    scores : ndarray, shape (samples, changes)
+        Derivatives of the samples' logarithms of likelihood.
+    information : ndarray, shape (changes, changes)
+        Fisher's, with the prior.
+    white : ndarray, shape (samples x outputs,)
+        Whitened innovations.
+    """
 
     size: Array
     posterior: float
-    slopes: Array
+    scores: Array
+    information: Array
     white: Array
 
 
 class _Answer(NamedTuple):
-    """Posterior (K,) and whitened innovations (K, samples x outputs) of the models that were asked for."""
+    """Of the models that were asked for: posterior (K,), whitened innovations and their expected sizes.
+
+    `white` has shape (K, samples, outputs), `volume` (the logarithm of the covariance's determinant) (K, samples).
+    """
 
     posterior: Array
     white: Array
+    volume: Array
 
 
 _Search = Generator[Array, _Answer, Point]
@@ -117,52 +135,52 @@ def _filtered(structure: Structure, settings: Settings, part: Sequence[tuple[Tri
     with np.errstate(all="ignore"):  # a model far off may diverge: it has no likelihood then
         merged = {name: np.concatenate(course) for name, course in values.items()}
         found = extended(see(structure, merged, each, settings).watched, noise)
-        white = found.white.transpose(1, 0, 2).reshape(len(each), -1)
+        white = found.white.transpose(1, 0, 2)
+        volume = np.linalg.slogdet(found.covariances)[1].T
         likelihood = found.log_likelihood
     answers, first = [], 0
     for trial, sizes in part:
         own = slice(first, first + len(sizes))
         posterior = likelihood[own] - 0.5 * np.square(sizes) @ trial.prior
-        answers.append(_Answer(np.where(np.isfinite(posterior), posterior, -np.inf), white[own]))
+        answers.append(_Answer(np.where(np.isfinite(posterior), posterior, -np.inf), white[own], volume[own]))
         first += len(sizes)
     return answers
 
 
-def _around(trial: Trial, sizes: Array) -> Generator[Array, _Answer, list[Point]]:
-    """Each of the sizes with the derivatives there."""
-    K, m = sizes.shape
-    free = trial.prior == 0.0
-    steps = _DIFFERENCE * np.vstack([np.zeros((1, m)), np.eye(m), -np.eye(m)[free]])
-    answer = yield (sizes[:, None] + steps).reshape(-1, m)
-    white = answer.white.reshape(K, len(steps), -1)
-    below = np.repeat(white[:, :1], m, axis=1)
-    below[:, free] = white[:, m + 1 :]
-    slopes = (white[:, 1 : m + 1] - below) / (np.where(free, 2.0, 1.0)[:, None] * _DIFFERENCE)
-    usable = np.isfinite(slopes).all(axis=(1, 2))
-    posterior = np.where(usable, answer.posterior.reshape(K, -1)[:, 0], -np.inf)
-    return [Point(sizes[i], float(posterior[i]), slopes[i].T, white[i, 0]) for i in range(K)]
+def _around(trial: Trial, size: Array) -> Generator[Array, _Answer, Point]:
+    """A point with the derivatives there."""
+    m = len(size)
+    answer = yield size + _DIFFERENCE * np.vstack([np.zeros((1, m)), np.eye(m), -np.eye(m)])
+    white, volume = ((part[1 : m + 1] - part[m + 1 :]) / (2.0 * _DIFFERENCE) for part in answer[1:])
+    # Not the difference of their squares: far from the best fit its error would hide what is known beforehand.
+    scores = -((white * answer.white[0]).sum(axis=2) + 0.5 * volume).T
+    flat = white.reshape(m, -1)
+    information = flat @ flat.T + 0.5 / white.shape[2] * volume @ volume.T + np.diag(trial.prior)
+    usable = bool(np.isfinite(scores).all() and np.isfinite(information).all())
+    posterior = float(answer.posterior[0]) if usable else -np.inf
+    return Point(size, posterior, scores, information, answer.white[0].ravel())
 
 
 def _search(trial: Trial) -> _Search:
-    """Sizes with the largest posterior: a coarse look along each, then Gauss-Newton."""
+    """Sizes with the largest posterior: a coarse look along each, then Fisher's scoring."""
     m = len(trial.changes)
     tries = [np.zeros(m)]
     for i in np.flatnonzero(trial.prior == 0.0):
         tries += [np.log(factor) * np.eye(m)[i] for factor in _FACTORS]
     answer = yield np.array(tries)
-    (here,) = yield from _around(trial, tries[int(np.argmax(answer.posterior))][None])
-    root = np.diag(np.sqrt(trial.prior))
+    here = yield from _around(trial, tries[int(np.argmax(answer.posterior))])
     for _ in range(_TURNS):
         if not np.isfinite(here.posterior):
             break
-        design, miss = np.vstack([here.slopes, root]), np.concatenate([here.white, root @ here.size])
-        step = -np.linalg.lstsq(design, miss, rcond=None)[0]
-        if np.abs(step * np.linalg.norm(design, axis=0)).max() < _SETTLED:
+        uphill = here.scores.sum(axis=0) - trial.prior * here.size
+        step = np.linalg.lstsq(here.information, uphill, rcond=None)[0]
+        if np.abs(step * np.sqrt(np.diag(here.information))).max() < _SETTLED:
             break
         step *= min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-12))
-        points = yield from _around(trial, np.array([here.size + share * step for share in _FRACTIONS]))
-        best = max(points, key=lambda point: point.posterior)
-        if not best.posterior > here.posterior:
+        sizes = np.array([here.size + share * step for share in _FRACTIONS])
+        answer = yield sizes
+        best = int(np.argmax(answer.posterior))
+        if not answer.posterior[best] > here.posterior:
             break
-        here = best
+        here = yield from _around(trial, sizes[best])
     return here

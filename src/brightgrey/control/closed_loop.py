@@ -89,6 +89,7 @@ def closed_loop(
     limit: float = np.inf,
     x0: Array | None = None,
     disturbance: Array | None = None,
+    noise: Array | None = None,
 ) -> Closed:
     """Simulate a controller around the non-linear model.
 
@@ -108,6 +109,8 @@ def closed_loop(
         Standstill at 0 if not given.
     disturbance : ndarray, shape (samples,), optional
         Torque beside the controller's, not limited.
+    noise : ndarray, shape (samples, outputs), optional
+        Of the sensors: what the controller is told is the outputs and this.
 
     Returns
     -------
@@ -138,7 +141,8 @@ def closed_loop(
     for k in range(samples):
         applied = _given(torque, push, k - whole - 1)
         xs[k], ys[k] = x, system.output(x, applied)
-        wanted, memory = controller.act(memory, k, x, ys[k])
+        told = ys[k] if noise is None else ys[k] + noise[k]
+        wanted, memory = controller.act(memory, k, x, told)
         torque[k] = float(np.clip(wanted, -limit, limit))
         memory = controller.settle(memory, wanted, torque[k])
         for span, u in ((part * dt, applied), ((1.0 - part) * dt, _given(torque, push, k - whole))):

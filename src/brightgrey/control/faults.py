@@ -2,7 +2,7 @@
 
 The declarations say which parameters belong to one fault. The innovations of a filter with the model are white as
 long as the drive is the model's; a fault makes them follow their derivative by the size of the fault. That size is
-estimated from them (Gauss-Newton on the whitened innovations), with a covariance that allows for innovations which
+estimated from them (Fisher's scoring), with a covariance that allows for innovations which
 are not quite white (Newey, West 1987, doi:10.2307/1913610), and a fault is reported when it is larger than what
 matters, at the confidence asked for.
 """
@@ -141,9 +141,18 @@ def _doubts(case: Case) -> dict[str, float]:
 
 
 def _trial(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> Trial:
-    """What may have changed: the faults freely, all other parameters as far as the model does not know them."""
-    watched = {name for names in kinds.values() for name in names}
-    doubtful = {n: min(s, _MOST_DOUBT) for n, s in _doubts(case).items() if n not in watched}
+    """What may have changed: the faults freely, every other parameter as far as the model does not know it.
+
+    The first parameter of a fault stands for it, and the doubt about it is added in the end; the fault's other
+    parameters may be off against it.
+    """
+    doubts = _doubts(case)
+    first = {name: names[0] for names in kinds.values() for name in names}
+    doubtful = {
+        n: min(math.hypot(s, doubts.get(first[n], 0.0) if n in first else 0.0), _MOST_DOUBT)
+        for n, s in doubts.items()
+        if first.get(n) != n
+    }
     changes = (*kinds.values(), *((name,) for name in doubtful))
     prior = np.array([0.0] * len(kinds) + [s**-2 for s in doubtful.values()])
     return Trial(case.values, case.recording, case.noise, changes, prior)
@@ -158,7 +167,7 @@ def _findings(
     confidence: float,
 ) -> tuple[Finding, ...]:
     doubts = _doubts(case)
-    own = [max(doubts.get(name, 0.0) for name in names) for names in kinds.values()]
+    own = [doubts.get(names[0], 0.0) for names in kinds.values()]
     return tuple(
         _finding(fault, names, float(point.size[i]), math.hypot(spread[i], own[i]), matters, confidence)
         for i, (fault, names) in enumerate(kinds.items())
@@ -167,20 +176,19 @@ def _findings(
 
 def _spread(found: Point, prior: Array) -> Array:
     """Standard deviation of each estimated size, with autocorrelated innovations allowed for."""
-    slopes, white = found.slopes, found.white
-    information = slopes.T @ slopes + np.diag(prior) if np.isfinite(found.posterior) else np.zeros((len(prior),) * 2)
-    scale = np.sqrt(np.diag(information))
+    information = found.information
+    scale = np.sqrt(np.diag(information)) if np.isfinite(found.posterior) else np.zeros(len(prior))
     if not np.all(scale > 0.0) or np.linalg.cond(information / scale[:, None] / scale) > _SINGULAR:
         return np.full(len(prior), np.inf)
-    scores = slopes * white[:, None]
+    scores = found.scores - found.scores.mean(axis=0)
     total = scores.T @ scores + np.diag(prior)
-    lags = max(1, int(len(white) ** (1.0 / 3.0)))
+    lags = max(1, int(len(scores) ** (1.0 / 3.0)))
     for lag in range(1, lags + 1):
         part = scores[lag:].T @ scores[:-lag]
         total += (1.0 - lag / (lags + 1.0)) * (part + part.T)
     inverse = np.linalg.inv(information)
     robust = np.diag(inverse @ total @ inverse)
-    plain = np.diag(inverse) * max(1.0, float(np.mean(white**2)))
+    plain = np.diag(inverse) * max(1.0, float(np.mean(found.white**2)))
     return np.asarray(np.sqrt(np.maximum(robust, plain)))
 
 

@@ -17,12 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 from brightgrey.effects import Law
 from brightgrey.kit import StateSpace
 
-__all__ = ["Ahead", "Lanes", "ahead", "delayed_input", "exponential"]
+__all__ = ["Ahead", "Lanes", "Spans", "ahead", "exponential", "spans"]
 
 Array = NDArray[np.float64]
 _TAYLOR = 8
 _SMALL = 0.3
 _PIECES = (4, 16, 64)
+_SOON = 0.1  # of a step
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,13 @@ class _Wired:
     @property
     def limited(self) -> bool:
         return self.state >= 0
+
+    def deciding(self) -> tuple[Array, Array]:
+        """Row (K, n) of the state that decides a contact against the limits, and how fast the limited state follows."""
+        pull = -self.H[:, 0, self.state]
+        row = self.H[:, 0] / pull[:, None]
+        row[:, self.state] = 0.0
+        return row, pull
 
 
 @dataclass(frozen=True)
@@ -123,25 +131,35 @@ class Lanes:
                 b += s * e.G * e.K[:, port, None]
         return rate, J, b
 
-    def measured(self, z: Array, u: Array) -> tuple[Array, Array]:
-        """Outputs (K, outputs) and their derivative by z (K, outputs, n)."""
+    def measured(self, z: Array, u: Array) -> tuple[Array, Array, Array]:
+        """Outputs (K, outputs) and their derivatives by z (K, outputs, n) and by u (K, outputs)."""
         C = self.C.copy()
         y = np.einsum("koj,kj->ko", self.C, z)
+        D = np.zeros(y.shape)
         if any(row >= 0 for row in self.rows):
-            rate, J, _ = self.field(z, u)
+            rate, J, b = self.field(z, u)
             for out, row in enumerate(self.rows):
                 if row >= 0:
-                    C[:, out], y[:, out] = J[:, row], rate[:, row]
-        return y, C
+                    C[:, out], y[:, out], D[:, out] = J[:, row], rate[:, row], b[:, row]
+        return y, C, D
 
-    def inside(self, z: Array) -> tuple[Array, Array]:
-        """Put limited states back into their limits, along the way they act; the derivative of doing so."""
+    def inside(self, z: Array, u: Array | None = None, soon: Array | None = None) -> tuple[Array, Array]:
+        """Put limited states into their limits, along the way they act; the derivative of doing so.
+
+        With inputs `u`, those that would reach a limit within the times `soon` are put there, too: a state that a
+        filter has found a hair's breadth off a closed contact would else run through it.
+        """
         n = z.shape[1]
         change = np.broadcast_to(np.eye(n), (len(z), n, n)).copy()
         z = z.copy()
         for e in self.elements:
             if e.limited:
-                miss = np.clip(z[:, e.state], e.low, e.high) - z[:, e.state]
+                wanted = z[:, e.state]
+                if u is not None and soon is not None:
+                    rate = np.einsum("kj,kj->k", e.H[:, 0], z) + e.K[:, 0] * u
+                    wanted = wanted + rate * soon
+                    wanted = np.where((wanted > e.low) & (wanted < e.high), z[:, e.state], wanted)
+                miss = np.clip(wanted, e.low, e.high) - z[:, e.state]
                 out = miss != 0.0
                 z += e.G * miss[:, None]
                 z[:, e.state] = np.clip(z[:, e.state], e.low, e.high)
@@ -157,8 +175,8 @@ class Ahead(NamedTuple):
     by_input: Array
 
 
-def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, tolerance: Array) -> Ahead:
-    """Carry states over one sampling interval, in as many steps as each lane needs.
+def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: ArrayLike, tolerance: Array) -> Ahead:
+    """Carry states over an interval, in as many steps as each lane needs.
 
     Parameters
     ----------
@@ -166,18 +184,21 @@ def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, tolerance: Ar
     z : ndarray, shape (K, n)
     u0, u1 : ndarray, shape (K,)
         Input at begin and end; a straight line between.
-    dt : float
-        Interval in s.
+    dt : float or ndarray, shape (K,)
+        Interval in s; 0 leaves a lane as it is.
     tolerance : ndarray, shape (K,)
         How much the steps of second and third order may differ in any speed, rad/s (m/s). Where a gap closes or opens
         within an interval the steps are at most a sixteenth of it.
     """
-    step, coarse = _steps(lanes, z, u0, u1, dt, 1, tolerance)
+    span = np.broadcast_to(np.asarray(dt, float), (len(z),))
+    step, coarse = _steps(lanes, z, u0, u1, span, 1, tolerance)
     for pieces in _PIECES:
         if not coarse.any():
             break
         again = np.flatnonzero(coarse)
-        finer, still = _steps(lanes.picked(again), z[again], u0[again], u1[again], dt, pieces, tolerance[again])
+        finer, still = _steps(
+            lanes.picked(again), z[again], u0[again], u1[again], span[again], pieces, tolerance[again]
+        )
         for whole, part in zip(step, finer, strict=True):
             whole[again] = part
         coarse[again] = still
@@ -185,22 +206,24 @@ def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, tolerance: Ar
 
 
 def _steps(
-    lanes: Lanes, z: Array, u0: Array, u1: Array, dt: float, pieces: int, tolerance: Array
+    lanes: Lanes, z: Array, u0: Array, u1: Array, dt: Array, pieces: int, tolerance: Array
 ) -> tuple[Ahead, NDArray[np.bool_]]:
     """Equal steps, and which lanes need smaller ones."""
     K, n = z.shape
     h = dt / pieces
     total = np.broadcast_to(np.eye(n), (K, n, n)).copy()
     by_input = np.zeros((K, n))
-    slope = (u1 - u0) / dt
+    slope = (u1 - u0) / np.where(dt > 0.0, dt, 1.0)
     coarse = np.zeros(K, bool)
     for part in range(pieces):
         u = u0 + slope * h * part
+        z, put = lanes.inside(z, u, _SOON * h)
+        total, by_input = put @ total, np.einsum("kij,kj->ki", put, by_input)
         rate, J, b = lanes.field(z, u)
         M = np.zeros((K, n + 3, n + 3))  # dz, 1, t, held input
         M[:, :n, :n], M[:, :n, n], M[:, :n, n + 1], M[:, :n, n + 2] = J, rate, b * slope[:, None], b
         M[:, n + 1, n] = 1.0
-        E = exponential(M * h)
+        E = exponential(M * h[:, None, None])
         moved = z + E[:, :n, n]
         after, _, _ = lanes.field(moved, u + slope * h)
         bend = after - rate - np.einsum("kij,kj->ki", J, E[:, :n, n]) - b * (slope * h)[:, None]
@@ -208,7 +231,9 @@ def _steps(
             if e.limited:  # a contact that is made or lost is no bend; it is gone through in small steps
                 coarse |= (pieces < _PIECES[1]) & (np.abs(bend[:, e.state]) * h > tolerance * dt)
                 bend -= e.G * bend[:, e.state, None]
-        better = np.linalg.solve(np.eye(n) - 0.25 * h * J, bend[:, :, None])[:, :, 0] * (h / 3.0)
+        better = (
+            np.linalg.solve(np.eye(n) - 0.25 * h[:, None, None] * J, bend[:, :, None])[:, :, 0] * (h / 3.0)[:, None]
+        )
         coarse |= np.abs(better[:, lanes.speeds]).max(axis=1, initial=0.0) > tolerance
         z, put = lanes.inside(moved + better)
         by_input = np.einsum("kij,kj->ki", put, np.einsum("kij,kj->ki", E[:, :n, :n], by_input) + E[:, :n, n + 2])
@@ -232,25 +257,51 @@ def exponential(M: Array) -> Array:
     return np.asarray(E)
 
 
-def delayed_input(u: Array, dt: float, delay: Array, hold: str) -> tuple[Array, Array]:
-    """Delayed input at begin and end of every interval, both shape (samples - 1, K).
+class Spans(NamedTuple):
+    """Delayed input, which bends once within every interval: where the next sample of what was asked for arrives.
 
-    A held input is replaced by its mean over the interval, a straight line between samples by the one through the
-    delayed values there: exact for delays of whole samples.
+    Attributes
+    ----------
+    first, knee : ndarray, shape (samples, K)
+        At the sample and just before the bend; a straight line between.
+    after, last : ndarray, shape (samples, K)
+        Just after the bend and at the end of the interval.
+    share : ndarray, shape (K,)
+        Part of the interval before the bend, above 0; 1 for delays of whole samples.
+    """
+
+    first: Array
+    knee: Array
+    after: Array
+    last: Array
+    share: Array
+
+    def picked(self, which: NDArray[np.int64]) -> Spans:
+        """Some of the lanes; one may come several times."""
+        return Spans(*(part[..., which] for part in self))
+
+
+def spans(u: Array, dt: float, delay: Array, hold: str) -> Spans:
+    """Delay the input, exactly.
 
     Parameters
     ----------
     u : ndarray, shape (samples, K)
+        Before the first sample it was as there.
     dt : float
     delay : ndarray, shape (K,)
         In s.
     hold : {'linear', 'zoh'}
     """
-    samples, K = u.shape
-    whole = np.floor(delay / dt + 1e-9).astype(int)
-    part = delay / dt - whole
-    k = np.arange(samples)[:, None]
-    lane = np.arange(K)
-    near, far = u[np.maximum(k - whole, 0), lane], u[np.maximum(k - whole - 1, 0), lane]
-    mixed = (1.0 - part) * near + part * far
-    return (mixed[:-1], mixed[1:]) if hold == "linear" else (mixed[:-1], mixed[:-1])
+    whole = np.maximum(np.ceil(delay / dt - 1e-9).astype(int) - 1, -1)
+    share = np.minimum(delay / dt - whole, 1.0)
+    k = np.arange(len(u))[:, None]
+    lane = np.arange(u.shape[1])
+
+    def at(sample: NDArray[np.int64]) -> Array:
+        return np.asarray(u[np.clip(sample, 0, len(u) - 1), lane])
+
+    old, near, new = at(k - whole - 1), at(k - whole), at(k - whole + 1)
+    if hold == "zoh":
+        return Spans(old, old, near, near, share)
+    return Spans(share * old + (1.0 - share) * near, near, near, share * near + (1.0 - share) * new, share)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
+from brightgrey.control.balance import Gapped, balanced
 from brightgrey.control.coordinates import twisted
 from brightgrey.control.loops import Compensator
 from brightgrey.effects import Element
@@ -160,6 +161,24 @@ class _Loop:
                 break
         return np.asarray(X, complex), np.asarray(torque, float)
 
+    def around(self, omega: Array, fundamental: Complex) -> Complex:
+        """States, shape (frequencies, n), for a position of amplitude 1 in the gap, with the loop closed.
+
+        Friction and torque limit have their gains for the `fundamental` of the states, shape (n,).
+        """
+        s = self.system
+        assert self.gap is not None
+        n = len(s.states)
+        M = 1j * omega[:, None, None] * np.eye(n) - s.A
+        for e in s.elements:
+            if e.limits is None and e.law.ports:
+                gain = float(describing_function(e, np.maximum(np.abs(fundamental @ e.H[0]), 1e-300)))
+                M = M - gain * np.outer(e.G, e.H[0])
+        control = self.compensator.at(omega) * np.exp(-1j * omega * self.delay)
+        wanted = abs(complex(self.compensator.at(omega[:1])[0] * (fundamental @ s.C[self.output])))
+        M = M + (control * saturation_gain(wanted, self.limit))[:, None, None] * np.outer(s.B[:, 0], s.C[self.output])
+        return np.asarray(np.linalg.solve(M, (1j * omega[:, None] * self.gap.G)[:, :, None])[:, :, 0], complex)
+
     def gain(self, omega: Array, level: float) -> tuple[Complex, Complex, Array]:
         """Loop gain L at each frequency, the states, and the amplitude of the wanted torque."""
         if self.gap is None:
@@ -267,12 +286,17 @@ def _refined(loop: _Loop, start: Array) -> LimitCycle | None:
         return None
     level, w = (float(v) for v in np.exp(solution.x))
     _, X, wanted = loop.gain(np.array([w]), level)
-    amplitudes = np.abs(loop.system.C @ X[0])
     # Loeb's criterion: growing oscillations must come to lie outside of the critical point.
     step = 1e-3
     by_a, by_w = ((miss(solution.x + d) - miss(solution.x - d)) / (2.0 * step) for d in step * np.eye(2))
     turn = float(by_a[0] * by_w[1] - by_a[1] * by_w[0])
-    return LimitCycle(w / (2.0 * np.pi), float(wanted[0]), amplitudes, turn > 0.0)
+    if loop.gap is not None:
+        half, port, feedback = _gap_of(loop.gap)
+        better = balanced(Gapped(half, feedback, port, loop.around), w, X[0])
+        if better is not None:
+            w, X = better.omega, better.states[None]
+            wanted = np.abs(loop.compensator.at(np.array([w])) * (X @ loop.system.C[loop.output]))
+    return LimitCycle(w / (2.0 * np.pi), float(wanted[0]), np.abs(loop.system.C @ X[0]), turn > 0.0)
 
 
 def _same(a: LimitCycle, b: LimitCycle) -> bool:

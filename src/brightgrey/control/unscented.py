@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.flow import Lanes, ahead, delayed_input
-from brightgrey.control.kalman import Filtered, Noise, Record, Watched, clipped
-from brightgrey.errors import SettingsError
+from brightgrey.control.course import Course, Watched
+from brightgrey.control.kalman import Filtered, Noise, Record, begin, updated
 
 __all__ = ["unscented"]
 
@@ -26,56 +25,38 @@ def unscented(watched: Watched, noise: Noise) -> Filtered:
     Parameters
     ----------
     watched : Watched
-        Outputs that are differenced positions are not supported.
     noise : Noise
 
     Returns
     -------
     Filtered
-
-    Raises
-    ------
-    SettingsError
-        For a differenced output.
     """
-    if any(watched.differenced):
-        raise SettingsError("the unscented filter takes no 'velocity-differenced' output; use the extended one")
     samples, K = watched.u.shape
-    one = Lanes.of(watched.system, K)
-    n = one.A.shape[1]
-    points = 2 * (n + 1) + 1  # the disturbance torque is a state of its own
-    lanes = one.picked(np.repeat(np.arange(K), points))
-    tolerance = np.repeat(watched.tolerance, points)
-    delay = np.broadcast_to(np.asarray(watched.system.dead_time, float), (K,))
-    begin, end = delayed_input(watched.u, watched.dt, delay, watched.hold)
-    z = watched.z0.copy()
-    P = np.zeros((K, n, n))
-    P[:, range(n), range(n)] = np.square(watched.spread)
-    R = noise.sensors(K)
-    torque = np.broadcast_to(np.asarray(noise.torque, float), (K,))
-    out = Record.empty(samples, K, n, watched.y.shape[2])
+    course = Course.of(watched)
+    R, torque = noise.sensors(K), noise.torques(K)
+    x, P = begin(watched, course, torque)
+    points = 2 * (x.shape[1] + 1) + 1  # the disturbance to come is a state of its own
+    many = Course.of(watched, points)
+    out = Record.empty(samples, K, course.states, len(watched.differenced))
     for k in range(samples):
         if k:
-            wide = np.zeros((K, n + 1, n + 1))
-            wide[:, :n, :n], wide[:, n, n] = P, np.square(torque)
-            spread, mean_weights, weights = _points(np.concatenate([z, np.zeros((K, 1))], axis=1), wide)
-            flat = spread.reshape(K * points, n + 1)
-            u0 = np.repeat(begin[k - 1], points) + flat[:, n]
-            u1 = np.repeat(end[k - 1], points) + flat[:, n]
-            moved = ahead(lanes, flat[:, :n], u0, u1, watched.dt, tolerance).z.reshape(K, points, n)
-            z = np.einsum("p,kpi->ki", mean_weights, moved)
-            apart = moved - z[:, None]
-            P = np.einsum("p,kpi,kpj->kij", weights, apart, apart)
-        u = begin[0] if k == 0 else end[k - 1]
-        y, H = one.measured(z, u)
-        S = H @ P @ H.transpose(0, 2, 1) + R
-        gain = np.linalg.solve(S, H @ P).transpose(0, 2, 1)
-        innovation = watched.y[k] - y
-        z = clipped(one, z + np.einsum("kij,kj->ki", gain, innovation))
-        rest = np.eye(n) - gain @ H
-        P = rest @ P @ rest.transpose(0, 2, 1) + gain @ R @ gain.transpose(0, 2, 1)
-        out.keep(k, z, P, innovation, S)
-    return Filtered(out.z, out.std, out.innovations, out.covariances)
+            x, P = _spread(many, k - 1, x, P, torque)
+        x, P, innovation, S = updated(course, k, x, P, watched.y[k], R)
+        out.keep(k, x, P, innovation, S)
+    return out.gaussian()
+
+
+def _spread(many: Course, k: int, x: Array, P: Array, torque: Array) -> tuple[Array, Array]:
+    """State and covariance one sample on, from where the sigma points come to lie."""
+    K, m = x.shape
+    wide = np.zeros((K, m + 1, m + 1))
+    wide[:, :m, :m], wide[:, m, m] = P, np.square(torque)
+    spread, mean_weights, weights = _points(np.concatenate([x, np.zeros((K, 1))], axis=1), wide)
+    flat = spread.reshape(-1, m + 1)
+    moved = many.carry(k, flat[:, :m], flat[:, m]).x.reshape(K, -1, m)
+    mean = np.einsum("p,kpi->ki", mean_weights, moved)
+    apart = moved - mean[:, None]
+    return mean, np.einsum("p,kpi,kpj->kij", weights, apart, apart)
 
 
 def _points(mean: Array, P: Array) -> tuple[Array, Array, Array]:

@@ -9,14 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brightgrey.control.coordinates import Twisted, twisted
-from brightgrey.control.kalman import Noise, Watched, extended
+from brightgrey.control.course import Watched
+from brightgrey.control.kalman import Noise, extended
+from brightgrey.effects import Element
 from brightgrey.errors import RecordingError
 from brightgrey.estimation.onset import initial_state, noise_of
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["Seen", "noise_levels", "see", "shaft_torque"]
+__all__ = ["Seen", "first_state", "noise_levels", "see", "shaft_torque"]
 
 Array = NDArray[np.float64]
 _AT_REST = 0.02  # of the speed scale: how well the first speed is known
@@ -78,9 +80,11 @@ def see(
     coordinates = twisted(system)
     own = {id(r): (np.asarray(noise_of(r)), initial_state(r, system), float(np.abs(r.u).max())) for r in each}
     sensors, starts, torques = (np.array(part) for part in zip(*(own[id(r)] for r in each), strict=True))
-    z0, spread = _start(coordinates, starts, _AT_REST * settings.speed_scale, _AT_REST * torques)
+    speed_noise = _speed_noise(kinds, sensors, settings)
+    speed = _AT_REST * settings.speed_scale
+    z0, P0 = first_state(coordinates, starts, speed, speed_noise, _AT_REST * torques)
     if "position" in kinds:
-        spread[:, 0] = sensors[:, kinds.index("position")]
+        P0[:, 0, 0] = np.square(sensors[:, kinds.index("position")])
     watched = Watched(
         coordinates.system,
         np.stack([r.u for r in each], axis=1),
@@ -88,9 +92,9 @@ def see(
         first.dt,
         first.hold,
         z0,
-        spread,
+        P0,
         differenced,
-        _STEP_ERROR * _speed_noise(kinds, sensors, settings),
+        _STEP_ERROR * speed_noise,
     )
     return Seen(watched, coordinates, sensors)
 
@@ -112,27 +116,57 @@ def _speed_noise(kinds: Sequence[str], sensors: Array, settings: Settings) -> Ar
     return np.asarray(np.clip(least, 1e-4 * settings.speed_scale, 1e-2 * settings.speed_scale))
 
 
-def _start(coordinates: Twisted, x0: Array, speed: float, torque: Array) -> tuple[Array, Array]:
-    """First state and its spread, both shape (K, n): at rest as measured, gaps anywhere."""
+def first_state(coordinates: Twisted, x0: Array, speed: float, apart: Array, torque: Array) -> tuple[Array, Array]:
+    """First state, shape (K, n), and its covariance: all masses move alike, gaps stand anywhere, shafts are relaxed.
+
+    Parameters
+    ----------
+    coordinates : Twisted
+    x0 : ndarray, shape (K, states)
+        Expected state but for gaps.
+    speed : float
+        How well the common speed is known.
+    apart : ndarray, shape (K,)
+        How equal the speeds of the masses are where the drive starts from rest.
+    torque : ndarray, shape (K,)
+        How well a lagging input is known.
+    """
     system = coordinates.system
     n, K = len(system.states), len(x0)
     z0 = x0 @ coordinates.W.T
-    spread = np.zeros((K, n))
+    P0 = np.zeros((K, n, n))
     A = np.broadcast_to(system.A.reshape(n, n, -1), (n, n, K))
     fastest = np.sqrt(np.abs(A).sum(axis=(0, 1)))  # a bound of the turning rate; twists are small against it
+    speeds = np.array([state.at_rest == "speed" for state in system.states])
+    P0 += np.square(speed) * np.outer(speeds, speeds)
     for i, state in enumerate(system.states):
-        if state.at_rest == "speed":
-            spread[:, i] = speed
+        if speeds[i]:
+            rests = z0[:, i] == 0.0
+            P0[:, i, i] += np.square(np.where(rests, apart, speed))
         elif state.at_rest == "input":
-            spread[:, i] = torque
+            P0[:, i, i] = np.square(torque)
         elif state.name.startswith("twist"):
-            spread[:, i] = speed / fastest
+            P0[:, i, i] = np.square(speed / fastest)
     for e in system.elements:
         if e.limits is not None:
             low, high = np.broadcast_to(e.limits.lower, (K,)), np.broadcast_to(e.limits.upper, (K,))
+            follows = np.zeros((K, n))
+            follows[:, e.limits.state] = 1.0
+            twist = _relaxing(e, system)
+            H = e.H[0].reshape(n, -1)
+            follows[:, twist] = -H[e.limits.state] / H[twist]
+            z0 += (0.5 * (low + high))[:, None] * follows
             z0[:, e.limits.state] = 0.5 * (low + high)
-            spread[:, e.limits.state] = (high - low) / np.sqrt(12.0)
-    return z0, spread
+            P0 += (np.square(high - low) / 12.0)[:, None, None] * follows[:, :, None] * follows[:, None, :]
+    return z0, P0
+
+
+def _relaxing(gap: Element, system: StateSpace) -> int:
+    """Number of the twist that stands where the position in `gap` does, when its shaft is relaxed."""
+    assert gap.limits is not None
+    H = np.abs(gap.H[0].reshape(len(system.states), -1)).max(axis=1)
+    ways = [i for i, state in enumerate(system.states) if state.name.startswith("twist") and H[i] > 0.0]
+    return max(ways, key=lambda i: float(H[i]))
 
 
 def noise_levels(structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings) -> Noise:
@@ -179,7 +213,7 @@ def _likeliest(seen: Seen, grid: list[tuple[float, float]]) -> tuple[float, floa
         u=np.repeat(w.u, lanes, axis=1),
         y=np.repeat(w.y, lanes, axis=1),
         z0=np.repeat(w.z0, lanes, axis=0),
-        spread=np.repeat(w.spread, lanes, axis=0),
+        P0=np.repeat(w.P0, lanes, axis=0),
         tolerance=np.repeat(w.tolerance, lanes),
     )
     torques, factors = np.array(grid).T
@@ -191,6 +225,7 @@ def shaft_torque(system: StateSpace, z: Array) -> Array:
     """Torque that the first shaft takes from mass 1, shape (...,), for states `z` (..., n) in twist coordinates.
 
     Read from the assembled matrices: what of mass 1's acceleration is neither input nor friction, times its inertia.
+    Through a gap, ask for the ``likeliest`` states of a filter: a mean of contact and none is neither.
     """
     v = system.state_names.index("v1")
     row = system.A[v].copy()
@@ -199,7 +234,8 @@ def shaft_torque(system: StateSpace, z: Array) -> Array:
     row[drive] = 0.0
     rate = z @ row
     for e in system.elements:
-        if e.limits is not None:
-            ports = np.einsum("pj,...j->p...", e.H, z)
-            rate = rate + e.G[v] * e.law.value(tuple(ports), e.p)[0]
+        if e.limits is None:
+            continue
+        ports = np.einsum("pj,...j->p...", e.H, z)
+        rate = rate + e.G[v] * e.law.value(tuple(ports), e.p)[0]
     return np.asarray(-rate / per_torque)

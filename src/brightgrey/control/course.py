@@ -1,0 +1,196 @@
+"""What happens to a filter's state from sample to sample, and what the sensors show of it.
+
+Beside the model's states a filter may have to remember two things: the position at the last sample, where a speed was
+made by differencing it, and the disturbance that acts at the sample, where an acceleration shows it at once or a dead
+time carries a part of it into the next interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.control.flow import Lanes, Spans, ahead, spans
+from brightgrey.kit import StateSpace
+
+__all__ = ["Course", "Moved", "Watched"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Watched:
+    """Recordings of K drives of one structure, or of one drive seen by K parameter sets.
+
+    Attributes
+    ----------
+    system : StateSpace
+        In twist coordinates; one set or K.
+    u : ndarray, shape (samples, K)
+    y : ndarray, shape (samples, K, outputs)
+    dt : float
+    hold : {'linear', 'zoh'}
+    z0 : ndarray, shape (K, n)
+        Expected state at the first sample.
+    P0 : ndarray, shape (K, n, n)
+        Its covariance.
+    differenced : tuple of bool
+        Outputs that are a position's difference over the last interval; the system's output is that position.
+    tolerance : ndarray, shape (K,)
+        Error of a step in any speed, rad/s (m/s); a tenth of the speed's noise is plenty.
+    """
+
+    system: StateSpace
+    u: Array
+    y: Array
+    dt: float
+    hold: str
+    z0: Array
+    P0: Array
+    differenced: tuple[bool, ...]
+    tolerance: Array
+
+
+class Moved(NamedTuple):
+    """State after an interval (K, m), its derivative by the state before (K, m, m) and by the disturbance (K, m)."""
+
+    x: Array
+    by_state: Array
+    by_push: Array
+
+
+@dataclass(frozen=True)
+class Course:
+    """Recordings as a filter goes through them. States: the model's n, the last position, the disturbance.
+
+    Attributes
+    ----------
+    lanes : Lanes
+    timed : Spans
+        Delayed input.
+    dt : float
+    tolerance : ndarray, shape (K,)
+    differenced : ndarray of bool, shape (outputs,)
+    remembers_push : bool
+        Whether the disturbance is a state.
+    """
+
+    lanes: Lanes
+    timed: Spans
+    dt: float
+    tolerance: Array
+    differenced: NDArray[np.bool_]
+    remembers_push: bool
+
+    @classmethod
+    def of(cls, watched: Watched, copies: int = 1) -> Course:
+        """Each recording `copies` times, one copy after the other."""
+        K = watched.u.shape[1]
+        lanes = Lanes.of(watched.system, K)
+        each = np.repeat(np.arange(K), copies)
+        delay = np.broadcast_to(np.asarray(watched.system.dead_time, float), (K,))
+        timed = spans(watched.u, watched.dt, delay, watched.hold)
+        pushed = bool(np.any(timed.share < 1.0)) or any(row >= 0 for row in watched.system.derivative_rows)
+        course = cls(lanes, timed, watched.dt, watched.tolerance, np.array(watched.differenced), pushed)
+        return course.picked(each) if copies > 1 else course
+
+    def picked(self, which: NDArray[np.int64]) -> Course:
+        """Some of the recordings; one may come several times."""
+        return replace(
+            self, lanes=self.lanes.picked(which), timed=self.timed.picked(which), tolerance=self.tolerance[which]
+        )
+
+    def rate(self, k: int, x: Array) -> Array:
+        """Derivative (K, n) of the model's states at sample k."""
+        push = x[:, -1] if self.remembers_push else 0.0
+        return self.lanes.field(x[:, : self.states], self.timed.first[k] + push)[0]
+
+    def least(self) -> Array:
+        """Differences of states (K, n) that do not matter: what changes speeds by the tolerance within a sample."""
+        n = self.states
+        small = np.repeat(self.tolerance[:, None], n, axis=1)
+        for e in self.lanes.elements:
+            if e.limited:
+                row, pull = e.deciding()
+                jump = np.abs(e.G[:, self.lanes.speeds]).max(axis=1) * pull * self.dt
+                small[:, e.state] = self.tolerance / jump
+                for i in np.flatnonzero(row.any(axis=0)):
+                    if i not in self.lanes.speeds:
+                        small[:, i] = small[:, e.state]
+        return small
+
+    @property
+    def states(self) -> int:
+        """The model's."""
+        return int(self.lanes.A.shape[1])
+
+    @property
+    def remembers_position(self) -> bool:
+        """Whether the last position is a state."""
+        return bool(self.differenced.any())
+
+    def start(self, z0: Array, P0: Array, torque: Array, first_speed: int) -> tuple[Array, Array]:
+        """State and covariance at the first sample from the model's (K, n), (K, n, n).
+
+        The last position lies one interval back by mass 1's speed, state number `first_speed`.
+        """
+        n = z0.shape[1]
+        wide = np.eye(n + self.remembers_position + self.remembers_push)[:, :n]
+        if self.remembers_position:
+            wide[n, 0], wide[n, first_speed] = 1.0, -self.dt
+        P = np.asarray(wide @ P0 @ wide.T)
+        if self.remembers_push:
+            P[:, -1, -1] = np.square(torque)
+        return z0 @ wide.T, P
+
+    def carry(self, k: int, x: Array, fresh: Array | None = None) -> Moved:
+        """From sample k to the next; `fresh` (K,) is the disturbance of the interval, 0 where not given."""
+        n, K = self.states, len(x)
+        new = np.zeros(K) if fresh is None else fresh
+        own = x[:, -1] if self.remembers_push else new
+        t = self.timed
+        step = ahead(self.lanes, x[:, :n], t.first[k] + own, t.knee[k] + own, t.share * self.dt, self.tolerance)
+        z, F, by_own, by_new = step.z, step.by_state, step.by_input, np.zeros((K, n))
+        if np.any(t.share < 1.0):
+            rest = (1.0 - t.share) * self.dt
+            step = ahead(self.lanes, z, t.after[k] + new, t.last[k] + new, rest, self.tolerance)
+            z, F, by_new = step.z, step.by_state @ F, step.by_input
+            by_own = np.einsum("kij,kj->ki", step.by_state, by_own)
+        if not (self.remembers_position or self.remembers_push):
+            return Moved(z, F, by_own)
+        m = x.shape[1]
+        after, by_state, by_push = np.zeros((K, m)), np.zeros((K, m, m)), np.zeros((K, m))
+        after[:, :n], by_state[:, :n, :n] = z, F
+        if self.remembers_position:
+            after[:, n], by_state[:, n, 0] = x[:, 0], 1.0
+        if self.remembers_push:
+            after[:, -1], by_state[:, :n, -1] = new, by_own
+            by_push[:, :n], by_push[:, -1] = by_new, 1.0
+        else:
+            by_push[:, :n] = by_own
+        return Moved(after, by_state, by_push)
+
+    def measure(self, k: int, x: Array) -> tuple[Array, Array]:
+        """Outputs (K, outputs) that are expected at sample k, and their derivative by the state."""
+        n = self.states
+        push = x[:, -1] if self.remembers_push else 0.0
+        y, own, by_input = self.lanes.measured(x[:, :n], self.timed.first[k] + push)
+        C = np.zeros((*own.shape[:2], x.shape[1]))
+        C[:, :, :n] = own
+        if self.remembers_push:
+            C[:, :, -1] = by_input
+        for out in np.flatnonzero(self.differenced):
+            C[:, out, n] = -1.0
+            C[:, out] /= self.dt
+            y[:, out] = (y[:, out] - x[:, n]) / self.dt
+        return y, C
+
+    def clipped(self, x: Array) -> Array:
+        """Limited states within their limits; a measurement gives no impulse, so nothing else moves."""
+        for e in self.lanes.elements:
+            if e.limited:
+                x[:, e.state] = np.clip(x[:, e.state], e.low, e.high)
+        return x

@@ -1,0 +1,208 @@
+"""Sum of Gaussians: an extended Kalman filter that does not have to know whether a gap is closed.
+
+Several extended filters run side by side (Alspach, Sorenson 1972, doi:10.1109/TAC.1972.1100034). Where one of them
+cannot tell within its spread whether a contact is made, and it matters, it is split in two along the quantity that
+decides, with mean and covariance of the pair as before; the recording decides by their likelihoods which are right.
+Components that have come to agree are merged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.control.course import Course, Watched
+from brightgrey.control.kalman import Filtered, Noise, Record, begin, extended, predicted, updated
+
+__all__ = ["mixture"]
+
+Array = NDArray[np.float64]
+_COMPONENTS = 20
+_FILLED = 3  # of the components one in so many is in use at the start, each with its share of the gap
+_APART = float(np.sqrt(0.75))  # standard deviations from the middle to a half: those of a uniform distribution
+_REACH = 3.0  # standard deviations within which a contact is in doubt
+_MATTERS = 0.1  # of a speed's standard deviation: what a doubtful contact may change in a sample
+_MOST = 10.0  # beyond it, weight alone decides which component is split
+_IDLE = 1e-4  # of the largest weight: a component that may be given up for a split
+_AGREED = 0.2  # squared distance of components that are merged, in their common variance
+_SLIGHT = 20.0  # a component of less than a twentieth of the weight is merged from farther off
+_PASSES = 3  # in one sample
+_SPLITS = 4  # in one pass
+
+
+@dataclass(frozen=True)
+class _Bank:
+    """Components of K recordings: weights (K, M), states (K M, m), covariances (K M, m, m)."""
+
+    weights: Array
+    x: Array
+    P: Array
+
+    @property
+    def alive(self) -> NDArray[np.bool_]:
+        """Which components have weight, shape (K, M)."""
+        return np.asarray(self.weights > _IDLE * self.weights.max(axis=1, keepdims=True))
+
+
+def mixture(watched: Watched, noise: Noise, components: int = _COMPONENTS) -> Filtered:
+    """Run the sum of Gaussians over the recordings; without a gap it is the extended filter.
+
+    Parameters
+    ----------
+    watched : Watched
+    noise : Noise
+    components : int
+        Extended filters for each recording.
+
+    Returns
+    -------
+    Filtered
+        Mean and covariance of the sum. The likelihood is the sum's own.
+    """
+    if not any(e.limits is not None for e in watched.system.elements):
+        return extended(watched, noise)
+    samples, K = watched.u.shape
+    course = Course.of(watched, components)
+    R, torque = (np.repeat(part, components, axis=0) for part in (noise.sensors(K), noise.torques(K)))
+    bank = _first(watched, course, noise.torques(K), components)
+    out = Record.empty(samples, K, course.states, len(watched.differenced))
+    chance = np.zeros(K)
+    for k in range(samples):
+        if k:
+            bank = _merged(bank, course)
+            for _ in range(_PASSES):
+                bank = _split(bank, course, k - 1)
+            bank = _Bank(bank.weights, *predicted(course, k - 1, bank.x, bank.P, torque))
+        after = updated(course, k, bank.x, bank.P, np.repeat(watched.y[k], components, axis=0), R)
+        less, S = _moments(bank.weights, after.innovation, after.S)
+        weights, likelihood = _judged(bank.weights, after.innovation, after.S)
+        bank = _Bank(weights, after.x, after.P)
+        chance += likelihood
+        mean, P = _moments(bank.weights, bank.x, bank.P)
+        heaviest = np.arange(K) * components + bank.weights.argmax(axis=1)
+        out.keep(k, mean, P, less, S, bank.x[heaviest])
+    return out.likely(chance)
+
+
+def _judged(weights: Array, innovation: Array, S: Array) -> tuple[Array, Array]:
+    """Weights after a sample, and the logarithm of its likelihood, shape (K,)."""
+    each = _log_normal(innovation, S).reshape(weights.shape) + np.log(np.maximum(weights, 1e-300))
+    best = each.max(axis=1, keepdims=True)
+    share = np.exp(each - best)
+    total = share.sum(axis=1, keepdims=True)
+    return share / total, np.asarray((best + np.log(total))[:, 0])
+
+
+def _log_normal(e: Array, S: Array) -> Array:
+    """Logarithm of the density, shape (lanes,)."""
+    _, size = np.linalg.slogdet(2.0 * np.pi * S)
+    return np.asarray(-0.5 * (size + np.einsum("ki,ki->k", e, np.linalg.solve(S, e[..., None])[..., 0])))
+
+
+def _moments(weights: Array, x: Array, P: Array) -> tuple[Array, Array]:
+    """Mean (K, m) and covariance (K, m, m) of the sums."""
+    K, M = weights.shape
+    each, inner = x.reshape(K, M, -1), P.reshape(K, M, *P.shape[1:])
+    mean = np.einsum("kj,kji->ki", weights, each)
+    apart = each - mean[:, None]
+    cov = np.einsum("kj,kjab->kab", weights, inner) + np.einsum("kj,kja,kjb->kab", weights, apart, apart)
+    return mean, cov
+
+
+def _first(watched: Watched, course: Course, torque: Array, M: int) -> _Bank:
+    """Components evenly over every gap; the others are kept for splits."""
+    K = watched.u.shape[1]
+    x, P = begin(watched, course.picked(np.arange(K) * M), torque)
+    x, P = np.repeat(x, M, axis=0), np.repeat(P, M, axis=0)
+    filled = max(1, M // _FILLED)
+    share = np.tile((np.arange(M) % filled + 0.5) / filled - 0.5, K)
+    for e in course.lanes.elements:
+        if e.limited:
+            spread = P[:, e.state, e.state]
+            along = P[:, :, e.state] / np.where(spread > 0.0, spread, 1.0)[:, None]
+            x += (share * (e.high - e.low))[:, None] * along
+            P -= ((1.0 - filled**-2) * spread)[:, None, None] * along[:, :, None] * along[:, None, :]
+    return _Bank(np.tile((np.arange(M) < filled) / filled, (K, 1)), x, P)
+
+
+def _doubts(bank: _Bank, course: Course, k: int) -> tuple[Array, Array]:
+    """How much a doubtful contact matters to each component, shape (K M,), and along what to split it (K M, m).
+
+    What decides is where the limited state is, or where its shaft would pull it.
+    """
+    n, speeds = course.states, course.lanes.speeds
+    z, P = bank.x[:, :n], bank.P
+    room = np.sqrt(np.maximum(np.einsum("kii->ki", P)[:, speeds], np.square(course.tolerance)[:, None]))
+    drift = course.rate(k, bank.x) * course.dt
+    score, along = np.zeros(len(z)), np.zeros(bank.x.shape)
+    for e in (e for e in course.lanes.elements if e.limited):
+        pulled, pull = e.deciding()
+        own = np.zeros_like(pulled)
+        own[:, e.state] = 1.0
+        for row in (pulled, own):
+            here, way = (np.einsum("ki,ki->k", row, part) for part in (z, drift))
+            reach = np.einsum("kij,kj->ki", P[:, :, :n], row)
+            std = np.sqrt(np.maximum(np.einsum("ki,ki->k", row, reach[:, :n]), 1e-300))
+            low, high = np.minimum(here, here + way), np.maximum(here, here + way)
+            far = np.min([np.maximum(np.maximum(limit - high, low - limit), 0.0) for limit in (e.low, e.high)], axis=0)
+            matter = np.max(np.abs(e.G[:, speeds]) * (pull * std * course.dt)[:, None] / room, axis=1)
+            found = np.where((far < _REACH * std) & (matter > _MATTERS), np.minimum(matter, _MOST), 0.0)
+            more = found > score
+            score[more], along[more] = found[more], reach[more] / std[more, None]
+    return score, along
+
+
+def _split(bank: _Bank, course: Course, k: int) -> _Bank:
+    """Split the components whose contact is most in doubt, in place of those that have no weight."""
+    K, M = bank.weights.shape
+    score, along = _doubts(bank, course, k)
+    alive = bank.alive
+    wish = np.where(alive, score.reshape(K, M) * bank.weights, 0.0)
+    weights, x, P = np.where(alive, bank.weights, 0.0), bank.x.copy(), bank.P.copy()
+    wanting, idle = np.argsort(-wish, axis=1), np.argsort(bank.weights, axis=1)
+    rows = np.arange(K)
+    for i in range(min(_SPLITS, M)):
+        one, other = wanting[:, i], idle[:, i]
+        r = rows[(wish[rows, one] > 0.0) & ~alive[rows, other]]
+        a, b = r * M + one[r], r * M + other[r]
+        shift = _APART * along[a]
+        P[a] -= shift[:, :, None] * shift[:, None, :]
+        x[b], P[b] = x[a] + shift, P[a]
+        x[a] -= shift
+        weights[r, one[r]] *= 0.5
+        weights[r, other[r]] = weights[r, one[r]]
+    return _Bank(weights / weights.sum(axis=1, keepdims=True), course.clipped(x), P)
+
+
+def _merged(bank: _Bank, course: Course) -> _Bank:
+    """Merge in each recording the two components that are nearest to each other, if they agree."""
+    M = bank.weights.shape[1]
+    i, j, near = _nearest(bank, course)
+    r = np.flatnonzero(near)
+    weights, x, P = bank.weights.copy(), bank.x.copy(), bank.P.copy()
+    a, b = r * M + i[r], r * M + j[r]
+    total = weights[r, i[r]] + weights[r, j[r]]
+    share, rest = weights[r, i[r]] / total, weights[r, j[r]] / total
+    apart = x[a] - x[b]
+    between = (share * rest)[:, None, None] * apart[:, :, None] * apart[:, None, :]
+    P[a] = share[:, None, None] * P[a] + rest[:, None, None] * P[b] + between
+    x[a] = share[:, None] * x[a] + rest[:, None] * x[b]
+    weights[r, i[r]], weights[r, j[r]] = total, 0.0
+    return _Bank(weights, x, P)
+
+
+def _nearest(bank: _Bank, course: Course) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Numbers of the two components that are nearest to each other, shape (K,), and whether they agree."""
+    K, M = bank.weights.shape
+    n, weights, alive = course.states, bank.weights, bank.alive
+    x = bank.x.reshape(K, M, -1)[:, :, :n]
+    var = np.einsum("kii->ki", bank.P).reshape(K, M, -1)[:, :, :n]
+    least = np.square(course.least()).reshape(K, M, n)[:, :1, None]
+    apart = np.square(x[:, :, None] - x[:, None]) / (var[:, :, None] + var[:, None] + least)
+    both = weights[:, :, None] * weights[:, None] / (weights[:, :, None] + weights[:, None] + 1e-300)
+    cost = apart.max(axis=3) * np.minimum(_SLIGHT * both, 1.0)
+    cost = np.where(alive[:, :, None] & alive[:, None] & ~np.eye(M, dtype=bool), cost, np.inf).reshape(K, -1)
+    best = cost.argmin(axis=1)
+    return best // M, best % M, np.asarray(cost.min(axis=1) < _AGREED)

@@ -1,0 +1,78 @@
+"""State control on what a Kalman filter finds."""
+
+import numpy as np
+import pytest
+from control_drives import SETTINGS, system_of
+from numpy.testing import assert_allclose
+
+from brightgrey.control.analysis import analyse
+from brightgrey.control.closed_loop import closed_loop, standstill
+from brightgrey.control.controllers import OutputFeedback, StateFeedback, feedforward
+from brightgrey.control.coordinates import twisted
+from brightgrey.control.feedback import state_control
+from brightgrey.control.kalman import Noise
+from brightgrey.control.loops import closed_poles
+from brightgrey.control.observer import ObservedFeedback, kalman_gain, observed
+from brightgrey.control.pieces import piece
+from brightgrey.errors import SettingsError
+from brightgrey.excitation import Limits, reversing
+from brightgrey.kit import Linear
+
+DT = 1e-3
+NOISE = Noise(0.4, np.array([0.04]))
+FULL = "two_mass+coulomb+viscous+gravity+backlash+current_control+delay"
+
+
+def designed(text):
+    system = system_of(text)
+    found = state_control(analyse(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
+    return system, found, kalman_gain(found.analysis.linear, NOISE, DT)
+
+
+def test_the_gain_is_that_of_python_control():
+    control = pytest.importorskip("control")
+    _, found, gain = designed("two_mass+viscous+current_control")
+    A, B, C, _ = found.analysis.linear
+    theirs, _, _ = control.lqe(A, B, C, [[0.4**2 * DT]], [[0.04**2 * DT]])
+    assert_allclose(gain, theirs, rtol=1e-6)
+
+
+def test_the_poles_are_those_of_the_control_and_of_the_filter():
+    _, found, gain = designed("two_mass+viscous+current_control")
+    A, _, C, _ = found.analysis.linear
+    expected = np.concatenate([found.poles, np.linalg.eigvals(A - gain @ C)])
+    poles = closed_poles(found.analysis.linear, observed(found, gain))
+    assert_allclose(np.sort_complex(poles), np.sort_complex(expected), rtol=1e-5)
+
+
+def test_a_mode_that_nothing_shows_is_refused():
+    hidden = Linear(np.diag([1.0, -1.0]), np.ones((2, 1)), np.array([[0.0, 1.0]]), np.zeros((1, 1)))
+    with pytest.raises(SettingsError, match="Kalman"):
+        kalman_gain(hidden, NOISE, DT)
+
+
+def test_the_extended_filter_and_its_linear_form_control_alike():
+    """Without friction and limits, from standstill, under a disturbance."""
+    system, found, gain = designed("two_mass+viscous+current_control")
+    push = np.where(np.arange(300) > 20, 0.5, 0.0)
+    exact = ObservedFeedback(StateFeedback(found, standstill(300), DT), system, NOISE, 40.0)
+    plain = OutputFeedback(observed(found, gain), DT, np.zeros(300))
+    runs = [closed_loop(system, c, 300, DT, SETTINGS, disturbance=push).state("v1") for c in (exact, plain)]
+    assert np.abs(runs[0] - runs[1]).max() < 0.2 * np.abs(runs[1]).max()
+    assert np.abs(runs[0][-20:]).max() < 0.05 * np.abs(runs[0]).max()
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.5e-3])
+def test_one_noisy_speed_is_enough_through_friction_gap_lag_and_torque_limit(delay):
+    system = system_of(FULL, T_d=delay)
+    found = state_control(analyse(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
+    motion = reversing(1.5, Limits(20.0, 250.0, 15000.0), dt=DT, samples=400, before=0.02, between=0.02)
+    follow = StateFeedback(found, feedforward(piece(twisted(system), "forward"), motion), DT)
+    noise = 0.02 * np.random.default_rng(1).normal(size=(400, 1))
+    push = np.where(np.arange(400) > 300, 0.5, 0.0)
+    errors = []
+    for controller, told in ((follow, None), (ObservedFeedback(follow, system, NOISE, 40.0), noise)):
+        run = closed_loop(system, controller, 400, DT, SETTINGS, limit=8.0, disturbance=push, noise=told)
+        assert np.abs(run.u).max() <= 8.0
+        errors.append(float(np.sqrt(np.mean((run.state("v1") - motion.velocity) ** 2))))
+    assert errors[1] < 1.2 * errors[0]
