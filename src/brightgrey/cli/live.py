@@ -41,6 +41,7 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[Stage | Step, str], 
         task = progress.add_task(start, total=None, left="", best="")
 
         begun = time.monotonic()
+        stages: set[str] = set()
 
         def show(step: Stage | Step, about: str) -> None:
             if isinstance(step, Stage):
@@ -64,6 +65,10 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[Stage | Step, str], 
                     best,
                 )
             description, total, done, left, best = shown
-            progress.update(task, description=description, total=total, completed=done, left=left, best=best)
+            fresh = description not in stages  # drawn at once: a stage may be over before the next frame
+            stages.add(description)
+            progress.update(
+                task, refresh=fresh, description=description, total=total, completed=done, left=left, best=best
+            )
 
         yield show
