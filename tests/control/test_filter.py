@@ -11,14 +11,11 @@ from scipy.stats import chi2
 
 from brightgrey.control.coordinates import twisted
 from brightgrey.control.course import Course
-from brightgrey.control.faults import Case, faults, groups
 from brightgrey.control.flow import Lanes, ahead, exponential
 from brightgrey.control.kalman import Noise, extended
 from brightgrey.control.mixture import mixture
 from brightgrey.control.unscented import unscented
 from brightgrey.control.watching import noise_levels, see, shaft_torque
-from brightgrey.effects import registry
-from brightgrey.errors import SettingsError
 from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import response
@@ -201,32 +198,3 @@ def test_noise_levels_are_found_from_a_recording():
     found = noise_levels(Structure.parse(text), values_of(text), recorded(text, 7, torque=0.1), SETTINGS)
     assert found.outputs[0] == pytest.approx(0.02, rel=0.3)
     assert found.torque == pytest.approx(0.1, rel=0.5)
-
-
-def test_every_fault_is_declared_by_its_effects():
-    declared = {p.fault.subject for effect in registry().values() for p in effect.parameters if p.fault}
-    found = groups(Structure.parse(FULL))
-    assert {fault.subject for fault in found} == declared
-    assert found[next(f for f in found if f.subject == "load")] == ("J2",)
-
-
-@pytest.mark.parametrize(
-    ("changed", "guilty"),
-    [({}, None), ({"M_C": 1.35, "f_v": 0.0225}, "friction"), ({"J2": 0.0104}, "load")],
-)
-def test_a_fault_is_named_and_nothing_else(changed, guilty):
-    text = "two_mass+coulomb+viscous"
-    std = {name: 0.01 * value for name, value in values_of(text).items()}
-    case = Case(values_of(text), recorded(text, 11, **changed), Noise(1e-3, np.array([0.02])), std)
-    (found,) = faults(Structure.parse(text), SETTINGS, [case])
-    assert [f.subject for f in found if f.verdict == "changed"] == ([guilty] if guilty else [])
-    for finding in found:
-        expected = {"friction": 1.5, "load": 1.3}[finding.subject] if finding.subject == guilty else 1.0
-        assert finding.ci95[0] < expected * 1.02
-        assert finding.ci95[1] > expected * 0.98
-
-
-def test_wrong_thresholds_are_refused():
-    text = "one_mass+coulomb"
-    with pytest.raises(SettingsError, match="confidence"):
-        faults(Structure.parse(text), SETTINGS, [], confidence=2.0)

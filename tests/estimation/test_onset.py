@@ -40,9 +40,8 @@ def test_auto_takes_standstill_or_clear_motion():
 def test_estimated_speed_is_limited_by_the_sensors_noise():
     recording = drive(5.0, 0.1)
     (speed,) = Onset.of(recording, "estimated").unknown
-    line = noise_of(recording)[0] / np.sqrt(
-        10
-    )  # of a mean; the beginning of a line has twice, of a parabola thrice that
+    # Of a mean of ten; the beginning of a line has twice, of a parabola thrice that.
+    line = noise_of(recording)[0] / np.sqrt(10)
     assert 12.0 * line <= speed.high - speed.low <= 12.0 * line + 2.0 * 3.0 * 3.0 * line
     found = fit(STRUCTURE, [recording], f_tanh=2.5, initial="estimated", level="fast")
     assert found.initial_states[0]["v1"] == pytest.approx(5.0, abs=0.1)

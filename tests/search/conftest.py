@@ -1,11 +1,15 @@
-"""Trees without recordings: parameters drawn from (0, 1), and an estimator that knows the answer at once."""
+"""Trees without recordings, and an estimator that knows the answer at once; and one short recording of a real drive."""
 
 import numpy as np
 import pytest
 
+from brightgrey.estimation import scales
 from brightgrey.kit import PAPER
-from brightgrey.search import Evaluated, Misfit
+from brightgrey.recordings import Recording, Signal
+from brightgrey.search import Evaluated, Identification, Misfit
 from brightgrey.search.genetic.rules import Rules
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
 
 TRUTH = "two_mass+coulomb+viscous+stribeck"
 
@@ -48,3 +52,21 @@ def estimate():
 @pytest.fixture
 def rng():
     return np.random.default_rng(7)
+
+
+@pytest.fixture(scope="session")
+def true_values():
+    """Parameters of the drive of `task`, a two_mass+coulomb."""
+    return {"J1": 0.012, "J2": 0.008, "c1": 40.0, "d1": 0.05, "M_C": 0.5}
+
+
+@pytest.fixture(scope="session")
+def task(true_values):
+    """Half a second of that drive, with noise."""
+    t = 0.001 * np.arange(500)
+    torque = 4.0 * np.sign(np.sin(2.0 * np.pi * 5.0 * t)) * np.minimum(1.0, 20.0 * t)
+    (v,) = reference("two_mass+coulomb", true_values, torque, 0.001, f_tanh=4.0)
+    v = v + 0.05 * np.random.default_rng(2).normal(size=t.size)
+    recording = Recording("made", t, torque, v[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),))
+    known = scales(recording)
+    return Identification((recording,), known, Settings(f_tanh=4.0, speed_scale=known.speed, level="fast"))

@@ -5,14 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from brightgrey.estimation import scales
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
-from brightgrey.search import Identification
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.lattice import contains
-from brightgrey.simulation import Settings
-from brightgrey.simulation.reference import reference
 
 NAMES = (
     "one_mass",
@@ -29,18 +24,6 @@ NAMES = (
     "two_mass+coulomb+viscous+backlash",
 )
 STRUCTURES = [PAPER.parse(name) for name in NAMES]
-TRUE = {"J1": 0.012, "J2": 0.008, "c1": 40.0, "d1": 0.05, "M_C": 0.5}
-
-
-@pytest.fixture(scope="module")
-def task():
-    t = 0.001 * np.arange(600)
-    torque = 4.0 * np.sign(np.sin(2.0 * np.pi * 4.0 * t)) * np.minimum(1.0, 20.0 * t)
-    (v,) = reference("two_mass+coulomb", TRUE, torque, 0.001, f_tanh=4.0)
-    v = v + 0.05 * np.random.default_rng(2).normal(size=t.size)
-    recording = Recording("made", t, torque, v[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),))
-    known = scales(recording)
-    return Identification((recording,), known, Settings(f_tanh=4.0, speed_scale=known.speed, level="fast"))
 
 
 @pytest.fixture(scope="module")
@@ -61,11 +44,11 @@ def test_none_is_worse_than_one_that_it_contains(fitted):
                 assert own.cost <= 1.001 * other.cost
 
 
-def test_the_truth_is_found_with_its_values(task, fitted):
+def test_the_truth_is_found_with_its_values(task, fitted, true_values):
     truth = fitted[PAPER.parse("two_mass+coulomb")]
-    exact = {name: np.array([value]) for name, value in TRUE.items()}
+    exact = {name: np.array([value]) for name, value in true_values.items()}
     assert truth.cost <= 1.01 * task.problem(truth.structure).costs(exact, task.settings)[0]
-    for name, value in TRUE.items():
+    for name, value in true_values.items():
         assert truth.values[name] == pytest.approx(value, rel=0.1)
 
 

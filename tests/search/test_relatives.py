@@ -7,33 +7,16 @@ import numpy as np
 import pytest
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation import scales
 from brightgrey.kit import PAPER, Grammar
-from brightgrey.recordings import Recording, Signal
-from brightgrey.search import Identification
 from brightgrey.search.exhaustive import Fits
 from brightgrey.search.genetic import GeneticSettings, search
 from brightgrey.search.genetic.settings import RELATIVES
 from brightgrey.search.lattice import contains
 from brightgrey.search.work import pool
-from brightgrey.simulation import Settings
-from brightgrey.simulation.reference import reference
 
 FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})
 ALL = tuple(FEW.structures())
-TRUE = {"J1": 0.012, "J2": 0.008, "c1": 40.0, "d1": 0.05, "M_C": 0.5}
 BRIEF = replace(RELATIVES, population=4, generations=3)
-
-
-@pytest.fixture(scope="module")
-def task():
-    t = 0.001 * np.arange(500)
-    torque = 4.0 * np.sign(np.sin(2.0 * np.pi * 5.0 * t)) * np.minimum(1.0, 20.0 * t)
-    (v,) = reference("two_mass+coulomb", TRUE, torque, 0.001, f_tanh=4.0)
-    v = v + 0.05 * np.random.default_rng(2).normal(size=t.size)
-    recording = Recording("made", t, torque, v[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),))
-    known = scales(recording)
-    return Identification((recording,), known, Settings(f_tanh=4.0, speed_scale=known.speed, level="fast"))
 
 
 def in_pieces(task, workers=1):
@@ -51,14 +34,14 @@ def pieces(task):
     return in_pieces(task)
 
 
-def test_in_whatever_order_none_is_worse_than_one_that_it_contains(pieces):
+def test_in_whatever_order_none_is_worse_than_one_that_it_contains(pieces, true_values):
     assert set(pieces.done) == set(ALL)
     for big, own in pieces.done.items():
         for small, other in pieces.done.items():
             if contains(big, small):
                 assert own.cost <= other.cost
     truth = pieces.done[PAPER.parse("two_mass+coulomb")]
-    assert {name: truth.values[name] for name in TRUE} == pytest.approx(TRUE, rel=0.1)
+    assert {name: truth.values[name] for name in true_values} == pytest.approx(true_values, rel=0.1)
 
 
 def test_hubs_are_sought_once_and_every_fit_is_logged(pieces):

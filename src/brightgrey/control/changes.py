@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from brightgrey.control.kalman import Noise, extended
 from brightgrey.control.watching import see
+from brightgrey.estimation.changed import Change
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
@@ -40,17 +41,18 @@ class Trial:
         The model's parameters, SI.
     recording : Recording
     noise : Noise
-    changes : tuple of tuple of str
-        Parameters that are multiplied by a common factor.
-    prior : ndarray, shape (changes,)
-        What is known of the logarithms of the factors: 1 over their variance, 0 for nothing.
+    changes : tuple of Change
     """
 
     values: Mapping[str, float]
     recording: Recording
     noise: Noise
-    changes: tuple[tuple[str, ...], ...]
-    prior: Array
+    changes: tuple[Change, ...]
+
+    @property
+    def prior(self) -> Array:
+        """What is known of the logarithms of the factors: 1 over their variance, 0 for nothing; shape (changes,)."""
+        return np.array([change.doubt**-2 for change in self.changes])
 
 
 class Point(NamedTuple):
@@ -122,8 +124,8 @@ def _filtered(structure: Structure, settings: Settings, part: Sequence[tuple[Tri
     values: dict[str, list[Array]] = {name: [] for name in structure.parameters}
     for trial, sizes in part:
         factors = {name: np.ones(len(sizes)) for name in values}
-        for i, names in enumerate(trial.changes):
-            for name in names:
+        for i, change in enumerate(trial.changes):
+            for name in change.parameters:
                 factors[name] = factors[name] * np.exp(sizes[:, i])
         for name, course in values.items():
             course.append(trial.values[name] * factors[name])

@@ -2,9 +2,10 @@
 
 The declarations say which parameters belong to one fault. The innovations of a filter with the model are white as
 long as the drive is the model's; a fault makes them follow their derivative by the size of the fault. That size is
-estimated from them (Fisher's scoring), with a covariance that allows for innovations which
-are not quite white (Newey, West 1987, doi:10.2307/1913610), and a fault is reported when it is larger than what
-matters, at the confidence asked for.
+estimated from them (Fisher's scoring), with a covariance that allows for innovations which are not quite white (Newey,
+West 1987, doi:10.2307/1913610). Through a gap no filter with one state follows the contacts; there the model is
+simulated instead (:mod:`brightgrey.estimation.changed`). A fault is reported when it is larger than what matters, at
+the confidence asked for.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from brightgrey.control.changes import Point, Trial, estimated
 from brightgrey.control.kalman import Noise
 from brightgrey.effects import Fault
 from brightgrey.errors import SettingsError
+from brightgrey.estimation.changed import Change, Changed, changed
+from brightgrey.estimation.problem import limited_states
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
@@ -101,7 +104,7 @@ def faults(
     matters: float = 0.1,
     confidence: float = 0.99,
 ) -> list[tuple[Finding, ...]]:
-    """Look for faults in new recordings; several are filtered side by side.
+    """Look for faults in new recordings; several are filtered side by side, or simulated one by one through a gap.
 
     Parameters
     ----------
@@ -127,12 +130,14 @@ def faults(
     if not (0.0 <= matters < _TELLING and 0.5 < confidence < 1.0):
         raise SettingsError(f"matters is {matters:g} (0 to {_TELLING:g}) and confidence {confidence:g} (0.5 to 1)")
     kinds = groups(structure)
-    trials = [_trial(case, kinds) for case in cases]
-    found = estimated(structure, settings, trials)
-    return [
-        _findings(case, kinds, point, _spread(point, trial.prior), matters, confidence)
-        for case, trial, point in zip(cases, trials, found, strict=True)
-    ]
+    trials = [Trial(case.values, case.recording, case.noise, _changes(case, kinds)) for case in cases]
+    if limited_states(structure):
+        least = math.log1p(matters)
+        found = [changed(structure, t.values, t.changes, t.recording, settings, matters=least) for t in trials]
+    else:
+        points = estimated(structure, settings, trials)
+        found = [Changed(p.size, _spread(p, t.prior)) for p, t in zip(points, trials, strict=True)]
+    return [_findings(case, kinds, one, matters, confidence) for case, one in zip(cases, found, strict=True)]
 
 
 def _doubts(case: Case) -> dict[str, float]:
@@ -140,7 +145,7 @@ def _doubts(case: Case) -> dict[str, float]:
     return {n: abs(s / case.values[n]) for n, s in case.std.items() if s > 0.0 and case.values[n] != 0.0}
 
 
-def _trial(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> Trial:
+def _changes(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> tuple[Change, ...]:
     """What may have changed: the faults freely, every other parameter as far as the model does not know it.
 
     The first parameter of a fault stands for it, and the doubt about it is added in the end; the fault's other
@@ -153,23 +158,17 @@ def _trial(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> Trial:
         for n, s in doubts.items()
         if first.get(n) != n
     }
-    changes = (*kinds.values(), *((name,) for name in doubtful))
-    prior = np.array([0.0] * len(kinds) + [s**-2 for s in doubtful.values()])
-    return Trial(case.values, case.recording, case.noise, changes, prior)
+    free = (Change(names, math.inf) for names in kinds.values())
+    return (*free, *(Change((name,), doubt) for name, doubt in doubtful.items()))
 
 
 def _findings(
-    case: Case,
-    kinds: Mapping[Fault, tuple[str, ...]],
-    point: Point,
-    spread: Array,
-    matters: float,
-    confidence: float,
+    case: Case, kinds: Mapping[Fault, tuple[str, ...]], found: Changed, matters: float, confidence: float
 ) -> tuple[Finding, ...]:
     doubts = _doubts(case)
     own = [doubts.get(names[0], 0.0) for names in kinds.values()]
     return tuple(
-        _finding(fault, names, float(point.size[i]), math.hypot(spread[i], own[i]), matters, confidence)
+        _finding(fault, names, float(found.size[i]), math.hypot(found.std[i], own[i]), matters, confidence)
         for i, (fault, names) in enumerate(kinds.items())
     )
 

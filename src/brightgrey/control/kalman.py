@@ -7,7 +7,6 @@ the input, held over each sampling interval; what the sensors add is white.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -61,6 +60,9 @@ class Filtered:
         Measured less predicted.
     covariances : ndarray, shape (samples, K, outputs, outputs)
         Expected of the innovations.
+    white : ndarray, shape (samples, K, outputs)
+        Innovations made white, normal and of unit size: what each output, given those before it, is in standard
+        deviations; of a sum of Gaussians the quantile of the normal distribution that the sum gave it.
     log_likelihood : ndarray, shape (K,)
         Logarithm of the likelihood of each recording.
     """
@@ -70,19 +72,13 @@ class Filtered:
     likeliest: Array
     innovations: Array
     covariances: Array
+    white: Array
     log_likelihood: Array
 
-    @cached_property
+    @property
     def nis(self) -> Array:
         """Normalised innovation squared, shape (samples, K); chi-squared with as many degrees as outputs."""
-        solved = np.linalg.solve(self.covariances, self.innovations[..., None])[..., 0]
-        return np.asarray(np.sum(self.innovations * solved, axis=-1))
-
-    @cached_property
-    def white(self) -> Array:
-        """Innovations made white and of unit size, shape (samples, K, outputs)."""
-        roots = np.linalg.cholesky(self.covariances)
-        return np.asarray(np.linalg.solve(roots, self.innovations[..., None])[..., 0])
+        return np.asarray(np.square(self.white).sum(axis=-1))
 
 
 class Updated(NamedTuple):
@@ -178,11 +174,11 @@ class Record:
 
     def gaussian(self) -> Filtered:
         """What was found, where each innovation is normal."""
-        solved = np.linalg.solve(self.covariances, self.innovations[..., None])[..., 0]
+        roots = np.linalg.cholesky(self.covariances)
+        white = np.asarray(np.linalg.solve(roots, self.innovations[..., None])[..., 0])
         _, size = np.linalg.slogdet(2.0 * np.pi * self.covariances)
-        nis = np.sum(self.innovations * solved, axis=-1)
-        return self.likely(-0.5 * np.sum(nis + size, axis=0))
+        return self.judged(white, -0.5 * np.sum(np.square(white).sum(axis=-1) + size, axis=0))
 
-    def likely(self, log_likelihood: Array) -> Filtered:
-        """What was found, with its likelihood."""
-        return Filtered(self.z, self.std, self.likeliest, self.innovations, self.covariances, log_likelihood)
+    def judged(self, white: Array, log_likelihood: Array) -> Filtered:
+        """What was found, with the innovations made white and the likelihood."""
+        return Filtered(self.z, self.std, self.likeliest, self.innovations, self.covariances, white, log_likelihood)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
 from brightgrey.control.course import Course, Watched
 from brightgrey.control.kalman import Filtered, Noise, Record, begin, extended, predicted, updated
@@ -59,7 +60,7 @@ def mixture(watched: Watched, noise: Noise, components: int = _COMPONENTS) -> Fi
     Returns
     -------
     Filtered
-        Mean and covariance of the sum. The likelihood is the sum's own.
+        Mean and covariance of the sum; likelihood and white innovations are the sum's own.
     """
     if not any(e.limits is not None for e in watched.system.elements):
         return extended(watched, noise)
@@ -68,7 +69,7 @@ def mixture(watched: Watched, noise: Noise, components: int = _COMPONENTS) -> Fi
     R, torque = (np.repeat(part, components, axis=0) for part in (noise.sensors(K), noise.torques(K)))
     bank = _first(watched, course, noise.torques(K), components)
     out = Record.empty(samples, K, course.states, len(watched.differenced))
-    chance = np.zeros(K)
+    chance, white = np.zeros(K), np.empty(out.innovations.shape)
     for k in range(samples):
         if k:
             bank = _merged(bank, course)
@@ -77,28 +78,35 @@ def mixture(watched: Watched, noise: Noise, components: int = _COMPONENTS) -> Fi
             bank = _Bank(bank.weights, *predicted(course, k - 1, bank.x, bank.P, torque))
         after = updated(course, k, bank.x, bank.P, np.repeat(watched.y[k], components, axis=0), R)
         less, S = _moments(bank.weights, after.innovation, after.S)
-        weights, likelihood = _judged(bank.weights, after.innovation, after.S)
+        weights, likelihood, white[k] = _judged(bank.weights, after.innovation, after.S)
         bank = _Bank(weights, after.x, after.P)
         chance += likelihood
         mean, P = _moments(bank.weights, bank.x, bank.P)
         heaviest = np.arange(K) * components + bank.weights.argmax(axis=1)
         out.keep(k, mean, P, less, S, bank.x[heaviest])
-    return out.likely(chance)
+    return out.judged(white, chance)
 
 
-def _judged(weights: Array, innovation: Array, S: Array) -> tuple[Array, Array]:
-    """Weights after a sample, and the logarithm of its likelihood, shape (K,)."""
-    each = _log_normal(innovation, S).reshape(weights.shape) + np.log(np.maximum(weights, 1e-300))
-    best = each.max(axis=1, keepdims=True)
-    share = np.exp(each - best)
-    total = share.sum(axis=1, keepdims=True)
-    return share / total, np.asarray((best + np.log(total))[:, 0])
+def _judged(weights: Array, innovation: Array, S: Array) -> tuple[Array, Array, Array]:
+    """Weights after a sample, the logarithm of its likelihood (K,), and its outputs as normal quantiles (K, outputs).
 
-
-def _log_normal(e: Array, S: Array) -> Array:
-    """Logarithm of the density, shape (lanes,)."""
-    _, size = np.linalg.slogdet(2.0 * np.pi * S)
-    return np.asarray(-0.5 * (size + np.einsum("ki,ki->k", e, np.linalg.solve(S, e[..., None])[..., 0])))
+    A sum of Gaussians is not normal, and its innovations over their standard deviation are not either. What the sum
+    calls the chance of a smaller output is even, whatever its form (Rosenblatt 1952, doi:10.1214/aoms/1177729394), and
+    so its normal quantile is normal.
+    """
+    K, M = weights.shape
+    roots = np.linalg.cholesky(S)
+    own = np.linalg.solve(roots, innovation[..., None])[..., 0].reshape(K, M, -1)
+    sizes = np.log(np.einsum("kii->ki", roots)).reshape(K, M, -1)
+    each = np.log(np.maximum(weights, 1e-300))
+    quantiles = np.empty((K, own.shape[2]))
+    for output in range(own.shape[2]):
+        rest = logsumexp(each, axis=1)
+        below, above = (logsumexp(each + log_ndtr(side * own[:, :, output]), axis=1) - rest for side in (1.0, -1.0))
+        quantiles[:, output] = np.where(below < above, ndtri_exp(below), -ndtri_exp(above))
+        each = each - 0.5 * np.square(own[:, :, output]) - sizes[:, :, output] - 0.5 * np.log(2.0 * np.pi)
+    likelihood = logsumexp(each, axis=1)
+    return np.exp(each - likelihood[:, None]), likelihood, quantiles
 
 
 def _moments(weights: Array, x: Array, P: Array) -> tuple[Array, Array]:

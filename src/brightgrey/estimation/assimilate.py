@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.problem import Problem
-from brightgrey.kit import StateSpace, assemble
+from brightgrey.estimation.problem import Problem, system_for
+from brightgrey.kit import StateSpace
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 
@@ -75,18 +75,10 @@ def _dead_time(problem: Problem, search: Search, settings: Settings, theta: Arra
     sets = np.column_stack([theta, theta[:, None] + _PERTURBED * np.eye(len(theta))])
     low, high = (search.inward(v)[:, None] for v in (search.low, search.high))
     sets[:, 1:] = np.where(sets[:, 1:] > high, 2.0 * theta[:, None] - sets[:, 1:], sets[:, 1:])
-    system = _system(problem, search, settings, np.clip(sets, low, high), 0)
+    values = search.named(search.outward(np.clip(sets, low, high)))
+    system = system_for(problem.structure, values, problem.recordings[0], settings)
     times = np.broadcast_to(system.dead_time, sets.shape[1])
     return times[1:] != times[0], float(times[0])
-
-
-def _system(problem: Problem, search: Search, settings: Settings, theta: Array, number: int) -> StateSpace:
-    """Systems of an ensemble, with the outputs of a recording."""
-    kinds = [signal.kind for signal in problem.recordings[number].outputs]
-    outputs = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
-    values = search.named(search.outward(theta))
-    own = {name: values[name] for name in problem.structure.parameters}
-    return assemble(problem.structure, own, settings.f_tanh, outputs)
 
 
 def _watched(system: StateSpace, members: int) -> StateSpace:
@@ -126,12 +118,11 @@ def _passed(
     length = max(_SHORTEST, -(-(r.samples - 1) // _STRETCHES))
     for begin in range(0, r.samples - 1, length):
         end = min(begin + length, r.samples - 1)
-        system = _system(problem, search, settings, theta, number)
+        values = search.named(search.outward(theta))
+        system = system_for(problem.structure, values, r, settings)
         if x is None:
-            x = np.broadcast_to(
-                problem.onsets[number].state(system, float(u[0]), search.named(search.outward(theta))),
-                (len(system.states), theta.shape[1]),
-            )
+            first = problem.onsets[number].state(system, float(u[0]), values)
+            x = np.broadcast_to(first, (len(system.states), theta.shape[1]))
         x, y, alive = _stretch(system, r, u, x, begin, end, settings)
         if not alive.any():
             return theta

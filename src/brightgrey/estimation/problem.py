@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 
-__all__ = ["Problem", "predict_many", "systems"]
+__all__ = ["Problem", "limited_states", "predict_many", "system_for", "systems"]
 
 Array = NDArray[np.float64]
 _FEWEST = 100  # samples of a beginning
@@ -36,11 +37,10 @@ def predict_many(
 
     The initial state is `initial`, or else that of `onset`, whose unknown parts stand among the values.
     """
-    kinds = [signal.kind for signal in recording.outputs]
     system, x0 = systems(structure, values, recording, settings, onset=onset, initial=initial)
     y = response(system, recording.u, recording.dt, x0, settings, group=group, threads=threads).y
-    for out, kind in enumerate(kinds):
-        if kind == "velocity-differenced":
+    for out, signal in enumerate(recording.outputs):
+        if signal.kind == "velocity-differenced":
             before = y[out, :1] - recording.dt * x0[system.state_names.index("v1")]  # it moved as it does at first
             y[out] = np.diff(y[out], axis=0, prepend=before) / recording.dt
     return y
@@ -55,17 +55,23 @@ def systems(
     onset: Onset | None = None,
     initial: Mapping[str, float] | None = None,
 ) -> tuple[StateSpace, Array]:
-    """K systems, a differenced velocity's with its position for output, and their initial states, shape (n, K)."""
-    kinds = [signal.kind for signal in recording.outputs]
-    outputs = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
-    own = {name: values[name] for name in structure.parameters}
-    system = assemble(structure, own, settings.f_tanh, outputs)
+    """K systems with the outputs of a recording, see :func:`system_for`, and their initial states, shape (n, K)."""
+    system = system_for(structure, values, recording, settings)
     if initial is not None:
         x0 = np.array([[initial[state.name]] for state in system.states])
     else:
         x0 = (onset or Onset.of(recording)).state(system, float(recording.u[0]), values)
-    sets = max((np.size(value) for value in own.values()), default=1)
+    sets = max((np.size(values[name]) for name in structure.parameters), default=1)
     return system, np.broadcast_to(x0, (len(x0), sets))
+
+
+def system_for(
+    structure: Structure, values: Mapping[str, Array], recording: Recording, settings: Settings
+) -> StateSpace:
+    """K systems with the outputs of a recording; for a differenced velocity it is its position."""
+    kinds = [signal.kind for signal in recording.outputs]
+    outputs = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
+    return assemble(structure, {name: values[name] for name in structure.parameters}, settings.f_tanh, outputs)
 
 
 def _beginning(recording: Recording, share: float) -> Recording:
@@ -78,8 +84,8 @@ def _beginning(recording: Recording, share: float) -> Recording:
     return replace(r, t=r.t[:samples], u=r.u[:samples], y=r.y[:, :samples])
 
 
-def _limited(structure: Structure) -> tuple[str, ...]:
-    """Names of the states that are kept between limits."""
+def limited_states(structure: Structure) -> tuple[str, ...]:
+    """Names of the states that are kept between limits: positions in gaps."""
     system = assemble(structure, dict.fromkeys(structure.parameters, 1.0), 1.0)
     return tuple(system.state_names[e.limits.state] for e in system.elements if e.limits is not None)
 
@@ -109,13 +115,13 @@ class Problem:
     @classmethod
     def of(
         cls, structure: Structure, recordings: Sequence[Recording], threads: int = 1, initial: Initial = "auto"
-    ) -> Problem:
+    ) -> Self:
         """Problem with weights from the recordings' noise; `initial` as for `Onset`."""
         noise = np.median([noise_of(r) for r in recordings], axis=0)
         spread = np.max([r.y.std(axis=1) for r in recordings], axis=0)
         floor = np.maximum(noise, 1e-3 * spread)
         tags = [f"#{k + 1}" if len(recordings) > 1 else "" for k in range(len(recordings))]
-        limited = _limited(structure)
+        limited = limited_states(structure)
         onsets = tuple(
             Onset.of(r, initial, tag, limited, structure.masses) for r, tag in zip(recordings, tags, strict=True)
         )
@@ -140,7 +146,7 @@ class Problem:
     @property
     def limited(self) -> bool:
         """Whether a state is kept between limits: then the cost is rugged."""
-        return bool(_limited(self.structure))
+        return bool(limited_states(self.structure))
 
     @property
     def samples(self) -> int:

@@ -1,0 +1,213 @@
+"""What has changed of a known drive, by simulation: factors on groups of its parameters, from one recording.
+
+The drive's model is known up to the doubt it came with, so little is searched: a common factor for each group that may
+have changed freely, and one for every other doubt, held near 1. A simulation follows the contacts in a gap, which no
+filter with one state does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.estimation.bounds import Search
+from brightgrey.estimation.coloured import times_autocovariance
+from brightgrey.estimation.explore import explore
+from brightgrey.estimation.leastsquares import descend, descend_many
+from brightgrey.estimation.onset import noise_of
+from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.scales import scales
+from brightgrey.estimation.uncertainty import noise_models
+from brightgrey.kit import Structure
+from brightgrey.recordings import Recording
+from brightgrey.simulation import Settings
+
+__all__ = ["Change", "Changed", "changed"]
+
+Array = NDArray[np.float64]
+_MOST = 5.0  # factor that is looked for, to either side
+_DOUBTS = 5.0  # standard deviations that what is known may be off
+_STARTS, _PATIENCE = 8, 2
+_RIVALS = 4  # ends from which a held factor is fitted
+_SINGULAR = 1e-10  # of the information with normed parameters
+
+
+class Change(NamedTuple):
+    """Parameters that are multiplied by a common factor, and the standard deviation of its logarithm beforehand.
+
+    An infinite one says that nothing is known.
+    """
+
+    parameters: tuple[str, ...]
+    doubt: float
+
+    @property
+    def name(self) -> str:
+        """The factor's."""
+        return "factor of " + ", ".join(self.parameters)
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing is known beforehand."""
+        return not np.isfinite(self.doubt)
+
+
+class Changed(NamedTuple):
+    """What a recording says of the changes.
+
+    Attributes
+    ----------
+    size : ndarray, shape (changes,)
+        Logarithms of the factors.
+    std : ndarray, shape (changes,)
+        Their standard deviations; very large where nothing is said.
+    """
+
+    size: Array
+    std: Array
+
+
+def changed(
+    structure: Structure,
+    values: Mapping[str, float],
+    changes: Sequence[Change],
+    recording: Recording,
+    settings: Settings,
+    *,
+    matters: float,
+) -> Changed:
+    """Find the factors with which the model explains a recording best.
+
+    Parameters
+    ----------
+    structure : Structure
+    values : mapping of str to float
+        The model's parameters, SI.
+    changes : sequence of Change
+    recording : Recording
+    settings : Settings
+        Of the last descents; the search goes at the ``fast`` level.
+    matters : float
+        Logarithm of a factor. A free change that comes out larger is held at this size, all else is fitted anew, and
+        what that costs (the likelihood ratio) decides how sure it is: through a gap the quadratic picture of the cost
+        is often too narrow.
+
+    Returns
+    -------
+    Changed
+        The standard deviations allow for autocorrelated residuals, as in :mod:`brightgrey.estimation.uncertainty`.
+    """
+    problem = _Informed.of(structure, [recording])
+    search = _space(values, changes, recording, problem)
+    problem = replace(problem, believed={c.name: c.doubt for c in changes if not c.free})
+    fast = replace(settings, level="fast")
+    found = explore(problem, search, fast, [{}], starts=_STARTS, patience=_PATIENCE, seed=0)
+    ends = sorted(found.ends, key=lambda end: end.cost)[:_RIVALS]
+    problem = _heard(problem, search, settings, ends[0].values)
+    last = descend(problem, search, settings, ends[0].values)
+    size = search.inward(last.values)
+    white, std = _spread(problem, last.residual, last.jacobian)
+    for i, change in enumerate(changes):
+        if change.free and abs(size[i]) > matters and white[i] > 0.0:
+            begins = np.stack([last.values, *(end.values for end in ends)], axis=1)
+            held, begins = _held(search, i, float(np.exp(np.copysign(matters, size[i]))), begins)
+            least = min(end.cost for end in descend_many(problem, held, settings, begins, rival=np.inf))
+            ratio = np.sqrt(max(least - last.cost, 0.0)) * white[i] / std[i]
+            std[i] = max(std[i], (abs(size[i]) - matters) / max(ratio, 1e-6))
+    return Changed(size[: len(changes)], std[: len(changes)])
+
+
+@dataclass(frozen=True)
+class _Factors(Search):
+    """Search of factors; by name it gives the parameters that they lead to, too."""
+
+    model: Mapping[str, float] = field(default_factory=dict)
+    changes: tuple[Change, ...] = ()
+
+    def named(self, values: Array) -> dict[str, Array]:
+        given = super().named(values)
+        own = {name: np.full(values.shape[1], value) for name, value in self.model.items()}
+        for change in self.changes:
+            for name in change.parameters:
+                own[name] = own[name] * given[change.name]
+        return given | own
+
+
+def _space(values: Mapping[str, float], changes: Sequence[Change], recording: Recording, problem: Problem) -> _Factors:
+    reach = np.exp([min(_DOUBTS * change.doubt, np.log(_MOST)) for change in changes])
+    unknown = problem.unknown
+    return _Factors(
+        names=(*(change.name for change in changes), *(part.name for part in unknown)),
+        low=np.array([*(1.0 / reach), *(part.low for part in unknown)]),
+        high=np.array([*reach, *(part.high for part in unknown)]),
+        start=np.array([*np.ones(len(changes)), *(part.start for part in unknown)]),
+        log=np.array([True] * len(changes) + [False] * len(unknown)),
+        fixed={},
+        scales=scales([recording]),
+        blocks=(),
+        still=np.array([not change.free for change in changes] + [not part.drawn for part in unknown]),
+        model=values,
+        changes=tuple(changes),
+    )
+
+
+def _held(search: _Factors, i: int, value: float, begins: Array) -> tuple[_Factors, Array]:
+    """Search and starts, shape (P, S), with one factor fixed."""
+    rest = np.arange(len(search.names)) != i
+    part = {name: getattr(search, name)[rest] for name in ("low", "high", "start", "log", "still")}
+    names = tuple(name for name, stays in zip(search.names, rest, strict=True) if stays)
+    return replace(search, names=names, fixed={search.names[i]: value}, **part), begins[rest]
+
+
+@dataclass(frozen=True)
+class _Informed(Problem):
+    """Problem with one more residual for each factor of which something is known: its logarithm over that doubt."""
+
+    believed: Mapping[str, float] = field(default_factory=dict)
+
+    def residuals(self, values: Mapping[str, Array], settings: Settings, *, group: int = 1) -> Array:
+        apart = super().residuals(values, settings, group=group)
+        return np.concatenate([apart, self._beliefs(values)])
+
+    def products(self, values: Mapping[str, Array], settings: Settings, per_step: Array) -> Array:
+        total = super().products(values, settings, per_step)
+        r = self._beliefs(values).reshape(-1, *total.shape[:2])
+        r[:, :, 1:] = (r[:, :, 1:] - r[:, :, :1]) * per_step
+        return np.asarray(total + np.einsum("bsi,bsj->sij", r, r))
+
+    def costs(self, values: Mapping[str, Array], settings: Settings) -> Array:
+        return np.asarray(super().costs(values, settings) + np.square(self._beliefs(values)).sum(axis=0))
+
+    def _beliefs(self, values: Mapping[str, Array]) -> Array:
+        sets = len(next(iter(values.values())))
+        return np.array([np.log(values[name]) / std for name, std in self.believed.items()]).reshape(-1, sets)
+
+
+def _heard(problem: _Informed, search: Search, settings: Settings, values: Array) -> _Informed:
+    """The same with the residuals at `values` for noise, which is what no change explains; at least the sensor's."""
+    (recording,) = problem.recordings
+    residual = problem.residuals(search.named(values[:, None]), settings)[: recording.y.size]
+    size = np.sqrt(np.mean(np.square(residual.reshape(recording.y.shape)), axis=1)) / problem.weights
+    return replace(problem, weights=1.0 / np.maximum(size, noise_of(recording)))
+
+
+def _spread(problem: _Informed, residual: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Standard deviations, shape (P,), if residuals were white, and as they are; very large where nothing is told."""
+    (recording,) = problem.recordings
+    n = recording.y.size
+    scale = np.linalg.norm(jacobian, axis=0)
+    J = jacobian / np.where(scale > 0.0, scale, 1.0)
+    data, known = J[:n], J[n:]
+    lengths = [recording.samples] * len(recording.y)
+    meat = known.T @ known
+    for model, part in zip(noise_models(residual[:n], data, lengths), np.split(data, len(lengths)), strict=True):
+        meat += part.T @ times_autocovariance(model.autocovariance(len(part)), part)
+    size, base = np.linalg.eigh(J.T @ J)
+    inverse = (base / np.maximum(size, _SINGULAR * size[-1])) @ base.T
+    white, coloured = (np.sqrt(np.diag(cov)) for cov in (inverse, inverse @ meat @ inverse))
+    outward = np.where(scale > 0.0, 1.0 / np.where(scale > 0.0, scale, 1.0), np.inf)
+    return white * outward, coloured * outward

@@ -1,0 +1,79 @@
+"""Faults on recordings of the reference solver: named where they are, and nothing else; refused where nothing shows."""
+
+import numpy as np
+import pytest
+from control_drives import SETTINGS, recorded, values_of
+
+from brightgrey.control.faults import Case, faults, groups
+from brightgrey.control.kalman import Noise
+from brightgrey.effects import registry
+from brightgrey.errors import SettingsError
+from brightgrey.kit import Structure
+
+PLAIN = "two_mass+coulomb+viscous"
+GAP = "two_mass+coulomb+viscous+backlash"
+EVERYTHING = "two_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
+FACTORS = {"friction": 1.5, "load": 1.3, "backlash": 2.0}
+OFF = {"J1": 1.01, "c1": 0.985, "d1": 1.02, "f_v": 0.99}  # what the model does not know of the drive
+
+
+def found_in(text, seed, std=0.01, torque=0.0, **changed):
+    known = {name: value * OFF.get(name, 1.0) for name, value in values_of(text).items()}
+    doubts = {name: std * value for name, value in known.items()}
+    case = Case(known, recorded(text, seed, torque=torque, **changed), Noise(1e-3, np.array([0.02])), doubts)
+    (found,) = faults(Structure.parse(text), SETTINGS, [case])
+    return {finding.subject: finding for finding in found}
+
+
+def broken(text, subject):
+    groups_of = groups(Structure.parse(text))
+    names = next(names for fault, names in groups_of.items() if fault.subject == subject)
+    return {name: FACTORS[subject] * values_of(text)[name] for name in names}
+
+
+def test_every_fault_is_declared_by_its_effects():
+    declared = {p.fault.subject for effect in registry().values() for p in effect.parameters if p.fault}
+    found = groups(Structure.parse(EVERYTHING))
+    assert {fault.subject for fault in found} == declared
+    assert found[next(f for f in found if f.subject == "load")] == ("J2",)
+
+
+@pytest.mark.parametrize(
+    ("text", "guilty"),
+    [
+        (PLAIN, None),
+        (PLAIN, "friction"),
+        (PLAIN, "load"),
+        (GAP, None),
+        (GAP, "friction"),
+        (GAP, "load"),
+        (GAP, "backlash"),
+    ],
+)
+def test_a_fault_is_named_and_nothing_else(text, guilty):
+    found = found_in(text, 11, **(broken(text, guilty) if guilty else {}))
+    assert [f.subject for f in found.values() if f.verdict == "changed"] == ([guilty] if guilty else [])
+    for finding in found.values():
+        expected = FACTORS[guilty] if finding.subject == guilty else 1.0
+        assert finding.ci95[0] < expected * 1.02
+        assert finding.ci95[1] > expected * 0.98
+
+
+def test_a_gap_that_does_not_show_is_not_decidable():
+    """Its width is a thousandth of the shaft's twist: nothing in the speed tells it."""
+    found = found_in(GAP, 12, alpha=1e-5)
+    assert found["backlash"].verdict == "not decidable"
+    assert found["load"].verdict == found["friction"].verdict == "as before"
+
+
+def test_a_disturbance_that_is_not_recorded_makes_findings_less_sure_and_raises_no_alarm():
+    quiet, disturbed = found_in(GAP, 13), found_in(GAP, 13, torque=0.05)
+    width = {name: [np.log(f[name].ci95[1] / f[name].ci95[0]) for f in (quiet, disturbed)] for name in quiet}
+    assert width["backlash"][1] > width["backlash"][0]
+    assert not [f.text for f in disturbed.values() if f.verdict == "changed"]
+
+
+def test_wrong_thresholds_are_refused():
+    text = "one_mass+coulomb"
+    with pytest.raises(SettingsError, match="confidence"):
+        faults(Structure.parse(text), SETTINGS, [], confidence=2.0)

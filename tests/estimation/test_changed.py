@@ -1,0 +1,64 @@
+"""Factors on a known drive's parameters: as sure as the recording and what is known beforehand make them."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from brightgrey.estimation.changed import Change, changed
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.kit import Structure
+from brightgrey.recordings import Recording, Signal
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
+
+TRUTH = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "M_C": 0.9, "f_v": 0.015, "alpha": 0.02}
+STRUCTURE = Structure.parse("two_mass+coulomb+viscous+backlash")
+SETTINGS = Settings(E.f_tanh, E.speed)
+LOAD, GAP = Change(("J2",), math.inf), Change(("alpha",), math.inf)
+MATTERS = math.log(1.1)
+
+
+@pytest.fixture(scope="module")
+def speed():
+    return reference(STRUCTURE, TRUTH, E.torque()[::2], 2 * E.dt, f_tanh=E.f_tanh)[0]
+
+
+def recording_of(speed, noise, seed=3):
+    y = speed + noise * np.random.default_rng(seed).normal(size=len(speed))
+    signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
+    return Recording("simulated", 2 * E.dt * np.arange(len(y)), E.torque()[::2], y[None], *signals)
+
+
+def found(model, changes, recording):
+    return changed(STRUCTURE, model, changes, recording, SETTINGS, matters=MATTERS)
+
+
+def test_factors_are_found_within_their_intervals_and_noise_widens_them(speed):
+    model = {**TRUTH, "J2": TRUTH["J2"] / 1.3, "alpha": TRUTH["alpha"] / 2.0}
+    stds = []
+    for noise in (0.02, 0.1):
+        out = found(model, (LOAD, GAP), recording_of(speed, noise))
+        assert np.all(np.abs(out.size - np.log([1.3, 2.0])) < 4.0 * out.std)
+        stds.append(out.std)
+    assert stds[1] / stds[0] == pytest.approx([5.0, 5.0], rel=0.5)
+
+
+def test_what_is_known_beforehand_counts_as_much_as_it_is_known(speed):
+    model = {**TRUTH, "f_v": TRUTH["f_v"] / 1.1}
+    recording = recording_of(speed, 0.05)
+    loose, tight = (found(model, (LOAD, Change(("f_v",), doubt)), recording) for doubt in (0.1, 1e-4))
+    assert loose.size[1] == pytest.approx(math.log(1.1), abs=4.0 * loose.std[1])
+    assert abs(tight.size[1]) < 5e-4
+    assert tight.std[1] == pytest.approx(1e-4, rel=0.1)
+
+
+def test_a_recording_that_begins_in_motion_has_its_beginning_searched_for(speed):
+    whole = recording_of(speed, 0.02)
+    cut = slice(150, None)
+    late = replace(whole, t=whole.t[cut] - whole.t[150], u=whole.u[cut], y=whole.y[:, cut])
+    assert abs(late.y[0, 0]) > 0.1 * np.abs(late.y).max()
+    out = found({**TRUTH, "J2": TRUTH["J2"] / 1.3}, (LOAD, GAP), late)
+    assert np.all(np.abs(out.size - np.log([1.3, 1.0])) < 4.0 * out.std)
+    assert out.std[0] < 0.05
