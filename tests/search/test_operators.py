@@ -10,7 +10,7 @@ from brightgrey.kit import PAPER, Placed
 from brightgrey.search.genetic import GeneticSettings, Node
 from brightgrey.search.genetic.crossover import join, recombine
 from brightgrey.search.genetic.mutation import MUTATIONS, chromosome, delete, insert, point
-from brightgrey.search.genetic.offspring import Born, mutated, offspring, renewed
+from brightgrey.search.genetic.offspring import Born, mutated, near, offspring, renewed
 from brightgrey.search.genetic.population import finish, initial, random_tree
 from brightgrey.search.genetic.selection import clones, roulette
 
@@ -223,6 +223,26 @@ def test_tried_structures_are_mutated_again(rules, draw, rng):
     new = renewed([Born(old, (0,), "clone")] * 5, {old.structure}, settings, rules, draw, rng)
     structures = [b.tree.structure for b in new]
     assert len({*structures, old.structure}) == 6
+
+
+def test_what_is_near_the_best_is_one_node_away_and_untried_and_the_very_best_comes_first(rules, draw, rng):
+    best = [tree("two_mass(coulomb)"), tree("four_mass(gravity)")]
+    tried = {t.structure for t in best}
+    born = near(best, tried, GeneticSettings(population=40, near=40), rules, draw, rng)
+    assert {b.operator for b in born} == {"elite+point", "elite+insertion", "elite+deletion"}
+    structures = [b.tree.structure for b in born]
+    assert len({*structures, *tried}) == len(structures) + 2
+
+    def steps(structure, start):
+        apart = Counter(structure.placed) - Counter(start.placed), Counter(start.placed) - Counter(structure.placed)
+        return max(part.total() for part in apart)
+
+    nearest = [min((steps(s, b.structure), i) for i, b in enumerate(best)) for s in structures]
+    assert all(distance == 1 for distance, _ in nearest)
+    whose = [i for _, i in nearest]
+    assert whose == sorted(whose)
+    assert set(whose) == {0, 1}
+    assert len(near(best, tried, GeneticSettings(near=3), rules, draw, rng)) == 3
 
 
 def test_no_illegal_tree_and_every_structure_in_many_operations(rules, draw, rng):

@@ -86,3 +86,25 @@ def test_relatives_need_fits_and_least_squares(task):
         search(None, task.draw, BRIEF, grammar=FEW)
     with pytest.raises(SettingsError, match="least-squares"):
         GeneticSettings(begin="relatives")
+
+
+def test_residuals_that_hang_together_count_as_fewer_samples(task):
+    (white,) = task.recordings
+    rng, noise = np.random.default_rng(4), np.zeros(white.samples)
+    for k in range(1, white.samples):
+        noise[k] = 0.9 * noise[k - 1] + 0.1 * rng.normal()
+    slow = replace(task, recordings=(replace(white, y=white.y + noise),))
+    shares = []
+    for recorded in (task, slow):
+        fits = Fits(recorded, ALL)
+        run = search(lambda *_: [], recorded.draw, BRIEF, fits=fits, grammar=FEW, seed=1)
+        misfits = {e.result.misfit.share for e in run.evaluations}
+        assert len(misfits) == 1  # all are judged alike
+        shares += misfits
+        best = run.best.result
+        n = best.misfit.independent
+        (rss,) = best.misfit.rss
+        expected = -0.5 * (n * np.log(rss / white.samples) + best.n_parameters * np.log(n))
+        assert run.best.value == pytest.approx(expected)
+    assert shares[0] > 0.8
+    assert shares[1] < 0.3  # (1 - 0.81) / (1 + 0.81) = 0.1 for the slow part alone

@@ -22,6 +22,7 @@ __all__ = [
     "Iterations",
     "Kp",
     "Mutation",
+    "Near",
     "Population",
     "Setting",
     "refuse",
@@ -66,6 +67,10 @@ Mutation = Annotated[
 Elite = Annotated[int | None, typer.Option("--elite", metavar="N", help="Best structures that are kept. Paper: 0.")]
 Fresh = Annotated[
     int | None, typer.Option("--fresh", metavar="N", help="Mutations until a structure is a new one. Paper: 0.")
+]
+Near = Annotated[
+    int | None,
+    typer.Option("--near", metavar="N", help="Untried structures one node away from the best ones. Paper: 0."),
 ]
 Setting = Annotated[
     str,

@@ -146,6 +146,7 @@ def identify(
     mutation: genetic.Mutation = None,
     elite: genetic.Elite = None,
     fresh: genetic.Fresh = None,
+    near: genetic.Near = None,
     time: Time = None,
     dt: Step = None,
     input_gain: Gain = 1.0,
@@ -199,6 +200,7 @@ def identify(
         k_p=k_p,
         elite=elite,
         fresh=fresh,
+        near=near,
     )
     held = check_hold(hold)
     from brightgrey import api

@@ -26,6 +26,7 @@ def reproduce(
     mutation: genetic.Mutation = None,
     elite: genetic.Elite = None,
     fresh: genetic.Fresh = None,
+    near: genetic.Near = None,
     seed: Seed = 0,
     workers: Workers = CORES,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("reproduction"),
@@ -49,6 +50,7 @@ def reproduce(
         k_p=k_p,
         elite=elite,
         fresh=fresh,
+        near=near,
     )
     from brightgrey.cli import live, show
     from brightgrey.export.files import check_folder

@@ -179,8 +179,3 @@ def watched(found: Watch, *, quiet: bool, json: bool) -> None:
     out.print(
         f"innovations: {nis:.3g} times the expected power, correlation of neighbours {whiteness(found.filtered):.2f}"
     )
-    if any(e.limits is not None for e in found.seen.watched.system.elements):
-        out.print(
-            "through a gap these alarms are not to be trusted: healthy simulated recordings raised some, too",
-            soft_wrap=True,
-        )

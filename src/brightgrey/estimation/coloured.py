@@ -50,6 +50,11 @@ class Autoregression:
         longest = self.variance / sum(self.a) ** 2
         return float(min(samples * self.autocovariance(samples)[0] / longest, samples))
 
+    def telling(self, samples: int) -> float:
+        """Number of independent samples that tell a variance as well: ``samples / (1 + 2 sum of rho^2)``."""
+        c = self.autocovariance(samples)
+        return samples / (1.0 + 2.0 * float(np.square(c[1:] / c[0]).sum())) if c[0] > 0.0 else float(samples)
+
     def scatter(self, g: Array) -> tuple[Array, Array]:
         """Variances of ``sum g e`` and how uncertain they are if this model was estimated from as many samples.
 

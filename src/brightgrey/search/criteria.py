@@ -30,12 +30,20 @@ class Misfit:
         Of each output.
     spread : tuple of float
         Sum of squares of each output about its mean, in the unit of `rss`.
+    share : float
+        Of the samples, how many are independent; less than 1 where residuals are known to hang together.
     """
 
     rss: tuple[float, ...]
     least: tuple[float, ...]
     samples: int
     spread: tuple[float, ...]
+    share: float = 1.0
+
+    @property
+    def independent(self) -> float:
+        """Number of independent samples of each output."""
+        return self.share * self.samples
 
     @property
     def fit_percent(self) -> float:
@@ -59,12 +67,13 @@ class Criterion:
     value : callable
         ``value(misfit, d)`` for d estimated parameters; the larger, the better; -inf or 0 if nothing is good.
     chances : callable
-        ``chances(values, samples)``: weights, shape (individuals,), not negative, for the roulette wheel.
+        ``chances(values, samples)``: weights, shape (individuals,), not negative, for the roulette wheel; so many
+        samples are independent.
     """
 
     name: str
     value: Callable[[Misfit, int], float]
-    chances: Callable[[Sequence[float], int], Array]
+    chances: Callable[[Sequence[float], float], Array]
 
 
 def fitness(misfit: Misfit, d: int, k_p: float) -> float:
@@ -78,21 +87,22 @@ def fitness(misfit: Misfit, d: int, k_p: float) -> float:
 
 
 def information(misfit: Misfit, d: int) -> float:
-    """Half of the Bayesian information criterion, negative: -(sum n ln(RSS/n) + d ln N) / 2 (Schwarz 1978).
+    """Half of the Bayesian information criterion, negative: -(sum n ln(RSS/N) + d ln n) / 2 (Schwarz 1978).
 
-    doi:10.1214/aos/1176344136. Noise of unknown size, different for each output; the floor as in `fitness`.
+    doi:10.1214/aos/1176344136. N samples are worth n independent ones. Noise of unknown size, different for each
+    output; the floor as in `fitness`.
     """
-    n, outputs = misfit.samples, len(misfit.rss)
-    total = n * sum(float(np.log(rss / n)) for rss in misfit.floored)
+    n, outputs = misfit.independent, len(misfit.rss)
+    total = n * sum(float(np.log(rss / misfit.samples)) for rss in misfit.floored)
     return -0.5 * (total + d * float(np.log(n * outputs))) if np.isfinite(total) else -np.inf
 
 
-def in_proportion(values: Sequence[float], samples: int) -> Array:
+def in_proportion(values: Sequence[float], samples: float) -> Array:
     """Chances are the values themselves, as in the paper."""
     return np.asarray(values, float)
 
 
-def by_likelihood(values: Sequence[float], samples: int) -> Array:
+def by_likelihood(values: Sequence[float], samples: float) -> Array:
     """Chances are the odds that `values` are logarithms of, per sample, 1 for the best.
 
     The odds of all samples together run to exp(hundreds) and would leave one individual. Per sample they are

@@ -14,7 +14,7 @@ from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.criteria import Criterion, criterion
 from brightgrey.search.evaluation import Estimator, Evaluated, Job
 from brightgrey.search.exhaustive import Fits
-from brightgrey.search.genetic.offspring import Born, offspring, renewed
+from brightgrey.search.genetic.offspring import Born, near, offspring, renewed
 from brightgrey.search.genetic.population import Draw, initial
 from brightgrey.search.genetic.record import Evaluation, Progress, Run
 from brightgrey.search.genetic.relatives import Relatives
@@ -97,6 +97,8 @@ def search(
                 if relatives:
                     spent = relatives.seek(Run(tuple(done)).best.job.structure)
                     done += _improved(done, relatives, judge, spent)
+                    share = relatives.listen()
+                    done, current = ([_shared(e, share, judge) for e in part] for part in (done, current))
                 if progress:
                     share = (settings.generations - generation) / (generation + 1)
                     left = share * (time.monotonic() - began)
@@ -107,11 +109,14 @@ def search(
                     raise
                 return Run(tuple(done), interrupted=True)
             trees = [e.tree for e in current]
-            chances = judge.chances([e.value for e in current], current[0].result.misfit.samples)
+            chances = judge.chances([e.value for e in current], current[0].result.misfit.independent)
             children = offspring(trees, chances, settings, rules, draw, rng)
+            tried = {e.job.structure for e in done}
+            best = [e.tree for e in Run(tuple(done)).structures()] if settings.elite or settings.near else []
+            close = near(best, tried, settings, rules, draw, rng) if settings.near else ()
             if settings.fresh:
-                children = renewed(children, {e.job.structure for e in done}, settings, rules, draw, rng)
-            born = (*_elite(done, settings), *children)
+                children = renewed(children, tried | {b.tree.structure for b in close}, settings, rules, draw, rng)
+            born = (*(Born(tree, (), "elite") for tree in best[: settings.elite]), *close, *children)
     return Run(tuple(done))
 
 
@@ -128,12 +133,6 @@ def _start(
     if standard is None:
         raise SettingsError("begin is 'standard', but no standard start was given")
     return lambda tree: Job.of(tree.structure, standard(tree.structure))
-
-
-def _elite(done: Sequence[Evaluation], settings: GeneticSettings) -> list[Born]:
-    """Best structures so far, as they were estimated."""
-    best = list(Run(tuple(done)).structures()) if settings.elite else []
-    return [Born(e.tree, (), "elite") for e in best[: settings.elite]]
 
 
 def _evaluate(
@@ -186,6 +185,14 @@ def _improved(done: Sequence[Evaluation], relatives: Relatives, judge: Criterion
             )
         )
     return out
+
+
+def _shared(evaluation: Evaluation, share: float, judge: Criterion) -> Evaluation:
+    """The same, judged anew with what is known now of how many samples are independent."""
+    result = evaluation.result
+    misfit = replace(result.misfit, share=share)
+    value = judge.value(misfit, result.n_parameters)
+    return replace(evaluation, result=replace(result, misfit=misfit), value=value)
 
 
 @dataclass

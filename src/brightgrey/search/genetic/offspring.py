@@ -17,7 +17,10 @@ from brightgrey.search.genetic.selection import clones, roulette
 from brightgrey.search.genetic.settings import GeneticSettings
 from brightgrey.search.genetic.tree import Node
 
-__all__ = ["Born", "mutated", "offspring", "renewed"]
+__all__ = ["Born", "mutated", "near", "offspring", "renewed"]
+
+_STEPS = ("point", "insertion", "deletion")  # mutations that change one node
+_DRAWS = 30  # of such a mutation, until a parent counts as surrounded
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ def offspring(
     draw: Draw,
     rng: np.random.Generator,
 ) -> tuple[Born, ...]:
-    """As many individuals as there are places beside the elite: clones first, then recombinations, all mutated.
+    """As many individuals as there are places left by the elite and what is near it: clones, recombinations; mutated.
 
     Parameters
     ----------
@@ -56,7 +59,7 @@ def offspring(
     settings : GeneticSettings
     rules, draw, rng
     """
-    size = settings.population - settings.elite
+    size = settings.population - settings.elite - settings.neighbours
     cloned = clones(size, settings.p_clone, rng)
     born = []
     for number in range(size):
@@ -105,4 +108,27 @@ def renewed(
             tree = changed
         known.add(tree.structure)
         out.append(Born(tree, child.parents, "+".join(names)))
+    return tuple(out)
+
+
+def near(
+    best: Sequence[Node],
+    tried: Collection[Structure],
+    settings: GeneticSettings,
+    rules: Rules,
+    draw: Draw,
+    rng: np.random.Generator,
+) -> tuple[Born, ...]:
+    """Individuals with one node changed whose structures have not been tried: of the first of `best` that has such."""
+    known: set[Structure] = set(tried)
+    out: list[Born] = []
+    for tree in best:
+        for _ in range(_DRAWS):
+            if len(out) == settings.neighbours:
+                return tuple(out)
+            name = pick(_STEPS, rng)
+            changed = MUTATIONS[name](tree, rules, draw, rng)
+            if changed.structure not in known:
+                known.add(changed.structure)
+                out.append(Born(changed, (), f"elite+{name}"))
     return tuple(out)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 
 import numpy as np
 
+from brightgrey.estimation.coloured import autoregression
 from brightgrey.kit import Structure
 from brightgrey.search.evaluation import Evaluated
 from brightgrey.search.exhaustive import Fits, Fitted
@@ -22,10 +24,12 @@ class Relatives:
     fits : Fits
     better : tuple of Structure
         Of earlier generations, which the latest one has improved.
+    share : float
+        Of the samples, how many are independent by the residuals of the best fit so far.
     """
 
     def __init__(self, fits: Fits, executor: Executor) -> None:
-        self.fits, self.better = fits, tuple[Structure, ...]()
+        self.fits, self.better, self.share = fits, tuple[Structure, ...](), 1.0
         self._executor = executor
 
     def identify(self, structures: Sequence[Structure]) -> list[tuple[Evaluated, bool]]:
@@ -50,6 +54,17 @@ class Relatives:
         self.better = tuple(s for s in self.fits.done if s in better or s in self.better)
         return self._spent(counted)
 
+    def listen(self) -> float:
+        """Find `share` anew, and return it: what the best fit does not explain counts as noise."""
+        task = self.fits.task
+        best = min((f for f in self.fits.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
+        values = {name: np.array([value]) for name, value in best.values.items()}
+        residual = task.problem(best.structure).residuals(values, task.settings)[:, 0]
+        lengths = [r.samples for r in task.recordings for _ in r.outputs]
+        pieces = np.split(residual, np.cumsum(lengths)[:-1])
+        self.share = sum(autoregression(piece).telling(len(piece)) for piece in pieces) / len(residual)
+        return self.share
+
     def _spent(self, counted: int) -> int:
         """Simulations of the fits after the first `counted`."""
         return sum(f.simulations for _, f in self.fits.log[counted:])
@@ -58,6 +73,7 @@ class Relatives:
         """What is known of `structure` now; a misfit without what only made it worse."""
         task, own = self.fits.task, self.fits.done[structure]
         (misfit,) = task.misfits(*self._shown(own))
+        misfit = replace(misfit, share=self.share)
         values = tuple((name, float(own.values[name])) for name in structure.parameters)
         return Evaluated(values, misfit, own.free, simulations)
 
