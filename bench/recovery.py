@@ -253,6 +253,7 @@ def table(rows: Sequence[Mapping]) -> None:
         some = [r for r in rows if r["noise"] == noise]
         print(f"\nnoise {100 * noise:g} %, {len(some)} drives, {some[0]['candidates']} candidates")
         print(f"  some minimal in truth in that and optional: {rate([r['covered'] for r in some])}")
+        print(f"  ... what does not matter left out of the truth: {rate([covered_but_for_trifles(r) for r in some])}")
         sizes = [len(r["minimal"]) for r in some]
         print(f"  minimal structures: median {np.median(sizes):g}, most {max(sizes)}")
         print(f"  optimum of the truth reached (RSS at most 1.02 of that at its values): "
@@ -272,6 +273,12 @@ def table(rows: Sequence[Mapping]) -> None:
             counts = ", ".join(str(there.count(v)) for v in ("needed", "not decidable", "not needed"))
             here, gone = needed.get(effect, []), lost.get(effect, [])
             print(f"  {effect:18s} {sum(here)} of {len(here)} | {counts} | {sum(gone)} of {len(gone)}")
+
+
+def covered_but_for_trifles(r: Mapping) -> bool:
+    """Whether a minimal structure lies within the truth, and what it lacks is optional or does not matter."""
+    known = {*r["optional"], *(effect for effect, rise in r["matters"].items() if rise <= MATTERS)}
+    return any(visible(PAPER.parse(s), PAPER.parse(r["truth"]), known) for s in r["minimal"])
 
 
 def by_effect(rows: Sequence[Mapping], what: str) -> dict[str, list[bool]]:

@@ -20,9 +20,9 @@ from brightgrey.control.kalman import Filtered, Noise, Record, begin, extended, 
 __all__ = ["mixture"]
 
 Array = NDArray[np.float64]
-_COMPONENTS = 20
+_COMPONENTS = 40
 _FILLED = 3  # of the components one in so many is in use at the start, each with its share of the gap
-_APART = float(np.sqrt(0.75))  # standard deviations from the middle to a half: those of a uniform distribution
+_APART = 0.7  # standard deviations from the middle to a half; halves of more lose the tails when split again
 _REACH = 3.0  # standard deviations within which a contact is in doubt
 _MATTERS = 0.1  # of a speed's standard deviation: what a doubtful contact may change in a sample
 _MOST = 10.0  # beyond it, weight alone decides which component is split
@@ -30,7 +30,7 @@ _IDLE = 1e-4  # of the largest weight: a component that may be given up for a sp
 _AGREED = 0.2  # squared distance of components that are merged, in their common variance
 _SLIGHT = 20.0  # a component of less than a twentieth of the weight is merged from farther off
 _PASSES = 3  # in one sample
-_SPLITS = 4  # in one pass
+_SPLITS = 8  # in one pass
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,8 @@ def _first(watched: Watched, course: Course, torque: Array, M: int) -> _Bank:
 def _doubts(bank: _Bank, course: Course, k: int) -> tuple[Array, Array]:
     """How much a doubtful contact matters to each component, shape (K M,), and along what to split it (K M, m).
 
-    What decides is where the limited state is, or where its shaft would pull it.
+    What decides is where the limited state is, or where its shaft would pull it. It matters by the speed that the
+    contact's torque gives while it is in doubt: in passing that is shorter than a sample.
     """
     n, speeds = course.states, course.lanes.speeds
     z, P = bank.x[:, :n], bank.P
@@ -155,7 +156,8 @@ def _doubts(bank: _Bank, course: Course, k: int) -> tuple[Array, Array]:
             std = np.sqrt(np.maximum(np.einsum("ki,ki->k", row, reach[:, :n]), 1e-300))
             low, high = np.minimum(here, here + way), np.maximum(here, here + way)
             far = np.min([np.maximum(np.maximum(limit - high, low - limit), 0.0) for limit in (e.low, e.high)], axis=0)
-            matter = np.max(np.abs(e.G[:, speeds]) * (pull * std * course.dt)[:, None] / room, axis=1)
+            lasting = course.dt * np.minimum(1.0, std / np.maximum(2.0 * np.abs(way), 1e-300))
+            matter = np.max(np.abs(e.G[:, speeds]) * (pull * std * lasting)[:, None] / room, axis=1)
             found = np.where((far < _REACH * std) & (matter > _MATTERS), np.minimum(matter, _MOST), 0.0)
             more = found > score
             score[more], along[more] = found[more], reach[more] / std[more, None]
