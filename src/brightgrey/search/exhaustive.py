@@ -107,7 +107,10 @@ class Fits:
         return self._settled(before, rising, workers) & set(before)
 
     def seek(self, structure: Structure, workers: Executor) -> set[Structure]:
-        """Fit a structure once more, from everywhere, if that has not been done; then relatives where that helps.
+        """Fit a structure once more, from everywhere, if that has not been done, and what it contains from its optimum.
+
+        What lacks an effect may have its own optimum near, though it is worse without the effect at first; from
+        elsewhere it may never be found. Then relatives are fitted once more where that helps.
 
         Returns
         -------
@@ -118,10 +121,15 @@ class Fits:
             return set()
         self._sought.add(structure)
         (fitted,) = in_order(workers, from_everywhere, [(self.task, structure, self._how, self._seed)])
-        if not self._taken(structure, fitted):
-            return set()
-        before = [s for s in self.done if s != structure]
-        return self._settled(before, [structure], workers) | {structure}
+        better = {structure} if self._taken(structure, fitted) else set()
+        leader = self.done[structure]
+        if not leader.idle:
+            worse = [t for t in largest_within(structure, self.done) if leader.cost < IMPROVED * self.done[t].cost]
+            calls = [(self.task, self.done[t], [leader], self._how, True) for t in worse]
+            found = zip(worse, in_order(workers, from_above, calls), strict=True)
+            better.update([t for t, fitted in found if fitted is not None and self._taken(t, fitted)])
+        before = [s for s in self.done if s not in better]
+        return self._settled(before, sorted(better, key=size), workers) | better if better else better
 
     def _settled(self, before: Sequence[Structure], latest: Sequence[Structure], workers: Executor) -> set[Structure]:
         """Fit relatives of the `latest` fits once more where that helps; returns those that got better."""

@@ -95,8 +95,10 @@ def best_of(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
     return sorted(parents, key=lambda p: p.cost)[: options.parents]
 
 
-def from_above(task: Identification, own: Fitted, larger: Sequence[Fitted], options: Options) -> Fitted | None:
-    """Descend once more from where `larger` structures did better; None if that is no better for this one."""
+def from_above(
+    task: Identification, own: Fitted, larger: Sequence[Fitted], options: Options, anyway: bool = False
+) -> Fitted | None:
+    """Descend once more from where `larger` structures did better; None if it is no better there, but for `anyway`."""
     problem, space = task.problem(own.structure), task.space(own.structure, initial=True)
     values = [f.values for f in larger if set(space.names) <= set(f.values)]
     if not values:
@@ -104,7 +106,7 @@ def from_above(task: Identification, own: Fitted, larger: Sequence[Fitted], opti
     begins = np.array([[known[name] for name in space.names] for known in values]).T
     begins = np.clip(begins, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
-    if not cost.min() < IMPROVED * own.cost:
+    if not (anyway or cost.min() < IMPROVED * own.cost):
         return None
     begin = begins[:, [int(np.argmin(cost))]]
     (end,) = descend_many(
