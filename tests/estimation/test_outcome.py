@@ -1,6 +1,5 @@
 """What a fit says of itself: every outcome, and every rule of what a recording cannot tell."""
 
-import time
 
 import numpy as np
 import pytest
@@ -69,12 +68,10 @@ NOTHING = {
 
 
 @pytest.mark.parametrize("case", NOTHING)
-def test_nothing_to_identify_is_said_within_a_second(case):
+def test_nothing_to_identify_is_said_without_a_search(case):
     y, u, says = NOTHING[case]
-    fitted("one_mass", measured_from("one_mass", {"J1": 0.02}))  # after start-up
-    begin = time.process_time()
     found = fitted("two_mass+coulomb+viscous", recording(y, u))
-    assert time.process_time() - begin < 1.0
+    assert found.evaluations == 1
     assert found.outcome.kind == "not identifiable"
     assert says in found.outcome.text
     assert all(np.isnan(e.std) for e in found.estimates.values())

@@ -149,8 +149,10 @@ def test_a_folder_that_cannot_be_written_to_is_named(small, tmp_path):
 def test_two_processes_on_one_folder(small, tmp_path):
     first = start(*small.searches["exhaustive"], "--workers", 1, "--out", tmp_path, "--quiet")
     wait_for(tmp_path, 1)
+    first.send_signal(signal.SIGSTOP)  # however long the second takes to start
     assert glance(tmp_path).state == "running"
     second = call(*small.searches["exhaustive"], "--out", tmp_path)
+    first.send_signal(signal.SIGCONT)
     assert second.code == 2
     assert "another process is at work" in second.err
     _, err = first.communicate(timeout=MOST)

@@ -14,7 +14,7 @@ from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.runs import RunError, Workforce
 
-EXCLUDE = ("two_mass", "stribeck", "current_control")
+EXCLUDE = ("two_mass", "current_control")
 
 
 def searched(small, folder, executor, progress=None):
