@@ -1,5 +1,7 @@
 """Faults on recordings of the reference solver: named where they are, and nothing else; refused where nothing shows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from control_drives import SETTINGS, recorded, values_of
@@ -64,6 +66,15 @@ def test_a_gap_that_does_not_show_is_not_decidable():
     found = found_in(GAP, 12, alpha=1e-5)
     assert found["backlash"].verdict == "not decidable"
     assert found["load"].verdict == found["friction"].verdict == "as before"
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_drive_that_does_not_move_tells_nothing(noise):
+    still = recorded(GAP, 14, noise=0.0)
+    y = noise * np.random.default_rng(14).normal(size=still.y.shape)
+    case = Case(values_of(GAP), replace(still, u=0.0 * still.u, y=y), Noise(1e-3, np.array([0.02])))
+    (found,) = faults(Structure.parse(GAP), SETTINGS, [case])
+    assert {f.verdict for f in found} == {"not decidable"}
 
 
 def test_a_disturbance_that_is_not_recorded_makes_findings_less_sure_and_raises_no_alarm():

@@ -1,6 +1,5 @@
 """What a fit says of itself: every outcome, and every rule of what a recording cannot tell."""
 
-
 import numpy as np
 import pytest
 

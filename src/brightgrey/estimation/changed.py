@@ -33,7 +33,7 @@ _MOST = 5.0  # factor that is looked for, to either side
 _DOUBTS = 5.0  # standard deviations that what is known may be off
 _STARTS, _PATIENCE = 8, 2
 _RIVALS = 4  # ends from which a held factor is fitted
-_SINGULAR = 1e-10  # of the information with normed parameters
+_SINGULAR = 1e-10  # of the information with normed parameters, whose diagonal is 1
 
 
 class Change(NamedTuple):
@@ -112,7 +112,7 @@ def changed(
     size = search.inward(last.values)
     white, std = _spread(problem, last.residual, last.jacobian)
     for i, change in enumerate(changes):
-        if change.free and abs(size[i]) > matters and white[i] > 0.0:
+        if change.free and abs(size[i]) > matters and np.isfinite(white[i]):
             begins = np.stack([last.values, *(end.values for end in ends)], axis=1)
             held, begins = _held(search, i, float(np.exp(np.copysign(matters, size[i]))), begins)
             least = min(end.cost for end in descend_many(problem, held, settings, begins, rival=np.inf))
@@ -192,7 +192,8 @@ def _heard(problem: _Informed, search: Search, settings: Settings, values: Array
     (recording,) = problem.recordings
     residual = problem.residuals(search.named(values[:, None]), settings)[: recording.y.size]
     size = np.sqrt(np.mean(np.square(residual.reshape(recording.y.shape)), axis=1)) / problem.weights
-    return replace(problem, weights=1.0 / np.maximum(size, noise_of(recording)))
+    noise = np.maximum(size, noise_of(recording))
+    return replace(problem, weights=1.0 / np.where(noise > 0.0, noise, 1.0 / problem.weights))
 
 
 def _spread(problem: _Informed, residual: Array, jacobian: Array) -> tuple[Array, Array]:
@@ -207,7 +208,7 @@ def _spread(problem: _Informed, residual: Array, jacobian: Array) -> tuple[Array
     for model, part in zip(noise_models(residual[:n], data, lengths), np.split(data, len(lengths)), strict=True):
         meat += part.T @ times_autocovariance(model.autocovariance(len(part)), part)
     size, base = np.linalg.eigh(J.T @ J)
-    inverse = (base / np.maximum(size, _SINGULAR * size[-1])) @ base.T
-    white, coloured = (np.sqrt(np.diag(cov)) for cov in (inverse, inverse @ meat @ inverse))
-    outward = np.where(scale > 0.0, 1.0 / np.where(scale > 0.0, scale, 1.0), np.inf)
-    return white * outward, coloured * outward
+    inverse = (base / np.maximum(size, _SINGULAR * max(size[-1], 1.0))) @ base.T
+    stds = (np.sqrt(np.diag(cov)) for cov in (inverse, inverse @ meat @ inverse))
+    white, coloured = (np.where(scale > 0.0, std / np.where(scale > 0.0, scale, 1.0), np.inf) for std in stds)
+    return white, coloured
