@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.coloured import times_autocovariance
 from brightgrey.estimation.explore import explore
 from brightgrey.estimation.leastsquares import descend, descend_many
 from brightgrey.estimation.onset import noise_of
 from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.scales import scales
-from brightgrey.estimation.uncertainty import noise_models
+from brightgrey.estimation.uncertainty import noise_models, scattered
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
@@ -204,9 +203,7 @@ def _spread(problem: _Informed, residual: Array, jacobian: Array) -> tuple[Array
     J = jacobian / np.where(scale > 0.0, scale, 1.0)
     data, known = J[:n], J[n:]
     lengths = [recording.samples] * len(recording.y)
-    meat = known.T @ known
-    for model, part in zip(noise_models(residual[:n], data, lengths), np.split(data, len(lengths)), strict=True):
-        meat += part.T @ times_autocovariance(model.autocovariance(len(part)), part)
+    meat = known.T @ known + scattered(noise_models(residual[:n], data, lengths), data, lengths)
     size, base = np.linalg.eigh(J.T @ J)
     inverse = (base / np.maximum(size, _SINGULAR * max(size[-1], 1.0))) @ base.T
     stds = (np.sqrt(np.diag(cov)) for cov in (inverse, inverse @ meat @ inverse))

@@ -22,7 +22,7 @@ from brightgrey.estimation.coloured import (
     times_autocovariance,
 )
 
-__all__ = ["Spread", "noise_models", "spread", "weakest"]
+__all__ = ["Spread", "noise_models", "scattered", "spread", "weakest"]
 
 Array = NDArray[np.float64]
 _CORRECTIONS = 5  # rounds in which the noise is freed from what the fit took; the fourth changes less than 1 %
@@ -69,9 +69,7 @@ def spread(residual: Array, jacobian: Array, lengths: Sequence[int]) -> Spread:
     scale = np.where(scale > 0.0, scale, 1.0)
     J = jacobian / scale
     models = noise_models(residual, J, lengths)
-    meat = np.zeros((J.shape[1], J.shape[1]))
-    for model, part in zip(models, _cut(J, lengths), strict=True):
-        meat += part.T @ times_autocovariance(model.autocovariance(len(part)), part)
+    meat = scattered(models, J, lengths)
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-13, hermitian=True)
     result = inverse @ meat @ inverse
     parts = [model.scatter(part @ inverse) for model, part in zip(models, _cut(J, lengths), strict=True)]
@@ -81,6 +79,14 @@ def spread(residual: Array, jacobian: Array, lengths: Sequence[int]) -> Spread:
     sizes = np.outer(scale, scale)
     degrees = np.maximum(2.0 / np.maximum(doubt, np.finfo(float).tiny), 1.0)
     return Spread(np.asarray(result / sizes), degrees)
+
+
+def scattered(models: Sequence[Autoregression], jacobian: Array, lengths: Sequence[int]) -> Array:
+    """Covariance of the gradient ``J' e``, shape (P, P), for the noise of every stretch; `jacobian` as in `spread`."""
+    total = np.zeros((jacobian.shape[1], jacobian.shape[1]))
+    for model, part in zip(models, _cut(jacobian, lengths), strict=True):
+        total += part.T @ times_autocovariance(model.autocovariance(len(part)), part)
+    return total
 
 
 def noise_models(residual: Array, jacobian: Array, lengths: Sequence[int]) -> tuple[Autoregression, ...]:

@@ -97,8 +97,8 @@ def search(
                 if relatives:
                     spent = relatives.seek(Run(tuple(done)).best.job.structure)
                     done += _improved(done, relatives, judge, spent)
-                    share = relatives.listen()
-                    done, current = ([_shared(e, share, judge) for e in part] for part in (done, current))
+                    independent = relatives.listen()
+                    done, current = ([_shared(e, independent, judge) for e in part] for part in (done, current))
                 if progress:
                     share = (settings.generations - generation) / (generation + 1)
                     left = share * (time.monotonic() - began)
@@ -112,10 +112,9 @@ def search(
             chances = judge.chances([e.value for e in current], current[0].result.misfit.independent)
             children = offspring(trees, chances, settings, rules, draw, rng)
             tried = {e.job.structure for e in done}
-            best = [e.tree for e in Run(tuple(done)).structures()] if settings.elite or settings.near else []
-            close = near(best, tried, settings, rules, draw, rng) if settings.near else ()
-            if settings.fresh:
-                children = renewed(children, tried | {b.tree.structure for b in close}, settings, rules, draw, rng)
+            best = [e.tree for e in Run(tuple(done)).structures()]
+            close = near(best, tried, settings, rules, draw, rng)
+            children = renewed(children, tried | {b.tree.structure for b in close}, settings, rules, draw, rng)
             born = (*(Born(tree, (), "elite") for tree in best[: settings.elite]), *close, *children)
     return Run(tuple(done))
 
