@@ -1,5 +1,6 @@
 """Starts that are plausible and unlike each other, and when a search may stop."""
 
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
@@ -11,8 +12,8 @@ from brightgrey.estimation import scales
 from brightgrey.estimation.bounds import search_space
 from brightgrey.estimation.explore import explore, is_white
 from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.starts import best_of, offspring
-from brightgrey.kit import PAPER
+from brightgrey.estimation.starts import best_of, offspring, retuned
+from brightgrey.kit import PAPER, assemble
 from brightgrey.recordings import read_recording
 from brightgrey.simulation import Settings
 
@@ -42,7 +43,7 @@ def test_regrouping_keeps_the_total_inertia_and_all_positive(name):
     rng = np.random.default_rng(1)
     share = rng.random((len(effect.parameters), 100))
     values = effect.spread(SCALES, share)
-    other = effect.regroup(values, rng.random(share.shape))
+    other = effect.regroup(values, rng.random(share.shape), np.where(rng.random(100) < 0.5, 60.0, np.nan))
     inertias = [k for k, p in enumerate(effect.parameters) if p.symbol.startswith("J")]
     np.testing.assert_allclose(other[inertias].sum(axis=0), values[inertias].sum(axis=0), rtol=1e-9)
     assert np.all(other > 0.0)
@@ -58,6 +59,33 @@ def test_offspring_stay_within_bounds_and_near_their_parents(demo):
     assert np.all((young >= search.low[:, None] * (1 - 1e-12)) & (young <= search.high[:, None] * (1 + 1e-12)))
     kept = np.abs(search.inward(young) - search.inward(search.start)[:, None]) < 0.3 * 4
     assert np.median(kept.mean(axis=0)) >= 0.5
+
+
+def test_retuned_starts_ring_where_the_residual_does(demo):
+    structure = PAPER.parse("two_mass")
+    search, turning = search_space(structure, scales(demo), {}, {}), 2 * np.pi * 20.0
+    settings = Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
+    values = np.array([0.008, 0.012, 250.0, 0.1])
+    problem = Problem.of(structure, [demo])
+    simulated = problem.residuals(search.named(values[:, None]), settings)[:, 0] / problem.weights[0] + demo.y[0]
+    heard = replace(demo, y=(simulated + np.sin(turning * demo.t))[None])
+    problem = Problem.of(structure, [heard])
+    found = retuned(problem, search, settings, values, 200, np.random.default_rng(3))
+    np.testing.assert_allclose(found[:2].sum(axis=0), values[:2].sum(), rtol=1e-9)
+    rings = [
+        np.abs(np.linalg.eigvals(assemble(structure, dict(zip(search.names, v, strict=True)), 2.5).A)).max()
+        for v in found.T
+    ]
+    resolution = 2 * np.pi / (demo.samples * demo.dt)
+    assert np.mean(np.abs(np.array(rings) - turning) < 2 * resolution) >= 0.95
+    assert len(np.unique(found[0])) == 200
+
+
+def test_nothing_is_retuned_where_nothing_can_change_roles(demo):
+    structure = PAPER.parse("one_mass+viscous")
+    search = search_space(structure, scales(demo), {}, {})
+    problem, settings = Problem.of(structure, [demo]), Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
+    assert retuned(problem, search, settings, search.start, 10, np.random.default_rng(0)).shape == (2, 0)
 
 
 def test_best_of_are_good_and_apart(demo):

@@ -159,3 +159,21 @@ def test_wrong_use_is_refused(wrong, says):
     arguments = {"low": LOW, "high": HIGH} | wrong
     with pytest.raises(SettingsError, match=says):
         pattern_search(bowl, np.zeros(3), **arguments)
+
+
+def test_a_poll_is_asked_for_in_blocks_until_one_holds_a_better_point():
+    n = 10
+    weights = np.linspace(1.0, 2.0, n)[:, None]
+    cost = Counted(lambda points: np.sum(weights * (points - 0.3) ** 2, axis=0))
+    (end,) = pattern_search(cost, np.zeros(n), np.full(n, -1.0), np.full(n, 1.0), smallest=1e-4)
+    np.testing.assert_allclose(end.values, 0.3, atol=2e-4)
+    assert max(cost.batches) == 16  # of 20 and up to four moves
+    assert end.evaluations == sum(cost.batches)
+    costs = [cost.cost(points) for points in cost.points]
+    least, polls = costs[0].min(), 0
+    for before, now in zip(costs[1:-1], costs[2:], strict=True):
+        if before.min() >= least and len(before) == 16:
+            polls += 1  # what is left of a poll comes next
+            assert len(now) <= 8
+        least = min(least, before.min())
+    assert polls > 0

@@ -335,9 +335,10 @@ class Effect:
         the unit cube of that shape. For effects whose parameters are plausible only together; without it, each
         is drawn from its own range.
     regroup : callable or None
-        ``regroup(values, share) -> values``: other parameters that would show much the same, for an effect whose parts
-        can change roles, so that a search does not take one order for the only one; shape (parameters, K), and
-        shares as for `spread`.
+        ``regroup(values, share, turning) -> values``: other parameters that would show much the same, for an effect
+        whose parts can change roles, so that a search does not take one order for the only one; shape
+        (parameters, K), and shares as for `spread`. The part that is new rings at `turning`, rad/s, shape (K,); not a
+        number if it may be anything.
     noticeable : callable or None
         ``noticeable(scales, values) -> {symbol: value}``, SI: the effect at the least size that matters for control,
         with `values` of the model without it by name. It may change values that are there (an inertia that is split).
@@ -364,6 +365,6 @@ class Effect:
     spread: Callable[[Scales, Array], Array] | None = None
     noticeable: Callable[[Scales, Values], Mapping[str, float]] | None = None
     cautions: tuple[Caution, ...] = ()
-    regroup: Callable[[Array, Array], Array] | None = None
+    regroup: Callable[[Array, Array, Array], Array] | None = None
     modelica: Modelica | None = None
     follows: str = ""

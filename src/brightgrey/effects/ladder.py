@@ -129,24 +129,25 @@ def _noticeable(scales: Scales, values: Values, masses: int) -> Mapping[str, flo
     }
 
 
-def _regroup(values: Array, share: Array, masses: int) -> Array:
-    """Two neighbours become one mass, and one of the masses becomes two behind a stiff shaft.
+def _regroup(values: Array, share: Array, turning: Array, masses: int) -> Array:
+    """Two neighbours become one mass, and one of the masses becomes two behind a shaft that rings at `turning`.
 
-    A recording shows resonances, not which shaft each belongs to: the same ones appear in several orders.
+    A recording shows resonances, not which shaft each belongs to: the same ones appear in several orders. Where
+    `turning` is not a number, the new shaft is stiff.
     """
     out = values.copy()
     for k, draw in enumerate(share.T):
         J, c, d = (values[part, k].tolist() for part in _parts(masses))
-        merged = min(int(draw[0] * (masses - 1)), masses - 2)
+        stiff = _STIFFER ** (draw[-1] - 0.3) * np.sqrt(max(c) / min(J))
+        ringing = turning[k] if np.isfinite(turning[k]) else stiff
+        merged, split = (min(int(part * (masses - 1)), masses - 2) for part in draw[:2])
         J[merged : merged + 2] = [J[merged] + J[merged + 1]]
-        turning = np.sqrt(max(c) / min(J)) * _STIFFER ** (draw[1] - 0.3)
         del c[merged], d[merged]
-        split = min(int(draw[2] * (masses - 1)), masses - 2)
-        part = 0.05 + 0.9 * draw[3]
+        part = 0.05 + 0.9 * draw[2]
         reduced = J[split] * part * (1.0 - part)
         J[split : split + 1] = [J[split] * part, J[split] * (1.0 - part)]
-        c.insert(split, reduced * turning**2)
-        d.insert(split, 2.0 * _LEAST_DAMPED ** draw[4] * reduced * turning)
+        c.insert(split, reduced * ringing**2)
+        d.insert(split, 2.0 * _LEAST_DAMPED ** draw[3] * reduced * ringing)
         out[:, k] = [*J, *c, *d]
     return out
 
@@ -199,6 +200,6 @@ def ladder(name: str, masses: int) -> Effect:
         memory=True,
         spread=lambda scales, share: _spread(scales, share, masses),
         noticeable=(lambda scales, values: _noticeable(scales, values, masses)) if masses > 1 else None,
-        regroup=(lambda values, share: _regroup(values, share, masses)) if masses > 2 else None,
+        regroup=(lambda values, share, turning: _regroup(values, share, turning, masses)) if masses > 1 else None,
         modelica=_drawing(masses),
     )

@@ -21,7 +21,6 @@ __all__ = ["Agreement", "agreement"]
 Array = NDArray[np.float64]
 _CHANCE = 0.01  # of calling recordings that agree different, over all parameters
 _NORMAL = 1.96  # standard deviations to each side of a 95 % interval
-_AT_BOUND = 1e-4  # of the searched range
 
 
 class Agreement(NamedTuple):
@@ -76,9 +75,9 @@ def agreement(problem: Problem, search: Search, settings: Settings, best: Descen
 def _alone(problem: Problem, search: Search, settings: Settings, start: Array) -> tuple[Array, Array]:
     """Estimate and standard deviation of one recording, in the searched scale; infinite where it shows nothing."""
     found = descend(problem, search, settings, start)
-    theta, low, high = (search.inward(v) for v in (found.values, search.low, search.high))
+    theta = search.inward(found.values)
     std = np.full(len(theta), np.inf)
-    inside = np.flatnonzero(np.minimum(theta - low, high - theta) > _AT_BOUND * (high - low))
+    inside = np.flatnonzero(search.side(found.values) == 0)
     if inside.size:
         J = found.jacobian[:, inside]
         own = spread(found.residual, J, [r.samples for r in problem.recordings for _ in r.outputs])

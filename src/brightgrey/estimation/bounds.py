@@ -20,6 +20,7 @@ __all__ = ["Search", "search_space"]
 Array = NDArray[np.float64]
 _NEAR = 3.0  # a start near the declared one is within this factor of it
 _NEAR_SHARE = 0.6  # of the starts, in each parameter
+_AT_BOUND = 1e-4  # of the searched range
 
 
 class Block(NamedTuple):
@@ -27,7 +28,7 @@ class Block(NamedTuple):
 
     rows: tuple[int, ...]
     spread: Callable[[Scales, Array], Array]
-    regroup: Callable[[Array, Array], Array] | None
+    regroup: Callable[[Array, Array, Array], Array] | None
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,12 @@ class Search:
         log, width = (a.reshape(-1, *(1,) * (np.ndim(theta) - 1)) for a in (self.log, self.width))
         low, high = (a.reshape(-1, *(1,) * (np.ndim(theta) - 1)) for a in (self.low, self.high))
         return np.clip(np.where(log, np.exp(np.where(log, theta, 0.0)), theta * width), low, high)
+
+    def side(self, values: Array) -> NDArray[np.int64]:
+        """Which of SI `values`, shape (P,), have run to the low bound (-1) or the high one (1); 0 inside."""
+        theta, low, high = (self.inward(v) for v in (values, self.low, self.high))
+        near = _AT_BOUND * (high - low)
+        return np.where(theta - low <= near, -1, np.where(high - theta <= near, 1, 0))
 
     def named(self, values: Array) -> dict[str, Array]:
         """By name, free parameters of shape (P, K) and fixed ones, each of shape (K,)."""

@@ -19,7 +19,6 @@ from brightgrey.simulation import Settings
 __all__ = ["Estimate", "Estimates", "estimates_of"]
 
 Array = NDArray[np.float64]
-_AT_BOUND = 1e-4  # of the searched range
 _LARGEST = 700.0  # exponent
 _NOTHING = 1e-3  # of the high bound: a low bound that stands for nothing
 
@@ -77,9 +76,7 @@ def estimates_of(problem: Problem, search: Search, settings: Settings, best: Des
     One that has faded away, at the low bound of a logarithmic range, may be larger all the same: its size is free
     (linearly) when the intervals of the others are found.
     """
-    theta, low, high = (search.inward(v) for v in (best.values, search.low, search.high))
-    near = _AT_BOUND * (high - low)
-    side = np.where(theta - low <= near, -1, np.where(high - theta <= near, 1, 0))
+    theta, side = search.inward(best.values), search.side(best.values)
     inside = np.flatnonzero(side == 0)
     std = np.full(len(theta), np.nan)
     quantile, hidden, reach = np.full(len(theta), np.nan), [], dict[str, Reach]()

@@ -1,18 +1,19 @@
 """Search for the global optimum: fields of starts, until the residual is explained or nothing improves.
 
-The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Four
+The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Five
 things help against them. Descents begin on the beginning of the recording, where few periods have passed and
-the valleys are wide. Later fields hold offspring of the best ends so far, with some parameters drawn anew
-(iterated local search). Every field holds fresh starts, so that no optimum is final. And where limits make the cost
-rugged, every second field comes from a filter that keeps the model on the measured motion while it learns.
+the valleys are wide; where limits make the cost rugged, the beginning grows step by step. Later fields hold offspring
+of the best ends so far, with some parameters drawn anew (iterated local search), and some that ring where the residual
+of the best end does. Every field holds fresh starts, so that no optimum is final. And where there are limits, every
+second field comes from a filter that keeps the model on the measured motion while it learns.
 
 A white residual alone proves little: 1800 samples may be white to any test, with 3 % more power than the noise
-has. So the search ends early only if independent starts agree, too.
+has. So the search ends early only if independent starts agree, too, and no parameter has run to a bound.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,7 +24,7 @@ from brightgrey.estimation.assimilate import assimilated
 from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.leastsquares import SAME, End, descend_many
 from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.starts import best_of, given_starts, offspring
+from brightgrey.estimation.starts import best_of, given_starts, offspring, retuned
 from brightgrey.simulation import Settings
 
 __all__ = ["Found", "explore", "first_field", "is_white"]
@@ -32,8 +33,10 @@ Array = NDArray[np.float64]
 _PER_PARAMETER = 16  # candidates
 _BEGINNINGS = (0.3, 1.0, 0.6)  # of the recording, of one field after the other
 _FIRST_ROUNDS, _ROUNDS = 20, 40  # on a beginning, on the whole
+_GROWTH, _FURTHER_ROUNDS = 1.2, 6  # with limits: of the beginning, and on each longer one
 _ROUGH = 1e-3  # tolerance on a beginning
 _PARENTS, _TEACHERS = 4, 8  # best ends: of offspring, of ensembles
+_RETUNED, _TUNING = 48, 3  # starts that ring where the residual does, and rounds after which the best are chosen
 _AGREE = 2  # independent starts that make an optimum trustworthy
 _DOUBT = 0.5  # of the patience, if the residual is white and starts do not agree
 _MOST = 4  # fields per unit of patience
@@ -88,11 +91,11 @@ def explore(
         missing = needed - _agreeing(ends, alone)
         if problem.limited and number % 2 == 0 and 0 < number <= 2 * patience:
             field = _learned(problem, search, settings, ends, starts, rng)
-            found, batches = _descended(problem, problem, search, settings, field.starts, np.inf, missing)
+            found, batches = _descended(problem, _BEGINNINGS[0], search, settings, field.starts, np.inf, missing)
         else:
-            part = problem.beginning(_BEGINNINGS[number % len(_BEGINNINGS)])
-            field = _field(part, search, settings, first, ends, starts, rng)
-            found, batches = _descended(part, problem, search, settings, field.starts, best, missing)
+            share = _BEGINNINGS[number % len(_BEGINNINGS)]
+            field = _field(problem, share, search, settings, first, ends, starts, rng)
+            found, batches = _descended(problem, share, search, settings, field.starts, best, missing)
         begins, ends, alone = begins + field.starts, ends + found, alone + field.alone
         evaluations += batches
         least = min(end.cost for end in found)
@@ -101,7 +104,8 @@ def explore(
         if idle >= patience or not search.names:
             break
         leader = min(ends, key=lambda end: end.cost)
-        agreed = _agreeing(ends, alone) >= needed
+        inside = not np.any(search.side(leader.values)[search.high > search.low])
+        agreed = inside and _agreeing(ends, alone) >= needed
         if (agreed or idle >= _DOUBT * patience) and _explained(problem, search, settings, leader):
             break
         first = [] if leader.converged else [leader.values]
@@ -121,7 +125,7 @@ def first_field(
     rng: np.random.Generator,
 ) -> list[Array]:
     """Starts of the first field, each of shape (P,), SI: those given, the declared one, and the best candidates."""
-    return _field(problem, search, settings, _first(search, given, starts), [], starts, rng).starts
+    return _field(problem, 1.0, search, settings, _first(search, given, starts), [], starts, rng).starts
 
 
 class _Field(NamedTuple):
@@ -132,7 +136,8 @@ class _Field(NamedTuple):
 
 
 def _field(
-    part: Problem,
+    problem: Problem,
+    share: float,
     search: Search,
     settings: Settings,
     first: list[Array],
@@ -140,8 +145,11 @@ def _field(
     starts: int,
     rng: np.random.Generator,
 ) -> _Field:
-    """Starts of one field: the first ones, and of fresh ones and offspring of the best ends equally many."""
-    missing = starts - len(first)
+    """Starts of one field: the first ones, and of fresh ones and offspring of the best ends equally many.
+
+    Candidates are judged by the share of the recordings that descents begin on.
+    """
+    part, missing = problem.beginning(share), starts - len(first)
     if missing <= 0 or not search.names:
         return _Field(first, [not ends] * len(first))
     candidates = search.candidates(_PER_PARAMETER * (1 + len(search.names)), rng)
@@ -150,8 +158,23 @@ def _field(
     young = offspring(search, _best(ends, _PARENTS), candidates, rng)
     half = missing // 2
     fresh = best_of(part, search, settings, candidates, missing - half)
-    chosen = first + fresh + best_of(part, search, settings, young, half)
+    tuned = _tuned(part, search, settings, _best(ends, 1)[0], half // 2, rng) if share == 1.0 else []
+    chosen = first + fresh + tuned + best_of(part, search, settings, young, half - len(tuned))
     return _Field(chosen, [False] * len(first) + [True] * len(fresh) + [False] * half)
+
+
+def _tuned(
+    problem: Problem, search: Search, settings: Settings, parent: Array, count: int, rng: np.random.Generator
+) -> list[Array]:
+    """Best `count` of the starts that ring where the residual of `parent` does, after a few rounds of descent.
+
+    At first their resonances are off in phase and size, and most starts like the parent fit better.
+    """
+    begins = retuned(problem, search, settings, parent, _RETUNED, rng)
+    if not (begins.size and count):
+        return []
+    ends = descend_many(problem, search, settings, begins, limit=_TUNING)
+    return _best(ends, count)
 
 
 def _learned(
@@ -172,15 +195,16 @@ def _best(ends: Sequence[End], count: int) -> list[Array]:
 
 
 def _descended(
-    part: Problem, whole: Problem, search: Search, settings: Settings, field: list[Array], best: float, needed: int
+    whole: Problem, share: float, search: Search, settings: Settings, field: list[Array], best: float, needed: int
 ) -> tuple[list[End], int]:
     """Ends of a field, on the beginning of the recording first, and the batches it took."""
     begins = np.stack(field, axis=1)
     batches = 0
-    if part.samples < whole.samples:
-        rough = descend_many(part, search, settings, begins, limit=_FIRST_ROUNDS, tolerance=_ROUGH, rival=np.inf)
-        batches = max(end.evaluations for end in rough)
-        begins = np.stack([end.values for end in rough], axis=1)
+    rounds = _FIRST_ROUNDS
+    for beginning in _growing(whole, share):
+        rough = descend_many(beginning, search, settings, begins, limit=rounds, tolerance=_ROUGH, rival=np.inf)
+        batches += max(end.evaluations for end in rough)
+        begins, rounds = np.stack([end.values for end in rough], axis=1), _FURTHER_ROUNDS
     ends = descend_many(
         whole,
         search,
@@ -192,6 +216,17 @@ def _descended(
         needed=needed,
     )
     return ends, batches + max(end.evaluations for end in ends)
+
+
+def _growing(problem: Problem, share: float) -> Iterator[Problem]:
+    """Beginnings of the recordings to descend on before the whole: `share` of them, and with limits longer ones.
+
+    Contacts make the valley of the cost narrower the longer the recording is. From one beginning to the next the
+    estimate has to become better than the valley narrower.
+    """
+    while share < 1.0:
+        yield problem.beginning(share)
+        share = _GROWTH * share if problem.limited else 1.0
 
 
 def _agreeing(ends: Sequence[End], alone: Sequence[bool]) -> int:

@@ -23,6 +23,7 @@ Reason = Literal["mesh", "stalled", "iterations", "evaluations"]
 _GROW, _SHRINK = 2.0, 0.5
 _IN_SUCCESSION = 2  # successes after which the mesh grows: after each of them, every other poll would fail
 _MOVES = (2, 4, 8, 16)  # successes whose way together is tried once more
+_BLOCK = 16  # points asked for at once: as many as are simulated side by side
 _FIRST = 0.25  # first mesh, of the range: the poll then reaches half way from the middle to the bounds
 _LARGEST = 1.0  # a longer step leaves the range from anywhere
 _LAST = 1e-6  # mesh at which a search has converged
@@ -72,11 +73,11 @@ def pattern_search(
 
     A poll looks from the best point one mesh width forth and back along every coordinate (positive basis 2N), and
     beside that to where the way of the last 2, 4, 8 and 16 successes leads if it is gone once more (pattern moves,
-    which follow a bent valley). It goes to the best of these points if that is better than where it stands; after two
-    successes in succession the mesh doubles, after a failure it halves. A point beyond a bound is put onto it. Polls
-    are complete: with the simulations side by side the points after the first success cost next to nothing
-    (Hooke and Jeeves 1961, doi:10.1145/321062.321069; Torczon 1997, doi:10.1137/S1052623493250780; bounds: Lewis and
-    Torczon 1999, doi:10.1137/S1052623496300507).
+    which follow a bent valley). Points are asked for in blocks of 16, which are simulated side by side, the moves
+    first, then on along the direction that succeeded last; the search goes to the best point of the first block
+    that holds a better one than where it stands. After two successes in succession the mesh doubles, after a
+    failure it halves. A point beyond a bound is put onto it (Hooke and Jeeves 1961, doi:10.1145/321062.321069;
+    Torczon 1997, doi:10.1137/S1052623493250780; bounds: Lewis and Torczon 1999, doi:10.1137/S1052623496300507).
 
     Parameters
     ----------
@@ -119,18 +120,16 @@ def pattern_search(
     limits = _Limits(iterations, evaluations or np.iinfo(np.int64).max, patience, smallest)
     active = walks
     while active:
-        polls = [(walk, walk.poll(basis, low, high)) for walk in active]
-        polls = [(walk, points) for walk, points in polls if walk.goes_on(points.shape[1], limits)]
-        active = [walk for walk, _ in polls]
-        if not any(points.size for _, points in polls):
-            costs = np.zeros(0)
-        else:
-            most = np.concatenate([np.full(points.shape[1], walk.cost) for walk, points in polls])
-            costs = _finite(cost_many(np.concatenate([points for _, points in polls], axis=1), most))
+        active = [walk for walk in active if walk.asked or walk.begins(basis, low, high, limits)]
+        blocks = [walk.asked.popleft() if walk.asked else np.zeros((len(low), 0)) for walk in active]
+        costs = np.zeros(0)
+        if any(block.size for block in blocks):
+            most = np.concatenate([np.full(b.shape[1], w.cost) for w, b in zip(active, blocks, strict=True)])
+            costs = _finite(cost_many(np.concatenate(blocks, axis=1), most))
         at = 0
-        for walk, points in polls:
-            walk.go(points, costs[at : at + points.shape[1]])
-            at += points.shape[1]
+        for walk, block in zip(active, blocks, strict=True):
+            walk.take(block, costs[at : at + block.shape[1]])
+            at += block.shape[1]
     return tuple(walk.end() for walk in walks)
 
 
@@ -151,19 +150,30 @@ class _Walk:
         self.point, self.cost, self.width = begin, cost, width
         self.way = deque([begin], maxlen=max(_MOVES) + 1)  # where its last successes were
         self.course = [cost]  # after every poll
+        self.asked: deque[Array] = deque()  # blocks of the poll under way
         self.spent, self.row, self.failed = 1, 0, False
         self.reason: Reason = "mesh"
 
-    def poll(self, basis: Array, low: Array, high: Array) -> Array:
-        """Points of the next poll away from where the search stands, shape (n, K)."""
-        points = self.point[:, None] + basis * self.width
+    def begins(self, basis: Array, low: Array, high: Array, limits: _Limits) -> bool:
+        """Begin the next poll; if it is not begun, why stands in `reason`."""
+        points = self._poll(basis, low, high)
+        if not self._goes_on(points.shape[1], limits):
+            return False
+        self.asked.extend(points[:, at : at + _BLOCK] for at in range(0, points.shape[1], _BLOCK))
+        return True
+
+    def _poll(self, basis: Array, low: Array, high: Array) -> Array:
+        """Points of the next poll away from where the search stands, shape (n, K), the most promising first."""
+        last = self.point - self.way[-2] if len(self.way) > 1 else np.zeros_like(self.point)
+        along = np.argsort(-(basis.T @ (last / (high - low + (high == low)) ** 2)), kind="stable")
+        points = self.point[:, None] + basis[:, along] * self.width
         moves = [2.0 * self.point - self.way[-1 - back] for back in _MOVES if back < len(self.way)]
         if moves and not self.failed:  # after a failure they have been tried
-            points = np.column_stack([points, *moves])
+            points = np.column_stack([*moves, points])
         points = np.minimum(np.maximum(points, low[:, None]), high[:, None])
         return np.asarray(points[:, np.any(points != self.point[:, None], axis=0)])
 
-    def goes_on(self, needed: int, limits: _Limits) -> bool:
+    def _goes_on(self, needed: int, limits: _Limits) -> bool:
         """Whether the next poll, with so many points, is begun; if not, why stands in `reason`."""
         done, patience = len(self.course) - 1, limits.patience
         if self.width < limits.smallest:
@@ -178,20 +188,22 @@ class _Walk:
             return True
         return False
 
-    def go(self, points: Array, costs: Array) -> None:
-        """Take the best of the polled points if it is better, and choose the next mesh."""
+    def take(self, points: Array, costs: Array) -> None:
+        """Go to the best of a block if it is better; that ends the poll, and so does a last block that holds none."""
+        self.spent += points.shape[1]
         best = int(costs.argmin()) if costs.size else 0
-        self.failed = not (costs.size and costs[best] < self.cost)
-        if not self.failed:
-            self.point, self.cost = points[:, best].copy(), float(costs[best])
+        if costs.size and costs[best] < self.cost:
+            self.asked.clear()
+            self.point, self.cost, self.failed = points[:, best].copy(), float(costs[best]), False
             self.way.append(self.point)
             self.row += 1
             if self.row == _IN_SUCCESSION:
                 self.width, self.row = min(_GROW * self.width, _LARGEST), 0
-        else:
+        elif not self.asked:
+            self.failed = True
             self.width, self.row = _SHRINK * self.width, 0
-        self.course.append(self.cost)
-        self.spent += points.shape[1]
+        if not self.asked:
+            self.course.append(self.cost)
 
     def end(self) -> PatternEnd:
         """Where it ended."""

@@ -196,4 +196,6 @@ class Problem:
 
     def beginning(self, share: float) -> Problem:
         """The same on the beginnings of the recordings, which hold `share` of what the input does."""
+        if share >= 1.0:
+            return self
         return replace(self, recordings=tuple(_beginning(r, share) for r in self.recordings))

@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import rfft, rfftfreq
 
 from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.problem import Problem
 from brightgrey.simulation import Settings
 
-__all__ = ["best_of", "given_starts", "offspring"]
+__all__ = ["best_of", "given_starts", "offspring", "retuned"]
 
 Array = NDArray[np.float64]
 _APART = 0.5  # of the median distance between candidates: starts that are unlike each other
@@ -30,6 +31,36 @@ def best_of(problem: Problem, search: Search, settings: Settings, candidates: Ar
     """Best `count` of the candidates, shape (P, K) in SI, each some way from all better ones."""
     cost = problem.costs(search.named(candidates), settings)
     return [candidates[:, i] for i in _diverse(search.inward(candidates), cost, count)]
+
+
+def retuned(
+    problem: Problem, search: Search, settings: Settings, parent: Array, count: int, rng: np.random.Generator
+) -> Array:
+    """Values `parent`, shape (P,), with parts in other roles, so that they ring where the residual does.
+
+    Frequencies are drawn as the residual's power is distributed: a resonance that is missing leaves its own.
+
+    Returns
+    -------
+    ndarray, shape (P, count)
+        SI; no columns if no effect has parts that can change roles, or nothing is left of the residual.
+    """
+    residual = problem.residuals(search.named(parent[:, None]), settings)[:, 0]
+    power, turning, begin = [], [], 0
+    for r in problem.recordings:
+        for piece in residual[begin : begin + r.y.size].reshape(r.y.shape):
+            power.append(np.square(np.abs(rfft((piece - piece.mean()) * np.hanning(len(piece)))))[1:])
+            turning.append(2.0 * np.pi * rfftfreq(len(piece), r.dt)[1:])
+        begin += r.y.size
+    weight = np.concatenate(power)
+    blocks = [(list(block.rows), block.regroup) for block in search.blocks if block.regroup is not None]
+    if not blocks or not weight.sum() > 0.0:
+        return np.zeros((len(parent), 0))
+    wanted = rng.choice(np.concatenate(turning), count, p=weight / weight.sum())
+    values = np.repeat(parent[:, None], count, axis=1)
+    for rows, regroup in blocks:
+        values[rows] = regroup(values[rows], rng.random((len(rows), count)), wanted)
+    return np.clip(values, search.low[:, None], search.high[:, None])
 
 
 def offspring(search: Search, parents: Sequence[Array], fresh: Array, rng: np.random.Generator) -> Array:
@@ -59,7 +90,8 @@ def offspring(search: Search, parents: Sequence[Array], fresh: Array, rng: np.ra
         if block.regroup is not None:
             regrouped = np.less(rng.random(count), _REGROUPED)
             rows = np.array(block.rows)[:, None]
-            parent[rows, regrouped] = block.regroup(parent[rows, regrouped], rng.random((len(rows), regrouped.sum())))
+            share, anything = rng.random((len(rows), regrouped.sum())), np.full(regrouped.sum(), np.nan)
+            parent[rows, regrouped] = block.regroup(parent[rows, regrouped], share, anything)
     theta = np.clip(search.inward(np.clip(parent, search.low[:, None], search.high[:, None])), low, high)
     shift = rng.choice(_SHIFTS, count) * rng.standard_normal(theta.shape)
     near = np.clip(theta + np.where(search.log[:, None], shift, 0.2 * shift), low, high)

@@ -20,7 +20,6 @@ from brightgrey.search.lattice import contains
 __all__ = ["Bench"]
 
 Array = NDArray[np.float64]
-_AT_BOUND = 1e-4  # of the searched range
 _IMPROVED = 0.999  # of the cost: what counts as better
 _RELATIVES = 6  # starts that are taken over from relatives
 _SETTLED = 1e-5  # of the cost, far less than chance: N of it is 1 in a hundred thousand samples
@@ -98,9 +97,7 @@ def _judged(task: Identification, structure: Structure, end: End) -> Judged:
     problem, space = task.problem(structure), task.space(structure, initial=True)
     settings = replace(task.settings, level="accurate")
     residual, jacobian = evaluate(problem, space, settings, space.inward(end.values))
-    theta, low, high = (space.inward(v) for v in (end.values, space.low, space.high))
-    near = _AT_BOUND * (high - low)
-    inside = np.flatnonzero((theta - low > near) & (high - theta > near))
+    inside = np.flatnonzero(space.side(end.values) == 0)
     values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
     return Judged(structure, values, Descent(*end, residual, jacobian), len(space.names), tuple(inside.tolist()))
 

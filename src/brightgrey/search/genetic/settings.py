@@ -41,7 +41,7 @@ matters (paper's reference, exact identification, 200 runs each): true structure
 probabilities 40 %, half 34 %, no mutation 6 %; p_clone 0 and 0.5 instead of 0.2: 42 % and 38 %.
 """
 
-PATIENCE = 20
+PATIENCE = 12
 """Polls without a gain of a hundredth after which a pattern search ends; docs/results.md says what that costs."""
 
 ASSUMED: Mapping[str, float] = MappingProxyType(
