@@ -17,9 +17,13 @@ from brightgrey.recordings import Recording
 from brightgrey.search.criteria import Misfit
 from brightgrey.simulation import Settings
 
-__all__ = ["Identification"]
+__all__ = ["ACCURACY", "ROUGH", "Identification"]
 
 Array = NDArray[np.float64]
+ACCURACY = 1e-4
+"""Of an output's standard deviation: what neither simulation nor sensor is trusted in."""
+ROUGH = 3e-4
+"""The same at level ``fast``, that of searches; it is worse than that in few of a hundred drives."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +102,13 @@ class Identification:
         several = len(self.recordings[0].outputs) > 1
         return self.problem(structure).weights if several else np.ones(1)
 
+    def doubt(self, weights: Array, share: float) -> Array:
+        """Weighted sum of squares that errors of `share` of its standard deviation leave in each output.
+
+        Shapes (outputs,) of the weights and (recordings, outputs) of the result.
+        """
+        return np.array([r.samples * np.square(share * r.y.std(axis=1) * weights) for r in self.recordings])
+
     def misfits(self, structure: Structure, values: Mapping[str, Array]) -> list[Misfit]:
         """Misfit of each of K parameter sets; `values` holds arrays of shape (K,), SI.
 
@@ -120,8 +131,9 @@ class Identification:
         weights = self.weights(structure)
         rss = rss * weights[:, None] ** 2
         floor, about = (tuple((a * weights**2).tolist()) for a in (least, spread))
+        doubt = tuple(self.doubt(weights, ACCURACY).sum(axis=0).tolist())
         samples = sum(r.samples for r in self.recordings)
-        return [Misfit(tuple(column), floor, samples, about) for column in rss.T.tolist()]
+        return [Misfit(tuple(column), floor, samples, about, doubt=doubt) for column in rss.T.tolist()]
 
     def arrays(self, space: Search, values: Array) -> dict[str, Array]:
         """Parameter sets by name; `values`, shape (P, K), SI, holds the free ones."""
