@@ -32,9 +32,6 @@ class Misfit:
         Sum of squares of each output about its mean, in the unit of `rss`.
     share : float
         Of the samples, how many are independent; less than 1 where residuals are known to hang together.
-    doubt : tuple of float
-        Sum of squares of each output that neither simulation nor sensor is trusted in, in the unit of `rss`; none if
-        empty.
     """
 
     rss: tuple[float, ...]
@@ -42,7 +39,6 @@ class Misfit:
     samples: int
     spread: tuple[float, ...]
     share: float = 1.0
-    doubt: tuple[float, ...] = ()
 
     @property
     def independent(self) -> float:
@@ -59,11 +55,6 @@ class Misfit:
     def floored(self) -> tuple[float, ...]:
         """RSS of each output, not below its floor."""
         return tuple(max(rss, least) for rss, least in zip(self.rss, self.least, strict=True))
-
-    @property
-    def doubted(self) -> tuple[float, ...]:
-        """RSS of each output, not below its floor, with what is doubted added."""
-        return tuple(a + b for a, b in zip(self.floored, self.doubt or (0.0,) * len(self.rss), strict=True))
 
 
 @dataclass(frozen=True)
@@ -99,11 +90,10 @@ def information(misfit: Misfit, d: int) -> float:
     """Half of the Bayesian information criterion, negative: -(sum n ln(RSS/N) + d ln n) / 2 (Schwarz 1978).
 
     doi:10.1214/aos/1176344136. N samples are worth n independent ones. Noise of unknown size, different for each
-    output; the floor as in `fitness`. What is doubted counts as noise that is always there: rounding to the resolution
-    hangs together from sample to sample, and without it a further effect that fits the rounding better pays.
+    output; the floor as in `fitness`.
     """
     n, outputs = misfit.independent, len(misfit.rss)
-    total = n * sum(float(np.log(rss / misfit.samples)) for rss in misfit.doubted)
+    total = n * sum(float(np.log(rss / misfit.samples)) for rss in misfit.floored)
     return -0.5 * (total + d * float(np.log(n * outputs))) if np.isfinite(total) else -np.inf
 
 

@@ -131,9 +131,8 @@ class Identification:
         weights = self.weights(structure)
         rss = rss * weights[:, None] ** 2
         floor, about = (tuple((a * weights**2).tolist()) for a in (least, spread))
-        doubt = tuple(self.doubt(weights, ACCURACY).sum(axis=0).tolist())
         samples = sum(r.samples for r in self.recordings)
-        return [Misfit(tuple(column), floor, samples, about, doubt=doubt) for column in rss.T.tolist()]
+        return [Misfit(tuple(column), floor, samples, about) for column in rss.T.tolist()]
 
     def arrays(self, space: Search, values: Array) -> dict[str, Array]:
         """Parameter sets by name; `values`, shape (P, K), SI, holds the free ones."""
