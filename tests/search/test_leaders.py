@@ -56,7 +56,7 @@ def test_what_the_leader_does_not_need_is_seen_from_its_optimum(draw):
 def test_leaders_are_followed_once(draw, estimate):
     settings = dataclasses.replace(LED, criterion="fitness")
     run = search(estimate, draw, settings, standard=standard, seed=3)
-    assert run.generation(0)[8].operator == "leader"
+    assert "leader" in [e.operator for e in run.generation(0)[8:]]
     leaders = [e.job.structure for e in run.evaluations if e.operator == "leader"]
     assert len(leaders) == len(set(leaders))
     smaller = {e.job.structure for e in run.evaluations if e.operator == "leader+deletion"}
