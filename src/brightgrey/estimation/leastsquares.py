@@ -222,7 +222,9 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
     damped = np.column_stack([np.full(starts, _HARDLY), field.damped[:, None] * factors])
     changes = step(field.theta[each], field.normal.of(each), field.scale[each], damped.ravel(), low, high, cap)
     changes = changes.reshape(starts, -1, count)
-    done = _promise(field.normal, changes[:, 0]) < _LITTLE * tolerance * field.normal.cost
+    # At bounds the least damped step may be a bad one that promises nothing, though others do.
+    promised = np.max([_promise(field.normal, change) for change in np.moveaxis(changes, 1, 0)], axis=0)
+    done = promised < _LITTLE * tolerance * field.normal.cost
     tried = field.theta[:, None] + changes[:, 1:]
     costs = np.full(tried.shape[:2], np.inf)
     if not done.all():

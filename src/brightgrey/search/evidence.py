@@ -18,7 +18,7 @@ import numpy as np
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.comparison import Judged, Whitening, power, significance, threshold
 from brightgrey.search.exhaustive import Fitted
-from brightgrey.search.identification import Identification
+from brightgrey.search.identification import ACCURACY, ROUGH, Identification
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import contains, effects_of, extensions, ladder_of, minimal, simpler
 from brightgrey.search.work import pool
@@ -31,8 +31,6 @@ _MATERIAL = 1.01  # ratio of costs below which a difference does not matter, how
 _SHOWN = 0.8  # power from which a recording is said to show an effect
 _NOTABLE = 0.02  # part of the residual's RMS that an effect explains from which it is not called needless
 _SLACK = 1.02  # ratio of costs within which a structure is always looked at
-_ACCURACY = 1e-4  # of an output's standard deviation: what neither simulation nor sensor is trusted in
-_ROUGH = 3e-4  # the same at the level of the search; it is worse than that in few of a hundred drives
 _MOST = 24  # structures that are examined
 _AT_ONCE = 2  # larger structures refitted side by side: what an inadequate one does not need is in vain
 _RARE = 1e-3
@@ -145,9 +143,8 @@ class _Scale:
         best = min(fitted.values(), key=lambda f: (f.cost, f.free))
         reference = bench.judge(best.structure)
         lengths = [r.samples for r in task.recordings for _ in r.outputs]
-        weights = task.problem(best.structure).weights
-        off = np.concatenate([_ACCURACY * r.y.std(axis=1) * weights for r in task.recordings])
-        return cls(bench, Whitening.of(reference, lengths, np.square(off).tolist()), fitted)
+        doubt = task.doubt(task.problem(best.structure).weights, ACCURACY).ravel() / lengths
+        return cls(bench, Whitening.of(reference, lengths, doubt.tolist()), fitted)
 
     @property
     def doubt(self) -> float:
@@ -330,7 +327,7 @@ def _next(scale: _Scale, n: float, accepted: Sequence[Judged], examined: Collect
 
     Of several the one with the least Bayesian information criterion, by the number of independent samples.
     """
-    rough = scale.doubt * (_ROUGH / _ACCURACY) ** 2
+    rough = scale.doubt * (ROUGH / ACCURACY) ** 2
     cost = {s: scale.bench.cost(s) + rough for s in scale.known}
     least = min(scale.known.values(), key=lambda f: (cost[f.structure], f.free))
 

@@ -17,9 +17,13 @@ from brightgrey.recordings import Recording
 from brightgrey.search.criteria import Misfit
 from brightgrey.simulation import Settings
 
-__all__ = ["Identification"]
+__all__ = ["ACCURACY", "ROUGH", "Identification"]
 
 Array = NDArray[np.float64]
+ACCURACY = 1e-4
+"""Of an output's standard deviation: what neither simulation nor sensor is trusted in."""
+ROUGH = 3e-4
+"""The same at level ``fast``, that of searches; it is worse than that in few of a hundred drives."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +101,13 @@ class Identification:
         """Weights of the outputs' residuals in a misfit, shape (outputs,): 1 over their noise if there are several."""
         several = len(self.recordings[0].outputs) > 1
         return self.problem(structure).weights if several else np.ones(1)
+
+    def doubt(self, weights: Array, share: float) -> Array:
+        """Weighted sum of squares that errors of `share` of its standard deviation leave in each output.
+
+        Shapes (outputs,) of the weights and (recordings, outputs) of the result.
+        """
+        return np.array([r.samples * np.square(share * r.y.std(axis=1) * weights) for r in self.recordings])
 
     def misfits(self, structure: Structure, values: Mapping[str, Array]) -> list[Misfit]:
         """Misfit of each of K parameter sets; `values` holds arrays of shape (K,), SI.

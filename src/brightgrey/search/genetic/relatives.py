@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -12,8 +12,18 @@ from brightgrey.estimation.coloured import autoregression
 from brightgrey.kit import Structure
 from brightgrey.search.evaluation import Evaluated
 from brightgrey.search.exhaustive import Fits, Fitted
+from brightgrey.search.identification import Identification
 
-__all__ = ["Relatives"]
+__all__ = ["Relatives", "independent"]
+
+
+def independent(task: Identification, structure: Structure, values: Mapping[str, float]) -> float:
+    """Share of the samples that are independent, by the residuals of `structure` with `values` (SI, by name)."""
+    named = {name: np.array([value]) for name, value in values.items()}
+    residual = task.problem(structure).residuals(named, task.settings)[:, 0]
+    lengths = [r.samples for r in task.recordings for _ in r.outputs]
+    pieces = np.split(residual, np.cumsum(lengths)[:-1])
+    return sum(autoregression(piece).telling(len(piece)) for piece in pieces) / len(residual)
 
 
 class Relatives:
@@ -56,13 +66,8 @@ class Relatives:
 
     def listen(self) -> float:
         """Find `share` anew, and return it: what the best fit does not explain counts as noise."""
-        task = self.fits.task
         best = min((f for f in self.fits.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
-        values = {name: np.array([value]) for name, value in best.values.items()}
-        residual = task.problem(best.structure).residuals(values, task.settings)[:, 0]
-        lengths = [r.samples for r in task.recordings for _ in r.outputs]
-        pieces = np.split(residual, np.cumsum(lengths)[:-1])
-        self.share = sum(autoregression(piece).telling(len(piece)) for piece in pieces) / len(residual)
+        self.share = independent(self.fits.task, best.structure, best.values)
         return self.share
 
     def _spent(self, counted: int) -> int:
