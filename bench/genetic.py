@@ -37,7 +37,7 @@ from brightgrey.search.criteria import Misfit, criterion
 from brightgrey.search.exhaustive import Fits, Options
 from brightgrey.search.experiment import reference_recording, task_of
 from brightgrey.search.genetic.engine import search
-from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES, RELATIVES
+from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES
 from brightgrey.search.identification import Identification
 from brightgrey.search.repetition import Repetition, repetition, repetitions_csv, run, summary, wilson
 from brightgrey.search.work import pool
@@ -67,7 +67,6 @@ CHANGES = {
 SETTINGS = {
     "paper": PAPER_SETTINGS,
     "ours": OURS,
-    "relatives": RELATIVES,
     "ours-19": replace(OURS, criterion="fitness"),
     "paper-50": replace(PAPER_SETTINGS, iterations=50),
     "paper-ls": replace(PAPER_SETTINGS, estimator="least-squares", iterations=30),
@@ -324,7 +323,7 @@ def main() -> None:
     against.add_argument("--quarter", action="store_true", help="end the genetic search after a quarter of the fits")
     against.add_argument("--masses", type=int, default=4, help="at most")
     against.add_argument("--without", nargs="*", default=[], help="effects that no structure has")
-    against.add_argument("--setting", choices=SETTINGS, default="relatives")
+    against.add_argument("--setting", choices=SETTINGS, default="ours")
     against.add_argument("--out", type=Path, default=Path("genetic.jsonl"))
     given = parser.parse_args()
     if given.task == "speed":

@@ -1,5 +1,7 @@
 """Pattern search: optima that are known, limits that hold, searches that leave each other alone."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -171,7 +173,7 @@ def test_a_poll_is_asked_for_in_blocks_until_one_holds_a_better_point():
     assert end.evaluations == sum(cost.batches)
     costs = [cost.cost(points) for points in cost.points]
     least, polls = costs[0].min(), 0
-    for before, now in zip(costs[1:-1], costs[2:], strict=True):
+    for before, now in pairwise(costs[1:]):
         if before.min() >= least and len(before) == 16:
             polls += 1  # what is left of a poll comes next
             assert len(now) <= 8

@@ -14,7 +14,7 @@ SMALL = GeneticSettings(generations=8)
 def test_the_paper_is_the_default():
     s = GeneticSettings()
     assert (s.population, s.generations, s.iterations, s.k_p) == (6, 20, 500, 2.0)
-    assert s.patience == 20  # ours: the paper names no other end of a search
+    assert s.patience == 12  # ours: the paper names no other end of a search
     assert (s.estimator, s.criterion, s.begin) == ("pattern-search", "fitness", "inherited")
     assert (s.elite, s.fresh, s.near) == (0, 0, 0)
 

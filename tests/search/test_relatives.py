@@ -10,13 +10,13 @@ from brightgrey.errors import SettingsError
 from brightgrey.kit import PAPER, Grammar
 from brightgrey.search.exhaustive import Fits
 from brightgrey.search.genetic import GeneticSettings, search
-from brightgrey.search.genetic.settings import RELATIVES
+from brightgrey.search.genetic.settings import OURS
 from brightgrey.search.lattice import contains
 from brightgrey.search.work import pool
 
 FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})
 ALL = tuple(FEW.structures())
-BRIEF = replace(RELATIVES, population=4, generations=3)
+BRIEF = replace(OURS, population=4, generations=3)
 
 
 def in_pieces(task, workers=1):

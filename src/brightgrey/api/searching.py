@@ -19,7 +19,7 @@ from brightgrey.recordings import Recording
 from brightgrey.search import Identification
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import GeneticSettings, Progress, Run, history_csv
-from brightgrey.search.genetic.settings import RELATIVES
+from brightgrey.search.genetic.settings import OURS
 from brightgrey.search.repetition import run
 from brightgrey.search.survey import Stage, Survey, candidates, survey
 from brightgrey.search.work import pool
@@ -107,7 +107,7 @@ def find(recordings: Sequence[Recording], wish: Wish) -> Found:
     affordable = len(structures) * sum(r.samples for r in recordings) <= AFFORDABLE
     if wish.how == "exhaustive" or affordable or wish.require or wish.exclude:
         return _exhaustive(task, structures, wish)
-    return _genetic(task, RELATIVES, wish)
+    return _genetic(task, OURS, wish)
 
 
 def _exhaustive(task: Identification, structures: Sequence[Structure], wish: Wish) -> Found:

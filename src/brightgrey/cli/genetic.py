@@ -74,9 +74,7 @@ Near = Annotated[
 ]
 Setting = Annotated[
     str,
-    typer.Option(
-        "--setting", metavar="paper|ours|relatives", help="Where the defaults of the options below come from."
-    ),
+    typer.Option("--setting", metavar="paper|ours", help="Where the defaults of the options below come from."),
 ]
 
 
@@ -91,9 +89,9 @@ def settings(setting: str, mutation: Iterable[str] | None, **given: float | str 
     from dataclasses import replace
 
     from brightgrey.errors import SettingsError, unknown_name
-    from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, RELATIVES
+    from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS
 
-    known = {"paper": PAPER_SETTINGS, "ours": OURS, "relatives": RELATIVES}
+    known = {"paper": PAPER_SETTINGS, "ours": OURS}
     if setting not in known:
         raise SettingsError(unknown_name("setting", setting, known))
     base = known[setting]

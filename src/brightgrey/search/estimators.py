@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.costs import cost_function
-from brightgrey.estimation.leastsquares import finish
+from brightgrey.estimation.leastsquares import descend
 from brightgrey.estimation.pattern_search import pattern_search
 from brightgrey.estimation.patterns import check_estimator
 from brightgrey.kit import Structure
 from brightgrey.search.evaluation import Estimator, Evaluated, Values
-from brightgrey.search.identification import ROUGH, Identification
+from brightgrey.search.identification import Identification
 
 __all__ = ["LeastSquares", "PatternSearch", "estimator"]
 
 Array = NDArray[np.float64]
-_TOLERANCE = 1e-4  # of the cost, at the level of the search: with some thousand samples less than chance
-_SETTLED = 1e-5  # the same at the last
 
 
 @dataclass(frozen=True)
@@ -56,16 +53,13 @@ class PatternSearch:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Bounded least squares from every start; at level ``accurate`` at last where that of the search may not suffice.
-
-    What the simulation makes wrong is no chance: another effect takes part of it away, and a criterion that expects
-    chance takes that for evidence. It matters where the residual is no larger than what level ``fast`` is trusted in.
+    """Bounded least squares from every start.
 
     Attributes
     ----------
     task : Identification
     iterations : int
-        Limit for each start, and once more at level ``accurate``.
+        Limit for each start.
     """
 
     task: Identification
@@ -73,21 +67,12 @@ class LeastSquares:
 
     def __call__(self, structure: Structure, starts: Sequence[Values]) -> Sequence[Evaluated]:
         """Identify `structure` from each of `starts`."""
-        space = self.task.space(structure)
+        space, problem = self.task.space(structure), self.task.problem(structure)
         begins = self.task.begins(space, starts)
-        return [self._one(structure, space, begin) for begin in begins.T]
-
-    def _one(self, structure: Structure, space: Search, begin: Array) -> Evaluated:
-        task, problem = self.task, self.task.problem(structure)
-        end = finish(problem, space, task.settings, begin, limit=self.iterations, tolerance=_TOLERANCE)
-        rounds = end.evaluations
-        if task.settings.level == "fast" and end.cost <= task.doubt(problem.weights, ROUGH).sum():
-            task = replace(task, settings=replace(task.settings, level="accurate"))
-            end = finish(problem, space, task.settings, end.values, limit=self.iterations, tolerance=_SETTLED)
-            rounds += end.evaluations
-        values = task.arrays(space, end.values[:, None])
-        (result,) = _evaluated(task, structure, values, [rounds * (len(space.names) + 1)], len(space.names))
-        return result
+        ends = [descend(problem, space, self.task.settings, begin, limit=self.iterations) for begin in begins.T]
+        simulations = [end.evaluations * (len(space.names) + 1) for end in ends]
+        values = self.task.arrays(space, np.array([end.values for end in ends]).T.reshape(-1, len(starts)))
+        return _evaluated(self.task, structure, values, simulations, len(space.names))
 
 
 def _evaluated(

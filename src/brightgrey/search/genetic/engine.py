@@ -14,7 +14,6 @@ from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.criteria import Criterion, criterion
 from brightgrey.search.evaluation import Estimator, Evaluated, Job
 from brightgrey.search.exhaustive import Fits
-from brightgrey.search.genetic.leaders import Leaders
 from brightgrey.search.genetic.offspring import Born, near, offspring, renewed
 from brightgrey.search.genetic.population import Draw, initial
 from brightgrey.search.genetic.record import Evaluation, Progress, Run
@@ -82,14 +81,11 @@ def search(
         If there is nothing so far.
     """
     settings = settings or GeneticSettings()
-    task = fits.task if fits else None
-    leaders = Leaders(tuple(grammar.structures()), standard, task) if settings.lead and standard else None
-    start = _start(settings, standard, fits, leaders)
+    start = _start(settings, standard, fits)
     rules, rng = Rules(grammar), np.random.default_rng(seed)
     judge = criterion(settings.criterion, settings.k_p)
     began = time.monotonic()
     done: list[Evaluation] = []
-    tried: set[Structure] = set()
     born: Sequence[Born] = [Born(tree, (), "initial") for tree in initial(settings.population, rules, draw, rng)]
     with pool(executor, workers) as workforce:
         bench = _Bench(estimator, workforce)
@@ -98,10 +94,6 @@ def search(
             try:
                 current = _evaluate(generation, born, start, relatives or bench, judge)
                 done += current
-                if leaders:
-                    before = len(done) - len(current)
-                    done = _followed(done, leaders, bench, judge)
-                    current = done[before : before + len(current)]
                 if relatives:
                     spent = relatives.seek(Run(tuple(done)).best.job.structure)
                     done += _improved(done, relatives, judge, spent)
@@ -119,7 +111,7 @@ def search(
             trees = [e.tree for e in current]
             chances = judge.chances([e.value for e in current], current[0].result.misfit.independent)
             children = offspring(trees, chances, settings, rules, draw, rng)
-            tried |= {b.tree.structure for b in born}
+            tried = {e.job.structure for e in done}
             best = [e.tree for e in Run(tuple(done)).structures()]
             close = near(best, tried, settings, rules, draw, rng)
             children = renewed(children, tried | {b.tree.structure for b in close}, settings, rules, draw, rng)
@@ -128,27 +120,18 @@ def search(
 
 
 def _start(
-    settings: GeneticSettings,
-    standard: Callable[[Structure], Mapping[str, float]] | None,
-    fits: Fits | None,
-    leaders: Leaders | None,
+    settings: GeneticSettings, standard: Callable[[Structure], Mapping[str, float]] | None, fits: Fits | None
 ) -> Callable[[Node], Job]:
     """Identification of an individual, with its start; none where it is left to relatives."""
     if settings.begin == "inherited":
-        return _inherited
+        return lambda tree: Job.of(tree.structure, tree.parameters)
     if settings.begin == "relatives":
         if fits is None:
             raise SettingsError("begin is 'relatives', but no fits were given")
         return lambda tree: Job(tree.structure, ())
     if standard is None:
         raise SettingsError("begin is 'standard', but no standard start was given")
-    if leaders is None:
-        return lambda tree: Job.of(tree.structure, standard(tree.structure))
-    return lambda tree: leaders.job(tree.structure)
-
-
-def _inherited(tree: Node) -> Job:
-    return Job.of(tree.structure, tree.parameters)
+    return lambda tree: Job.of(tree.structure, standard(tree.structure))
 
 
 def _evaluate(
@@ -157,9 +140,8 @@ def _evaluate(
     start: Callable[[Node], Job],
     bench: _Bench | Relatives,
     judge: Criterion,
-    first: int = 0,
 ) -> list[Evaluation]:
-    """Identify individuals of one generation, numbered from `first`, and judge them."""
+    """Identify the individuals of one generation and judge them."""
     jobs = [start(b.tree) for b in born]
     results = bench.identify([j.structure for j in jobs]) if isinstance(bench, Relatives) else bench.identify(jobs)
     return [
@@ -174,7 +156,7 @@ def _evaluate(
             value=judge.value(result.misfit, result.n_parameters),
             repeated=repeated,
         )
-        for number, (b, job, (result, repeated)) in enumerate(zip(born, jobs, results, strict=True), first)
+        for number, (b, job, (result, repeated)) in enumerate(zip(born, jobs, results, strict=True))
     ]
 
 
@@ -202,21 +184,6 @@ def _improved(done: Sequence[Evaluation], relatives: Relatives, judge: Criterion
             )
         )
     return out
-
-
-def _followed(done: Sequence[Evaluation], leaders: Leaders, bench: _Bench, judge: Criterion) -> list[Evaluation]:
-    """All evaluations, with those of the latest generation that start where its best structures have ended.
-
-    Every time all are judged anew with what is known then of how many samples are independent.
-    """
-    generation = done[-1].generation
-    while True:
-        share = leaders.listen(done)
-        done = [_shared(e, share, judge) for e in done]
-        born = leaders.born(done)
-        if not born:
-            return done
-        done += _evaluate(generation, born, _inherited, bench, judge, done[-1].individual + 1)
 
 
 def _shared(evaluation: Evaluation, share: float, judge: Criterion) -> Evaluation:

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
 
 from brightgrey.estimation.coloured import autoregression
+from brightgrey.estimation.leastsquares import finish
 from brightgrey.kit import Structure
+from brightgrey.search.criteria import Misfit
 from brightgrey.search.evaluation import Evaluated
 from brightgrey.search.exhaustive import Fits, Fitted
-from brightgrey.search.identification import Identification
+from brightgrey.search.identification import ROUGH, Identification
 
-__all__ = ["Relatives", "independent"]
+__all__ = ["Relatives"]
 
-
-def independent(task: Identification, structure: Structure, values: Mapping[str, float]) -> float:
-    """Share of the samples that are independent, by the residuals of `structure` with `values` (SI, by name)."""
-    named = {name: np.array([value]) for name, value in values.items()}
-    residual = task.problem(structure).residuals(named, task.settings)[:, 0]
-    lengths = [r.samples for r in task.recordings for _ in r.outputs]
-    pieces = np.split(residual, np.cumsum(lengths)[:-1])
-    return sum(autoregression(piece).telling(len(piece)) for piece in pieces) / len(residual)
+_SETTLED = 1e-5  # of the cost
 
 
 class Relatives:
@@ -40,7 +35,9 @@ class Relatives:
 
     def __init__(self, fits: Fits, executor: Executor) -> None:
         self.fits, self.better, self.share = fits, tuple[Structure, ...](), 1.0
-        self._executor = executor
+        self._executor, task = executor, fits.task
+        self._accurate = replace(task, settings=replace(task.settings, level="accurate"))
+        self._sharp: dict[tuple[Structure, float], Fitted] = {}
 
     def identify(self, structures: Sequence[Structure]) -> list[tuple[Evaluated, bool]]:
         """Results in the order of `structures`, each with whether it had been there before."""
@@ -66,8 +63,13 @@ class Relatives:
 
     def listen(self) -> float:
         """Find `share` anew, and return it: what the best fit does not explain counts as noise."""
+        task = self.fits.task
         best = min((f for f in self.fits.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
-        self.share = independent(self.fits.task, best.structure, best.values)
+        values = {name: np.array([value]) for name, value in best.values.items()}
+        residual = task.problem(best.structure).residuals(values, task.settings)[:, 0]
+        lengths = [r.samples for r in task.recordings for _ in r.outputs]
+        pieces = np.split(residual, np.cumsum(lengths)[:-1])
+        self.share = sum(autoregression(piece).telling(len(piece)) for piece in pieces) / len(residual)
         return self.share
 
     def _spent(self, counted: int) -> int:
@@ -76,16 +78,39 @@ class Relatives:
 
     def evaluated(self, structure: Structure, simulations: int = 0) -> Evaluated:
         """What is known of `structure` now; a misfit without what only made it worse."""
-        task, own = self.fits.task, self.fits.done[structure]
-        (misfit,) = task.misfits(*self._shown(own))
-        misfit = replace(misfit, share=self.share)
-        values = tuple((name, float(own.values[name])) for name in structure.parameters)
-        return Evaluated(values, misfit, own.free, simulations)
+        own = self.fits.done[structure]
+        shown = own if not own.idle else next(f for f in self.fits.done.values() if not f.idle and f.cost == own.cost)
+        if self._doubtful(shown) and (shown.structure, shown.cost) not in self._sharp:
+            self._sharp[shown.structure, shown.cost] = self._sharpened(shown)
+            simulations += self._sharp[shown.structure, shown.cost].simulations
+        sharp = self._sharp.get((shown.structure, shown.cost))
+        misfit = self._misfit(self._accurate, sharp) if sharp else self._misfit(self.fits.task, shown)
+        best = sharp if sharp and not own.idle else own
+        values = tuple((name, float(best.values[name])) for name in structure.parameters)
+        return Evaluated(values, replace(misfit, share=self.share), own.free, simulations)
 
-    def _shown(self, own: Fitted) -> tuple[Structure, dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]]:
-        """Structure and values that the cost of a fit is that of."""
-        if own.idle:
-            own = next(f for f in self.fits.done.values() if not f.idle and f.cost == own.cost)
-        space = self.fits.task.space(own.structure, initial=True)
-        names = (*own.structure.parameters, *(n for n in space.names if n not in own.structure.parameters))
-        return own.structure, {name: np.array([own.values[name]]) for name in names}
+    def _doubtful(self, fitted: Fitted) -> bool:
+        """Whether a fit is no worse than what the simulation of the search may be off by."""
+        task = self.fits.task
+        weights = task.problem(fitted.structure).weights
+        return task.settings.level == "fast" and fitted.cost <= float(task.doubt(weights, ROUGH).sum())
+
+    def _sharpened(self, fitted: Fitted) -> Fitted:
+        """The same at level ``accurate``.
+
+        What the simulation makes wrong is no chance: another effect takes part of it off, and a criterion that expects
+        chance takes that for evidence.
+        """
+        task, structure = self._accurate, fitted.structure
+        problem, space = task.problem(structure), task.space(structure, initial=True)
+        begin = np.array([fitted.values[name] for name in space.names])
+        end = finish(problem, space, task.settings, begin, tolerance=_SETTLED)
+        values = {**fitted.values, **dict(zip(space.names, end.values.tolist(), strict=True))}
+        simulations = end.evaluations * (1 + len(space.names))
+        return replace(fitted, values=values, cost=end.cost, simulations=simulations)
+
+    def _misfit(self, task: Identification, fitted: Fitted) -> Misfit:
+        space = task.space(fitted.structure, initial=True)
+        names = (*fitted.structure.parameters, *(n for n in space.names if n not in fitted.structure.parameters))
+        (misfit,) = task.misfits(fitted.structure, {name: np.array([fitted.values[name]]) for name in names})
+        return misfit

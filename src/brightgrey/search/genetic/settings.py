@@ -6,7 +6,7 @@ Reference drive, motion, sampling interval and f_tanh of the paper's experiment 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal, get_args
 
@@ -21,7 +21,6 @@ __all__ = [
     "PAPER_SETTINGS",
     "PROBABILITIES",
     "RANGE",
-    "RELATIVES",
     "RESOLUTION",
     "Begin",
     "GeneticSettings",
@@ -118,11 +117,6 @@ class GeneticSettings:
     fresh : int
         An individual whose structure has been tried is mutated up to this many times, each time by a random one of
         the mutations, until it is one that has not (paper: 0).
-    lead : bool
-        Whether identifications start where that of the best structure so far has ended, too: once more its own, those
-        of all structures with one effect or mass less, and those of structures that contain it and are worse. Needs
-        the standard start, which alone may lead a structure to an optimum that is none of the whole range. Of the
-        samples, those count that are independent by the residuals of the closest fit. (Paper: no.)
     near : int
         Of each new population, individuals that differ from the best structures so far by one node and have not been
         tried, those of the very best first; as far as the elite leaves room (paper: 0).
@@ -146,7 +140,6 @@ class GeneticSettings:
     elite: int = 0
     fresh: int = 0
     near: int = 0
-    lead: bool = False
 
     def __post_init__(self) -> None:
         limits = {"population": 1, "generations": 0, "iterations": 1, "patience": 0, "elite": 0, "fresh": 0, "near": 0}
@@ -171,8 +164,6 @@ class GeneticSettings:
             raise SettingsError(unknown_name("begin", self.begin, get_args(Begin)))
         if self.begin == "relatives" and self.estimator != "least-squares":
             raise SettingsError("begin 'relatives' needs the estimator 'least-squares'")
-        if self.lead and self.begin != "standard":
-            raise SettingsError(f"lead needs begin 'standard', not {self.begin!r}")
 
     @property
     def neighbours(self) -> int:
@@ -184,23 +175,17 @@ PAPER_SETTINGS = GeneticSettings()
 """The paper's setting."""
 
 OURS = GeneticSettings(
-    population=12,
-    generations=24,
+    population=8,
+    generations=16,
     estimator="least-squares",
     iterations=30,
     criterion="bic",
-    begin="standard",
+    begin="relatives",
     elite=2,
     fresh=4,
-    lead=True,
+    near=4,
 )
-"""A setting of ours, not the paper's: derivatives instead of polling, and what is saved goes into more structures.
+"""A setting of ours, not the paper's: structures are identified where their relatives have ended, neighbours first.
 
-Chosen on seeds from 1000 on, among a few variants that docs/results.md lists.
-"""
-
-RELATIVES = replace(OURS, begin="relatives", population=8, near=4, lead=False)
-"""The same for recordings with noise, where one start per structure misses optima, and the best one's neighbours first.
-
-In the paper's experiment, whose ranges are narrow, `OURS` does without it.
+Derivatives instead of polling, and what is saved goes into more structures. Chosen on seeds from 1000 on.
 """
