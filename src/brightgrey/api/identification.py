@@ -32,7 +32,7 @@ from brightgrey.search.survey import Stage
 
 __all__ = ["identify"]
 
-_PATIENCE, _PATIENCE_FOUND = 4, 0  # a search has looked everywhere already
+_PATIENCE, _PATIENCE_FOUND = 8, 0  # a search has looked everywhere already
 
 
 @one_blas_thread()

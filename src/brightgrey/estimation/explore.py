@@ -38,7 +38,7 @@ _ROUGH = 1e-3  # tolerance on a beginning
 _PARENTS, _TEACHERS = 4, 8  # best ends: of offspring, of ensembles
 _RETUNED, _TUNING = 48, 3  # starts that ring where the residual does, and rounds after which the best are chosen
 _AGREE = 2  # independent starts that make an optimum trustworthy
-_DOUBT = 0.5  # of the patience, if the residual is white and starts do not agree
+_DOUBT = 0.25  # of the patience, if the residual is white and starts do not agree or one is at a bound
 _MOST = 4  # fields per unit of patience
 _IMPROVED = 0.995  # of the least cost: what counts as an improvement
 _LAGS = 25
@@ -76,7 +76,7 @@ def explore(
     starts : int
         Descents per field.
     patience : int
-        Fields without improvement after which the search ends, half as many if the residual is white; 0 for the first
+        Fields without improvement after which the search ends, a quarter as many if the residual is white; 0 for the first
         field alone. So many fields at most come from an ensemble that learns, which takes longest.
     seed : int
     """
@@ -158,7 +158,9 @@ def _field(
     young = offspring(search, _best(ends, _PARENTS), candidates, rng)
     half = missing // 2
     fresh = best_of(part, search, settings, candidates, missing - half)
-    tuned = _tuned(part, search, settings, _best(ends, 1)[0], half // 2, rng) if share == 1.0 else []
+    leader = min(ends, key=lambda end: end.cost)
+    rings = share == 1.0 and not _explained(problem, search, settings, leader)
+    tuned = _tuned(problem, search, settings, leader.values, half // 2, rng) if rings else []
     chosen = first + fresh + tuned + best_of(part, search, settings, young, half - len(tuned))
     return _Field(chosen, [False] * len(first) + [True] * len(fresh) + [False] * half)
 

@@ -110,7 +110,7 @@ def fit(
     f_tanh: float | None = None,
     start: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
     starts: int = 8,
-    patience: int = 4,
+    patience: int = 8,
     seed: int = 0,
     level: Level = "accurate",
     initial: Initial = "auto",
@@ -139,7 +139,7 @@ def fit(
         Descents. What `start` and the torque balance leave of them is filled up with candidates.
     patience : int
         Further fields of as many descents are tried, until the residual is white and two independent starts agree, or
-        this many have not improved on the best one (half as many if the residual is white). With 0 it stays with the
+        this many have not improved on the best one (a quarter as many if the residual is white). With 0 it stays with the
         first field.
     seed : int
         Of the candidates.

@@ -25,6 +25,7 @@ _LEAST, _MOST = 1e-9, 1e12  # damping
 _FADING = 0.5  # per round, of what the damping is relative to where the derivatives have become smaller
 _CAP_LOG, _CAP_LINEAR = 2.0, 0.5  # longest step of a parameter: e^2 times, half of the range
 _HARDLY, _LITTLE = 1e-6, 0.1  # damping of the step that promises most; part of the tolerance that is not worth it
+_MUCH = 3.0  # times the tolerance: what is worth it of more damped steps; at bounds the least damped may be a bad one
 _QUIET = 2  # rounds in which the cost may fall by less than the tolerance
 _EARLY, _PATIENCE = 4, 8  # rounds before a start has to promise to arrive at all, and soon
 _WATCHED = 4  # rounds whose descent is counted on to go on
@@ -222,9 +223,9 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
     damped = np.column_stack([np.full(starts, _HARDLY), field.damped[:, None] * factors])
     changes = step(field.theta[each], field.normal.of(each), field.scale[each], damped.ravel(), low, high, cap)
     changes = changes.reshape(starts, -1, count)
-    # At bounds the least damped step may be a bad one that promises nothing, though others do.
-    promised = np.max([_promise(field.normal, change) for change in np.moveaxis(changes, 1, 0)], axis=0)
-    done = promised < _LITTLE * tolerance * field.normal.cost
+    least, *others = (_promise(field.normal, change) for change in np.moveaxis(changes, 1, 0))
+    enough = tolerance * field.normal.cost
+    done = (least < _LITTLE * enough) & (np.max(others, axis=0) < _MUCH * enough)
     tried = field.theta[:, None] + changes[:, 1:]
     costs = np.full(tried.shape[:2], np.inf)
     if not done.all():
