@@ -76,8 +76,8 @@ def explore(
     starts : int
         Descents per field.
     patience : int
-        Fields without improvement after which the search ends, a quarter as many if the residual is white; 0 for the first
-        field alone. So many fields at most come from an ensemble that learns, which takes longest.
+        Fields without improvement after which the search ends, a quarter as many if the residual is white; 0 for the
+        first field alone. So many fields at most come from an ensemble that learns, which takes longest.
     seed : int
     """
     begins: list[Array] = []
