@@ -9,11 +9,12 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import scales
+from brightgrey.estimation.leastsquares import finish
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Placed
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search import Identification, LeastSquares, PatternSearch
-from brightgrey.search.experiment import assumed_bounds, first_appearance, verdict
+from brightgrey.search.experiment import assumed_bounds, first_appearance, reference_recording, task_of, verdict
 from brightgrey.search.genetic import GeneticSettings, history_csv, search
 from brightgrey.search.genetic.settings import ASSUMED
 from brightgrey.search.repetition import Repetition, repetition, run, summary, wilson
@@ -151,3 +152,15 @@ def test_repetition_and_summary(draw, estimate):
     assert s.true == sum(r.best == str(truth) for r in rows)
     assert s.seen >= s.true
     assert isinstance(rows[0], Repetition)
+
+
+@pytest.mark.parametrize("truth", ["three_mass+coulomb+viscous", "four_mass+coulomb+viscous+stribeck"])
+def test_a_bad_step_along_bounds_ends_no_descent(truth):
+    """From the standard start many parameters run to bounds, where the least damped step promises nothing."""
+    beyond = {"J3": 0.005, "J4": 0.003, "c2": 180.0, "c3": 160.0, "d2": 0.06, "d3": 0.04}
+    structure, known = PAPER.parse(truth), {**PAPER_EXPERIMENT.values, **beyond}
+    exact = task_of(reference_recording(structure, {name: known[name] for name in structure.parameters}))
+    problem, space = exact.problem(structure), exact.space(structure)
+    end = finish(problem, space, exact.settings, space.start, limit=50, tolerance=1e-4)
+    (misfit,) = exact.misfits(structure, {n: np.array([v]) for n, v in zip(space.names, end.values, strict=True)})
+    assert misfit.rss[0] < 10.0 * misfit.least[0]

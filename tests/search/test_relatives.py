@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 from brightgrey.errors import SettingsError
+from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar
+from brightgrey.search import criterion
 from brightgrey.search.exhaustive import Fits
+from brightgrey.search.experiment import reference_recording, task_of
 from brightgrey.search.genetic import GeneticSettings, search
+from brightgrey.search.genetic.relatives import Relatives
 from brightgrey.search.genetic.settings import OURS
 from brightgrey.search.lattice import contains
 from brightgrey.search.work import pool
@@ -108,3 +112,20 @@ def test_residuals_that_hang_together_count_as_fewer_samples(task):
         assert run.best.value == pytest.approx(expected)
     assert shares[0] > 0.8
     assert shares[1] < 0.3  # (1 - 0.81) / (1 + 0.81) = 0.1 for the slow part alone
+
+
+def test_errors_of_the_simulation_are_no_evidence():
+    truth = PAPER.parse("one_mass+coulomb+viscous")
+    more = PAPER.parse(f"{truth}+gravity")
+    exact = task_of(reference_recording(truth, {n: PAPER_EXPERIMENT.values[n] for n in truth.parameters}))
+    with pool(None) as executor:
+        relatives = Relatives(Fits(exact, [truth, more]), executor)
+        (own, _), (large, _) = relatives.identify([truth, more])
+        again = relatives.evaluated(truth)
+    assert own.misfit.rss[0] < 1.1 * own.misfit.least[0]
+    value = criterion("bic").value
+    assert value(own.misfit, own.n_parameters) > value(large.misfit, large.n_parameters)
+    (fast,) = exact.misfits(truth, {name: np.array([v]) for name, v in own.values})
+    assert fast.rss[0] > 2.0 * own.misfit.rss[0]  # what the search would have gone by
+    assert again == replace(own, simulations=0)  # made once
+    assert own.simulations > relatives.fits.done[truth].simulations
