@@ -161,6 +161,7 @@ def test_a_bad_step_along_bounds_ends_no_descent(truth):
     structure, known = PAPER.parse(truth), {**PAPER_EXPERIMENT.values, **beyond}
     exact = task_of(reference_recording(structure, {name: known[name] for name in structure.parameters}))
     problem, space = exact.problem(structure), exact.space(structure)
-    end = finish(problem, space, exact.settings, space.start, limit=50, tolerance=1e-4)
+    end = finish(problem, space, exact.settings, space.start, limit=200, tolerance=1e-4)
     (misfit,) = exact.misfits(structure, {n: np.array([v]) for n, v in zip(space.names, end.values, strict=True)})
-    assert misfit.rss[0] < 10.0 * misfit.least[0]
+    assert end.converged
+    assert misfit.rss[0] < 1.1 * misfit.least[0]  # the floor is what rounding leaves
