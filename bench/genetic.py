@@ -32,6 +32,7 @@ from brightgrey.effects import registry
 from brightgrey.estimation.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar, Structure
+from brightgrey.runs.blas import settle
 from brightgrey.search import estimator
 from brightgrey.search.criteria import Misfit, criterion
 from brightgrey.search.exhaustive import Fits, Options
@@ -307,6 +308,7 @@ def table() -> None:
 
 
 def main() -> None:
+    settle()
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     tasks = parser.add_subparsers(dest="task", required=True)
     tasks.add_parser("speed").add_argument("--workers", type=int, default=2)

@@ -31,6 +31,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.plants import random_values
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording, Signal
+from brightgrey.runs.blas import settle
 from brightgrey.search.evidence import Evidence, weigh
 from brightgrey.search.exhaustive import Fitted, fit_all
 from brightgrey.search.identification import Identification
@@ -322,6 +323,7 @@ def read(path: Path) -> list[dict]:
 
 
 def main() -> None:
+    settle()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("run", "table"))
     parser.add_argument("first", type=int, nargs="?", default=0, help="number of the first drive")
