@@ -8,7 +8,8 @@ of the best end does. Every field holds fresh starts, so that no optimum is fina
 second field comes from a filter that keeps the model on the measured motion while it learns.
 
 A white residual alone proves little: 1800 samples may be white to any test, with 3 % more power than the noise
-has. So the search ends early only if independent starts agree, too, and no parameter has run to a bound.
+has. So the search ends early only if independent starts agree, too, and no parameter has run to a bound (with a patience
+of one field, that of the search for structures, bounds are the rule).
 """
 
 from __future__ import annotations
@@ -104,8 +105,8 @@ def explore(
         if idle >= patience or not search.names:
             break
         leader = min(ends, key=lambda end: end.cost)
-        inside = not np.any(search.side(leader.values)[search.high > search.low])
-        agreed = inside and _agreeing(ends, alone) >= needed
+        bound = np.any(search.side(leader.values)[search.high > search.low])
+        agreed = not (bound and patience > 1) and _agreeing(ends, alone) >= needed
         if (agreed or idle >= _DOUBT * patience) and _explained(problem, search, settings, leader):
             break
         first = [] if leader.converged else [leader.values]
