@@ -8,8 +8,8 @@ of the best end does. Every field holds fresh starts, so that no optimum is fina
 second field comes from a filter that keeps the model on the measured motion while it learns.
 
 A white residual alone proves little: 1800 samples may be white to any test, with 3 % more power than the noise
-has. So the search ends early only if independent starts agree, too, and no parameter has run to a bound (with a patience
-of one field, that of the search for structures, bounds are the rule).
+has. So the search ends early only if independent starts agree, too, and no parameter has run to a bound (but with a
+patience of one field, that of the search for structures, where bounds are the rule).
 """
 
 from __future__ import annotations
