@@ -176,7 +176,7 @@ PAPER_SETTINGS = GeneticSettings()
 
 OURS = GeneticSettings(
     population=8,
-    generations=14,
+    generations=12,
     estimator="least-squares",
     iterations=30,
     criterion="bic",
