@@ -17,7 +17,7 @@ from brightgrey.search.exhaustive import Fitted
 from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import contains
 
-__all__ = ["Bench"]
+__all__ = ["Bench", "last_descent"]
 
 Array = NDArray[np.float64]
 _IMPROVED = 0.999  # of the cost: what counts as better
@@ -43,7 +43,7 @@ def _refit(
         ends = list(found.ends)
     else:
         ends = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=np.inf)
-    return _last(task, structure, min(ends, key=lambda e: e.cost).values)
+    return last_descent(task, structure, min(ends, key=lambda e: e.cost).values)
 
 
 def _starts(
@@ -73,7 +73,7 @@ def _refit_from(task: Identification, structure: Structure, larger: Sequence[Map
     cost = problem.costs(space.named(begins), task.settings)
     begin = begins[:, [int(np.argmin(cost))]]
     (end,) = descend_many(problem, space, task.settings, begin, limit=30, tolerance=1e-4, rival=rival)
-    return _last(task, structure, end.values)
+    return last_descent(task, structure, end.values)
 
 
 def _refit_held(task: Identification, structure: Structure, values: Mapping[str, float], rival: float) -> End:
@@ -83,11 +83,11 @@ def _refit_held(task: Identification, structure: Structure, values: Mapping[str,
     begin = np.clip(begin, space.low, space.high)
     problem, begins = task.problem(structure), begin[:, None]
     (end,) = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=rival)
-    return _last(task, structure, end.values) if end.cost < _NEAR * rival else end
+    return last_descent(task, structure, end.values) if end.cost < _NEAR * rival else end
 
 
-def _last(task: Identification, structure: Structure, begin: Array) -> End:
-    """Last descent, at the accurate level."""
+def last_descent(task: Identification, structure: Structure, begin: Array) -> End:
+    """Last descent of `structure` from `begin`, shape (P,), SI, at the level ``accurate``."""
     problem, space = task.problem(structure), task.space(structure, initial=True)
     return finish(problem, space, replace(task.settings, level="accurate"), begin, tolerance=_SETTLED)
 

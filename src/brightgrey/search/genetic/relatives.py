@@ -9,16 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from brightgrey.estimation.coloured import autoregression
-from brightgrey.estimation.leastsquares import finish
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Misfit
 from brightgrey.search.evaluation import Evaluated
 from brightgrey.search.exhaustive import Fits, Fitted
 from brightgrey.search.identification import ROUGH, Identification
+from brightgrey.search.judging import last_descent
 
 __all__ = ["Relatives"]
-
-_SETTLED = 1e-5  # of the cost
 
 
 class Relatives:
@@ -101,10 +99,9 @@ class Relatives:
         What the simulation makes wrong is no chance: another effect takes part of it off, and a criterion that expects
         chance takes that for evidence.
         """
-        task, structure = self._accurate, fitted.structure
-        problem, space = task.problem(structure), task.space(structure, initial=True)
+        space = self._accurate.space(fitted.structure, initial=True)
         begin = np.array([fitted.values[name] for name in space.names])
-        end = finish(problem, space, task.settings, begin, tolerance=_SETTLED)
+        end = last_descent(self._accurate, fitted.structure, begin)
         values = {**fitted.values, **dict(zip(space.names, end.values.tolist(), strict=True))}
         simulations = end.evaluations * (1 + len(space.names))
         return replace(fitted, values=values, cost=end.cost, simulations=simulations)
