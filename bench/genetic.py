@@ -100,7 +100,7 @@ VALUES = dict(PAPER_EXPERIMENT.values) | {
 }
 COLUMNS = (
     *("setting", "truth", "runs", "true structure", "95 %", "with extras"),
-    *("best of last generation", "seen", "median first", "median simulations"),
+    *("best of last generation", "seen", "median first", "median simulations", "of whole recordings"),
 )
 COLLECTED = Path(__file__).parents[1] / "rates"
 
@@ -303,7 +303,8 @@ def table() -> None:
         first = "-" if s.first is None else f"{s.first:g}"
         print(
             f"| {setting} | `{truth}` | {s.count} | {s.true} ({100 * s.true / s.count:.0f} %) | {100 * low:.0f} to"
-            f" {100 * high:.0f} | {s.extras} | {s.last_true} | {s.seen} | {first} | {s.simulations:.0f} |"
+            f" {100 * high:.0f} | {s.extras} | {s.last_true} | {s.seen} | {first} |"
+            f" {s.simulations:.0f} | {s.recordings:.0f} |"
         )
 
 

@@ -35,7 +35,7 @@ def drive():
 def learned(recording, parents, seed=0, structure=STRUCTURE):
     problem = Problem.of(structure, [recording])
     search = search_space(structure, scales(recording), {}, {}, problem.unknown)
-    ensemble = assimilated(
+    ensemble, _ = assimilated(
         problem, search, SETTINGS, [p[: len(search.names)] for p in parents], np.random.default_rng(seed)
     )
     return problem, search, ensemble
@@ -81,6 +81,6 @@ def test_every_kind_of_output_teaches(drive, kind):
 
 
 def test_only_independent_starts_bear_witness():
-    ends = [End(np.zeros(1), cost, True, 1) for cost in (100.0, 100.2, 100.3, 120.0)]
+    ends = [End(np.zeros(1), cost, True, 1, 5) for cost in (100.0, 100.2, 100.3, 120.0)]
     assert _agreeing(ends, [True, True, False, True]) == 2
     assert _agreeing(ends, [False, False, False, True]) == 0

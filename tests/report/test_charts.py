@@ -11,6 +11,7 @@ import pytest
 from report_drives import DT, F_TANH, FULL, TOP, VALUES, independent, model_of, trace_of
 from scipy.signal import lfilter
 
+from brightgrey.estimation.spent import Spent
 from brightgrey.export.ranking import Row, front
 from brightgrey.export.trace import Trace
 from brightgrey.kit import assemble
@@ -48,7 +49,7 @@ def individual(generation, number, value, parents=(), operator="recombination", 
         operator=operator,
         tree=Node(placed.placed[0], (), leaf),
         job=SimpleNamespace(structure=placed),
-        result=SimpleNamespace(n_parameters=len(names), simulations=7, misfit=misfit),
+        result=SimpleNamespace(n_parameters=len(names), simulations=7, spent=Spent(7, 700), misfit=misfit),
         value=value,
         repeated=False,
     )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
+from brightgrey.estimation.spent import Spent
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search import Evaluated, Identification, Misfit
@@ -29,7 +30,9 @@ def know(structure, starts):
     """RSS by distance; the estimate is the start, halved, so that starts change from generation to generation."""
     rss = 1.0 + distance(structure)
     return [
-        Evaluated(tuple((n, 0.5 * v) for n, v in start), Misfit((rss,), (1e-3,), 100, (100.0,)), len(start), 10)
+        Evaluated(
+            tuple((n, 0.5 * v) for n, v in start), Misfit((rss,), (1e-3,), 100, (100.0,)), len(start), Spent(10, 1000)
+        )
         for start in starts
     ]
 

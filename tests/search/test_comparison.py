@@ -19,7 +19,7 @@ def judged(y, X, count):
     J = X[:, :count]
     values, *_ = np.linalg.lstsq(J, y, rcond=None)
     residual = J @ values - y
-    descent = Descent(values, float(residual @ residual), True, 1, residual, J)
+    descent = Descent(values, float(residual @ residual), True, 1, 1, residual, J)
     return Judged(PAPER.parse("one_mass"), {}, descent, count, tuple(range(count)))
 
 

@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from brightgrey.errors import SettingsError
+from brightgrey.estimation import assimilate, problem
+from brightgrey.estimation.explore import explore
+from brightgrey.estimation.spent import Spent
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar
 from brightgrey.search import criterion
@@ -17,6 +20,7 @@ from brightgrey.search.genetic.relatives import Relatives
 from brightgrey.search.genetic.settings import OURS
 from brightgrey.search.lattice import contains
 from brightgrey.search.work import pool
+from brightgrey.simulation import response
 
 FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})
 ALL = tuple(FEW.structures())
@@ -52,7 +56,7 @@ def test_hubs_are_sought_once_and_every_fit_is_logged(pieces):
     hubs = [f.structure for hub, f in pieces.log if hub]
     assert sorted(map(str, hubs)) == sorted({str(h) for h in pieces.hubs})
     assert len(pieces.log) >= len(ALL) + len(hubs) + 1  # the last one was sought from everywhere
-    assert all(f.simulations > 0 for _, f in pieces.log)
+    assert all(f.spent.sets > 0 for _, f in pieces.log)
 
 
 def test_nothing_is_fitted_or_sought_twice(pieces):
@@ -127,5 +131,34 @@ def test_errors_of_the_simulation_are_no_evidence():
     assert value(own.misfit, own.n_parameters) > value(large.misfit, large.n_parameters)
     (fast,) = exact.misfits(truth, {name: np.array([v]) for name, v in own.values})
     assert fast.rss[0] > 2.0 * own.misfit.rss[0]  # what the search would have gone by
-    assert again == replace(own, simulations=0)  # made once
-    assert own.simulations > relatives.fits.done[truth].simulations
+    assert again == replace(own, spent=Spent())  # made once
+    assert own.spent.sets > relatives.fits.done[truth].spent.sets
+
+
+@pytest.fixture
+def given(monkeypatch):
+    """What is given to the simulation: parameter sets and samples, call by call."""
+    calls = []
+
+    def counting(system, u, dt, x0, settings, **options):
+        calls.append((x0.shape[1], x0.shape[1] * len(u)))
+        return response(system, u, dt, x0, settings, **options)
+
+    monkeypatch.setattr(problem, "response", counting)
+    monkeypatch.setattr(assimilate, "response", counting)
+    return calls
+
+
+def test_simulations_are_those_that_were_given_to_the_kernel(task, given):
+    run = genetic(task)
+    assert run.spent == Spent(*(sum(column) for column in zip(*given, strict=True)))
+    assert run.recordings == run.spent.samples / task.recordings[0].samples < run.simulations
+
+
+def test_so_they_are_where_an_ensemble_learns(given):
+    truth = PAPER.parse("two_mass+coulomb+backlash")
+    values = {**PAPER_EXPERIMENT.values, "alpha": 0.02}
+    gap = task_of(reference_recording(truth, {name: values[name] for name in truth.parameters}))
+    space, whole = gap.space(truth, initial=True), gap.problem(truth)
+    found = explore(whole, space, gap.settings, [], starts=3, patience=1, seed=0)
+    assert found.spent.samples == sum(samples for _, samples in given)

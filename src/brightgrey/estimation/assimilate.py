@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.problem import Problem, system_for
+from brightgrey.estimation.spent import Spent
 from brightgrey.kit import StateSpace
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
@@ -33,7 +34,7 @@ _PERTURBED = 1e-2  # in the searched scale, to see which parameters are dead tim
 
 def assimilated(
     problem: Problem, search: Search, settings: Settings, parents: Sequence[Array], rng: np.random.Generator
-) -> Array:
+) -> tuple[Array, Spent]:
     """Ensemble about `parents` after its passes over the recordings, and its mean.
 
     Parameters
@@ -49,6 +50,8 @@ def assimilated(
     -------
     ndarray, shape (P, members + 1)
         SI.
+    Spent
+        A pass of a member over the recordings, in pieces, counts as one parameter set.
 
     Notes
     -----
@@ -64,10 +67,12 @@ def assimilated(
     theta = np.clip(theta + spread * rng.standard_normal(theta.shape), low, high)
     late, dead_time = _dead_time(problem, search, settings, center[:, 0])
     theta[late] = center[late, :1]
+    samples = 0
     for worth in _WORTH:
         for number in range(len(problem.recordings)):
-            theta = _passed(problem, number, search, settings, theta, late, dead_time, worth, rng)
-    return search.outward(np.column_stack([theta.mean(axis=1), theta]))
+            theta, taken = _passed(problem, number, search, settings, theta, late, dead_time, worth, rng)
+            samples += taken
+    return search.outward(np.column_stack([theta.mean(axis=1), theta])), Spent(_MEMBERS * len(_WORTH), samples)
 
 
 def _dead_time(problem: Problem, search: Search, settings: Settings, theta: Array) -> tuple[NDArray[np.bool_], float]:
@@ -107,14 +112,15 @@ def _passed(
     dead_time: float,
     worth: float,
     rng: np.random.Generator,
-) -> Array:
-    """The ensemble after one pass over a recording."""
+) -> tuple[Array, int]:
+    """The ensemble after one pass over a recording, and the samples that were simulated."""
     r = problem.recordings[number]
     steps = np.arange(r.samples)
     u = np.interp(steps - dead_time / r.dt, steps, r.u)
     low, high = (search.inward(v)[:, None] for v in (search.low, search.high))
     free = ~late[:, None]
     x: Array | None = None
+    samples = 0
     length = max(_SHORTEST, -(-(r.samples - 1) // _STRETCHES))
     for begin in range(0, r.samples - 1, length):
         end = min(begin + length, r.samples - 1)
@@ -124,8 +130,9 @@ def _passed(
             first = problem.onsets[number].state(system, float(u[0]), values)
             x = np.broadcast_to(first, (len(system.states), theta.shape[1]))
         x, y, alive = _stretch(system, r, u, x, begin, end, settings)
+        samples += (end - begin + 1) * len(alive)
         if not alive.any():
-            return theta
+            return theta, samples
         heirs = np.where(alive, np.arange(len(alive)), rng.choice(np.flatnonzero(alive), len(alive)))
         x, y, theta = x[:, heirs], y[:, heirs], theta[:, heirs]
         y *= np.repeat(problem.weights, end - begin)[:, None]
@@ -135,7 +142,7 @@ def _passed(
         x = _within(x + _gain(x, y, 1.0) @ (wanted[:, None] + noise - y), system, heirs)
         change = _gain(theta, y, 1.0 / worth) @ (wanted[:, None] + noise / np.sqrt(worth) - y)
         theta = np.clip(theta + free * change, low, high)
-    return theta
+    return theta, samples
 
 
 def _stretch(

@@ -25,6 +25,7 @@ from brightgrey.estimation.assimilate import assimilated
 from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.leastsquares import SAME, End, descend_many
 from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.spent import Spent
 from brightgrey.estimation.starts import best_of, given_starts, offspring, retuned
 from brightgrey.simulation import Settings
 
@@ -48,11 +49,12 @@ _WHITE = 50.0  # Ljung-Box statistic that white residuals exceed once in 500 (ch
 
 @dataclass(frozen=True)
 class Found:
-    """Starts, shape (P, S) in SI, and their ends, in the order of the search; and the batches it took."""
+    """Starts, shape (P, S) in SI, and their ends, in the order of the search; the batches and all that it took."""
 
     begins: Array
     ends: tuple[End, ...]
     evaluations: int
+    spent: Spent
 
 
 def explore(
@@ -84,7 +86,7 @@ def explore(
     begins: list[Array] = []
     ends: list[End] = []
     alone: list[bool] = []
-    best, idle, evaluations = np.inf, 0, 0
+    best, idle, evaluations, spent = np.inf, 0, 0, Spent()
     needed = min(_AGREE, starts)
     first = _first(search, given, starts)
     for number in range(1 + _MOST * patience):
@@ -92,13 +94,13 @@ def explore(
         missing = needed - _agreeing(ends, alone)
         if problem.limited and number % 2 == 0 and 0 < number <= 2 * patience:
             field = _learned(problem, search, settings, ends, starts, rng)
-            found, batches = _descended(problem, _BEGINNINGS[0], search, settings, field.starts, np.inf, missing)
+            found, batches, sets = _descended(problem, _BEGINNINGS[0], search, settings, field.starts, np.inf, missing)
         else:
             share = _BEGINNINGS[number % len(_BEGINNINGS)]
             field = _field(problem, share, search, settings, first, ends, starts, rng)
-            found, batches = _descended(problem, share, search, settings, field.starts, best, missing)
+            found, batches, sets = _descended(problem, share, search, settings, field.starts, best, missing)
         begins, ends, alone = begins + field.starts, ends + found, alone + field.alone
-        evaluations += batches
+        evaluations, spent = evaluations + batches, spent + field.spent + sets
         least = min(end.cost for end in found)
         idle = 0 if least < _IMPROVED * best else idle + 1
         best = min(best, least)
@@ -107,10 +109,12 @@ def explore(
         leader = min(ends, key=lambda end: end.cost)
         bound = np.any(search.side(leader.values)[search.high > search.low])
         agreed = not (bound and patience > 1) and _agreeing(ends, alone) >= needed
-        if (agreed or idle >= _DOUBT * patience) and _explained(problem, search, settings, leader):
-            break
+        if agreed or idle >= _DOUBT * patience:
+            spent += problem.spent(1)
+            if _explained(problem, search, settings, leader):
+                break
         first = [] if leader.converged else [leader.values]
-    return Found(np.stack(begins, axis=1), tuple(ends), evaluations)
+    return Found(np.stack(begins, axis=1), tuple(ends), evaluations, spent)
 
 
 def _first(search: Search, given: Sequence[Mapping[str, float]], starts: int) -> list[Array]:
@@ -130,10 +134,11 @@ def first_field(
 
 
 class _Field(NamedTuple):
-    """Starts in SI, each of shape (P,), and which of them owe nothing to ends before."""
+    """Starts in SI, each of shape (P,), which of them owe nothing to ends before, and what it took to choose them."""
 
     starts: list[Array]
     alone: list[bool]
+    spent: Spent = Spent()
 
 
 def _field(
@@ -155,29 +160,32 @@ def _field(
         return _Field(first, [not ends] * len(first))
     candidates = search.candidates(_PER_PARAMETER * (1 + len(search.names)), rng)
     if not ends:
-        return _Field(first + best_of(part, search, settings, candidates, missing), [True] * starts)
+        chosen = first + best_of(part, search, settings, candidates, missing)
+        return _Field(chosen, [True] * starts, part.spent(candidates.shape[1]))
     young = offspring(search, _best(ends, _PARENTS), candidates, rng)
     half = missing // 2
     fresh = best_of(part, search, settings, candidates, missing - half)
     leader = min(ends, key=lambda end: end.cost)
+    spent = part.spent(candidates.shape[1] + young.shape[1]) + problem.spent(share == 1.0)
     rings = share == 1.0 and not _explained(problem, search, settings, leader)
-    tuned = _tuned(problem, search, settings, leader.values, half // 2, rng) if rings else []
+    tuned, tuning = _tuned(problem, search, settings, leader.values, half // 2, rng) if rings else ([], Spent())
     chosen = first + fresh + tuned + best_of(part, search, settings, young, half - len(tuned))
-    return _Field(chosen, [False] * len(first) + [True] * len(fresh) + [False] * half)
+    return _Field(chosen, [False] * len(first) + [True] * len(fresh) + [False] * half, spent + tuning)
 
 
 def _tuned(
     problem: Problem, search: Search, settings: Settings, parent: Array, count: int, rng: np.random.Generator
-) -> list[Array]:
+) -> tuple[list[Array], Spent]:
     """Best `count` of the starts that ring where the residual of `parent` does, after a few rounds of descent.
 
-    At first their resonances are off in phase and size, and most starts like the parent fit better.
+    And what that took. At first their resonances are off in phase and size, and most starts like the parent fit better.
     """
     begins = retuned(problem, search, settings, parent, _RETUNED, rng)
+    looked = problem.spent(1)
     if not (begins.size and count):
-        return []
+        return [], looked
     ends = descend_many(problem, search, settings, begins, limit=_TUNING)
-    return _best(ends, count)
+    return _best(ends, count), looked + problem.spent(_sets(ends))
 
 
 def _learned(
@@ -189,24 +197,30 @@ def _learned(
     rng: np.random.Generator,
 ) -> _Field:
     """Starts of one field that an ensemble about the best ends has learned."""
-    ensemble = assimilated(problem, search, settings, _best(ends, _TEACHERS), rng)
-    return _Field(best_of(problem, search, settings, ensemble, starts), [False] * starts)
+    ensemble, spent = assimilated(problem, search, settings, _best(ends, _TEACHERS), rng)
+    chosen = best_of(problem, search, settings, ensemble, starts)
+    return _Field(chosen, [False] * starts, spent + problem.spent(ensemble.shape[1]))
 
 
 def _best(ends: Sequence[End], count: int) -> list[Array]:
     return [end.values for end in sorted(ends, key=lambda end: end.cost)[:count]]
 
 
+def _sets(ends: Sequence[End]) -> int:
+    return sum(end.simulations for end in ends)
+
+
 def _descended(
     whole: Problem, share: float, search: Search, settings: Settings, field: list[Array], best: float, needed: int
-) -> tuple[list[End], int]:
-    """Ends of a field, on the beginning of the recording first, and the batches it took."""
+) -> tuple[list[End], int, Spent]:
+    """Ends of a field, on the beginning of the recording first, the batches and all that it took."""
     begins = np.stack(field, axis=1)
-    batches = 0
+    batches, spent = 0, Spent()
     rounds = _FIRST_ROUNDS
     for beginning in _growing(whole, share):
         rough = descend_many(beginning, search, settings, begins, limit=rounds, tolerance=_ROUGH, rival=np.inf)
         batches += max(end.evaluations for end in rough)
+        spent += beginning.spent(_sets(rough))
         begins, rounds = np.stack([end.values for end in rough], axis=1), _FURTHER_ROUNDS
     ends = descend_many(
         whole,
@@ -218,7 +232,7 @@ def _descended(
         content=lambda r: is_white(whole, r),
         needed=needed,
     )
-    return ends, batches + max(end.evaluations for end in ends)
+    return ends, batches + max(end.evaluations for end in ends), spent + whole.spent(_sets(ends))
 
 
 def _growing(problem: Problem, share: float) -> Iterator[Problem]:

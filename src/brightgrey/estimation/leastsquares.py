@@ -48,6 +48,8 @@ class Descent(NamedTuple):
     converged : bool
     evaluations : int
         Batches of simulations.
+    simulations : int
+        Parameter sets that were simulated.
     residual : ndarray, shape (residuals,)
     jacobian : ndarray, shape (residuals, P)
         Of the residuals by the parameters in the searched scale.
@@ -57,17 +59,22 @@ class Descent(NamedTuple):
     cost: float
     converged: bool
     evaluations: int
+    simulations: int
     residual: Array
     jacobian: Array
 
 
 class End(NamedTuple):
-    """Where one of many descents ended: values (P,) in SI, cost, whether it converged, and rounds it took."""
+    """Where one of many descents ended.
+
+    Values (P,) in SI, cost, whether it converged, batches of simulations, and how many parameter sets were simulated.
+    """
 
     values: Array
     cost: float
     converged: bool
     evaluations: int
+    simulations: int
 
 
 def _neighbours(theta: Array, search: Search) -> tuple[Array, Array]:
@@ -116,6 +123,7 @@ class _Field:
     damped: Array
     quiet: NDArray[np.int64]
     history: Array
+    simulations: NDArray[np.int64]
 
     @classmethod
     def at(cls, theta: Array, first: Normal) -> _Field:
@@ -129,11 +137,12 @@ class _Field:
             np.full(starts, _FIRST_DAMPING),
             np.zeros(starts, np.int64),
             np.repeat(first.cost[:, None], _WATCHED, axis=1),
+            np.full(starts, 1 + theta.shape[1]),
         )
 
     def keep(self, which: NDArray[np.bool_]) -> _Field:
         """Those of some starts."""
-        rest = (getattr(self, f) for f in ("scale", "damped", "quiet", "history"))
+        rest = (getattr(self, f) for f in ("scale", "damped", "quiet", "history", "simulations"))
         return _Field(self.number[which], self.theta[which], self.normal.of(which), *(a[which] for a in rest))
 
 
@@ -197,6 +206,7 @@ def descend_many(
             best = _settled(field, converged, list(ends.values()), needed)
             if best is not None:
                 values = search.outward(field.theta[best])[:, None]
+                field.simulations[best] += 1
                 if content(problem.residuals(search.named(values), settings)[:, 0]):
                     going[:] = False
         for i in np.flatnonzero(~going).tolist():
@@ -210,7 +220,8 @@ def descend_many(
 
 
 def _end(search: Search, field: _Field, i: int, converged: bool, turns: int) -> End:
-    return End(search.outward(field.theta[i]), float(field.normal.cost[i]), converged, 1 + 2 * turns)
+    cost, simulations = float(field.normal.cost[i]), int(field.simulations[i])
+    return End(search.outward(field.theta[i]), cost, converged, 1 + 2 * turns, simulations)
 
 
 def _round(problem: Problem, search: Search, settings: Settings, field: _Field, tolerance: float) -> _Field:
@@ -248,6 +259,7 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
         np.clip(field.damped * np.where(better, factors[best], _FACTORS[-1] ** 2), _LEAST, _MOST),
         np.where(done, _QUIET, np.where(fall > tolerance * field.normal.cost, 0, field.quiet + 1)),
         np.hstack([field.history[:, 1:], now.cost[:, None]]),
+        field.simulations + np.where(done, 0, len(factors)) + np.where(better, 1 + count, 0),
     )
 
 
@@ -297,7 +309,8 @@ def _met(field: _Field) -> NDArray[np.bool_]:
 def descend(problem: Problem, search: Search, settings: Settings, start: Array, *, limit: int = 50) -> Descent:
     """Least squares from `start`, shape (P,), SI values, to the last digits that the simulation gives."""
     end = finish(problem, search, settings, start, limit=limit)
-    return Descent(*end, *evaluate(problem, search, settings, search.inward(end.values)))
+    residual, jacobian = evaluate(problem, search, settings, search.inward(end.values))
+    return Descent(*end[:-1], end.simulations + 1 + len(end.values), residual, jacobian)
 
 
 def finish(

@@ -80,7 +80,7 @@ def unmoved(problem: Problem, search: Search, settings: Settings) -> Descent:
     values = dict(zip(search.names, search.start.tolist(), strict=True)) | dict(search.fixed)
     residual = problem.residuals({name: np.array([value]) for name, value in values.items()}, settings)[:, 0]
     blind = np.zeros((residual.size, len(search.names)))
-    return Descent(search.start, float(residual @ residual), False, 1, residual, blind)
+    return Descent(search.start, float(residual @ residual), False, 1, 1, residual, blind)
 
 
 def _named(ended: Ended) -> dict[str, Array]:

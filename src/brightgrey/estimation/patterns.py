@@ -54,4 +54,6 @@ def pattern_descent(problem: Problem, search: Search, settings: Settings, begin:
     theta = np.array(end.values)
     residual, jacobian = evaluate(problem, search, settings, theta)
     cost = float(residual @ residual)
-    return Descent(search.outward(theta), cost, end.reason == "mesh", end.evaluations, residual, jacobian)
+    return Descent(
+        search.outward(theta), cost, end.reason == "mesh", end.evaluations, end.evaluations, residual, jacobian
+    )

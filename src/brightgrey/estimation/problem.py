@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from brightgrey.estimation.normal import LARGEST, add_products, add_squares
 from brightgrey.estimation.onset import Initial, Onset, Unknown, noise_of
+from brightgrey.estimation.spent import Spent
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
@@ -152,6 +153,10 @@ class Problem:
     def samples(self) -> int:
         """Number of residuals."""
         return sum(r.y.size for r in self.recordings)
+
+    def spent(self, sets: int) -> Spent:
+        """What it takes to simulate `sets` parameter sets on the recordings."""
+        return Spent(sets, sets * sum(r.samples for r in self.recordings))
 
     def residuals(self, values: Mapping[str, Array], settings: Settings, *, group: int = 1) -> Array:
         """Weighted residuals, shape (residuals, K): simulated minus measured; large but finite if diverged."""

@@ -70,7 +70,7 @@ class LeastSquares:
         space, problem = self.task.space(structure), self.task.problem(structure)
         begins = self.task.begins(space, starts)
         ends = [descend(problem, space, self.task.settings, begin, limit=self.iterations) for begin in begins.T]
-        simulations = [end.evaluations * (len(space.names) + 1) for end in ends]
+        simulations = [end.simulations for end in ends]
         values = self.task.arrays(space, np.array([end.values for end in ends]).T.reshape(-1, len(starts)))
         return _evaluated(self.task, structure, values, simulations, len(space.names))
 
@@ -79,12 +79,13 @@ def _evaluated(
     task: Identification, structure: Structure, values: Mapping[str, Array], simulations: Sequence[int], free: int
 ) -> list[Evaluated]:
     """Results of all starts, judged by one more simulation each."""
+    problem = task.problem(structure)
     return [
         Evaluated(
             values=tuple((name, float(values[name][i])) for name in structure.parameters),
             misfit=misfit,
             n_parameters=free,
-            simulations=spent + 1,
+            spent=problem.spent(spent + 1),
         )
         for i, (misfit, spent) in enumerate(zip(task.misfits(structure, values), simulations, strict=True))
     ]

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Misfit
 
@@ -46,14 +47,19 @@ class Evaluated:
     misfit : Misfit
     n_parameters : int
         Number of parameters that were estimated, d.
-    simulations : int
-        Parameter sets that were simulated.
+    spent : Spent
+        What was simulated.
     """
 
     values: Values
     misfit: Misfit
     n_parameters: int
-    simulations: int
+    spent: Spent
+
+    @property
+    def simulations(self) -> int:
+        """Parameter sets that were simulated."""
+        return self.spent.sets
 
 
 class Estimator(Protocol):

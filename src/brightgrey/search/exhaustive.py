@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import Any
 
+from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting import (
     IMPROVED,
@@ -78,6 +79,8 @@ class Fits:
     hubs : dict of Structure to Fitted
     log : list of (bool, Fitted)
         All fits in their order, whether each is a hub's; those made once more, from a relative's optimum, too.
+    spent : list of Spent
+        What they have simulated, with looks at a relative's optimum that promised nothing.
     """
 
     def __init__(
@@ -85,6 +88,7 @@ class Fits:
     ) -> None:
         self.task, self.done, self.hubs = task, dict[Structure, Fitted](), dict[Structure, Fitted]()
         self.log: list[tuple[bool, Fitted]] = []
+        self.spent: list[Spent] = []
         self._how, self._seed = options or Options(), seed
         self._order = {s: i for i, s in enumerate(structures)}
         self._first = _hubs(structures)
@@ -127,7 +131,7 @@ class Fits:
             worse = [t for t in largest_within(structure, self.done) if leader.cost < IMPROVED * self.done[t].cost]
             calls = [(self.task, self.done[t], [leader], self._how, True) for t in worse]
             found = zip(worse, in_order(workers, from_above, calls), strict=True)
-            better.update([t for t, fitted in found if fitted is not None and self._taken(t, fitted)])
+            better.update([t for t, result in found if self._handed(t, *result)])
         before = [s for s in self.done if s not in better]
         return self._settled(before, sorted(better, key=size), workers) | better if better else better
 
@@ -163,7 +167,7 @@ class Fits:
 
         def take(item: _Item, fitted: Fitted) -> None:
             hub, s = item
-            self.log.append((hub, fitted))
+            self._noted(hub, fitted)
             if hub:
                 self.hubs[s] = fitted
                 return
@@ -209,8 +213,8 @@ class Fits:
             offers = self._fresh(s, [t for t in around[s] if self.done[t].cost < own.cost and not self.done[t].idle])
             return (from_above, self.task, own, [self.done[t] for t in offers], self._how) if offers else None
 
-        def take(s: Structure, fitted: Fitted | None) -> None:
-            if fitted is not None and self._taken(s, fitted):
+        def take(s: Structure, result: tuple[Fitted | None, Spent] | None) -> None:
+            if result is not None and self._handed(s, *result):
                 better.append(s)
 
         in_turn(workers, falling, around.__getitem__, call, take)
@@ -223,9 +227,20 @@ class Fits:
         self._offered.update(offers.values())
         return fresh
 
+    def _handed(self, s: Structure, fitted: Fitted | None, spent: Spent) -> bool:
+        """Keep what was found at a larger structure's optimum if it is better; whether it is."""
+        if fitted is None:
+            self.spent.append(spent)
+            return False
+        return self._taken(s, fitted)
+
+    def _noted(self, hub: bool, fitted: Fitted) -> None:
+        self.log.append((hub, fitted))
+        self.spent.append(fitted.spent)
+
     def _taken(self, s: Structure, fitted: Fitted) -> bool:
         """Keep a further fit if it is better than the one there is; whether it is."""
-        self.log.append((False, fitted))
+        self._noted(False, fitted)
         if not fitted.cost < self.done[s].cost:
             return False
         self.done[s] = fitted

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.explore import explore
 from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Structure
 from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import effects_of
@@ -77,8 +78,8 @@ class Fitted:
         Effects that only made the fit worse than that of a structure without them: their values are meaningless.
     batches : int
         Batches of simulations.
-    simulations : int
-        Parameter sets that the latest fit has simulated.
+    spent : Spent
+        What the latest fit has simulated.
     """
 
     structure: Structure
@@ -87,7 +88,7 @@ class Fitted:
     free: int
     idle: tuple[str, ...] = ()
     batches: int = 0
-    simulations: int = 0
+    spent: Spent = field(default_factory=Spent)
 
 
 def best_of(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
@@ -97,24 +98,28 @@ def best_of(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
 
 def from_above(
     task: Identification, own: Fitted, larger: Sequence[Fitted], options: Options, anyway: bool = False
-) -> Fitted | None:
-    """Descend once more from where `larger` structures did better; None if it is no better there, but for `anyway`."""
+) -> tuple[Fitted | None, Spent]:
+    """Descend once more from where `larger` structures did better; None if it is no better there, but for `anyway`.
+
+    And what that took.
+    """
     problem, space = task.problem(own.structure), task.space(own.structure, initial=True)
     values = [f.values for f in larger if set(space.names) <= set(f.values)]
     if not values:
-        return None
+        return None, Spent()
     begins = np.array([[known[name] for name in space.names] for known in values]).T
     begins = np.clip(begins, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
     if not (anyway or cost.min() < IMPROVED * own.cost):
-        return None
+        return None, problem.spent(cost.size)
     begin = begins[:, [int(np.argmin(cost))]]
     (end,) = descend_many(
         problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, rival=own.cost
     )
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    spent = cost.size + end.evaluations * (len(space.names) + 1)
-    return Fitted(own.structure, named, end.cost, len(space.names), (), own.batches + 1 + end.evaluations, spent)
+    spent = problem.spent(cost.size + end.simulations)
+    batches = own.batches + 1 + end.evaluations
+    return Fitted(own.structure, named, end.cost, len(space.names), (), batches, spent), spent
 
 
 def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
@@ -132,8 +137,7 @@ def from_everywhere(task: Identification, structure: Structure, options: Options
     found = explore(problem, space, task.settings, [], starts=options.fresh, patience=options.patience, seed=seed)
     end = min(found.ends, key=lambda e: e.cost)
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    spent = sum(e.evaluations for e in found.ends) * (len(space.names) + 1)
-    return Fitted(structure, named, end.cost, len(space.names), (), found.evaluations, spent)
+    return Fitted(structure, named, end.cost, len(space.names), (), found.evaluations, found.spent)
 
 
 def fit_one(
@@ -167,7 +171,7 @@ def fit_one(
     batches = len(begins) + max(e.evaluations for e in ends)
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
     cost = end.cost if np.isfinite(end.cost) else np.inf
-    spent = sum(count for _, _, count in begins) + sum(e.evaluations for e in ends) * (len(space.names) + 1)
+    spent = problem.spent(sum(count for _, _, count in begins) + sum(e.simulations for e in ends))
     return at_least_as_good(Fitted(structure, named, cost, len(space.names), (), batches, spent), best)
 
 

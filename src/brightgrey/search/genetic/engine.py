@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from brightgrey.errors import SettingsError
+from brightgrey.estimation.spent import Spent
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.criteria import Criterion, criterion
 from brightgrey.search.evaluation import Estimator, Evaluated, Job
@@ -96,9 +97,9 @@ def search(
                 done += current
                 if relatives:
                     spent = relatives.seek(Run(tuple(done)).best.job.structure)
-                    done += _improved(done, relatives, judge, spent)
-                    independent = relatives.listen()
-                    done, current = ([_shared(e, independent, judge) for e in part] for part in (done, current))
+                    done += _improved(done, relatives, judge)
+                    done[-1] = _charged(done[-1], spent + relatives.listen())
+                    done, current = ([_shared(e, relatives.share, judge) for e in part] for part in (done, current))
                 if progress:
                     share = (settings.generations - generation) / (generation + 1)
                     left = share * (time.monotonic() - began)
@@ -160,16 +161,12 @@ def _evaluate(
     ]
 
 
-def _improved(done: Sequence[Evaluation], relatives: Relatives, judge: Criterion, simulations: int) -> list[Evaluation]:
-    """Individuals that have been identified better than before, numbered on behind the latest generation.
-
-    The first of them has taken the `simulations`.
-    """
+def _improved(done: Sequence[Evaluation], relatives: Relatives, judge: Criterion) -> list[Evaluation]:
+    """Individuals that have been identified better than before, numbered on behind the latest generation."""
     latest, known = done[-1], {e.job.structure: e for e in done}
     out = []
     for number, structure in enumerate(relatives.better, latest.individual + 1):
-        result = relatives.evaluated(structure, simulations)
-        simulations = 0
+        result = relatives.evaluated(structure)
         out.append(
             replace(
                 known[structure],
@@ -184,6 +181,11 @@ def _improved(done: Sequence[Evaluation], relatives: Relatives, judge: Criterion
             )
         )
     return out
+
+
+def _charged(evaluation: Evaluation, spent: Spent) -> Evaluation:
+    """The same with what was `spent` beside it: on no individual, or without success."""
+    return replace(evaluation, result=replace(evaluation.result, spent=evaluation.result.spent + spent))
 
 
 def _shared(evaluation: Evaluation, share: float, judge: Criterion) -> Evaluation:
@@ -203,7 +205,7 @@ class _Bench:
     known: dict[Job, Evaluated] = field(default_factory=dict)
 
     def identify(self, jobs: Sequence[Job]) -> list[tuple[Evaluated, bool]]:
-        """Results in the order of `jobs`, each with whether it had been there before."""
+        """Results in the order of `jobs`, each with whether it had been there before: nothing was spent on it then."""
         fresh: dict[Structure, dict[Job, None]] = {}
         for job in jobs:
             if job not in self.known:
@@ -217,7 +219,8 @@ class _Bench:
             first |= set(wanted)
         out = []
         for job in jobs:
-            out.append((self.known[job], job not in first))
+            known = self.known[job]
+            out.append((known, False) if job in first else (replace(known, spent=Spent()), True))
             first.discard(job)
         return out
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from brightgrey.estimation.spent import Spent
 from brightgrey.search.evaluation import Evaluated, Job
 from brightgrey.search.genetic.tree import Node
 
@@ -103,9 +104,19 @@ class Run:
         return self.evaluations[-1].generation + 1
 
     @property
+    def spent(self) -> Spent:
+        """What was simulated in all."""
+        return sum((e.result.spent for e in self.evaluations), Spent())
+
+    @property
     def simulations(self) -> int:
         """Parameter sets that were simulated in all."""
-        return sum(e.result.simulations for e in self.evaluations if not e.repeated)
+        return self.spent.sets
+
+    @property
+    def recordings(self) -> float:
+        """The same, a set that was simulated on a beginning of the recordings counted by its share of the samples."""
+        return self.spent.samples / self.evaluations[0].result.misfit.samples
 
     @property
     def identifications(self) -> int:

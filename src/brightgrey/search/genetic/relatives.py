@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from brightgrey.estimation.coloured import autoregression
+from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Misfit
 from brightgrey.search.evaluation import Evaluated
@@ -35,57 +36,66 @@ class Relatives:
         self.fits, self.better, self.share = fits, tuple[Structure, ...](), 1.0
         self._executor, task = executor, fits.task
         self._accurate = replace(task, settings=replace(task.settings, level="accurate"))
-        self._sharp: dict[tuple[Structure, float], Fitted] = {}
+        self._seen: dict[tuple[Structure, float], tuple[Fitted, Misfit]] = {}
 
     def identify(self, structures: Sequence[Structure]) -> list[tuple[Evaluated, bool]]:
         """Results in the order of `structures`, each with whether it had been there before."""
         fits = self.fits
         fresh = [s for s in dict.fromkeys(structures) if s not in fits.done]
-        counted = len(fits.log)
+        counted = len(fits.spent)
         better = fits.add(fresh, self._executor) if fresh else set()
         self.better = tuple(s for s in fits.done if s in better and s not in structures)
         spent = self._spent(counted)  # by the first of them: hubs serve them all
         out, first = [], set(fresh)
         for s in structures:
-            out.append((self.evaluated(s, spent if s in first else 0), s not in first))
-            spent = 0 if s in first else spent
+            out.append((self.evaluated(s, spent if s in first else Spent()), s not in first))
+            spent = Spent() if s in first else spent
             first.discard(s)
         return out
 
-    def seek(self, structure: Structure) -> int:
-        """Identify a structure once more, from everywhere, if that has not been done; returns the simulations."""
-        counted = len(self.fits.log)
+    def seek(self, structure: Structure) -> Spent:
+        """Identify a structure once more, from everywhere, if that has not been done; returns what was simulated."""
+        counted = len(self.fits.spent)
         better = self.fits.seek(structure, self._executor)
         self.better = tuple(s for s in self.fits.done if s in better or s in self.better)
         return self._spent(counted)
 
-    def listen(self) -> float:
-        """Find `share` anew, and return it: what the best fit does not explain counts as noise."""
+    def listen(self) -> Spent:
+        """Find `share` anew: what the best fit does not explain counts as noise; returns what was simulated."""
         task = self.fits.task
         best = min((f for f in self.fits.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
         values = {name: np.array([value]) for name, value in best.values.items()}
-        residual = task.problem(best.structure).residuals(values, task.settings)[:, 0]
+        problem = task.problem(best.structure)
+        residual = problem.residuals(values, task.settings)[:, 0]
         lengths = [r.samples for r in task.recordings for _ in r.outputs]
         pieces = np.split(residual, np.cumsum(lengths)[:-1])
         self.share = sum(autoregression(piece).telling(len(piece)) for piece in pieces) / len(residual)
-        return self.share
+        return problem.spent(1)
 
-    def _spent(self, counted: int) -> int:
-        """Simulations of the fits after the first `counted`."""
-        return sum(f.simulations for _, f in self.fits.log[counted:])
+    def _spent(self, counted: int) -> Spent:
+        """What was spent on fits after the first `counted` entries."""
+        return sum(self.fits.spent[counted:], Spent())
 
-    def evaluated(self, structure: Structure, simulations: int = 0) -> Evaluated:
-        """What is known of `structure` now; a misfit without what only made it worse."""
-        own = self.fits.done[structure]
+    def evaluated(self, structure: Structure, spent: Spent | None = None) -> Evaluated:
+        """What is known of `structure` now, with what was `spent` on it; a misfit without what only made it worse."""
+        own, spent = self.fits.done[structure], spent or Spent()
         shown = own if not own.idle else next(f for f in self.fits.done.values() if not f.idle and f.cost == own.cost)
-        if self._doubtful(shown) and (shown.structure, shown.cost) not in self._sharp:
-            self._sharp[shown.structure, shown.cost] = self._sharpened(shown)
-            simulations += self._sharp[shown.structure, shown.cost].simulations
-        sharp = self._sharp.get((shown.structure, shown.cost))
-        misfit = self._misfit(self._accurate, sharp) if sharp else self._misfit(self.fits.task, shown)
-        best = sharp if sharp and not own.idle else own
+        if (shown.structure, shown.cost) not in self._seen:
+            looked = self._looked(shown)
+            self._seen[shown.structure, shown.cost] = looked
+            spent += looked[0].spent
+        seen, misfit = self._seen[shown.structure, shown.cost]
+        best = own if own.idle else seen
         values = tuple((name, float(best.values[name])) for name in structure.parameters)
-        return Evaluated(values, replace(misfit, share=self.share), own.free, simulations)
+        return Evaluated(values, replace(misfit, share=self.share), own.free, spent)
+
+    def _looked(self, fitted: Fitted) -> tuple[Fitted, Misfit]:
+        """A fit as it is judged, with what that takes, and its misfit; at level ``accurate`` where that matters."""
+        doubtful = self._doubtful(fitted)
+        task = self._accurate if doubtful else self.fits.task
+        seen = self._sharpened(fitted) if doubtful else replace(fitted, spent=Spent())
+        spent = seen.spent + task.problem(fitted.structure).spent(1)
+        return replace(seen, spent=spent), self._misfit(task, seen)
 
     def _doubtful(self, fitted: Fitted) -> bool:
         """Whether a fit is no worse than what the simulation of the search may be off by."""
@@ -103,8 +113,8 @@ class Relatives:
         begin = np.array([fitted.values[name] for name in space.names])
         end = last_descent(self._accurate, fitted.structure, begin)
         values = {**fitted.values, **dict(zip(space.names, end.values.tolist(), strict=True))}
-        simulations = end.evaluations * (1 + len(space.names))
-        return replace(fitted, values=values, cost=end.cost, simulations=simulations)
+        spent = self._accurate.problem(fitted.structure).spent(end.simulations)
+        return replace(fitted, values=values, cost=end.cost, spent=spent)
 
     def _misfit(self, task: Identification, fitted: Fitted) -> Misfit:
         space = task.space(fitted.structure, initial=True)
