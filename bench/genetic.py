@@ -35,7 +35,7 @@ from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.runs.blas import settle
 from brightgrey.search import estimator
 from brightgrey.search.criteria import Misfit, criterion
-from brightgrey.search.exhaustive import Fits, Options
+from brightgrey.search.exhaustive import Fits
 from brightgrey.search.experiment import reference_recording, task_of
 from brightgrey.search.genetic.engine import search
 from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES
@@ -206,7 +206,7 @@ def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[S
         every.add(structures, worker)
     fitted = every.done
     middle = time.process_time()
-    fits = Fits(ready, structures, options=Options(rounds=how.iterations), seed=drive.number)
+    fits = Fits(ready, structures, options=how.options, seed=drive.number)
     identify = estimator(how.estimator, ready, how.iterations, how.patience)
     if not whole:
         how = replace(how, generations=len(every.log) // 4 // (how.population - how.elite) + 2)

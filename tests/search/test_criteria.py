@@ -14,12 +14,22 @@ def test_fitness_is_the_papers():
 
 def test_a_perfect_fit_counts_as_the_floor():
     fitness = criterion("fitness").value
-    assert (
-        fitness(Misfit((0.0,), (0.01,), 100, (9.0,)), 3)
-        == fitness(Misfit((0.01,), (0.01,), 100, (9.0,)), 3)
-        == 1 / 0.07
-    )
+    perfect, rounded = (fitness(Misfit((rss,), (0.01,), 100, (9.0,)), 3) for rss in (0.0, 0.01))
+    assert perfect == rounded == pytest.approx(1 / (0.01 * 7 * (1 + 1.645 * np.sqrt(0.008))))
     assert fitness(Misfit((0.0,), (0.01,), 100, (9.0,)), 3) > fitness(Misfit((0.0,), (0.01,), 100, (9.0,)), 4)
+
+
+@pytest.mark.parametrize("independent", [50, 1000])
+def test_rounding_alone_stays_below_the_floor_in_19_of_20(independent):
+    """Each error five times over, as where few samples are independent."""
+    rounding = np.repeat(np.random.default_rng(3).random((4000, independent)) - 0.5, 5, axis=1)
+    left = np.square(rounding).sum(axis=1)
+    samples = 5 * independent
+    most = Misfit((0.0,), (samples / 12,), samples, (1e3,), share=0.2).floored[0]
+    spread = np.sqrt(0.05 * 0.95 / len(left))
+    assert np.mean(left <= most) == pytest.approx(0.95, abs=4.0 * spread)
+    truth, more = (Misfit((c * samples / 12,), (samples / 12,), samples, (1e3,), share=0.2) for c in (1.01, 0.99))
+    assert criterion("bic").value(truth, 5) > criterion("bic").value(more, 6)
 
 
 def test_a_diverged_simulation_has_no_chance():

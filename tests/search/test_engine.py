@@ -61,6 +61,20 @@ def test_a_standard_start_identifies_every_structure_once(draw, estimate):
         search(estimate, draw, settings)
 
 
+def test_structures_with_idle_effects_are_neither_kept_nor_looked_around(draw, estimate):
+    """They are the same model with dead weight: a generation of their neighbours would be of no use."""
+
+    def weighed(structure, starts):
+        idle = tuple(str(p) for p in structure.beside if p.name == "gravity")
+        return [dataclasses.replace(r, idle=idle) for r in estimate(structure, starts)]
+
+    run = search(weighed, draw, dataclasses.replace(SMALL, elite=2, near=2), seed=2)
+    kept = [e for g in range(1, 9) for e in run.generation(g) if e.operator == "elite"]
+    assert any(e.result.idle for e in run.evaluations)
+    assert kept
+    assert not any(e.result.idle for e in kept)
+
+
 def test_the_elite_stays(draw, estimate):
     run = search(estimate, draw, dataclasses.replace(SMALL, elite=2), seed=4)
     values = [run.best_of(g).value for g in range(9)]

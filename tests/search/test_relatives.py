@@ -15,6 +15,7 @@ from brightgrey.kit import PAPER, Grammar
 from brightgrey.search import criterion
 from brightgrey.search.exhaustive import Fits
 from brightgrey.search.experiment import reference_recording, task_of
+from brightgrey.search.fitting import Fitted, Options, from_above
 from brightgrey.search.genetic import GeneticSettings, search
 from brightgrey.search.genetic.relatives import Relatives
 from brightgrey.search.genetic.settings import OURS
@@ -162,3 +163,15 @@ def test_so_they_are_where_an_ensemble_learns(given):
     space, whole = gap.space(truth, initial=True), gap.problem(truth)
     found = explore(whole, space, gap.settings, [], starts=3, patience=1, seed=0)
     assert found.spent.samples == sum(samples for _, samples in given)
+
+
+def test_a_structure_with_a_mass_more_hands_down_its_masses_joined(task, true_values):
+    """Behind a stiff shaft: without its last mass alone, half of the load would be missing."""
+    truth, larger = PAPER.parse("two_mass+coulomb"), PAPER.parse("three_mass+coulomb")
+    split = true_values | {"J2": 0.5 * true_values["J2"], "J3": 0.5 * true_values["J2"], "c2": 1e5, "d2": 1.0}
+    fitted = Fitted(larger, split, 1.0, len(split))
+    own = Fitted(truth, true_values, np.inf, len(true_values))
+    begin, _ = from_above(task, own, [fitted], Options(rounds=0))
+    exact = {name: np.array([value]) for name, value in true_values.items()}
+    assert begin.cost == pytest.approx(float(task.problem(truth).costs(exact, task.settings)[0]))
+    assert begin.values == pytest.approx(true_values)

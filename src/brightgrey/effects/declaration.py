@@ -339,6 +339,9 @@ class Effect:
         whose parts can change roles, so that a search does not take one order for the only one; shape
         (parameters, K), and shares as for `spread`. The part that is new rings at `turning`, rad/s, shape (K,); not a
         number if it may be anything.
+    fewer : callable or None
+        ``fewer(values, masses) -> {symbol: value}``, SI: what shows much the same with so many masses, for an effect
+        with more of them; `values` by symbol.
     noticeable : callable or None
         ``noticeable(scales, values) -> {symbol: value}``, SI: the effect at the least size that matters for control,
         with `values` of the model without it by name. It may change values that are there (an inertia that is split).
@@ -366,5 +369,6 @@ class Effect:
     noticeable: Callable[[Scales, Values], Mapping[str, float]] | None = None
     cautions: tuple[Caution, ...] = ()
     regroup: Callable[[Array, Array, Array], Array] | None = None
+    fewer: Callable[[Mapping[str, float], int], Mapping[str, float]] | None = None
     modelica: Modelica | None = None
     follows: str = ""

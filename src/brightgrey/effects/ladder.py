@@ -152,6 +152,22 @@ def _regroup(values: Array, share: Array, turning: Array, masses: int) -> Array:
     return out
 
 
+def _fewer(values: Mapping[str, float], masses: int) -> Mapping[str, float]:
+    """Neighbours that move together the most become one mass until `masses` are left.
+
+    These are those whose shaft would ring the fastest, c (1/J + 1/J').
+    """
+    present = sum(symbol.startswith("J") for symbol in values)
+    J = [values[f"J{i}"] for i in range(1, present + 1)]
+    c, d = ([values[f"{symbol}{k}"] for k in range(1, present)] for symbol in "cd")
+    while len(J) > masses:
+        k = max(range(len(c)), key=lambda k: c[k] * (1.0 / J[k] + 1.0 / J[k + 1]))
+        J[k : k + 2] = [J[k] + J[k + 1]]
+        del c[k], d[k]
+    named = (("J", J), ("c", c), ("d", d))
+    return {f"{symbol}{i}": value for symbol, row in named for i, value in enumerate(row, 1)}
+
+
 def _parts(masses: int) -> tuple[slice, slice, slice]:
     """Where inertias, springs and dampers stand among the parameters."""
     return slice(masses), slice(masses, 2 * masses - 1), slice(2 * masses - 1, None)
@@ -201,5 +217,6 @@ def ladder(name: str, masses: int) -> Effect:
         spread=lambda scales, share: _spread(scales, share, masses),
         noticeable=(lambda scales, values: _noticeable(scales, values, masses)) if masses > 1 else None,
         regroup=(lambda values, share, turning: _regroup(values, share, turning, masses)) if masses > 1 else None,
+        fewer=_fewer if masses > 1 else None,
         modelica=_drawing(masses),
     )

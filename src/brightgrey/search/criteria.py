@@ -13,6 +13,7 @@ from brightgrey.errors import SettingsError, unknown_name
 __all__ = ["CRITERIA", "Criterion", "Misfit", "criterion"]
 
 Array = NDArray[np.float64]
+_SURE = 1.645  # standard deviations that a normal variable exceeds by in 5 %
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Misfit:
         Residual sum of squares of each output, over its noise squared if there are several; inf if the
         simulation diverged.
     least : tuple of float
-        What `rss` counts as at least: the floor.
+        What rounding to the sensor's resolution leaves on the average: the floor.
     samples : int
         Of each output.
     spread : tuple of float
@@ -53,8 +54,13 @@ class Misfit:
 
     @property
     def floored(self) -> tuple[float, ...]:
-        """RSS of each output, not below its floor."""
-        return tuple(max(rss, least) for rss, least in zip(self.rss, self.least, strict=True))
+        """RSS of each output, not below what a perfect model leaves in 19 of 20 recordings.
+
+        The floor is the mean of that. A uniform error's square varies by 4/5 of its mean squared, so that the mean of n
+        independent ones is off by sqrt(4/5 / n): a model within that chance is not refuted, and none is better.
+        """
+        most = 1.0 + _SURE * float(np.sqrt(0.8 / self.independent))
+        return tuple(max(rss, most * least) for rss, least in zip(self.rss, self.least, strict=True))
 
 
 @dataclass(frozen=True)
@@ -79,8 +85,9 @@ class Criterion:
 def fitness(misfit: Misfit, d: int, k_p: float) -> float:
     """Fitness of the paper, eq. (19): 1 / (RSS (1 + k_P d)).
 
-    RSS does not count below that of a perfect model on a sensor of the recording's resolution (step²/12 per
-    sample): without this floor a perfect fit has infinite fitness, and the roulette wheel only one sector.
+    RSS does not count below what a perfect model may leave on a sensor of the recording's resolution (step²/12 per
+    sample, and its chance): without this floor a perfect fit has infinite fitness, and the roulette wheel only one
+    sector.
     """
     total = sum(misfit.floored)
     return 1.0 / (total * (1.0 + k_p * d)) if np.isfinite(total) else 0.0

@@ -49,12 +49,15 @@ class Evaluated:
         Number of parameters that were estimated, d.
     spent : Spent
         What was simulated.
+    idle : tuple of str
+        Effects that are known to make the fit only worse; the misfit is that without them.
     """
 
     values: Values
     misfit: Misfit
     n_parameters: int
     spent: Spent
+    idle: tuple[str, ...] = ()
 
     @property
     def simulations(self) -> int:

@@ -15,7 +15,7 @@ from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Structure
 from brightgrey.search.identification import Identification
-from brightgrey.search.lattice import effects_of
+from brightgrey.search.lattice import effects_of, ladder_of
 
 __all__ = [
     "IMPROVED",
@@ -26,9 +26,11 @@ __all__ = [
     "fit_one",
     "from_above",
     "from_everywhere",
+    "handed_down",
 ]
 
 Array = NDArray[np.float64]
+_DECADE = 10.0
 IMPROVED = 0.999  # of the cost: what is worth another descent
 
 
@@ -44,6 +46,8 @@ class Options:
         Descents: from the best of these optima.
     fresh, patience : int
         Starts of a field and fields without improvement, in the search for a hub.
+    narrow : int
+        Starts of a field where all ranges of positive parameters are within a decade, as those that a user gives.
     drawn : int
         Values of the further effect that are tried at each of these optima.
     rounds : int
@@ -56,6 +60,7 @@ class Options:
     starts: int = 2
     fresh: int = 8
     patience: int = 1
+    narrow: int = 8
     drawn: int = 15
     rounds: int = 25
     tolerance: float = 1e-3
@@ -104,7 +109,9 @@ def from_above(
     And what that took.
     """
     problem, space = task.problem(own.structure), task.space(own.structure, initial=True)
-    values = [f.values for f in larger if set(space.names) <= set(f.values)]
+    values = [
+        v for f in larger for v in handed_down(f.values, f.structure, own.structure) if set(space.names) <= set(v)
+    ]
     if not values:
         return None, Spent()
     begins = np.array([[known[name] for name in space.names] for known in values]).T
@@ -122,6 +129,16 @@ def from_above(
     return Fitted(own.structure, named, end.cost, len(space.names), (), batches, spent), spent
 
 
+def handed_down(values: Mapping[str, float], larger: Structure, structure: Structure) -> list[Mapping[str, float]]:
+    """Values of a larger structure for a smaller one: what is not in it left out; or masses joined if they are more."""
+    here, there = ladder_of(structure), ladder_of(larger)
+    if here == there or there.effect.fewer is None:
+        return [values]
+    present = {q.symbol: values[there.parameter(q.symbol)] for q in there.effect.parameters}
+    joined = there.effect.fewer(present, structure.masses)
+    return [values, {**values, **{here.parameter(symbol): v for symbol, v in joined.items()}}]
+
+
 def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
     """`own`, or what the best structure `within` it has if that is better: it could do without the effect."""
     best = min(within, key=lambda f: f.cost, default=own)
@@ -134,7 +151,9 @@ def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
 def from_everywhere(task: Identification, structure: Structure, options: Options, seed: int) -> Fitted:
     """Fit a structure of which nothing is known."""
     problem, space = task.problem(structure), task.space(structure, initial=True)
-    found = explore(problem, space, task.settings, [], starts=options.fresh, patience=options.patience, seed=seed)
+    wide = np.any(space.high[space.log] > _DECADE * space.low[space.log])
+    starts = options.fresh if wide else options.narrow
+    found = explore(problem, space, task.settings, [], starts=starts, patience=options.patience, seed=seed)
     end = min(found.ends, key=lambda e: e.cost)
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
     return Fitted(structure, named, end.cost, len(space.names), (), found.evaluations, found.spent)

@@ -13,7 +13,7 @@ import numpy as np
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.estimators import estimator
 from brightgrey.search.evaluation import Estimator
-from brightgrey.search.exhaustive import Fits, Options
+from brightgrey.search.exhaustive import Fits
 from brightgrey.search.experiment import Verdict, first_appearance, verdict
 from brightgrey.search.genetic.engine import search
 from brightgrey.search.genetic.record import Progress, Run
@@ -105,7 +105,7 @@ def run(
         task.draw,
         settings,
         standard=task.standard,
-        fits=Fits(task, tuple(grammar.structures()), options=Options(rounds=settings.iterations), seed=seed),
+        fits=Fits(task, tuple(grammar.structures()), options=settings.options, seed=seed),
         grammar=grammar,
         seed=seed,
         workers=workers,

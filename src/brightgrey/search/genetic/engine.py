@@ -113,7 +113,7 @@ def search(
             chances = judge.chances([e.value for e in current], current[0].result.misfit.independent)
             children = offspring(trees, chances, settings, rules, draw, rng)
             tried = {e.job.structure for e in done}
-            best = [e.tree for e in Run(tuple(done)).structures()]
+            best = [e.tree for e in Run(tuple(done)).structures() if not e.result.idle]
             close = near(best, tried, settings, rules, draw, rng)
             children = renewed(children, tried | {b.tree.structure for b in close}, settings, rules, draw, rng)
             born = (*(Born(tree, (), "elite") for tree in best[: settings.elite]), *close, *children)

@@ -87,7 +87,7 @@ class Relatives:
         seen, misfit = self._seen[shown.structure, shown.cost]
         best = own if own.idle else seen
         values = tuple((name, float(best.values[name])) for name in structure.parameters)
-        return Evaluated(values, replace(misfit, share=self.share), own.free, spent)
+        return Evaluated(values, replace(misfit, share=self.share), own.free, spent, own.idle)
 
     def _looked(self, fitted: Fitted) -> tuple[Fitted, Misfit]:
         """A fit as it is judged, with what that takes, and its misfit; at level ``accurate`` where that matters."""

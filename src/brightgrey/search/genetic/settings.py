@@ -13,6 +13,7 @@ from typing import Literal, get_args
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.patterns import Estimator, check_estimator
 from brightgrey.search.criteria import CRITERIA
+from brightgrey.search.fitting import Options
 from brightgrey.search.genetic.mutation import MUTATIONS
 
 __all__ = [
@@ -113,10 +114,14 @@ class GeneticSettings:
         for every individual of a structure, so that no structure is identified twice; or, by least squares only, where
         those end that a structure contains or is contained in, as in the search of all structures.
     elite : int
-        Best structures so far that each new population begins with, unchanged (paper: 0).
+        Best structures so far that each new population begins with, unchanged (paper: 0). Those with an effect that is
+        known to be idle are no better than they are without it, and left out here and in `near`.
     fresh : int
         An individual whose structure has been tried is mutated up to this many times, each time by a random one of
         the mutations, until it is one that has not (paper: 0).
+    starts : int
+        With `begin` 'relatives': descents of each field where a structure is sought from everywhere within narrow
+        ranges, see :class:`brightgrey.search.fitting.Options`.
     near : int
         Of each new population, individuals that differ from the best structures so far by one node and have not been
         tried, those of the very best first; as far as the elite leaves room (paper: 0).
@@ -140,9 +145,11 @@ class GeneticSettings:
     elite: int = 0
     fresh: int = 0
     near: int = 0
+    starts: int = 8
 
     def __post_init__(self) -> None:
         limits = {"population": 1, "generations": 0, "iterations": 1, "patience": 0, "elite": 0, "fresh": 0, "near": 0}
+        limits["starts"] = 1
         for name, least in limits.items():
             value = getattr(self, name)
             if value < least:
@@ -166,6 +173,11 @@ class GeneticSettings:
             raise SettingsError("begin 'relatives' needs the estimator 'least-squares'")
 
     @property
+    def options(self) -> Options:
+        """How thoroughly each structure is fitted, with `begin` 'relatives'."""
+        return Options(rounds=self.iterations, narrow=self.starts)
+
+    @property
     def neighbours(self) -> int:
         """Individuals near the best structures that a new population has room for."""
         return min(self.near, self.population - self.elite)
@@ -176,7 +188,7 @@ PAPER_SETTINGS = GeneticSettings()
 
 OURS = GeneticSettings(
     population=8,
-    generations=12,
+    generations=14,
     estimator="least-squares",
     iterations=30,
     criterion="bic",
@@ -184,6 +196,7 @@ OURS = GeneticSettings(
     elite=2,
     fresh=4,
     near=4,
+    starts=4,
 )
 """A setting of ours, not the paper's: structures are identified where their relatives have ended, neighbours first.
 
