@@ -15,7 +15,7 @@ from brightgrey.kit import PAPER, Grammar
 from brightgrey.search import criterion
 from brightgrey.search.exhaustive import Fits
 from brightgrey.search.experiment import reference_recording, task_of
-from brightgrey.search.fitting import Fitted, Options, from_above
+from brightgrey.search.fitting import Fitted, Options, from_above, from_everywhere
 from brightgrey.search.genetic import GeneticSettings, search
 from brightgrey.search.genetic.relatives import Relatives
 from brightgrey.search.genetic.settings import OURS
@@ -175,3 +175,15 @@ def test_a_structure_with_a_mass_more_hands_down_its_masses_joined(task, true_va
     exact = {name: np.array([value]) for name, value in true_values.items()}
     assert begin.cost == pytest.approx(float(task.problem(truth).costs(exact, task.settings)[0]))
     assert begin.values == pytest.approx(true_values)
+
+
+def test_narrow_ranges_take_fewer_starts(task, true_values):
+    truth = PAPER.parse("two_mass+coulomb")
+    narrow = replace(task, bounds={name: (0.5 * v, 2.0 * v) for name, v in true_values.items()})
+    spent = [
+        from_everywhere(each, truth, Options(fresh=4, narrow=starts), 0).spent.sets
+        for each in (narrow, task)
+        for starts in (2, 4)
+    ]
+    assert spent[0] < 0.8 * spent[1]
+    assert spent[2] == spent[3]

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from brightgrey.estimation.leastsquares import End
+from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.search import Evaluated, Misfit
@@ -20,7 +21,7 @@ from brightgrey.search.exhaustive import Fitted
 
 __all__ = ["call_text", "canonical", "code", "digest", "name_of", "plain", "text_of", "value_of"]
 
-_RESULTS: Mapping[str, type[Any]] = {kind.__name__: kind for kind in (End, Evaluated, Fitted, Misfit)}
+_RESULTS: Mapping[str, type[Any]] = {kind.__name__: kind for kind in (End, Evaluated, Fitted, Misfit, Spent)}
 _KIND = "~"
 
 

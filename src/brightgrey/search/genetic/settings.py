@@ -188,7 +188,7 @@ PAPER_SETTINGS = GeneticSettings()
 
 OURS = GeneticSettings(
     population=8,
-    generations=14,
+    generations=16,
     estimator="least-squares",
     iterations=30,
     criterion="bic",
