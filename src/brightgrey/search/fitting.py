@@ -192,7 +192,7 @@ def _extended(space: Search, parent: Fitted, drawn: Array) -> Array:
             tried.append(anew)
     if len(own) == len(space.names):
         tried = [kept[:, :1]]
-    return np.clip(np.concatenate(tried, axis=1), space.low[:, None], space.high[:, None])
+    return np.asarray(np.clip(np.concatenate(tried, axis=1), space.low[:, None], space.high[:, None]))
 
 
 def _best_begins(
