@@ -178,8 +178,9 @@ class _Informed(Problem):
         r[:, :, 1:] = (r[:, :, 1:] - r[:, :, :1]) * per_step
         return np.asarray(total + np.einsum("bsi,bsj->sij", r, r))
 
-    def costs(self, values: Mapping[str, Array], settings: Settings) -> Array:
-        return np.asarray(super().costs(values, settings) + np.square(self._beliefs(values)).sum(axis=0))
+    def costs(self, values: Mapping[str, Array], settings: Settings, most: Array | None = None) -> Array:
+        more = np.square(self._beliefs(values)).sum(axis=0)
+        return np.asarray(super().costs(values, settings, None if most is None else most - more) + more)
 
     def _beliefs(self, values: Mapping[str, Array]) -> Array:
         sets = len(next(iter(values.values())))

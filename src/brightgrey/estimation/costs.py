@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.onset import Onset
 from brightgrey.estimation.pattern_search import CostMany
-from brightgrey.estimation.problem import Problem, predict_many, systems
-from brightgrey.recordings import Recording
-from brightgrey.simulation import Settings, squares
+from brightgrey.estimation.problem import Problem
+from brightgrey.simulation import Settings
 
 __all__ = ["cost_function"]
 
@@ -37,30 +33,6 @@ def cost_function(problem: Problem, search: Search, settings: Settings) -> CostM
     """
 
     def cost(theta: Array, most: Array) -> Array:
-        values = search.named(search.outward(theta))
-        total = np.zeros(theta.shape[1])
-        for r, onset in zip(problem.recordings, problem.onsets, strict=True):
-            total = _added(problem, values, r, onset, settings, total, most)
-        return total
+        return problem.costs(search.named(search.outward(theta)), settings, most)
 
     return cost
-
-
-def _added(
-    problem: Problem,
-    values: Mapping[str, Array],
-    recording: Recording,
-    onset: Onset,
-    settings: Settings,
-    spent: Array,
-    most: Array,
-) -> Array:
-    """Costs `spent` so far with those of one more recording, shape (K,)."""
-    r, weights = recording, problem.weights**2
-    if any(signal.kind == "velocity-differenced" for signal in r.outputs):
-        y = predict_many(problem.structure, values, r, settings, onset=onset, threads=problem.threads)
-        apart = y - r.y[:, :, None]
-        total = spent + np.einsum("o,oik,oik->k", weights, apart, apart)
-        return np.where(total < most, total, np.inf)
-    system, x0 = systems(problem.structure, values, r, settings, onset=onset)
-    return squares(system, r.u, r.dt, x0, settings, r.y, weights, spent=spent, most=most, threads=problem.threads)

@@ -14,7 +14,7 @@ from brightgrey.estimation.onset import Initial, Onset, Unknown, noise_of
 from brightgrey.estimation.spent import Spent
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
-from brightgrey.simulation import Settings, response
+from brightgrey.simulation import Settings, response, squares
 
 __all__ = ["Problem", "limited_states", "predict_many", "system_for", "systems"]
 
@@ -187,12 +187,25 @@ class Problem:
             add_products(y, r.y, self.weights, self._lost(r), per_step, total)
         return total
 
-    def costs(self, values: Mapping[str, Array], settings: Settings) -> Array:
-        """Sums of squared weighted residuals, shape (K,)."""
+    def costs(self, values: Mapping[str, Array], settings: Settings, most: Array | None = None) -> Array:
+        """Sums of squared weighted residuals, shape (K,).
+
+        With limits `most`, shape (K,), simulations are given up as soon as their sum reaches its limit, and the sum
+        is infinite; so it is where a simulation has diverged.
+        """
         total = np.zeros(len(next(iter(values.values()))))
         for r, onset in zip(self.recordings, self.onsets, strict=True):
+            if most is not None and not any(signal.kind == "velocity-differenced" for signal in r.outputs):
+                system, x0 = systems(self.structure, values, r, settings, onset=onset)
+                weights = self.weights**2
+                total = squares(
+                    system, r.u, r.dt, x0, settings, r.y, weights, spent=total, most=most, threads=self.threads
+                )
+                continue
             y = predict_many(self.structure, values, r, settings, onset=onset, threads=self.threads)
             add_squares(np.ascontiguousarray(y), r.y, self.weights, self._lost(r), total)
+            if most is not None:
+                total = np.where(np.isfinite(y).all(axis=(0, 1)) & (total < most), total, np.inf)
         return total
 
     def _lost(self, r: Recording) -> Array:

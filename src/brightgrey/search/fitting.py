@@ -174,9 +174,8 @@ def fit_one(
     # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
     origins = best if best and _two_ports(structure) else [*best, *others]
     drawn = np.array_split(space.candidates(options.drawn * len(origins), rng), len(origins), axis=1)
-    begins = [_extended(task, problem, space, f, part) for f, part in zip(origins, drawn, strict=True)]
-    begins.sort(key=lambda b: b[0])
-    chosen = np.stack([values for _, values, _ in begins[: options.starts]], axis=1)
+    tried = [_extended(space, f, part) for f, part in zip(origins, drawn, strict=True)]
+    chosen, count = _best_begins(task, problem, space, tried, options.starts)
     ends = descend_many(
         problem,
         space,
@@ -187,10 +186,10 @@ def fit_one(
         rival=best[0].cost if best else np.inf,
     )
     end = min(ends, key=lambda e: e.cost)
-    batches = len(begins) + max(e.evaluations for e in ends)
+    batches = 2 + max(e.evaluations for e in ends)
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
     cost = end.cost if np.isfinite(end.cost) else np.inf
-    spent = problem.spent(sum(count for _, _, count in begins) + sum(e.simulations for e in ends))
+    spent = problem.spent(count + sum(e.simulations for e in ends))
     return at_least_as_good(Fitted(structure, named, cost, len(space.names), (), batches, spent), best)
 
 
@@ -199,12 +198,10 @@ def _two_ports(structure: Structure) -> bool:
     return any(p.effect.law is not None and p.effect.law.ports > 1 for p in structure.placed)
 
 
-def _extended(
-    task: Identification, problem: Problem, space: Search, parent: Fitted, drawn: Array
-) -> tuple[float, Array, int]:
-    """Best of some starts at another optimum, with its cost and how many were tried.
+def _extended(space: Search, parent: Fitted, drawn: Array) -> Array:
+    """Starts at another optimum, shape (P, K), SI.
 
-    What the other structure lacks is drawn, and what is drawn with it.
+    What the other structure lacks is drawn, and what is drawn with it; the first has it as declared.
     """
     candidates = np.concatenate([space.start[:, None], drawn], axis=1)
     own = [i for i, name in enumerate(space.names) if name in parent.values]
@@ -218,6 +215,29 @@ def _extended(
             tried.append(anew)
     if len(own) == len(space.names):
         tried = [kept[:, :1]]
-    begins = np.clip(np.concatenate(tried, axis=1), space.low[:, None], space.high[:, None])
-    cost = problem.costs(space.named(begins), task.settings)
-    return float(cost.min()), np.asarray(begins[:, int(np.argmin(cost))]), cost.size
+    return np.asarray(np.clip(np.concatenate(tried, axis=1), space.low[:, None], space.high[:, None]))
+
+
+def _best_begins(
+    task: Identification, problem: Problem, space: Search, tried: Sequence[Array], count: int
+) -> tuple[Array, int]:
+    """Best of the starts at each optimum, of `count` optima, shape (P, count), best first; and how many were tried.
+
+    The first start at each says what the others have to be better than, and most are given up early.
+    """
+    firsts = np.stack([begins[:, 0] for begins in tried], axis=1)
+    cost = problem.costs(space.named(firsts), task.settings, np.full(len(tried), np.inf))
+    enough = np.partition(cost, min(count, len(tried)) - 1)[min(count, len(tried)) - 1]
+    others = np.concatenate([begins[:, 1:] for begins in tried], axis=1)
+    origin = np.repeat(np.arange(len(tried)), [begins.shape[1] - 1 for begins in tried])
+    found = np.full(len(origin), np.inf)
+    if len(origin):
+        found = problem.costs(space.named(others), task.settings, np.minimum(cost[origin], enough))
+    best = []
+    for k in range(len(tried)):
+        own = np.flatnonzero(origin == k)
+        least = own[np.argmin(found[own])] if len(own) else None
+        better = least is not None and found[least] < cost[k]
+        best.append((found[least], others[:, least]) if better else (cost[k], firsts[:, k]))
+    best.sort(key=lambda b: b[0])
+    return np.stack([values for _, values in best[:count]], axis=1), firsts.shape[1] + others.shape[1]

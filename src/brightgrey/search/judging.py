@@ -37,12 +37,10 @@ def _refit(
     """Descend from what relatives have found, `wanted`, best first; `deep` searches from everywhere, too."""
     problem, space = task.problem(structure), task.space(structure, initial=True)
     begins = _starts(task, structure, wanted, seeds[0])
-    if deep:
+    ends = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=np.inf)
+    if deep:  # which descends on a beginning of the recordings first, away from what relatives have found
         named = [dict(zip(space.names, b.tolist(), strict=True)) for b in begins.T]
-        found = explore(problem, space, task.settings, named, starts=8, patience=1, seed=seeds[1])
-        ends = list(found.ends)
-    else:
-        ends = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=np.inf)
+        ends += explore(problem, space, task.settings, named, starts=8, patience=1, seed=seeds[1]).ends
     return last_descent(task, structure, min(ends, key=lambda e: e.cost).values)
 
 
