@@ -21,7 +21,7 @@ from brightgrey.search.genetic.relatives import Relatives
 from brightgrey.search.genetic.settings import OURS
 from brightgrey.search.lattice import contains
 from brightgrey.search.work import pool
-from brightgrey.simulation import response
+from brightgrey.simulation import response, squares
 
 FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})
 ALL = tuple(FEW.structures())
@@ -141,12 +141,15 @@ def given(monkeypatch):
     """What is given to the simulation: parameter sets and samples, call by call."""
     calls = []
 
-    def counting(system, u, dt, x0, settings, **options):
-        calls.append((x0.shape[1], x0.shape[1] * len(u)))
-        return response(system, u, dt, x0, settings, **options)
+    def counting(simulate):
+        def counted(system, u, dt, x0, *others, **options):
+            calls.append((x0.shape[1], x0.shape[1] * len(u)))
+            return simulate(system, u, dt, x0, *others, **options)
 
-    monkeypatch.setattr(problem, "response", counting)
-    monkeypatch.setattr(assimilate, "response", counting)
+        return counted
+
+    for module, simulate in ((problem, response), (problem, squares), (assimilate, response)):
+        monkeypatch.setattr(module, simulate.__name__, counting(simulate))
     return calls
 
 
