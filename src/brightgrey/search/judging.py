@@ -14,6 +14,7 @@ from brightgrey.estimation.leastsquares import Descent, End, descend_many, evalu
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.exhaustive import Fitted
+from brightgrey.search.fitting import handed_down
 from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import contains
 
@@ -150,9 +151,10 @@ class Bench:
         """Refit from a larger structure that has meanwhile come to fit better; whether that has helped."""
         own = self.judged[structure]
         larger = [
-            j.values
+            values
             for s, j in self.judged.items()
             if s != structure and contains(s, structure) and j.cost < _IMPROVED * own.cost
+            for values in handed_down(j.values, s, structure)
         ]
         if not larger:
             return False
