@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from typing import Self
 
 import numpy as np
@@ -85,6 +86,7 @@ def _beginning(recording: Recording, share: float) -> Recording:
     return replace(r, t=r.t[:samples], u=r.u[:samples], y=r.y[:, :samples])
 
 
+@cache
 def limited_states(structure: Structure) -> tuple[str, ...]:
     """Names of the states that are kept between limits: positions in gaps."""
     system = assemble(structure, dict.fromkeys(structure.parameters, 1.0), 1.0)
@@ -161,11 +163,10 @@ class Problem:
     def residuals(self, values: Mapping[str, Array], settings: Settings, *, group: int = 1) -> Array:
         """Weighted residuals, shape (residuals, K): simulated minus measured; large but finite if diverged."""
         parts = []
-        for r, onset in zip(self.recordings, self.onsets, strict=True):
+        for r, onset, lost in zip(self.recordings, self.onsets, self._lost, strict=True):
             y = predict_many(self.structure, values, r, settings, onset=onset, group=group, threads=self.threads)
             apart = (y - r.y[:, :, None]) * self.weights[:, None, None]
-            lost = self._lost(r)[:, None, None]
-            apart = np.where(np.isfinite(apart), np.clip(apart, -LARGEST, LARGEST), lost)
+            apart = np.where(np.isfinite(apart), np.clip(apart, -LARGEST, LARGEST), lost[:, None, None])
             parts.append(apart.reshape(-1, apart.shape[-1]))
         return np.concatenate(parts)
 
@@ -181,10 +182,10 @@ class Problem:
         """
         starts, count = per_step.shape
         total = np.zeros((starts, 1 + count, 1 + count))
-        for r, onset in zip(self.recordings, self.onsets, strict=True):
+        for r, onset, lost in zip(self.recordings, self.onsets, self._lost, strict=True):
             y = predict_many(self.structure, values, r, settings, onset=onset, group=1 + count, threads=self.threads)
             y = np.ascontiguousarray(y).reshape(*y.shape[:2], starts, -1)
-            add_products(y, r.y, self.weights, self._lost(r), per_step, total)
+            add_products(y, r.y, self.weights, lost, per_step, total)
         return total
 
     def costs(self, values: Mapping[str, Array], settings: Settings, most: Array | None = None) -> Array:
@@ -194,7 +195,7 @@ class Problem:
         is infinite; so it is where a simulation has diverged.
         """
         total = np.zeros(len(next(iter(values.values()))))
-        for r, onset in zip(self.recordings, self.onsets, strict=True):
+        for r, onset, lost in zip(self.recordings, self.onsets, self._lost, strict=True):
             if most is not None and not any(signal.kind == "velocity-differenced" for signal in r.outputs):
                 system, x0 = systems(self.structure, values, r, settings, onset=onset)
                 weights = self.weights**2
@@ -203,14 +204,15 @@ class Problem:
                 )
                 continue
             y = predict_many(self.structure, values, r, settings, onset=onset, threads=self.threads)
-            add_squares(np.ascontiguousarray(y), r.y, self.weights, self._lost(r), total)
+            add_squares(np.ascontiguousarray(y), r.y, self.weights, lost, total)
             if most is not None:
                 total = np.where(np.isfinite(y).all(axis=(0, 1)) & (total < most), total, np.inf)
         return total
 
-    def _lost(self, r: Recording) -> Array:
-        """Weighted residual of a simulation that has diverged, shape (outputs,)."""
-        return np.asarray(np.maximum(_LOST * r.y.std(axis=1) * self.weights, 1.0))
+    @cached_property
+    def _lost(self) -> tuple[Array, ...]:
+        """Weighted residual of a simulation that has diverged, shape (outputs,), of each recording."""
+        return tuple(np.asarray(np.maximum(_LOST * r.y.std(axis=1) * self.weights, 1.0)) for r in self.recordings)
 
     def beginning(self, share: float) -> Problem:
         """The same on the beginnings of the recordings, which hold `share` of what the input does."""
