@@ -339,6 +339,8 @@ class Effect:
         whose parts can change roles, so that a search does not take one order for the only one; shape
         (parameters, K), and shares as for `spread`. The part that is new rings at `turning`, rad/s, shape (K,); not a
         number if it may be anything.
+    ways : tuple of tuple of float
+        Shares that go through what `regroup` can do, for a search that leaves nothing to chance.
     noticeable : callable or None
         ``noticeable(scales, values) -> {symbol: value}``, SI: the effect at the least size that matters for control,
         with `values` of the model without it by name. It may change values that are there (an inertia that is split).
@@ -366,5 +368,6 @@ class Effect:
     noticeable: Callable[[Scales, Values], Mapping[str, float]] | None = None
     cautions: tuple[Caution, ...] = ()
     regroup: Callable[[Array, Array, Array], Array] | None = None
+    ways: tuple[tuple[float, ...], ...] = ()
     modelica: Modelica | None = None
     follows: str = ""

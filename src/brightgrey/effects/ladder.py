@@ -6,6 +6,7 @@ Paper section 2.1 and eq. (1), (7), (8). The motor's torque and the sensor are a
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,8 @@ _DIVISION = 30.0  # either way: a mass against all behind it
 _LOOSE = 0.3  # of Nyquist's frequency
 _LEAST_DAMPED = 5e-3  # damping ratio; up to 1
 _STIFFER = 10.0  # range of a new shaft's frequency
+_RINGING = 1e-3  # damping ratio of a new shaft, up to 1: it rings through hundreds of periods
+_PARTS, _DAMPINGS = (0.0, 0.25, 0.5, 0.75, 1.0), (1.0, 0.5)  # shares of a new shaft that are gone through
 
 
 def slowest(scales: Scales) -> float:
@@ -143,13 +146,20 @@ def _regroup(values: Array, share: Array, turning: Array, masses: int) -> Array:
         merged, split = (min(int(part * (masses - 1)), masses - 2) for part in draw[:2])
         J[merged : merged + 2] = [J[merged] + J[merged + 1]]
         del c[merged], d[merged]
-        part = 0.05 + 0.9 * draw[2]
+        part = 1.0 / (1.0 + _DIVISION ** (1.0 - 2.0 * draw[2]))
         reduced = J[split] * part * (1.0 - part)
         J[split : split + 1] = [J[split] * part, J[split] * (1.0 - part)]
         c.insert(split, reduced * ringing**2)
-        d.insert(split, 2.0 * _LEAST_DAMPED ** draw[3] * reduced * ringing)
+        d.insert(split, 2.0 * _RINGING ** draw[3] * reduced * ringing)
         out[:, k] = [*J, *c, *d]
     return out
+
+
+def _ways(masses: int) -> tuple[tuple[float, ...], ...]:
+    """Shares for :func:`_regroup`: each pair merged, each mass split, in some parts and with some dampings."""
+    places = [(k + 0.5) / (masses - 1) for k in range(masses - 1)]
+    rest = (0.5,) * (3 * masses - 6)
+    return tuple((*way, *rest) for way in product(places, places, _PARTS, _DAMPINGS))
 
 
 def _parts(masses: int) -> tuple[slice, slice, slice]:
@@ -201,5 +211,6 @@ def ladder(name: str, masses: int) -> Effect:
         spread=lambda scales, share: _spread(scales, share, masses),
         noticeable=(lambda scales, values: _noticeable(scales, values, masses)) if masses > 1 else None,
         regroup=(lambda values, share, turning: _regroup(values, share, turning, masses)) if masses > 1 else None,
+        ways=_ways(masses) if masses > 1 else (),
         modelica=_drawing(masses),
     )

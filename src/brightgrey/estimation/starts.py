@@ -12,13 +12,15 @@ from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.problem import Problem
 from brightgrey.simulation import Settings
 
-__all__ = ["best_of", "given_starts", "offspring", "retuned"]
+__all__ = ["best_of", "given_starts", "offspring", "ringing"]
 
 Array = NDArray[np.float64]
 _APART = 0.5  # of the median distance between candidates: starts that are unlike each other
 _SHIFTS = (0.0, 0.05, 0.3)  # standard deviations by which offspring differ from their parent
 _REDRAWN = (1, 2, 3)  # numbers of parameters that offspring have drawn anew, beside half of them
 _REGROUPED = 0.3  # of the offspring: parts have changed roles
+_LANES = 1024  # simulations that look for a resonance
+_VALLEY = 2  # lines either way, among which a resonance has to be the best one
 
 
 def given_starts(search: Search, given: Sequence[Mapping[str, float]]) -> list[Array]:
@@ -33,34 +35,56 @@ def best_of(problem: Problem, search: Search, settings: Settings, candidates: Ar
     return [candidates[:, i] for i in _diverse(search.inward(candidates), cost, count)]
 
 
-def retuned(
-    problem: Problem, search: Search, settings: Settings, parent: Array, count: int, rng: np.random.Generator
-) -> Array:
-    """Values `parent`, shape (P,), with parts in other roles, so that they ring where the residual does.
+def ringing(problem: Problem, search: Search, settings: Settings, parent: Array, count: int) -> Array:
+    """Values `parent`, shape (P,), with parts in other roles, so that they ring where they explain most.
 
-    Frequencies are drawn as the residual's power is distributed: a resonance that is missing leaves its own.
+    A resonance that is missing leaves its power in the residual, but one without damping has to be met to within a
+    fraction of a period in the whole recording. So all lines that the recording resolves are gone through where
+    the residual has most power, with all ways that parts can change roles; a valley is where a line is better than
+    those beside it.
 
     Returns
     -------
-    ndarray, shape (P, count)
-        SI; no columns if no effect has parts that can change roles, or nothing is left of the residual.
+    ndarray, shape (P, K)
+        SI, best first, at most `count`; no columns if no effect has parts that can change roles, or nothing is left
+        of the residual.
     """
-    residual = problem.residuals(search.named(parent[:, None]), settings)[:, 0]
-    power, turning, begin = [], [], 0
+    turning, power = _spectrum(problem, problem.residuals(search.named(parent[:, None]), settings)[:, 0])
+    found, costs = [np.zeros((len(parent), 0))], [np.zeros(0)]
+    for block in search.blocks:
+        if block.regroup is None or not power.any():
+            continue
+        lines = np.sort(np.argsort(-power, kind="stable")[: max(_LANES // len(block.ways), 1)])
+        share = np.tile(np.array(block.ways).T, len(lines))
+        values = np.repeat(parent[:, None], share.shape[1], axis=1)
+        rows = list(block.rows)
+        values[rows] = block.regroup(values[rows], share, np.repeat(turning[lines], len(block.ways)))
+        values = np.clip(values, search.low[:, None], search.high[:, None])
+        cost = problem.costs(search.named(values), settings)
+        valley = _valleys(lines, cost.reshape(len(lines), -1)).ravel()
+        found.append(values[:, valley])
+        costs.append(cost[valley])
+    order = np.argsort(np.concatenate(costs), kind="stable")[:count]
+    return np.hstack(found)[:, order]
+
+
+def _spectrum(problem: Problem, residual: Array) -> tuple[Array, Array]:
+    """Angular frequencies half a line apart, from one line of the longest recording on, and power of a residual."""
+    longest = max(problem.recordings, key=lambda r: r.samples * r.dt)
+    turning = 2.0 * np.pi * rfftfreq(2 * longest.samples, longest.dt)[2:]
+    power, begin = np.zeros(len(turning)), 0
     for r in problem.recordings:
         for piece in residual[begin : begin + r.y.size].reshape(r.y.shape):
-            power.append(np.square(np.abs(rfft((piece - piece.mean()) * np.hanning(len(piece)))))[1:])
-            turning.append(2.0 * np.pi * rfftfreq(len(piece), r.dt)[1:])
+            size = np.square(np.abs(rfft((piece - piece.mean()) * np.hanning(len(piece)), 2 * len(piece))))
+            power += np.interp(turning, 2.0 * np.pi * rfftfreq(2 * len(piece), r.dt), size, right=0.0)
         begin += r.y.size
-    weight = np.concatenate(power)
-    blocks = [(list(block.rows), block.regroup) for block in search.blocks if block.regroup is not None]
-    if not blocks or not weight.sum() > 0.0:
-        return np.zeros((len(parent), 0))
-    wanted = rng.choice(np.concatenate(turning), count, p=weight / weight.sum())
-    values = np.repeat(parent[:, None], count, axis=1)
-    for rows, regroup in blocks:
-        values[rows] = regroup(values[rows], rng.random((len(rows), count)), wanted)
-    return np.clip(values, search.low[:, None], search.high[:, None])
+    return turning, power
+
+
+def _valleys(lines: NDArray[np.int64], cost: Array) -> NDArray[np.bool_]:
+    """Where `cost`, shape (lines, ways), is the least of its way among the lines beside it."""
+    near = np.abs(lines[:, None] - lines) <= _VALLEY
+    return np.stack([way <= np.where(near, way, np.inf).min(axis=1) for way in cost.T], axis=1)
 
 
 def offspring(search: Search, parents: Sequence[Array], fresh: Array, rng: np.random.Generator) -> Array:
