@@ -13,8 +13,8 @@ from brightgrey.estimation.bounds import search_space
 from brightgrey.estimation.explore import explore, is_white
 from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.starts import best_of, offspring, ringing
-from brightgrey.kit import PAPER
+from brightgrey.estimation.starts import best_of, offspring, retuned, ringing
+from brightgrey.kit import PAPER, assemble
 from brightgrey.recordings import read_recording
 from brightgrey.simulation import Settings
 
@@ -62,16 +62,37 @@ def test_offspring_stay_within_bounds_and_near_their_parents(demo):
     assert np.median(kept.mean(axis=0)) >= 0.5
 
 
-@pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.regroup])
-def test_ways_lie_in_the_unit_cube_and_lead_elsewhere(name):
+@pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.ways])
+def test_ways_keep_the_total_inertia_and_are_all_unlike(name):
     effect = registry()[name]
-    share = np.array(effect.ways).T
-    assert share.shape[0] == len(effect.parameters)
-    assert share.min() >= 0.0
-    assert share.max() <= 1.0
-    unlike = np.geomspace(1.0, 2.0, len(effect.parameters))[:, None] * np.ones_like(share)
-    other = effect.regroup(unlike, share, np.full(share.shape[1], 60.0))
-    assert len(np.unique(np.round(other, 12), axis=1).T) == share.shape[1]
+    values = effect.spread(SCALES, np.linspace(0.3, 0.7, len(effect.parameters))[:, None])[:, 0]
+    other = effect.ways(values, np.array([30.0, 60.0]))
+    inertias = [k for k, p in enumerate(effect.parameters) if p.symbol.startswith("J")]
+    assert other.shape[:2] == (len(effect.parameters), 2)
+    np.testing.assert_allclose(other[inertias].sum(axis=0), values[inertias].sum(), rtol=1e-9)
+    assert np.all(other > 0.0)
+    flat = other.reshape(len(values), -1)
+    assert len(np.unique(flat.round(12), axis=1).T) == flat.shape[1]
+
+
+def test_retuned_starts_ring_where_the_residual_does(demo):
+    structure = PAPER.parse("two_mass")
+    search, turning = search_space(structure, scales(demo), {}, {}), 2 * np.pi * 20.0
+    settings = Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
+    values = np.array([0.008, 0.012, 250.0, 0.1])
+    problem = Problem.of(structure, [demo])
+    simulated = problem.residuals(search.named(values[:, None]), settings)[:, 0] / problem.weights[0] + demo.y[0]
+    heard = replace(demo, y=(simulated + np.sin(turning * demo.t))[None])
+    problem = Problem.of(structure, [heard])
+    found = retuned(problem, search, settings, values, 200, np.random.default_rng(3))
+    np.testing.assert_allclose(found[:2].sum(axis=0), values[:2].sum(), rtol=1e-9)
+    rings = [
+        np.abs(np.linalg.eigvals(assemble(structure, dict(zip(search.names, v, strict=True)), 2.5).A)).max()
+        for v in found.T
+    ]
+    resolution = 2 * np.pi / (demo.samples * demo.dt)
+    assert np.mean(np.abs(np.array(rings) - turning) < 2 * resolution) >= 0.95
+    assert len(np.unique(found[0])) == 200
 
 
 def test_a_resonance_without_damping_is_met_from_a_model_that_has_none(demo):
@@ -103,6 +124,7 @@ def test_nothing_rings_where_nothing_can_change_roles(demo):
     structure = PAPER.parse("one_mass+viscous")
     search = search_space(structure, scales(demo), {}, {})
     problem, settings = Problem.of(structure, [demo]), Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
+    assert retuned(problem, search, settings, search.start, 10, np.random.default_rng(0)).shape == (2, 0)
     assert ringing(problem, search, settings, search.start, 10).shape == (2, 0)
 
 

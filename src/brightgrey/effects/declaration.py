@@ -339,8 +339,9 @@ class Effect:
         whose parts can change roles, so that a search does not take one order for the only one; shape
         (parameters, K), and shares as for `spread`. The part that is new rings at `turning`, rad/s, shape (K,); not a
         number if it may be anything.
-    ways : tuple of tuple of float
-        Shares that go through what `regroup` can do, for a search that leaves nothing to chance.
+    ways : callable or None
+        ``ways(values, turning) -> values``: what `regroup` can do, gone through without chance, from values of shape
+        (parameters,); for each of the frequencies, shape (K,), equally many ways, shape (parameters, K, ways).
     noticeable : callable or None
         ``noticeable(scales, values) -> {symbol: value}``, SI: the effect at the least size that matters for control,
         with `values` of the model without it by name. It may change values that are there (an inertia that is split).
@@ -368,6 +369,6 @@ class Effect:
     noticeable: Callable[[Scales, Values], Mapping[str, float]] | None = None
     cautions: tuple[Caution, ...] = ()
     regroup: Callable[[Array, Array, Array], Array] | None = None
-    ways: tuple[tuple[float, ...], ...] = ()
+    ways: Callable[[Array, Array], Array] | None = None
     modelica: Modelica | None = None
     follows: str = ""

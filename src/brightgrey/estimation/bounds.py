@@ -29,7 +29,7 @@ class Block(NamedTuple):
     rows: tuple[int, ...]
     spread: Callable[[Scales, Array], Array]
     regroup: Callable[[Array, Array, Array], Array] | None
-    ways: tuple[tuple[float, ...], ...]
+    ways: Callable[[Array, Array], Array] | None
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from brightgrey.estimation.assimilate import assimilated
 from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.leastsquares import SAME, End, descend_many
 from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.starts import best_of, given_starts, offspring, ringing
+from brightgrey.estimation.starts import best_of, given_starts, offspring, retuned, ringing
 from brightgrey.simulation import Settings
 
 __all__ = ["Found", "explore", "first_field", "is_white"]
@@ -37,7 +37,9 @@ _FIRST_ROUNDS, _ROUNDS = 20, 40  # on a beginning, on the whole
 _GROWTH, _FURTHER_ROUNDS = 1.2, 6  # with limits: of the beginning, and on each longer one
 _ROUGH = 1e-3  # tolerance on a beginning
 _PARENTS, _TEACHERS = 4, 8  # best ends: of offspring, of ensembles
-_RINGING, _TUNING = 48, 3  # starts that ring where the residual does, and rounds after which the best are chosen
+_RETUNED, _TUNING = 48, 3  # starts that ring where the residual does, and rounds after which the best are chosen
+_HEARD, _HEARD_BEST = 16, 2  # valleys among lines, and those that are descended from
+_LISTEN = 4  # fields without improvement from one look for a resonance to the next; the first after one
 _AGREE = 2  # independent starts that make an optimum trustworthy
 _DOUBT = 0.25  # of the patience, if the residual is white and starts do not agree or one is at a bound
 _MOST = 4  # fields per unit of patience
@@ -86,7 +88,7 @@ def explore(
     alone: list[bool] = []
     best, idle, evaluations = np.inf, 0, 0
     needed = min(_AGREE, starts)
-    first, rung = _first(search, given, starts), list[float]()
+    first, heard = _first(search, given, starts), list[float]()
     for number in range(1 + _MOST * patience):
         rng = np.random.default_rng([seed, number])
         missing = needed - _agreeing(ends, alone)
@@ -95,14 +97,18 @@ def explore(
             found, batches = _descended(problem, _BEGINNINGS[0], search, settings, field.starts, np.inf, missing)
         else:
             share = _BEGINNINGS[number % len(_BEGINNINGS)]
-            tuned = _tuned(problem, search, settings, ends, rung, starts // 4) if share == 1.0 else []
-            field = _field(problem, share, search, settings, first, ends, tuned, starts, rng)
+            field = _field(problem, share, search, settings, first, ends, starts, rng)
             found, batches = _descended(problem, share, search, settings, field.starts, best, missing)
         begins, ends, alone = begins + field.starts, ends + found, alone + field.alone
         evaluations += batches
-        least = min(end.cost for end in found)
-        idle = 0 if least < _IMPROVED * best else idle + 1
-        best = min(best, least)
+        idle = 0 if min(end.cost for end in found) < _IMPROVED * best else idle + 1
+        best = min(end.cost for end in ends)
+        if patience > 1 and idle % _LISTEN == 1:
+            tuned, found = _heard(problem, search, settings, ends, heard)
+            begins, ends, alone = begins + tuned, ends + found, alone + [False] * len(found)
+            evaluations += max((end.evaluations for end in found), default=0)
+            idle = 0 if min((end.cost for end in found), default=np.inf) < _IMPROVED * best else idle
+            best = min(end.cost for end in ends)
         if idle >= patience or not search.names:
             break
         leader = min(ends, key=lambda end: end.cost)
@@ -127,7 +133,7 @@ def first_field(
     rng: np.random.Generator,
 ) -> list[Array]:
     """Starts of the first field, each of shape (P,), SI: those given, the declared one, and the best candidates."""
-    return _field(problem, 1.0, search, settings, _first(search, given, starts), [], [], starts, rng).starts
+    return _field(problem, 1.0, search, settings, _first(search, given, starts), [], starts, rng).starts
 
 
 class _Field(NamedTuple):
@@ -144,11 +150,10 @@ def _field(
     settings: Settings,
     first: list[Array],
     ends: Sequence[End],
-    tuned: Sequence[Array],
     starts: int,
     rng: np.random.Generator,
 ) -> _Field:
-    """Starts of one field: the first ones, and of fresh ones and of those that owe to the best ends equally many.
+    """Starts of one field: the first ones, and of fresh ones and offspring of the best ends equally many.
 
     Candidates are judged by the share of the recordings that descents begin on.
     """
@@ -161,34 +166,47 @@ def _field(
     young = offspring(search, _best(ends, _PARENTS), candidates, rng)
     half = missing // 2
     fresh = best_of(part, search, settings, candidates, missing - half)
-    tuned = tuned[:half]
-    chosen = [*first, *fresh, *tuned, *best_of(part, search, settings, young, half - len(tuned))]
+    leader = min(ends, key=lambda end: end.cost)
+    rings = share == 1.0 and not _explained(problem, search, settings, leader)
+    tuned = _tuned(problem, search, settings, leader.values, half // 2, rng) if rings else []
+    chosen = first + fresh + tuned + best_of(part, search, settings, young, half - len(tuned))
     return _Field(chosen, [False] * len(first) + [True] * len(fresh) + [False] * half)
 
 
 def _tuned(
-    problem: Problem, search: Search, settings: Settings, ends: Sequence[End], rung: list[float], count: int
+    problem: Problem, search: Search, settings: Settings, parent: Array, count: int, rng: np.random.Generator
 ) -> list[Array]:
-    """Best `count` of the starts that ring where the residual of an end does, after a few rounds of descent.
+    """Best `count` of the starts that ring where the residual of `parent` does, after a few rounds of descent.
 
-    Of the ends it is the best one that does not explain everything and is not among those whose costs are in `rung`,
-    where it is added: one that is not the best may lie nearer to the optimum in all but the resonance. At first
-    resonances are off in phase and size, and most starts like the parent fit better.
+    At first their resonances are off in phase and size, and most starts like the parent fit better.
     """
-    leader = min(ends, key=lambda end: end.cost, default=None)
-    if leader is None or not count or _explained(problem, search, settings, leader):
+    begins = retuned(problem, search, settings, parent, _RETUNED, rng)
+    if not (begins.size and count):
         return []
-    fresh = [end for end in ends if (end.converged or end is leader) and not _known(end, rung)]
-    if not fresh:
-        return []
+    ends = descend_many(problem, search, settings, begins, limit=_TUNING)
+    return _best(ends, count)
+
+
+def _heard(
+    problem: Problem, search: Search, settings: Settings, ends: Sequence[End], heard: list[float]
+) -> tuple[list[Array], list[End]]:
+    """Starts that ring where they explain most, about an end, and their ends.
+
+    Of the ends it is the best one that has converged and is not among those whose costs are in `heard`, where it is
+    added: one that is not the leader may lie nearer to the optimum in all but the resonance. Starts are chosen after
+    a few rounds of descent, since a resonance that is off in size looks worse than it is.
+    """
+    fresh = [end for end in ends if end.converged and all(abs(end.cost - cost) > SAME * cost for cost in heard)]
+    leader = min(ends, key=lambda end: end.cost)
+    if not fresh or _explained(problem, search, settings, leader):
+        return [], []
     parent = min(fresh, key=lambda end: end.cost)
-    rung.append(parent.cost)
-    begins = ringing(problem, search, settings, parent.values, _RINGING)
-    return _best(descend_many(problem, search, settings, begins, limit=_TUNING), count) if begins.size else []
-
-
-def _known(end: End, costs: Sequence[float]) -> bool:
-    return any(abs(end.cost - cost) <= SAME * cost for cost in costs)
+    heard.append(parent.cost)
+    begins = ringing(problem, search, settings, parent.values, _HEARD)
+    if not begins.size:
+        return [], []
+    tuned = _best(descend_many(problem, search, settings, begins, limit=_TUNING), _HEARD_BEST)
+    return tuned, descend_many(problem, search, settings, np.stack(tuned, axis=1), limit=_ROUNDS, rival=leader.cost)
 
 
 def _learned(

@@ -12,7 +12,7 @@ from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.problem import Problem
 from brightgrey.simulation import Settings
 
-__all__ = ["best_of", "given_starts", "offspring", "ringing"]
+__all__ = ["best_of", "given_starts", "offspring", "retuned", "ringing"]
 
 Array = NDArray[np.float64]
 _APART = 0.5  # of the median distance between candidates: starts that are unlike each other
@@ -35,6 +35,36 @@ def best_of(problem: Problem, search: Search, settings: Settings, candidates: Ar
     return [candidates[:, i] for i in _diverse(search.inward(candidates), cost, count)]
 
 
+def retuned(
+    problem: Problem, search: Search, settings: Settings, parent: Array, count: int, rng: np.random.Generator
+) -> Array:
+    """Values `parent`, shape (P,), with parts in other roles, so that they ring where the residual does.
+
+    Frequencies are drawn as the residual's power is distributed: a resonance that is missing leaves its own.
+
+    Returns
+    -------
+    ndarray, shape (P, count)
+        SI; no columns if no effect has parts that can change roles, or nothing is left of the residual.
+    """
+    residual = problem.residuals(search.named(parent[:, None]), settings)[:, 0]
+    power, turning, begin = [], [], 0
+    for r in problem.recordings:
+        for piece in residual[begin : begin + r.y.size].reshape(r.y.shape):
+            power.append(np.square(np.abs(rfft((piece - piece.mean()) * np.hanning(len(piece)))))[1:])
+            turning.append(2.0 * np.pi * rfftfreq(len(piece), r.dt)[1:])
+        begin += r.y.size
+    weight = np.concatenate(power)
+    blocks = [(list(block.rows), block.regroup) for block in search.blocks if block.regroup is not None]
+    if not blocks or not weight.sum() > 0.0:
+        return np.zeros((len(parent), 0))
+    wanted = rng.choice(np.concatenate(turning), count, p=weight / weight.sum())
+    values = np.repeat(parent[:, None], count, axis=1)
+    for rows, regroup in blocks:
+        values[rows] = regroup(values[rows], rng.random((len(rows), count)), wanted)
+    return np.clip(values, search.low[:, None], search.high[:, None])
+
+
 def ringing(problem: Problem, search: Search, settings: Settings, parent: Array, count: int) -> Array:
     """Values `parent`, shape (P,), with parts in other roles, so that they ring where they explain most.
 
@@ -50,18 +80,17 @@ def ringing(problem: Problem, search: Search, settings: Settings, parent: Array,
         of the residual.
     """
     turning, power = _spectrum(problem, problem.residuals(search.named(parent[:, None]), settings)[:, 0])
+    if not power.any():
+        return np.zeros((len(parent), 0))
     found, costs = [np.zeros((len(parent), 0))], [np.zeros(0)]
-    for block in search.blocks:
-        if block.regroup is None or not power.any():
-            continue
-        lines = np.sort(np.argsort(-power, kind="stable")[: max(_LANES // len(block.ways), 1)])
-        share = np.tile(np.array(block.ways).T, len(lines))
-        values = np.repeat(parent[:, None], share.shape[1], axis=1)
-        rows = list(block.rows)
-        values[rows] = block.regroup(values[rows], share, np.repeat(turning[lines], len(block.ways)))
+    for rows, ways in ((list(block.rows), block.ways) for block in search.blocks if block.ways is not None):
+        each = ways(parent[rows], turning[:1]).shape[2]
+        lines = np.sort(np.argsort(-power, kind="stable")[: max(_LANES // each, 1)])
+        values = np.repeat(parent[:, None], len(lines) * each, axis=1)
+        values[rows] = ways(parent[rows], turning[lines]).reshape(len(rows), -1)
         values = np.clip(values, search.low[:, None], search.high[:, None])
         cost = problem.costs(search.named(values), settings)
-        valley = _valleys(lines, cost.reshape(len(lines), -1)).ravel()
+        valley = _valleys(lines, cost.reshape(len(lines), each)).ravel()
         found.append(values[:, valley])
         costs.append(cost[valley])
     order = np.argsort(np.concatenate(costs), kind="stable")[:count]
