@@ -1,11 +1,12 @@
 """Search for the global optimum: fields of starts, until the residual is explained or nothing improves.
 
-The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Five
+The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Six
 things help against them. Descents begin on the beginning of the recording, where few periods have passed and
 the valleys are wide; where limits make the cost rugged, the beginning grows step by step. Later fields hold offspring
 of the best ends so far, with some parameters drawn anew (iterated local search), and some that ring where the residual
-of the best end does. Every field holds fresh starts, so that no optimum is final. And where there are limits, every
-second field comes from a filter that keeps the model on the measured motion while it learns.
+of the best end does. Where fields bring nothing new, resonances are looked for line by line. Every field holds fresh
+starts, so that no optimum is final. And where there are limits, every second field comes from a filter that keeps the
+model on the measured motion while it learns.
 
 A white residual alone proves little: 1800 samples may be white to any test, with 3 % more power than the noise
 has. So the search ends early only if independent starts agree, too, and no parameter has run to a bound (but with a
