@@ -11,8 +11,9 @@ from brightgrey.effects import Scales, registry
 from brightgrey.estimation import scales
 from brightgrey.estimation.bounds import search_space
 from brightgrey.estimation.explore import explore, is_white
+from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.starts import best_of, offspring, retuned
+from brightgrey.estimation.starts import best_of, offspring, retuned, ringing
 from brightgrey.kit import PAPER, assemble
 from brightgrey.recordings import read_recording
 from brightgrey.simulation import Settings
@@ -61,6 +62,19 @@ def test_offspring_stay_within_bounds_and_near_their_parents(demo):
     assert np.median(kept.mean(axis=0)) >= 0.5
 
 
+@pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.ways])
+def test_ways_keep_the_total_inertia_and_are_all_unlike(name):
+    effect = registry()[name]
+    values = effect.spread(SCALES, np.linspace(0.3, 0.7, len(effect.parameters))[:, None])[:, 0]
+    other = effect.ways(values, np.array([30.0, 60.0]))
+    inertias = [k for k, p in enumerate(effect.parameters) if p.symbol.startswith("J")]
+    assert other.shape[:2] == (len(effect.parameters), 2)
+    np.testing.assert_allclose(other[inertias].sum(axis=0), values[inertias].sum(), rtol=1e-9)
+    assert np.all(other > 0.0)
+    flat = other.reshape(len(values), -1)
+    assert len(np.unique(flat.round(12), axis=1).T) == flat.shape[1]
+
+
 def test_retuned_starts_ring_where_the_residual_does(demo):
     structure = PAPER.parse("two_mass")
     search, turning = search_space(structure, scales(demo), {}, {}), 2 * np.pi * 20.0
@@ -81,11 +95,37 @@ def test_retuned_starts_ring_where_the_residual_does(demo):
     assert len(np.unique(found[0])) == 200
 
 
-def test_nothing_is_retuned_where_nothing_can_change_roles(demo):
+def test_a_resonance_without_damping_is_met_from_a_model_that_has_none(demo):
+    structure = PAPER.parse("two_mass+viscous")
+    search, settings = (
+        search_space(structure, scales(demo), {}, {}),
+        Settings(f_tanh=2.5, speed_scale=40.0, level="fast"),
+    )
+    problem = Problem.of(structure, [demo])
+    true, stiff = np.array([0.019, 0.0009, 25.0, 1e-5, 0.01]), np.array([0.01, 0.0099, 2e5, 5.0, 0.01])
+    made = problem.residuals(search.named(true[:, None]), settings)[:, 0] / problem.weights[0] + demo.y[0]
+    heard = replace(demo, y=(made + 0.05 * np.random.default_rng(4).standard_normal(demo.samples))[None])
+    problem = Problem.of(structure, [heard])
+    found, _ = ringing(problem, search, settings, stiff, 24)
+    assert found.shape[0] == 5
+    assert 0 < found.shape[1] <= 24
+    assert np.all((found >= search.low[:, None]) & (found <= search.high[:, None]))
+    np.testing.assert_allclose(found[:2].sum(axis=0), stiff[:2].sum(), rtol=1e-9)
+    wanted = np.sqrt(true[2] * (1 / true[0] + 1 / true[1]))
+    rings = np.sqrt(found[2, 0] * (1 / found[0, 0] + 1 / found[1, 0]))
+    assert abs(rings - wanted) < np.pi / (demo.samples * demo.dt)  # half a line
+    end = descend_many(problem, search, settings, found[:, :1], limit=40)[0]
+    assert end.cost <= 1.001 * problem.costs(search.named(true[:, None]), settings)[0]
+    lone = descend_many(problem, search, settings, stiff[:, None], limit=40)[0]
+    assert lone.cost > 1.5 * end.cost
+
+
+def test_nothing_rings_where_nothing_can_change_roles(demo):
     structure = PAPER.parse("one_mass+viscous")
     search = search_space(structure, scales(demo), {}, {})
     problem, settings = Problem.of(structure, [demo]), Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
     assert retuned(problem, search, settings, search.start, 10, np.random.default_rng(0)).shape == (2, 0)
+    assert ringing(problem, search, settings, search.start, 10)[0].shape == (2, 0)
 
 
 def test_best_of_are_good_and_apart(demo):

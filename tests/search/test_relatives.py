@@ -168,6 +168,14 @@ def test_so_they_are_where_an_ensemble_learns(given):
     assert found.spent.samples == sum(samples for _, samples in given)
 
 
+def test_so_they_are_where_a_resonance_is_looked_for(task, given):
+    simple = PAPER.parse("two_mass+coulomb")  # leaves a coloured residual
+    problem, space = task.problem(simple), replace(task, bounds={}).space(simple, initial=True)
+    found = explore(problem, space, task.settings, [], starts=3, patience=2, seed=0)
+    assert max(sets for sets, _ in given) > 500
+    assert found.spent == Spent(*(sum(column) for column in zip(*given, strict=True)))
+
+
 def test_a_structure_with_a_mass_more_hands_down_its_masses_joined(task, true_values):
     """Behind a stiff shaft: without its last mass alone, half of the load would be missing."""
     truth, larger = PAPER.parse("two_mass+coulomb"), PAPER.parse("three_mass+coulomb")

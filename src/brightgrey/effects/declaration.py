@@ -342,6 +342,9 @@ class Effect:
     fewer : callable or None
         ``fewer(values, masses) -> {symbol: value}``, SI: what shows much the same with so many masses, for an effect
         with more of them; `values` by symbol.
+    ways : callable or None
+        ``ways(values, turning) -> values``: what `regroup` can do, gone through without chance, from values of shape
+        (parameters,); for each of the frequencies, shape (K,), equally many ways, shape (parameters, K, ways).
     noticeable : callable or None
         ``noticeable(scales, values) -> {symbol: value}``, SI: the effect at the least size that matters for control,
         with `values` of the model without it by name. It may change values that are there (an inertia that is split).
@@ -370,5 +373,6 @@ class Effect:
     cautions: tuple[Caution, ...] = ()
     regroup: Callable[[Array, Array, Array], Array] | None = None
     fewer: Callable[[Mapping[str, float], int], Mapping[str, float]] | None = None
+    ways: Callable[[Array, Array], Array] | None = None
     modelica: Modelica | None = None
     follows: str = ""

@@ -6,6 +6,7 @@ Paper section 2.1 and eq. (1), (7), (8). The motor's torque and the sensor are a
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ _DIVISION = 30.0  # either way: a mass against all behind it
 _LOOSE = 0.3  # of Nyquist's frequency
 _LEAST_DAMPED = 5e-3  # damping ratio; up to 1
 _STIFFER = 10.0  # range of a new shaft's frequency
+_PARTS, _RATIOS = (0.05, 0.2, 0.5, 0.8, 0.95), (1e-3, 3e-2)  # of a new shaft: inertia before it, damping ratios
 
 
 def slowest(scales: Scales) -> float:
@@ -141,14 +143,7 @@ def _regroup(values: Array, share: Array, turning: Array, masses: int) -> Array:
         stiff = _STIFFER ** (draw[-1] - 0.3) * np.sqrt(max(c) / min(J))
         ringing = turning[k] if np.isfinite(turning[k]) else stiff
         merged, split = (min(int(part * (masses - 1)), masses - 2) for part in draw[:2])
-        J[merged : merged + 2] = [J[merged] + J[merged + 1]]
-        del c[merged], d[merged]
-        part = 0.05 + 0.9 * draw[2]
-        reduced = J[split] * part * (1.0 - part)
-        J[split : split + 1] = [J[split] * part, J[split] * (1.0 - part)]
-        c.insert(split, reduced * ringing**2)
-        d.insert(split, 2.0 * _LEAST_DAMPED ** draw[3] * reduced * ringing)
-        out[:, k] = [*J, *c, *d]
+        out[:, k] = _moved(J, c, d, merged, split, 0.05 + 0.9 * draw[2], _LEAST_DAMPED ** draw[3], ringing)
     return out
 
 
@@ -166,6 +161,28 @@ def _fewer(values: Mapping[str, float], masses: int) -> Mapping[str, float]:
         del c[k], d[k]
     named = (("J", J), ("c", c), ("d", d))
     return {f"{symbol}{i}": value for symbol, row in named for i, value in enumerate(row, 1)}
+
+
+def _ways(values: Array, turning: Array, masses: int) -> Array:
+    """Each pair of neighbours merged and each mass split, with inertia and damping on a grid."""
+    J, c, d = (values[part].tolist() for part in _parts(masses))
+    pairs = range(masses - 1)
+    ways = list(product(pairs, pairs, _PARTS, _RATIOS))
+    table = [[_moved([*J], [*c], [*d], *way, ringing) for way in ways] for ringing in turning.tolist()]
+    return np.moveaxis(np.array(table), 2, 0)
+
+
+def _moved(
+    J: list[float], c: list[float], d: list[float], merged: int, split: int, part: float, ratio: float, ringing: float
+) -> list[float]:
+    """Values with a shaft less behind one mass and a new one in another, which has `part` of its inertia before it."""
+    J[merged : merged + 2] = [J[merged] + J[merged + 1]]
+    del c[merged], d[merged]
+    reduced = J[split] * part * (1.0 - part)
+    J[split : split + 1] = [J[split] * part, J[split] * (1.0 - part)]
+    c.insert(split, reduced * ringing**2)
+    d.insert(split, 2.0 * ratio * reduced * ringing)
+    return [*J, *c, *d]
 
 
 def _parts(masses: int) -> tuple[slice, slice, slice]:
@@ -218,5 +235,6 @@ def ladder(name: str, masses: int) -> Effect:
         noticeable=(lambda scales, values: _noticeable(scales, values, masses)) if masses > 1 else None,
         regroup=(lambda values, share, turning: _regroup(values, share, turning, masses)) if masses > 1 else None,
         fewer=_fewer if masses > 1 else None,
+        ways=(lambda values, turning: _ways(values, turning, masses)) if masses > 1 else None,
         modelica=_drawing(masses),
     )

@@ -29,6 +29,7 @@ class Block(NamedTuple):
     rows: tuple[int, ...]
     spread: Callable[[Scales, Array], Array]
     regroup: Callable[[Array, Array, Array], Array] | None
+    ways: Callable[[Array, Array], Array] | None
 
 
 @dataclass(frozen=True)
@@ -175,4 +176,4 @@ def _together(
         own = [placed.parameter(q.symbol) for q in placed.effect.parameters]
         effect = placed.effect
         if effect.spread is not None and all(name in names and name not in bounds for name in own):
-            yield Block(tuple(names.index(name) for name in own), effect.spread, effect.regroup)
+            yield Block(tuple(names.index(name) for name in own), effect.spread, effect.regroup, effect.ways)

@@ -1,11 +1,12 @@
 """Search for the global optimum: fields of starts, until the residual is explained or nothing improves.
 
-The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Five
+The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Six
 things help against them. Descents begin on the beginning of the recording, where few periods have passed and
 the valleys are wide; where limits make the cost rugged, the beginning grows step by step. Later fields hold offspring
 of the best ends so far, with some parameters drawn anew (iterated local search), and some that ring where the residual
-of the best end does. Every field holds fresh starts, so that no optimum is final. And where there are limits, every
-second field comes from a filter that keeps the model on the measured motion while it learns.
+of the best end does. Where fields bring nothing new, resonances are looked for line by line. Every field holds fresh
+starts, so that no optimum is final. And where there are limits, every second field comes from a filter that keeps the
+model on the measured motion while it learns.
 
 A white residual alone proves little: 1800 samples may be white to any test, with 3 % more power than the noise
 has. So the search ends early only if independent starts agree, too, and no parameter has run to a bound (but with a
@@ -26,7 +27,7 @@ from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.leastsquares import SAME, End, descend_many
 from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.spent import Spent
-from brightgrey.estimation.starts import best_of, given_starts, offspring, retuned
+from brightgrey.estimation.starts import best_of, given_starts, offspring, retuned, ringing
 from brightgrey.simulation import Settings
 
 __all__ = ["Found", "explore", "first_field", "is_white"]
@@ -39,6 +40,8 @@ _GROWTH, _FURTHER_ROUNDS = 1.2, 6  # with limits: of the beginning, and on each 
 _ROUGH = 1e-3  # tolerance on a beginning
 _PARENTS, _TEACHERS = 4, 8  # best ends: of offspring, of ensembles
 _RETUNED, _TUNING = 48, 3  # starts that ring where the residual does, and rounds after which the best are chosen
+_HEARD, _HEARD_BEST = 16, 2  # valleys among lines, and those that are descended from
+_LISTEN = 4  # fields without improvement from one look for a resonance to the next; the first after one
 _AGREE = 2  # independent starts that make an optimum trustworthy
 _DOUBT = 0.25  # of the patience, if the residual is white and starts do not agree or one is at a bound
 _MOST = 4  # fields per unit of patience
@@ -83,38 +86,57 @@ def explore(
         first field alone. So many fields at most come from an ensemble that learns, which takes longest.
     seed : int
     """
-    begins: list[Array] = []
+    parts: list[_Part] = []
     ends: list[End] = []
-    alone: list[bool] = []
-    best, idle, evaluations, spent = np.inf, 0, 0, Spent()
-    needed = min(_AGREE, starts)
+    heard: list[float] = []
+    best, idle, needed = np.inf, 0, min(_AGREE, starts)
     first = _first(search, given, starts)
     for number in range(1 + _MOST * patience):
         rng = np.random.default_rng([seed, number])
-        missing = needed - _agreeing(ends, alone)
+        missing = needed - _agreeing(parts)
         if problem.limited and number % 2 == 0 and 0 < number <= 2 * patience:
             field = _learned(problem, search, settings, ends, starts, rng)
-            found, batches, sets = _descended(problem, _BEGINNINGS[0], search, settings, field.starts, np.inf, missing)
+            part = _descended(problem, _BEGINNINGS[0], search, settings, field, np.inf, missing)
         else:
             share = _BEGINNINGS[number % len(_BEGINNINGS)]
             field = _field(problem, share, search, settings, first, ends, starts, rng)
-            found, batches, sets = _descended(problem, share, search, settings, field.starts, best, missing)
-        begins, ends, alone = begins + field.starts, ends + found, alone + field.alone
-        evaluations, spent = evaluations + batches, spent + field.spent + sets
-        least = min(end.cost for end in found)
-        idle = 0 if least < _IMPROVED * best else idle + 1
-        best = min(best, least)
+            part = _descended(problem, share, search, settings, field, best, missing)
+        parts, ends = [*parts, part], ends + part.ends
+        idle = 0 if part.least < _IMPROVED * best else idle + 1
+        best = min(best, part.least)
+        if patience > 1 and idle % _LISTEN == 1:
+            part = _heard(problem, search, settings, ends, heard)
+            parts, ends = [*parts, part], ends + part.ends
+            idle = 0 if part.least < _IMPROVED * best else idle
+            best = min(best, part.least)
         if idle >= patience or not search.names:
             break
         leader = min(ends, key=lambda end: end.cost)
         bound = np.any(search.side(leader.values)[search.high > search.low])
-        agreed = not (bound and patience > 1) and _agreeing(ends, alone) >= needed
+        agreed = not (bound and patience > 1) and _agreeing(parts) >= needed
         if agreed or idle >= _DOUBT * patience:
-            spent += problem.spent(1)
+            parts.append(_Part([], [], [], 0, problem.spent(1)))
             if _explained(problem, search, settings, leader):
                 break
         first = [] if leader.converged else [leader.values]
-    return Found(np.stack(begins, axis=1), tuple(ends), evaluations, spent)
+    begins = np.stack([begin for part in parts for begin in part.starts], axis=1)
+    spent = sum((part.spent for part in parts), Spent())
+    return Found(begins, tuple(ends), sum(part.batches for part in parts), spent)
+
+
+class _Part(NamedTuple):
+    """Starts in SI, each of shape (P,), their ends, which of them owe nothing to ends before; and what it took."""
+
+    starts: list[Array]
+    ends: list[End]
+    alone: list[bool]
+    batches: int
+    spent: Spent
+
+    @property
+    def least(self) -> float:
+        """Least cost of its ends."""
+        return min((end.cost for end in self.ends), default=np.inf)
 
 
 def _first(search: Search, given: Sequence[Mapping[str, float]], starts: int) -> list[Array]:
@@ -188,6 +210,30 @@ def _tuned(
     return _best(ends, count), looked + problem.spent(_sets(ends))
 
 
+def _heard(problem: Problem, search: Search, settings: Settings, ends: Sequence[End], heard: list[float]) -> _Part:
+    """Starts that ring where they explain most, about an end, and their ends.
+
+    Of the ends it is the best one that has converged and is not among those whose costs are in `heard`, where it is
+    added: one that is not the leader may lie nearer to the optimum in all but the resonance. Starts are chosen after
+    a few rounds of descent, since a resonance that is off in size looks worse than it is.
+    """
+    fresh = [end for end in ends if end.converged and all(abs(end.cost - cost) > SAME * cost for cost in heard)]
+    leader = min(ends, key=lambda end: end.cost)
+    if not fresh or _explained(problem, search, settings, leader):
+        return _Part([], [], [], 0, problem.spent(min(len(fresh), 1)))
+    parent = min(fresh, key=lambda end: end.cost)
+    heard.append(parent.cost)
+    begins, sets = ringing(problem, search, settings, parent.values, _HEARD)
+    spent = problem.spent(1 + sets)
+    if not begins.size:
+        return _Part([], [], [], 0, spent)
+    rough = descend_many(problem, search, settings, begins, limit=_TUNING)
+    tuned = _best(rough, _HEARD_BEST)
+    found = descend_many(problem, search, settings, np.stack(tuned, axis=1), limit=_ROUNDS, rival=leader.cost)
+    batches = sum(max(end.evaluations for end in some) for some in (rough, found))
+    return _Part(tuned, found, [False] * len(found), batches, spent + problem.spent(_sets(rough) + _sets(found)))
+
+
 def _learned(
     problem: Problem,
     search: Search,
@@ -211,11 +257,11 @@ def _sets(ends: Sequence[End]) -> int:
 
 
 def _descended(
-    whole: Problem, share: float, search: Search, settings: Settings, field: list[Array], best: float, needed: int
-) -> tuple[list[End], int, Spent]:
-    """Ends of a field, on the beginning of the recording first, the batches and all that it took."""
-    begins = np.stack(field, axis=1)
-    batches, spent = 0, Spent()
+    whole: Problem, share: float, search: Search, settings: Settings, field: _Field, best: float, needed: int
+) -> _Part:
+    """Ends of a field, on the beginning of the recording first."""
+    begins = np.stack(field.starts, axis=1)
+    batches, spent = 0, field.spent
     rounds = _FIRST_ROUNDS
     for beginning in _growing(whole, share):
         rough = descend_many(beginning, search, settings, begins, limit=rounds, tolerance=_ROUGH, rival=np.inf)
@@ -232,7 +278,8 @@ def _descended(
         content=lambda r: is_white(whole, r),
         needed=needed,
     )
-    return ends, batches + max(end.evaluations for end in ends), spent + whole.spent(_sets(ends))
+    batches += max(end.evaluations for end in ends)
+    return _Part(field.starts, ends, field.alone, batches, spent + whole.spent(_sets(ends)))
 
 
 def _growing(problem: Problem, share: float) -> Iterator[Problem]:
@@ -246,10 +293,11 @@ def _growing(problem: Problem, share: float) -> Iterator[Problem]:
         share = _GROWTH * share if problem.limited else 1.0
 
 
-def _agreeing(ends: Sequence[End], alone: Sequence[bool]) -> int:
+def _agreeing(parts: Sequence[_Part]) -> int:
     """How many independent starts have ended at the best optimum."""
-    least = min((end.cost for end in ends), default=0.0)
-    return sum(own and end.cost <= (1.0 + SAME) * least for end, own in zip(ends, alone, strict=True))
+    least = min((part.least for part in parts), default=0.0)
+    ended = (pair for part in parts for pair in zip(part.ends, part.alone, strict=True))
+    return sum(own and end.cost <= (1.0 + SAME) * least for end, own in ended)
 
 
 def _explained(problem: Problem, search: Search, settings: Settings, end: End) -> bool:

@@ -12,13 +12,15 @@ from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.problem import Problem
 from brightgrey.simulation import Settings
 
-__all__ = ["best_of", "given_starts", "offspring", "retuned"]
+__all__ = ["best_of", "given_starts", "offspring", "retuned", "ringing"]
 
 Array = NDArray[np.float64]
 _APART = 0.5  # of the median distance between candidates: starts that are unlike each other
 _SHIFTS = (0.0, 0.05, 0.3)  # standard deviations by which offspring differ from their parent
 _REDRAWN = (1, 2, 3)  # numbers of parameters that offspring have drawn anew, beside half of them
 _REGROUPED = 0.3  # of the offspring: parts have changed roles
+_LANES = 1024  # simulations that look for a resonance
+_VALLEY = 2  # lines either way, among which a resonance has to be the best one
 
 
 def given_starts(search: Search, given: Sequence[Mapping[str, float]]) -> list[Array]:
@@ -61,6 +63,60 @@ def retuned(
     for rows, regroup in blocks:
         values[rows] = regroup(values[rows], rng.random((len(rows), count)), wanted)
     return np.clip(values, search.low[:, None], search.high[:, None])
+
+
+def ringing(problem: Problem, search: Search, settings: Settings, parent: Array, count: int) -> tuple[Array, int]:
+    """Values `parent`, shape (P,), with parts in other roles, so that they ring where they explain most.
+
+    A resonance that is missing leaves its power in the residual, but one without damping has to be met to within a
+    fraction of a period in the whole recording. So all lines that the recording resolves are gone through where
+    the residual has most power, with all ways that parts can change roles; a valley is where a line is better than
+    those beside it.
+
+    Returns
+    -------
+    ndarray, shape (P, K)
+        SI, best first, at most `count`; no columns if no effect has parts that can change roles, or nothing is left
+        of the residual.
+    int
+        Parameter sets that were simulated.
+    """
+    turning, power = _spectrum(problem, problem.residuals(search.named(parent[:, None]), settings)[:, 0])
+    found, costs, sets = [np.zeros((len(parent), 0))], [np.zeros(0)], 1
+    if not power.any():
+        return found[0], sets
+    for rows, ways in ((list(block.rows), block.ways) for block in search.blocks if block.ways is not None):
+        each = ways(parent[rows], turning[:1]).shape[2]
+        lines = np.sort(np.argsort(-power, kind="stable")[: max(_LANES // each, 1)])
+        values = np.repeat(parent[:, None], len(lines) * each, axis=1)
+        values[rows] = ways(parent[rows], turning[lines]).reshape(len(rows), -1)
+        values = np.clip(values, search.low[:, None], search.high[:, None])
+        cost = problem.costs(search.named(values), settings)
+        valley = _valleys(lines, cost.reshape(len(lines), each)).ravel()
+        found.append(values[:, valley])
+        costs.append(cost[valley])
+        sets += cost.size
+    order = np.argsort(np.concatenate(costs), kind="stable")[:count]
+    return np.hstack(found)[:, order], sets
+
+
+def _spectrum(problem: Problem, residual: Array) -> tuple[Array, Array]:
+    """Angular frequencies half a line apart, from one line of the longest recording on, and power of a residual."""
+    longest = max(problem.recordings, key=lambda r: r.samples * r.dt)
+    turning = 2.0 * np.pi * rfftfreq(2 * longest.samples, longest.dt)[2:]
+    power, begin = np.zeros(len(turning)), 0
+    for r in problem.recordings:
+        for piece in residual[begin : begin + r.y.size].reshape(r.y.shape):
+            size = np.square(np.abs(rfft((piece - piece.mean()) * np.hanning(len(piece)), 2 * len(piece))))
+            power += np.interp(turning, 2.0 * np.pi * rfftfreq(2 * len(piece), r.dt), size, right=0.0)
+        begin += r.y.size
+    return turning, power
+
+
+def _valleys(lines: NDArray[np.int64], cost: Array) -> NDArray[np.bool_]:
+    """Where `cost`, shape (lines, ways), is the least of its way among the lines beside it."""
+    near = np.abs(lines[:, None] - lines) <= _VALLEY
+    return np.stack([way <= np.where(near, way, np.inf).min(axis=1) for way in cost.T], axis=1)
 
 
 def offspring(search: Search, parents: Sequence[Array], fresh: Array, rng: np.random.Generator) -> Array:
