@@ -169,8 +169,8 @@ def test_so_they_are_where_an_ensemble_learns(given):
 
 
 def test_so_they_are_where_a_resonance_is_looked_for(task, given):
-    simple = PAPER.parse("two_mass+coulomb")  # leaves a coloured residual
-    problem, space = task.problem(simple), replace(task, bounds={}).space(simple, initial=True)
+    simple = PAPER.parse("two_mass+viscous")  # leaves a coloured residual
+    problem, space = task.problem(simple), task.space(simple, initial=True)
     found = explore(problem, space, task.settings, [], starts=3, patience=2, seed=0)
     assert max(sets for sets, _ in given) > 500
     assert found.spent == Spent(*(sum(column) for column in zip(*given, strict=True)))
