@@ -103,3 +103,16 @@ def test_prediction_starts_from_the_first_samples(speed):
     y = predict(STRUCTURE, VALUES, r, SETTINGS, initial={"q1": 0, "q2": 0, "v1": speed, "v2": speed})
     again = predict(STRUCTURE, VALUES, recording("velocity", y=y), SETTINGS)
     assert again[0, 0] == pytest.approx(speed, rel=0.1)
+
+
+@pytest.mark.parametrize("kinds", [("velocity",), ("velocity-differenced",), ("position", "acceleration")])
+def test_costs_are_given_up_where_they_reach_their_limit(kinds):
+    """Two recordings: a sum may reach its limit in the second one."""
+    measured = np.random.default_rng(1).standard_normal((2, len(kinds), SAMPLES))
+    problem = Problem.of(STRUCTURE, [recording(*kinds, y=y) for y in measured])
+    sets = {name: value * np.array([1.0, 1.1, 0.5, 2.0]) for name, value in VALUES.items()}
+    whole = problem.costs(sets, SETTINGS)
+    most = whole * np.array([1.001, 0.999, np.inf, 0.1])
+    found = problem.costs(sets, SETTINGS, most)
+    np.testing.assert_allclose(found[[0, 2]], whole[[0, 2]], rtol=1e-12)
+    assert np.all(np.isinf(found[[1, 3]]))

@@ -7,6 +7,7 @@ import pytest
 
 from brightgrey.kit import PAPER
 from brightgrey.search.exhaustive import fit_all
+from brightgrey.search.fitting import best_begins
 from brightgrey.search.lattice import contains
 
 NAMES = (
@@ -74,3 +75,16 @@ def test_gaps_in_the_set_do_not_break_the_guarantee(task):
     done = fit_all(task, some)
     costs = [done[s].cost for s in some]
     assert costs == sorted(costs, reverse=True)
+
+
+def test_giving_up_early_changes_no_choice(task, rng):
+    """The best start at each of some optima, of as many optima as asked for, as if all had been simulated through."""
+    structure = PAPER.parse("two_mass+coulomb+viscous")
+    problem, space = task.problem(structure), task.space(structure, initial=True)
+    tried = [space.candidates(count, rng) for count in (8, 1, 16)]
+    costs = [problem.costs(space.named(begins), task.settings) for begins in tried]
+    order = np.argsort([cost.min() for cost in costs])
+    wanted = np.stack([tried[k][:, np.argmin(costs[k])] for k in order[:2]], axis=1)
+    chosen, count = best_begins(task, problem, space, tried, 2)
+    np.testing.assert_array_equal(chosen, wanted)
+    assert count == 25

@@ -22,6 +22,7 @@ __all__ = [
     "Fitted",
     "Options",
     "at_least_as_good",
+    "best_begins",
     "best_of",
     "fit_one",
     "from_above",
@@ -175,7 +176,7 @@ def fit_one(
     origins = best if best and _two_ports(structure) else [*best, *others]
     drawn = np.array_split(space.candidates(options.drawn * len(origins), rng), len(origins), axis=1)
     tried = [_extended(space, f, part) for f, part in zip(origins, drawn, strict=True)]
-    chosen, count = _best_begins(task, problem, space, tried, options.starts)
+    chosen, count = best_begins(task, problem, space, tried, options.starts)
     ends = descend_many(
         problem,
         space,
@@ -218,7 +219,7 @@ def _extended(space: Search, parent: Fitted, drawn: Array) -> Array:
     return np.asarray(np.clip(np.concatenate(tried, axis=1), space.low[:, None], space.high[:, None]))
 
 
-def _best_begins(
+def best_begins(
     task: Identification, problem: Problem, space: Search, tried: Sequence[Array], count: int
 ) -> tuple[Array, int]:
     """Best of the starts at each optimum, of `count` optima, shape (P, count), best first; and how many were tried.
