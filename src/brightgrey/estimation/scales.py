@@ -32,6 +32,7 @@ NOISY = 0.03  # of the speed: what smoothing may still change
 TURNED = 0.02  # of the largest speed: where the sign of speed has turned
 ROWS = 4000  # rows of the regression that are enough
 REWEIGHTINGS = 4
+ALIKE = 1.5  # times the least uncertainty: what is hardly worse
 SMALLEST, LARGEST = 1e-4, 1e4  # relative to what torque, speed and acceleration make plausible
 ORDER = {"position": 0, "velocity": 1, "velocity-differenced": 1, "acceleration": 2}
 
@@ -178,10 +179,10 @@ def _largest_acceleration(recording: Recording) -> float:
 
 
 def _regression(recordings: tuple[Recording, ...], speed: float) -> Array:
-    """Return inertia, friction, viscous and offset, from the window that tells the inertia best.
+    """Return inertia, friction, viscous and offset, from the longest window that tells the inertia about best.
 
-    A short window leaves noise in the acceleration, which pulls the inertia to zero; a long one averages
-    the motion away. The relative standard error of the inertia, for as many rows as the window leaves
+    A short window leaves noise and swings of elastic drives in the acceleration, which pulls the inertia to zero; a
+    long one averages the motion away. The relative standard error of the inertia, for as many rows as the window leaves
     independent, is least in between.
     """
     fewest = min(r.samples for r in recordings)
@@ -194,7 +195,17 @@ def _regression(recordings: tuple[Recording, ...], speed: float) -> Array:
         terms = np.concatenate([b.terms for b in balances])
         values = _robust(torque, terms)
         found.append((_uncertainty(torque, terms, values, n * FILTERS * len(torque) / samples), values))
-    return min(found, key=lambda pair: pair[0])[1]
+    least = min(uncertainty for uncertainty, _ in found)
+    values = [values for uncertainty, values in found if uncertainty <= ALIKE * least][-1]
+    if not least < 1.0:  # nothing is told: rather what the change of momentum says
+        values[0] = max(values[0], *(_impulse(r) for r in recordings))
+    return values
+
+
+def _impulse(recording: Recording) -> float:
+    """Inertia of a rigid drive without friction: range of the input's integral over that of the speed."""
+    speed = float(np.ptp(speed_of(recording)))
+    return float(np.ptp(_integral(recording.u, recording.dt))) / speed if speed > 0.0 else 0.0
 
 
 def _uncertainty(torque: Array, terms: Array, values: Array, memory: float) -> float:
