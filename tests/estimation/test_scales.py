@@ -127,7 +127,7 @@ SOFT = {
         "M_C": 0.087,
         "f_v": 0.028,
         "M_S": 1.62,
-    """The balance hardly tells an inertia that swings out of phase; ranges once left it out by factors of 3 to 500."""
+        """The balance hardly tells an inertia that swings out of phase; ranges once left it out by factors of 3 to 500."""
         "M_G": -0.25,
         "T_d": 0.0139,
     },
