@@ -127,7 +127,7 @@ SOFT = {
         "M_C": 0.087,
         "f_v": 0.028,
         "M_S": 1.62,
-        """The balance hardly tells an inertia that swings out of phase; ranges once left it out by factors of 3 to 500."""
+        "omega_S": 3.4,
         "M_G": -0.25,
         "T_d": 0.0139,
     },
@@ -151,7 +151,7 @@ SOFT = {
 
 @pytest.mark.parametrize("structure", SOFT)
 def test_a_load_behind_a_soft_shaft_is_within_its_range(structure):
-    """The balance hardly tells an inertia that swings out of phase; before, ranges left it out by factors of 3 to 500."""
+    """The balance hardly tells an inertia that swings out of phase; ranges once left it out by factors of 3 to 500."""
     e, rng = PAPER_EXPERIMENT, np.random.default_rng(3)
     u = np.round(e.torque(), 3)
     (v,) = reference(structure, SOFT[structure], u, e.dt, f_tanh=e.f_tanh)
