@@ -1,6 +1,6 @@
 """Measured recordings of real drives: the tables of docs/results.md and the README.
 
-    python bench/real_recordings.py [--starts N]
+    python bench/real_recordings.py [--starts N] [--only emps|mte360|seeds|left-out]
 
 Recordings are looked for in ../shared/data beside the repository, or in the folder named by BRIGHTGREY_DATA.
 """
@@ -234,7 +234,7 @@ def main() -> int:
     settle()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--starts", type=int, default=8, help="start points of each fit (default 8)")
-    parser.add_argument("--only", choices=("emps", "mte360", "seeds", "left-out"), help="one of the drives")
+    parser.add_argument("--only", choices=("emps", "mte360", "seeds", "left-out"), help="one of the tables")
     arguments = parser.parse_args()
     if not DATA.is_dir():
         print(

@@ -8,9 +8,10 @@ import pytest
 from brightgrey.estimation import descend_many, scales
 from brightgrey.estimation.assimilate import assimilated
 from brightgrey.estimation.bounds import search_space
-from brightgrey.estimation.explore import _agreeing
+from brightgrey.estimation.explore import _agreeing, _Part
 from brightgrey.estimation.leastsquares import End
 from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.spent import Spent
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
@@ -82,5 +83,8 @@ def test_every_kind_of_output_teaches(drive, kind):
 
 def test_only_independent_starts_bear_witness():
     ends = [End(np.zeros(1), cost, True, 1, 5) for cost in (100.0, 100.2, 100.3, 120.0)]
-    assert _agreeing(ends, [True, True, False, True]) == 2
-    assert _agreeing(ends, [False, False, False, True]) == 0
+    assert _agreeing([_Part([], ends, [True, True, False, True], 0, Spent())]) == 2
+    apart = [
+        _Part([], [end], [alone], 0, Spent()) for end, alone in zip(ends, (False, False, False, True), strict=True)
+    ]
+    assert _agreeing(apart) == 0

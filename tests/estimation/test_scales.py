@@ -112,55 +112,20 @@ def test_emps_regression_comes_close_to_the_published_one(measured):
     assert found.offset == pytest.approx(-3.165, rel=0.1)
 
 
-SOFT = {
-    "four_mass+coulomb+viscous+stribeck+gravity+delay": {
-        "J1": 9e-4,
-        "J2": 2.6e-3,
-        "J3": 3.8e-3,
-        "J4": 0.0142,
-        "c1": 0.99,
-        "c2": 28.0,
-        "c3": 280.0,
-        "d1": 6.4e-3,
-        "d2": 0.011,
-        "d3": 0.066,
-        "M_C": 0.087,
-        "f_v": 0.028,
-        "M_S": 1.62,
-        "omega_S": 3.4,
-        "M_G": -0.25,
-        "T_d": 0.0139,
-    },
-    "four_mass+viscous+gravity+delay": {
-        "J1": 1.8e-4,
-        "J2": 1.2e-3,
-        "J3": 0.0112,
-        "J4": 9.4e-3,
-        "c1": 0.35,
-        "c2": 34.0,
-        "c3": 5.8,
-        "d1": 6.5e-4,
-        "d2": 0.1,
-        "d3": 0.0225,
-        "f_v": 0.0245,
-        "M_G": 1.47,
-        "T_d": 0.0105,
-    },
-}
-
-
-@pytest.mark.parametrize("structure", SOFT)
-def test_a_load_behind_a_soft_shaft_is_within_its_range(structure):
-    """The balance hardly tells an inertia that swings out of phase; ranges once left it out by factors of 3 to 500."""
+def test_a_load_behind_a_soft_shaft_is_within_its_range():
+    """The balance hardly tells an inertia that swings out of phase; its range once left it out by a factor of 20."""
+    structure = PAPER.parse("four_mass+coulomb+viscous+stribeck+gravity+delay")
+    masses = {"J1": 9e-4, "J2": 2.6e-3, "J3": 3.8e-3, "J4": 0.0142}
+    shafts = {"c1": 0.99, "c2": 28.0, "c3": 280.0, "d1": 6.4e-3, "d2": 0.011, "d3": 0.066}
+    friction = {"M_C": 0.087, "f_v": 0.028, "M_S": 1.62, "omega_S": 3.4, "M_G": -0.25}
+    values = masses | shafts | friction | {"T_d": 0.0139}
     e, rng = PAPER_EXPERIMENT, np.random.default_rng(3)
     u = np.round(e.torque(), 3)
-    (v,) = reference(structure, SOFT[structure], u, e.dt, f_tanh=e.f_tanh)
+    (v,) = reference(str(structure), values, u, e.dt, f_tanh=e.f_tanh)
     v += 1e-3 * np.abs(v).max() * rng.standard_normal(v.size)
-    found = scales(record(e.dt * np.arange(e.samples), u, v, "velocity"))
-    search = search_space(PAPER.parse(structure), found, {}, {})
-    true = np.array([SOFT[structure][name] for name in search.names])
-    np.testing.assert_array_less(search.low * (1.0 - 1e-12), true)
-    np.testing.assert_array_less(true, search.high * (1.0 + 1e-12))
+    search = search_space(structure, scales(record(e.dt * np.arange(e.samples), u, v, "velocity")), {}, {})
+    true = np.array([values[name] for name in search.names])
+    assert np.all((search.low <= true) & (true <= search.high))
 
 
 def test_quantised_velocity_does_not_lose_the_inertia(measured):

@@ -45,6 +45,7 @@ _LISTEN = 4  # fields without improvement from one look for a resonance to the n
 _AGREE = 2  # independent starts that make an optimum trustworthy
 _DOUBT = 0.25  # of the patience, if the residual is white and starts do not agree or one is at a bound
 _MOST = 4  # fields per unit of patience
+_RUGGED = 1.5  # times the patience, with limits
 _IMPROVED = 0.995  # of the least cost: what counts as an improvement
 _LAGS = 25
 _WHITE = 50.0  # Ljung-Box statistic that white residuals exceed once in 500 (chi-squared, 25 lags)
@@ -83,9 +84,11 @@ def explore(
         Descents per field.
     patience : int
         Fields without improvement after which the search ends, a quarter as many if the residual is white; 0 for the
-        first field alone. So many fields at most come from an ensemble that learns, which takes longest.
+        first field alone. With limits half as many again, and so many fields at most come from an ensemble that learns,
+        which takes longest.
     seed : int
     """
+    patience = int(_RUGGED * patience) if problem.limited else patience
     parts: list[_Part] = []
     ends: list[End] = []
     heard: list[float] = []

@@ -54,6 +54,5 @@ def pattern_descent(problem: Problem, search: Search, settings: Settings, begin:
     theta = np.array(end.values)
     residual, jacobian = evaluate(problem, search, settings, theta)
     cost = float(residual @ residual)
-    return Descent(
-        search.outward(theta), cost, end.reason == "mesh", end.evaluations, end.evaluations, residual, jacobian
-    )
+    simulations = end.evaluations + 1 + len(theta)
+    return Descent(search.outward(theta), cost, end.reason == "mesh", end.evaluations, simulations, residual, jacobian)

@@ -192,7 +192,7 @@ class Problem:
         """Sums of squared weighted residuals, shape (K,).
 
         With limits `most`, shape (K,), simulations are given up as soon as their sum reaches its limit, and the sum
-        is infinite; so it is where a simulation has diverged.
+        is infinite; so it is where a simulation has diverged. Differenced velocities are simulated to their end.
         """
         total = np.zeros(len(next(iter(values.values()))))
         for r, onset, lost in zip(self.recordings, self.onsets, self._lost, strict=True):

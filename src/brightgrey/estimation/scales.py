@@ -196,16 +196,7 @@ def _regression(recordings: tuple[Recording, ...], speed: float) -> Array:
         values = _robust(torque, terms)
         found.append((_uncertainty(torque, terms, values, n * FILTERS * len(torque) / samples), values))
     least = min(uncertainty for uncertainty, _ in found)
-    values = [values for uncertainty, values in found if uncertainty <= ALIKE * least][-1]
-    if not least < 1.0:  # nothing is told: rather what the change of momentum says
-        values[0] = max(values[0], *(_impulse(r) for r in recordings))
-    return values
-
-
-def _impulse(recording: Recording) -> float:
-    """Inertia of a rigid drive without friction: range of the input's integral over that of the speed."""
-    speed = float(np.ptp(speed_of(recording)))
-    return float(np.ptp(_integral(recording.u, recording.dt))) / speed if speed > 0.0 else 0.0
+    return [values for uncertainty, values in found if uncertainty <= ALIKE * least][-1]
 
 
 def _uncertainty(torque: Array, terms: Array, values: Array, memory: float) -> float:

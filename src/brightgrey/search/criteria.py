@@ -13,7 +13,7 @@ from brightgrey.errors import SettingsError, unknown_name
 __all__ = ["CRITERIA", "Criterion", "Misfit", "criterion"]
 
 Array = NDArray[np.float64]
-_SURE = 1.645  # standard deviations that a normal variable exceeds by in 5 %
+_SURE = 1.645  # standard deviations, which a normal variable exceeds in 5 %
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Misfit:
 
     @property
     def floored(self) -> tuple[float, ...]:
-        """RSS of each output, not below what a perfect model leaves in 19 of 20 recordings.
+        """RSS of each output, not below what a perfect model leaves at most in 19 of 20 recordings.
 
         The floor is the mean of that. A uniform error's square varies by 4/5 of its mean squared, so that the mean of n
         independent ones is off by sqrt(4/5 / n): a model within that chance is not refuted, and none is better.

@@ -31,7 +31,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-_DECADE = 10.0
+_DECADE = 10.0  # ranges within it are narrow
 IMPROVED = 0.999  # of the cost: what is worth another descent
 
 
@@ -152,7 +152,7 @@ def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
 def from_everywhere(task: Identification, structure: Structure, options: Options, seed: int) -> Fitted:
     """Fit a structure of which nothing is known."""
     problem, space = task.problem(structure), task.space(structure, initial=True)
-    wide = np.any(space.high[space.log] > _DECADE * space.low[space.log])
+    wide = not space.log.any() or np.any(space.high[space.log] > _DECADE * space.low[space.log])
     starts = options.fresh if wide else options.narrow
     found = explore(problem, space, task.settings, [], starts=starts, patience=options.patience, seed=seed)
     end = min(found.ends, key=lambda e: e.cost)
@@ -224,7 +224,8 @@ def best_begins(
 ) -> tuple[Array, int]:
     """Best of the starts at each optimum, of `count` optima, shape (P, count), best first; and how many were tried.
 
-    The first start at each says what the others have to be better than, and most are given up early.
+    The first start at each says what the others have to be better than, and most are given up early. What diverges is
+    taken only if it is the first one and nothing else is better.
     """
     firsts = np.stack([begins[:, 0] for begins in tried], axis=1)
     cost = problem.costs(space.named(firsts), task.settings, np.full(len(tried), np.inf))

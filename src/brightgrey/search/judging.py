@@ -98,7 +98,8 @@ def _judged(task: Identification, structure: Structure, end: End) -> Judged:
     residual, jacobian = evaluate(problem, space, settings, space.inward(end.values))
     inside = np.flatnonzero(space.side(end.values) == 0)
     values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    return Judged(structure, values, Descent(*end, residual, jacobian), len(space.names), tuple(inside.tolist()))
+    descent = Descent(*end[:-1], end.simulations + 1 + len(end.values), residual, jacobian)
+    return Judged(structure, values, descent, len(space.names), tuple(inside.tolist()))
 
 
 @dataclass
