@@ -109,7 +109,7 @@ def from_above(
 
     And what that took.
     """
-    problem, space = task.problem(own.structure), task.space(own.structure, initial=True)
+    problem, space = task.posed(own.structure)
     values = [
         v for f in larger for v in handed_down(f.values, f.structure, own.structure) if set(space.names) <= set(v)
     ]
@@ -151,7 +151,7 @@ def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
 
 def from_everywhere(task: Identification, structure: Structure, options: Options, seed: int) -> Fitted:
     """Fit a structure of which nothing is known."""
-    problem, space = task.problem(structure), task.space(structure, initial=True)
+    problem, space = task.posed(structure)
     wide = not space.log.any() or np.any(space.high[space.log] > _DECADE * space.low[space.log])
     starts = options.fresh if wide else options.narrow
     found = explore(problem, space, task.settings, [], starts=starts, patience=options.patience, seed=seed)
@@ -169,7 +169,7 @@ def fit_one(
     seed: Sequence[int],
 ) -> Fitted:
     """Fit one structure, begun where its best `parents` and `others`, hubs and larger ones, have ended."""
-    problem, space = task.problem(structure), task.space(structure, initial=True)
+    problem, space = task.posed(structure)
     rng = np.random.default_rng(list(seed))
     best = best_of(parents, options)
     # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.

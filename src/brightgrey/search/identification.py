@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from brightgrey.effects import Parameter, Scales
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.bounds import Search, search_space
+from brightgrey.estimation.onset import Unknown
 from brightgrey.estimation.problem import Problem, predict_many
 from brightgrey.kit import Grammar, Placed, Structure
 from brightgrey.recordings import Recording
@@ -62,13 +63,21 @@ class Identification:
 
     def space(self, structure: Structure, *, initial: bool = False) -> Search:
         """Ranges of the free parameters of `structure`; with `initial` those of unknown initial states, too."""
+        return self.posed(structure)[1] if initial else self._space(structure, ())
+
+    def posed(self, structure: Structure) -> tuple[Problem, Search]:
+        """Residuals of `structure`, and ranges of its free parameters and of unknown initial states."""
+        problem = self.problem(structure)
+        return problem, self._space(structure, problem.unknown)
+
+    def _space(self, structure: Structure, unknown: Sequence[Unknown]) -> Search:
         own = structure.parameters
         return search_space(
             structure,
             self.scales,
             {name: limits for name, limits in self.bounds.items() if name in own},
             {name: value for name, value in self.fixed.items() if name in own},
-            self.problem(structure).unknown if initial else (),
+            unknown,
         )
 
     def problem(self, structure: Structure) -> Problem:

@@ -36,7 +36,7 @@ def _refit(
     seeds: tuple[Sequence[int], int],
 ) -> End:
     """Descend from what relatives have found, `wanted`, best first; `deep` searches from everywhere, too."""
-    problem, space = task.problem(structure), task.space(structure, initial=True)
+    problem, space = task.posed(structure)
     begins = _starts(task, structure, wanted, seeds[0])
     ends = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=np.inf)
     if deep:  # which descends on a beginning of the recordings first, away from what relatives have found
@@ -49,7 +49,7 @@ def _starts(
     task: Identification, structure: Structure, wanted: Sequence[Mapping[str, float]], seed: Sequence[int]
 ) -> Array:
     """Best starts from the values `wanted`, what they lack drawn, shape (P, S), SI."""
-    problem, space = task.problem(structure), task.space(structure, initial=True)
+    problem, space = task.posed(structure)
     drawn = space.candidates(8, np.random.default_rng(list(seed)))
     drawn = np.concatenate([space.start[:, None], drawn], axis=1)
     tried = []
@@ -66,7 +66,7 @@ def _starts(
 
 def _refit_from(task: Identification, structure: Structure, larger: Sequence[Mapping[str, float]], rival: float) -> End:
     """Descend from the best of some values of larger structures."""
-    problem, space = task.problem(structure), task.space(structure, initial=True)
+    problem, space = task.posed(structure)
     table = [[values.get(n, start) for n, start in zip(space.names, space.start, strict=True)] for values in larger]
     begins = np.clip(np.array(table).T, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
@@ -87,13 +87,13 @@ def _refit_held(task: Identification, structure: Structure, values: Mapping[str,
 
 def last_descent(task: Identification, structure: Structure, begin: Array) -> End:
     """Last descent of `structure` from `begin`, shape (P,), SI, at the level ``accurate``."""
-    problem, space = task.problem(structure), task.space(structure, initial=True)
+    problem, space = task.posed(structure)
     return finish(problem, space, replace(task.settings, level="accurate"), begin, tolerance=_SETTLED)
 
 
 def _judged(task: Identification, structure: Structure, end: End) -> Judged:
     """All that is compared of a structure; residual and Jacobian are too large to be sent or kept."""
-    problem, space = task.problem(structure), task.space(structure, initial=True)
+    problem, space = task.posed(structure)
     settings = replace(task.settings, level="accurate")
     residual, jacobian = evaluate(problem, space, settings, space.inward(end.values))
     inside = np.flatnonzero(space.side(end.values) == 0)
