@@ -304,7 +304,7 @@ def table() -> None:
         print(
             f"| {setting} | `{truth}` | {s.count} | {s.true} ({100 * s.true / s.count:.0f} %) | {100 * low:.0f} to"
             f" {100 * high:.0f} | {s.extras} | {s.last_true} | {s.seen} | {first} |"
-            f" {s.simulations:.0f} | {s.recordings:.0f} |"
+            f" {s.simulations:.0f} | {s.passes:.0f} |"
         )
 
 

@@ -156,7 +156,7 @@ def given(monkeypatch):
 def test_simulations_are_those_that_were_given_to_the_kernel(task, given):
     run = genetic(task)
     assert run.spent == Spent(*(sum(column) for column in zip(*given, strict=True)))
-    assert run.recordings == run.spent.samples / task.recordings[0].samples < run.simulations
+    assert run.passes == run.spent.samples / task.recordings[0].samples < run.simulations
 
 
 def test_so_they_are_where_an_ensemble_learns(given):

@@ -157,8 +157,7 @@ def _fewer(values: Mapping[str, float], masses: int) -> Mapping[str, float]:
     c, d = ([values[f"{symbol}{k}"] for k in range(1, present)] for symbol in "cd")
     while len(J) > masses:
         k = max(range(len(c)), key=lambda k: c[k] * (1.0 / J[k] + 1.0 / J[k + 1]))
-        J[k : k + 2] = [J[k] + J[k + 1]]
-        del c[k], d[k]
+        _join(J, c, d, k)
     named = (("J", J), ("c", c), ("d", d))
     return {f"{symbol}{i}": value for symbol, row in named for i, value in enumerate(row, 1)}
 
@@ -176,13 +175,18 @@ def _moved(
     J: list[float], c: list[float], d: list[float], merged: int, split: int, part: float, ratio: float, ringing: float
 ) -> list[float]:
     """Values with a shaft less behind one mass and a new one in another, which has `part` of its inertia before it."""
-    J[merged : merged + 2] = [J[merged] + J[merged + 1]]
-    del c[merged], d[merged]
+    _join(J, c, d, merged)
     reduced = J[split] * part * (1.0 - part)
     J[split : split + 1] = [J[split] * part, J[split] * (1.0 - part)]
     c.insert(split, reduced * ringing**2)
     d.insert(split, 2.0 * ratio * reduced * ringing)
     return [*J, *c, *d]
+
+
+def _join(J: list[float], c: list[float], d: list[float], k: int) -> None:
+    """Make one mass of the k-th and the next."""
+    J[k : k + 2] = [J[k] + J[k + 1]]
+    del c[k], d[k]
 
 
 def _parts(masses: int) -> tuple[slice, slice, slice]:

@@ -139,8 +139,8 @@ def fit(
         Descents. What `start` and the torque balance leave of them is filled up with candidates.
     patience : int
         Further fields of as many descents are tried, until the residual is white and two independent starts agree, or
-        this many have not improved on the best one (a quarter as many if the residual is white). With 0 it stays with
-        the first field.
+        this many (with limits half as many again) have not improved on the best one, a quarter as many if the residual
+        is white. With 0 it stays with the first field.
     seed : int
         Of the candidates.
     level : {'accurate', 'fast', 'euler'}

@@ -229,7 +229,7 @@ def best_begins(
     """
     firsts = np.stack([begins[:, 0] for begins in tried], axis=1)
     cost = problem.costs(space.named(firsts), task.settings, np.full(len(tried), np.inf))
-    enough = np.partition(cost, min(count, len(tried)) - 1)[min(count, len(tried)) - 1]
+    enough = np.sort(cost)[:count][-1]
     others = np.concatenate([begins[:, 1:] for begins in tried], axis=1)
     origin = np.repeat(np.arange(len(tried)), [begins.shape[1] - 1 for begins in tried])
     found = np.full(len(origin), np.inf)

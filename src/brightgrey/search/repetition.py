@@ -36,7 +36,7 @@ class Repetition:
         See :func:`brightgrey.search.experiment.verdict`.
     first : int or None
         Generation in which the true structure first is in the population.
-    simulations, recordings, identifications : int
+    simulations, passes, identifications : int
         Parameter sets that were simulated; the same, each counted by its share of the recordings' samples.
     generations : str
         Best structure of each generation, separated by spaces.
@@ -49,7 +49,7 @@ class Repetition:
     last_verdict: Verdict
     first: int | None
     simulations: int
-    recordings: int
+    passes: int
     identifications: int
     generations: str
 
@@ -71,7 +71,7 @@ class Summary:
         The true structure was in some population.
     first : float or None
         Median generation in which it first was; None if it was not in at least half of the runs.
-    simulations, recordings : float
+    simulations, passes : float
         Medians.
     """
 
@@ -84,7 +84,7 @@ class Summary:
     seen: int
     first: float | None
     simulations: float
-    recordings: float
+    passes: float
 
 
 def run(
@@ -126,7 +126,7 @@ def repetition(done: Run, truth: Structure, seed: int) -> Repetition:
         last_verdict=verdict(per_generation[-1], truth),
         first=first_appearance(done, truth),
         simulations=done.simulations,
-        recordings=round(done.recordings),
+        passes=round(done.passes),
         identifications=done.identifications,
         generations=" ".join(map(str, per_generation)),
     )
@@ -148,7 +148,7 @@ def summary(repetitions: Sequence[Repetition]) -> Summary:
         seen=sum(r.first is not None for r in repetitions),
         first=first if np.isfinite(first) else None,
         simulations=float(np.median([r.simulations for r in repetitions])),
-        recordings=float(np.median([r.recordings for r in repetitions])),
+        passes=float(np.median([r.passes for r in repetitions])),
     )
 
 

@@ -114,8 +114,8 @@ class Run:
         return self.spent.sets
 
     @property
-    def recordings(self) -> float:
-        """The same, a set that was simulated on a beginning of the recordings counted by its share of the samples."""
+    def passes(self) -> float:
+        """Passes over the recordings: a set simulated on a beginning of them counts by its share of samples."""
         return self.spent.samples / self.evaluations[0].result.misfit.samples
 
     @property

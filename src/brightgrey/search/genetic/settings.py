@@ -115,11 +115,12 @@ class GeneticSettings:
         those end that a structure contains or is contained in, as in the search of all structures.
     elite : int
         Best structures so far that each new population begins with, unchanged (paper: 0). Those with an effect that is
-        known to be idle are no better than they are without it, and left out here and in `near`.
+        known to be idle are no better than they are without it, and left out here and in `near`. With fewer others the
+        population is smaller.
     fresh : int
         An individual whose structure has been tried is mutated up to this many times, each time by a random one of
         the mutations, until it is one that has not (paper: 0).
-    starts : int
+    narrow : int
         With `begin` 'relatives': descents of each field where a structure is sought from everywhere within narrow
         ranges, see :class:`brightgrey.search.fitting.Options`.
     near : int
@@ -145,11 +146,11 @@ class GeneticSettings:
     elite: int = 0
     fresh: int = 0
     near: int = 0
-    starts: int = 8
+    narrow: int = 8
 
     def __post_init__(self) -> None:
         limits = {"population": 1, "generations": 0, "iterations": 1, "patience": 0, "elite": 0, "fresh": 0, "near": 0}
-        limits["starts"] = 1
+        limits["narrow"] = 1
         for name, least in limits.items():
             value = getattr(self, name)
             if value < least:
@@ -175,7 +176,7 @@ class GeneticSettings:
     @property
     def options(self) -> Options:
         """How thoroughly each structure is fitted, with `begin` 'relatives'."""
-        return Options(rounds=self.iterations, narrow=self.starts)
+        return Options(rounds=self.iterations, narrow=self.narrow)
 
     @property
     def neighbours(self) -> int:
@@ -196,7 +197,7 @@ OURS = GeneticSettings(
     elite=2,
     fresh=4,
     near=4,
-    starts=4,
+    narrow=4,
 )
 """A setting of ours, not the paper's: structures are identified where their relatives have ended, neighbours first.
 
