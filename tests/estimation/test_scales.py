@@ -128,6 +128,22 @@ def test_a_load_behind_a_soft_shaft_is_within_its_range():
     assert np.all((search.low <= true) & (true <= search.high))
 
 
+def test_a_load_that_swings_slower_than_windows_average_is_within_its_range():
+    """A chirp from 1 to 100 Hz, three masses, nearly all of the inertia at the end: no window's balance holds."""
+    structure = PAPER.parse("three_mass+backlash+current_control")
+    masses, shafts = {"J1": 4.1e-4, "J2": 1.5e-3, "J3": 0.0203}, {"c1": 3.45, "c2": 60.0, "d1": 3e-3, "d2": 0.03}
+    values = masses | shafts | {"alpha": 4e-3, "T_1": 1e-3}
+    e, rng = PAPER_EXPERIMENT, np.random.default_rng(4)
+    t = e.dt * np.arange(e.samples)
+    rate = np.log(100.0) / (e.samples * e.dt)
+    u = 10.0 * np.minimum(1.0, t / 0.02) * np.sin(2.0 * np.pi * np.expm1(rate * t) / rate)
+    (v,) = reference(str(structure), values, u, e.dt, f_tanh=e.f_tanh)
+    v += 1e-2 * np.abs(v).max() * rng.standard_normal(v.size)
+    search = search_space(structure, scales(record(t, u, v, "velocity")), {}, {})
+    true = np.array([values[name] for name in search.names])
+    assert np.all((search.low <= true) & (true <= search.high))
+
+
 def test_quantised_velocity_does_not_lose_the_inertia(measured):
     r = read_recording(
         measured("mte360/single_axis_square_1_5.mat"),

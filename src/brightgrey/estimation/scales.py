@@ -33,6 +33,8 @@ TURNED = 0.02  # of the largest speed: where the sign of speed has turned
 ROWS = 4000  # rows of the regression that are enough
 REWEIGHTINGS = 4
 ALIKE = 1.5  # times the least uncertainty: what is hardly worse
+UNEXPLAINED = 0.2  # of the torque's variance, from which a balance does not hold: drives that swing leave half of it
+DRIVEN = 0.05  # of the torque's standard deviation, that a window must leave to say anything
 SMALLEST, LARGEST = 1e-4, 1e4  # relative to what torque, speed and acceleration make plausible
 ORDER = {"position": 0, "velocity": 1, "velocity-differenced": 1, "acceleration": 2}
 
@@ -184,19 +186,28 @@ def _regression(recordings: tuple[Recording, ...], speed: float) -> Array:
     A short window leaves noise and swings of elastic drives in the acceleration, which pulls the inertia to zero; a
     long one averages the motion away. The relative standard error of the inertia, for as many rows as the window leaves
     independent, is least in between.
+
+    If not even that window's balance holds, since the drive swings slower than it averages, the inertia is as large as
+    it could be if all torque went into acceleration, in the window that leaves torque and in which that is largest.
     """
     fewest = min(r.samples for r in recordings)
     longest = max(int(SLOWEST * fewest), SHORTEST)
     samples = sum(r.samples for r in recordings)
-    found = []
+    found, bare = [], []
     for n in np.unique(np.geomspace(SHORTEST, longest, 8).astype(int)):
         balances = [_balance(r, int(n), speed) for r in recordings]
         torque = np.concatenate([b.torque for b in balances])
         terms = np.concatenate([b.terms for b in balances])
         values = _robust(torque, terms)
-        found.append((_uncertainty(torque, terms, values, n * FILTERS * len(torque) / samples), values))
-    least = min(uncertainty for uncertainty, _ in found)
-    return [values for uncertainty, values in found if uncertainty <= ALIKE * least][-1]
+        uncertainty = _uncertainty(torque, terms, values, n * FILTERS * len(torque) / samples)
+        found.append((uncertainty, values, float(np.var(torque - terms @ values)), float(np.var(torque))))
+        bare.append((float(np.std(torque)), float(np.std(terms[:, 0]))))
+    least = min(uncertainty for uncertainty, *_ in found)
+    _, values, left, all_ = [f for f in found if f[0] <= ALIKE * least][-1]
+    if left > UNEXPLAINED * all_:
+        driven = [t / a for t, a in bare if a > 0.0 and t >= DRIVEN * bare[0][0]]
+        values[0] = max([values[0], *driven])
+    return values
 
 
 def _uncertainty(torque: Array, terms: Array, values: Array, memory: float) -> float:
