@@ -30,13 +30,17 @@ from brightgrey.estimation.spent import Spent
 from brightgrey.estimation.starts import best_of, given_starts, offspring, retuned, ringing
 from brightgrey.simulation import Settings
 
-__all__ = ["Found", "explore", "first_field", "is_white"]
+__all__ = ["FIRST_BEGINNING", "FURTHER_ROUNDS", "Found", "explore", "first_field", "growing", "is_white"]
 
 Array = NDArray[np.float64]
 _PER_PARAMETER = 16  # candidates
-_BEGINNINGS = (0.3, 1.0, 0.6)  # of the recording, of one field after the other
 _FIRST_ROUNDS, _ROUNDS = 20, 40  # on a beginning, on the whole
-_GROWTH, _FURTHER_ROUNDS = 1.2, 6  # with limits: of the beginning, and on each longer one
+_GROWTH = 1.2  # of the beginning, with limits
+FIRST_BEGINNING = 0.3
+"""Part of the recordings on which descents begin."""
+FURTHER_ROUNDS = 6
+"""Of a descent on each longer beginning, with limits."""
+_BEGINNINGS = (FIRST_BEGINNING, 1.0, 0.6)  # of one field after the other
 _ROUGH = 1e-3  # tolerance on a beginning
 _PARENTS, _TEACHERS = 4, 8  # best ends: of offspring, of ensembles
 _RETUNED, _TUNING = 48, 3  # starts that ring where the residual does, and rounds after which the best are chosen
@@ -266,11 +270,12 @@ def _descended(
     begins = np.stack(field.starts, axis=1)
     batches, spent = 0, field.spent
     rounds = _FIRST_ROUNDS
-    for beginning in _growing(whole, share):
+    shares = growing(share) if whole.limited else [share] if share < 1.0 else []
+    for beginning in map(whole.beginning, shares):
         rough = descend_many(beginning, search, settings, begins, limit=rounds, tolerance=_ROUGH, rival=np.inf)
         batches += max(end.evaluations for end in rough)
         spent += beginning.spent(_sets(rough))
-        begins, rounds = np.stack([end.values for end in rough], axis=1), _FURTHER_ROUNDS
+        begins, rounds = np.stack([end.values for end in rough], axis=1), FURTHER_ROUNDS
     ends = descend_many(
         whole,
         search,
@@ -285,15 +290,15 @@ def _descended(
     return _Part(field.starts, ends, field.alone, batches, spent + whole.spent(_sets(ends)))
 
 
-def _growing(problem: Problem, share: float) -> Iterator[Problem]:
-    """Beginnings of the recordings to descend on before the whole: `share` of them, and with limits longer ones.
+def growing(share: float) -> Iterator[float]:
+    """Beginnings, less than the whole, to descend on one after the other where there are limits.
 
     Contacts make the valley of the cost narrower the longer the recording is. From one beginning to the next the
     estimate has to become better than the valley narrower.
     """
     while share < 1.0:
-        yield problem.beginning(share)
-        share = _GROWTH * share if problem.limited else 1.0
+        yield share
+        share *= _GROWTH
 
 
 def _agreeing(parts: Sequence[_Part]) -> int:

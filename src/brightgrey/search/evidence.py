@@ -350,7 +350,7 @@ def _next(scale: _Scale, n: float, accepted: Sequence[Judged], examined: Collect
 
 def _adequate(scale: _Scale, structure: Structure) -> bool:
     """Whether nothing that contains the structure fits significantly better."""
-    own = scale.bench.judge(structure, deep=True)
+    own = scale.bench.judge(structure)
     more = extensions(structure, scale.known)
     larger = [s for s in scale.known if s != structure and contains(s, structure)]
     if not larger:

@@ -5,14 +5,21 @@ drawn anew, costs little, and no structure ends worse than one it contains, sinc
 the other way: an optimum that a larger structure has found without need for its further effect is handed down. Optima
 that only show with all friction in the model, or with all that delays the torque, are found in *hubs*, two for each
 number of masses.
+
+A gap that is passed often makes another motion, whose optimum is nowhere near one without it. Where the best residual
+is not white in the end, gaps are sought from everywhere, with all other effects beside them and few masses first.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from brightgrey.estimation.explore import is_white
 from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting import (
@@ -24,13 +31,16 @@ from brightgrey.search.fitting import (
     fit_one,
     from_above,
     from_everywhere,
+    tracked_from_above,
+    two_ports,
 )
-from brightgrey.search.identification import Identification
+from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import contains, ladder_of, largest_within, size, smallest_around
 from brightgrey.search.work import in_order, in_turn, pool
 
 __all__ = ["Fits", "Fitted", "Options", "fit_all", "fit_one"]
 
+_TELLING = 0.9  # of the cost: what a law of two ports takes off if it is worth a search from everywhere
 _Item = tuple[bool, Structure]  # whether it is a hub that is sought from everywhere
 
 
@@ -42,6 +52,7 @@ def fit_all(
     seed: int = 0,
     executor: Executor | None = None,
     progress: Callable[[Fitted], None] | None = None,
+    seeking: Callable[[Structure], None] | None = None,
 ) -> dict[Structure, Fitted]:
     """Fit all `structures` at the level of ``task.settings``.
 
@@ -56,6 +67,8 @@ def fit_all(
         default.
     progress : callable, optional
         Called with every structure that has been fitted for the first time, in the order of the result.
+    seeking : callable, optional
+        Called with every structure that gaps are sought in afterwards, before that is done.
 
     Returns
     -------
@@ -65,6 +78,7 @@ def fit_all(
     fits = Fits(task, structures, options=options, seed=seed)
     with pool(executor) as workers:
         fits.add(structures, workers, progress)
+        fits.seek_gaps(workers, seeking)
     return fits.done
 
 
@@ -135,6 +149,64 @@ class Fits:
         before = [s for s in self.done if s not in better]
         return self._settled(before, sorted(better, key=size), workers) | better if better else better
 
+    def seek_gaps(self, workers: Executor, seeking: Callable[[Structure], None] | None = None) -> set[Structure]:
+        """Look for what laws of two ports explain from everywhere, unless the best residual is white already.
+
+        In the largest structure of every number of masses, the fewest first: the next one begins where it has ended.
+        Where the law hardly helps beside what is known with as many masses, no more is looked for, but with the fewest
+        and with those of the best fit.
+
+        Returns
+        -------
+        set of Structure
+            Those of which there is a better fit now.
+        """
+        if self._explained():
+            return set()
+        better: set[Structure] = set()
+        before = tuple(self.done)
+        tops = _tops(before)
+        hopeful = {*tops[:1], *(t for t in tops if ladder_of(t) == ladder_of(self._leader().structure))}
+        for number, top in enumerate(tops):
+            if top not in hopeful and not self._tells(top):
+                continue
+            if seeking is not None:
+                seeking(top)
+            found = self._sought_anew(top, 1, workers)
+            if number == 0 and self._tells(top):
+                found = self._sought_anew(top, 2, workers) or found
+            if found:
+                better |= {top, *self._up(tops[number + 1 :], [top], workers)}
+        if not better:
+            return better
+        better |= self._settled(before, sorted(better, key=size), workers)
+        return better | self._settled(before, self._down(workers, tracked=True), workers)
+
+    def _tells(self, top: Structure) -> bool:
+        """Whether laws of two ports take off a good part of what is left without them, with as many masses."""
+        without = (f.cost for s, f in self.done.items() if ladder_of(s) == ladder_of(top) and not two_ports(s))
+        return self.done[top].cost < _TELLING * min(without, default=np.inf)
+
+    def _sought_anew(self, structure: Structure, patience: int, workers: Executor) -> bool:
+        """Fit a structure from everywhere, one start where it has ended before; whether that is better."""
+        how = replace(self._how, patience=patience)
+        call = (self.task, structure, how, self._seed + patience, self.done[structure])
+        (fitted,) = in_order(workers, from_everywhere, [call])
+        return self._taken(structure, fitted)
+
+    def _leader(self) -> Fitted:
+        return min((f for f in self.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
+
+    def _explained(self) -> bool:
+        """Whether the residual of the best fit is white, or no larger than the simulation's own error."""
+        best = self._leader()
+        problem = self.task.problem(best.structure)
+        if best.cost <= self.task.doubt(problem.weights, ROUGH).sum():
+            return True
+        values = {name: np.array([value]) for name, value in best.values.items()}
+        self.spent.append(problem.spent(1))
+        return is_white(problem, problem.residuals(values, self.task.settings)[:, 0])
+
     def _settled(self, before: Sequence[Structure], latest: Sequence[Structure], workers: Executor) -> set[Structure]:
         """Fit relatives of the `latest` fits once more where that helps; returns those that got better."""
         better = {*self._up(before, latest, workers), *self._down(workers)}
@@ -202,15 +274,23 @@ class Fits:
         in_turn(workers, larger, lambda s: [t for t in within[s] if t in chosen], call, take)
         return better
 
-    def _down(self, workers: Executor) -> list[Structure]:
-        """Hand optima down to smaller structures, the largest first; returns those that got better."""
+    def _down(self, workers: Executor, tracked: bool = False) -> list[Structure]:
+        """Hand optima down to smaller structures, the largest first; returns those that got better.
+
+        With `tracked` those with limits only, and what is worse at first is followed as long as it keeps up.
+        """
         better = []
         falling = sorted(self.done, key=size, reverse=True)
         around = {s: smallest_around(s, self.done) for s in falling}
 
         def call(s: Structure) -> tuple[Any, ...] | None:
             own = self.done[s]
-            offers = self._fresh(s, [t for t in around[s] if self.done[t].cost < own.cost and not self.done[t].idle])
+            offers = [t for t in around[s] if self.done[t].cost < own.cost and not self.done[t].idle]
+            if tracked:
+                leader = min((self.done[t] for t in offers), key=lambda f: f.cost, default=None)
+                telling = two_ports(s) and leader is not None and leader.cost < _TELLING * own.cost
+                return (tracked_from_above, self.task, own, leader, self._how) if telling else None
+            offers = self._fresh(s, offers)
             return (from_above, self.task, own, [self.done[t] for t in offers], self._how) if offers else None
 
         def take(s: Structure, result: tuple[Fitted | None, Spent] | None) -> None:
@@ -245,6 +325,14 @@ class Fits:
             return False
         self.done[s] = fitted
         return True
+
+
+def _tops(structures: Sequence[Structure]) -> list[Structure]:
+    """Of every ladder with laws of two ports the largest structure that has them, fewest masses first."""
+    tops: dict[Placed, Structure] = {}
+    for s in sorted(filter(two_ports, structures), key=size):
+        tops[ladder_of(s)] = s
+    return sorted(tops.values(), key=size)
 
 
 def _hubs(structures: Sequence[Structure]) -> list[Structure]:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.explore import explore
+from brightgrey.estimation.explore import FIRST_BEGINNING, FURTHER_ROUNDS, explore, growing
 from brightgrey.estimation.leastsquares import descend_many
 from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Structure
-from brightgrey.search.identification import Identification
+from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import effects_of, ladder_of
 
 __all__ = [
@@ -28,9 +28,12 @@ __all__ = [
     "from_above",
     "from_everywhere",
     "handed_down",
+    "tracked_from_above",
+    "two_ports",
 ]
 
 Array = NDArray[np.float64]
+_KEEPS_UP = 4.0  # times the cost of a larger structure on a beginning: who is worse needs what that one has
 _DECADE = 10.0  # ranges within it are narrow
 IMPROVED = 0.999  # of the cost: what is worth another descent
 
@@ -130,6 +133,43 @@ def from_above(
     return Fitted(own.structure, named, end.cost, len(space.names), (), batches, spent), spent
 
 
+def tracked_from_above(
+    task: Identification, own: Fitted, larger: Fitted, options: Options
+) -> tuple[Fitted | None, Spent]:
+    """Descend from where a `larger` structure did better, on growing beginnings of the recordings.
+
+    With limits the least change of a parameter makes another motion in the end, so that the optimum of a structure that
+    could do without an effect may not be seen from that of one that has it. On a beginning it is. None if it does
+    not keep up with the larger one there, which then needs what it has, or if it is no better in the end; and what that
+    took.
+    """
+    problem, space = task.posed(own.structure)
+    values = [v for v in handed_down(larger.values, larger.structure, own.structure) if set(space.names) <= set(v)]
+    if not values:
+        return None, Spent()
+    whole = task.problem(larger.structure)
+    named = {name: np.array([value]) for name, value in larger.values.items()}
+    begins = np.array([[known[name] for name in space.names] for known in values]).T
+    begins = np.clip(begins, space.low[:, None], space.high[:, None])
+    doubt = float(task.doubt(problem.weights, ROUGH).sum())
+    spent, batches = Spent(), own.batches
+    for share in (*growing(FIRST_BEGINNING), 1.0):
+        part, ahead = problem.beginning(share), whole.beginning(share)
+        limit = options.rounds if share in (FIRST_BEGINNING, 1.0) else FURTHER_ROUNDS
+        ends = descend_many(part, space, task.settings, begins, limit=limit, tolerance=options.tolerance)
+        end = min(ends, key=lambda e: e.cost)
+        begins = end.values[:, None]
+        spent += part.spent(sum(e.simulations for e in ends)) + ahead.spent(1)
+        batches += 1 + max(e.evaluations for e in ends)
+        rival = float(ahead.costs(named, task.settings)[0])
+        if share < 1.0 and end.cost + share * doubt > _KEEPS_UP * (rival + share * doubt):
+            return None, spent
+    if not end.cost < own.cost:
+        return None, spent
+    found = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+    return Fitted(own.structure, found, end.cost, len(space.names), (), batches, spent), spent
+
+
 def handed_down(values: Mapping[str, float], larger: Structure, structure: Structure) -> list[Mapping[str, float]]:
     """Values of a larger structure for a smaller one: what is not in it left out; or masses joined if they are more."""
     here, there = ladder_of(structure), ladder_of(larger)
@@ -149,12 +189,15 @@ def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
     return replace(own, values={**own.values, **best.values}, cost=best.cost, idle=idle)
 
 
-def from_everywhere(task: Identification, structure: Structure, options: Options, seed: int) -> Fitted:
-    """Fit a structure of which nothing is known."""
+def from_everywhere(
+    task: Identification, structure: Structure, options: Options, seed: int, known: Fitted | None = None
+) -> Fitted:
+    """Fit a structure of which nothing is known, or nothing but a doubtful optimum, where one start begins."""
     problem, space = task.posed(structure)
     wide = not space.log.any() or np.any(space.high[space.log] > _DECADE * space.low[space.log])
     starts = options.fresh if wide else options.narrow
-    found = explore(problem, space, task.settings, [], starts=starts, patience=options.patience, seed=seed)
+    given = [{name: known.values[name] for name in space.names}] if known else []
+    found = explore(problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed)
     end = min(found.ends, key=lambda e: e.cost)
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
     return Fitted(structure, named, end.cost, len(space.names), (), found.evaluations, found.spent)
@@ -173,7 +216,7 @@ def fit_one(
     rng = np.random.default_rng(list(seed))
     best = best_of(parents, options)
     # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
-    origins = best if best and _two_ports(structure) else [*best, *others]
+    origins = best if best and two_ports(structure) else [*best, *others]
     drawn = np.array_split(space.candidates(options.drawn * len(origins), rng), len(origins), axis=1)
     tried = [_extended(space, f, part) for f, part in zip(origins, drawn, strict=True)]
     chosen, count = best_begins(task, problem, space, tried, options.starts)
@@ -194,7 +237,7 @@ def fit_one(
     return at_least_as_good(Fitted(structure, named, cost, len(space.names), (), batches, spent), best)
 
 
-def _two_ports(structure: Structure) -> bool:
+def two_ports(structure: Structure) -> bool:
     """Whether it has a law of two ports, which takes several times as long to simulate."""
     return any(p.effect.law is not None and p.effect.law.ports > 1 for p in structure.placed)
 

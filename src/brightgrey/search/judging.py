@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.explore import explore
 from brightgrey.estimation.leastsquares import Descent, End, descend_many, evaluate, finish
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
@@ -32,16 +31,12 @@ def _refit(
     task: Identification,
     structure: Structure,
     wanted: Sequence[Mapping[str, float]],
-    deep: bool,
-    seeds: tuple[Sequence[int], int],
+    seed: Sequence[int],
 ) -> End:
-    """Descend from what relatives have found, `wanted`, best first; `deep` searches from everywhere, too."""
+    """Descend from what relatives have found, `wanted`, best first."""
     problem, space = task.posed(structure)
-    begins = _starts(task, structure, wanted, seeds[0])
+    begins = _starts(task, structure, wanted, seed)
     ends = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=np.inf)
-    if deep:  # which descends on a beginning of the recordings first, away from what relatives have found
-        named = [dict(zip(space.names, b.tolist(), strict=True)) for b in begins.T]
-        ends += explore(problem, space, task.settings, named, starts=8, patience=1, seed=seeds[1]).ends
     return last_descent(task, structure, min(ends, key=lambda e: e.cost).values)
 
 
@@ -115,8 +110,6 @@ class Bench:
         Makes the refits.
     seed : int
     judged : dict of Structure to Judged
-    deep : set of Structure
-        Those that were searched for from everywhere.
     """
 
     task: Identification
@@ -124,28 +117,21 @@ class Bench:
     executor: Executor
     seed: int = 0
     judged: dict[Structure, Judged] = field(default_factory=dict)
-    deep: set[Structure] = field(default_factory=set)
 
-    def judge(self, structure: Structure, *, deep: bool = False) -> Judged:
-        """Refit `structure`; `deep` searches from everywhere, too."""
-        (judged,) = self.judge_all([structure], deep=deep)
+    def judge(self, structure: Structure) -> Judged:
+        """Refit `structure`."""
+        (judged,) = self.judge_all([structure])
         return judged
 
-    def judge_all(self, structures: Sequence[Structure], *, deep: bool = False) -> list[Judged]:
+    def judge_all(self, structures: Sequence[Structure]) -> list[Judged]:
         """Refit `structures` side by side: none begins from what another one of them finds."""
         asked = []
         for s in structures:
-            if s not in self.judged or (deep and s not in self.deep):
-                number = sorted(map(str, self.fitted)).index(str(s)) if deep else 0
-                names = self.task.space(s, initial=True).names
-                seeds = ((self.seed, len(names)), number + 1000 * self.seed)
-                asked.append((s, self.executor.submit(_refit, self.task, s, self._wanted(s), deep, seeds)))
+            if s not in self.judged:
+                seed = (self.seed, len(self.task.space(s, initial=True).names))
+                asked.append((s, self.executor.submit(_refit, self.task, s, self._wanted(s), seed)))
         for s, end in asked:
-            new, known = _judged(self.task, s, end.result()), self.judged.get(s)
-            if deep:
-                self.deep.add(s)
-            if known is None or new.cost < known.cost:
-                self.judged[s] = new
+            self.judged[s] = _judged(self.task, s, end.result())
         return [self.judged[s] for s in structures]
 
     def improve(self, structure: Structure) -> bool:

@@ -158,6 +158,14 @@ def survey(
         if progress is not None:
             progress(Stage("structures", len(fitted), len(structures), leader))
 
+    sought = 0
+
+    def sought_one(structure: Structure) -> None:
+        nonlocal sought
+        sought += 1
+        if progress is not None:
+            progress(Stage("gaps", sought, None, structure))
+
     examined = 0
 
     def weighed_one(structure: Structure) -> None:
@@ -170,7 +178,15 @@ def survey(
     known: dict[Structure, Misfit] = {}
     try:
         with pool(executor) as workers:
-            fitted = fit_all(task, structures, options=options, seed=seed, executor=workers, progress=fitted_one)
+            fitted = fit_all(
+                task,
+                structures,
+                options=options,
+                seed=seed,
+                executor=workers,
+                progress=fitted_one,
+                seeking=sought_one,
+            )
             if not np.isfinite(least):
                 raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
             ahead = _misfits_ahead(workers, task, fitted)  # while evidence leaves workers idle
