@@ -149,20 +149,15 @@ class Fits:
         before = [s for s in self.done if s not in better]
         return self._settled(before, sorted(better, key=size), workers) | better if better else better
 
-    def seek_gaps(self, workers: Executor, seeking: Callable[[Structure], None] | None = None) -> set[Structure]:
+    def seek_gaps(self, workers: Executor, seeking: Callable[[Structure], None] | None = None) -> None:
         """Look for what laws of two ports explain from everywhere, unless the best residual is white already.
 
         In the largest structure of every number of masses, the fewest first: the next one begins where it has ended.
         Where the law hardly helps beside what is known with as many masses, no more is looked for, but with the fewest
-        and with those of the best fit.
-
-        Returns
-        -------
-        set of Structure
-            Those of which there is a better fit now.
+        and with those of the best fit. `seeking` is called with every structure before it is searched for.
         """
         if self._explained():
-            return set()
+            return
         better: set[Structure] = set()
         before = tuple(self.done)
         tops = _tops(before)
@@ -177,10 +172,9 @@ class Fits:
                 found = self._sought_anew(top, 2, workers) or found
             if found:
                 better |= {top, *self._up(tops[number + 1 :], [top], workers)}
-        if not better:
-            return better
-        better |= self._settled(before, sorted(better, key=size), workers)
-        return better | self._settled(before, self._down(workers, tracked=True), workers)
+        if better:
+            self._settled(before, sorted(better, key=size), workers)
+            self._settled(before, self._follow(workers), workers)
 
     def _tells(self, top: Structure) -> bool:
         """Whether laws of two ports take off a good part of what is left without them, with as many masses."""
@@ -274,24 +268,35 @@ class Fits:
         in_turn(workers, larger, lambda s: [t for t in within[s] if t in chosen], call, take)
         return better
 
-    def _down(self, workers: Executor, tracked: bool = False) -> list[Structure]:
-        """Hand optima down to smaller structures, the largest first; returns those that got better.
-
-        With `tracked` those with limits only, and what is worse at first is followed as long as it keeps up.
-        """
+    def _down(self, workers: Executor) -> list[Structure]:
+        """Hand optima down to smaller structures, the largest first; returns those that got better."""
         better = []
         falling = sorted(self.done, key=size, reverse=True)
         around = {s: smallest_around(s, self.done) for s in falling}
 
         def call(s: Structure) -> tuple[Any, ...] | None:
             own = self.done[s]
-            offers = [t for t in around[s] if self.done[t].cost < own.cost and not self.done[t].idle]
-            if tracked:
-                leader = min((self.done[t] for t in offers), key=lambda f: f.cost, default=None)
-                telling = two_ports(s) and leader is not None and leader.cost < _TELLING * own.cost
-                return (tracked_from_above, self.task, own, leader, self._how) if telling else None
-            offers = self._fresh(s, offers)
+            offers = self._fresh(s, [t for t in around[s] if self.done[t].cost < own.cost and not self.done[t].idle])
             return (from_above, self.task, own, [self.done[t] for t in offers], self._how) if offers else None
+
+        def take(s: Structure, result: tuple[Fitted | None, Spent] | None) -> None:
+            if result is not None and self._handed(s, *result):
+                better.append(s)
+
+        in_turn(workers, falling, around.__getitem__, call, take)
+        return better
+
+    def _follow(self, workers: Executor) -> list[Structure]:
+        """Hand optima with laws of two ports down on growing beginnings, the largest first; returns what got better."""
+        better = []
+        falling = sorted(filter(two_ports, self.done), key=size, reverse=True)
+        around = {s: smallest_around(s, self.done) for s in falling}
+
+        def call(s: Structure) -> tuple[Any, ...] | None:
+            own = self.done[s]
+            larger = min((self.done[t] for t in around[s] if not self.done[t].idle), key=lambda f: f.cost, default=own)
+            telling = larger.cost < _TELLING * own.cost
+            return (tracked_from_above, self.task, own, larger, self._how) if telling else None
 
         def take(s: Structure, result: tuple[Fitted | None, Spent] | None) -> None:
             if result is not None and self._handed(s, *result):
