@@ -154,15 +154,19 @@ def tracked_from_above(
     doubt = float(task.doubt(problem.weights, ROUGH).sum())
     spent, batches = Spent(), own.batches
     for share in (*growing(FIRST_BEGINNING), 1.0):
-        part, ahead = problem.beginning(share), whole.beginning(share)
+        part = problem.beginning(share)
         limit = options.rounds if share in (FIRST_BEGINNING, 1.0) else FURTHER_ROUNDS
         ends = descend_many(part, space, task.settings, begins, limit=limit, tolerance=options.tolerance)
         end = min(ends, key=lambda e: e.cost)
         begins = end.values[:, None]
-        spent += part.spent(sum(e.simulations for e in ends)) + ahead.spent(1)
+        spent += part.spent(sum(e.simulations for e in ends))
         batches += 1 + max(e.evaluations for e in ends)
+        if share == 1.0:
+            break
+        ahead = whole.beginning(share)
         rival = float(ahead.costs(named, task.settings)[0])
-        if share < 1.0 and end.cost + share * doubt > _KEEPS_UP * (rival + share * doubt):
+        spent += ahead.spent(1)
+        if end.cost + share * doubt > _KEEPS_UP * (rival + share * doubt):
             return None, spent
     if not end.cost < own.cost:
         return None, spent

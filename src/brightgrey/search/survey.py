@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
@@ -158,21 +159,14 @@ def survey(
         if progress is not None:
             progress(Stage("structures", len(fitted), len(structures), leader))
 
-    sought = 0
+    def counted(name: str) -> Callable[[Structure], None]:
+        numbers = itertools.count(1)
 
-    def sought_one(structure: Structure) -> None:
-        nonlocal sought
-        sought += 1
-        if progress is not None:
-            progress(Stage("gaps", sought, None, structure))
+        def note(structure: Structure) -> None:
+            if progress is not None:
+                progress(Stage(name, next(numbers), None, structure))
 
-    examined = 0
-
-    def weighed_one(structure: Structure) -> None:
-        nonlocal examined
-        examined += 1
-        if progress is not None:
-            progress(Stage("evidence", examined, None, structure))
+        return note
 
     evidence = None
     known: dict[Structure, Misfit] = {}
@@ -185,12 +179,12 @@ def survey(
                 seed=seed,
                 executor=workers,
                 progress=fitted_one,
-                seeking=sought_one,
+                seeking=counted("gaps"),
             )
             if not np.isfinite(least):
                 raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
             ahead = _misfits_ahead(workers, task, fitted)  # while evidence leaves workers idle
-            evidence = weigh(task, fitted, seed=seed, executor=workers, progress=weighed_one)
+            evidence = weigh(task, fitted, seed=seed, executor=workers, progress=counted("evidence"))
             for part, found in ahead:
                 known |= zip(part, found.result(), strict=True)
     except (KeyboardInterrupt, Stopped):
