@@ -11,7 +11,7 @@ from brightgrey.effects import Scales, registry
 from brightgrey.estimation import scales
 from brightgrey.estimation.bounds import search_space
 from brightgrey.estimation.explore import explore, is_white
-from brightgrey.estimation.leastsquares import descend_many
+from brightgrey.estimation.leastsquares import SAME, descend_many
 from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.starts import best_of, offspring, retuned, ringing
 from brightgrey.kit import PAPER, assemble
@@ -157,9 +157,12 @@ def test_a_beginning_holds_a_share_of_the_motion(demo):
     assert np.any(problem.beginning(0.3).recordings[0].u != 0.0)
 
 
-def test_a_white_residual_ends_the_search_at_the_first_field(demo):
+@pytest.mark.parametrize("seed", range(4))
+def test_a_white_residual_and_two_starts_that_agree_end_the_search_at_the_first_field(demo, seed):
     structure = PAPER.parse("two_mass+coulomb+viscous+stribeck")
     search = search_space(structure, scales(demo), {}, {})
     problem, settings = Problem.of(structure, [demo]), Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
-    found = explore(problem, search, settings, [], starts=8, patience=4, seed=1)  # where two starts agree
-    assert len(found.ends) == 8
+    found = explore(problem, search, settings, [], starts=8, patience=4, seed=seed)
+    costs = sorted(end.cost for end in found.ends[:8])
+    agree = costs[1] <= (1.0 + SAME) * costs[0]
+    assert (len(found.ends) == 8) == agree

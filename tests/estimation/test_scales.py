@@ -112,36 +112,43 @@ def test_emps_regression_comes_close_to_the_published_one(measured):
     assert found.offset == pytest.approx(-3.165, rel=0.1)
 
 
-def test_a_load_behind_a_soft_shaft_is_within_its_range():
-    """The balance hardly tells an inertia that swings out of phase; its range once left it out by a factor of 20."""
-    structure = PAPER.parse("four_mass+coulomb+viscous+stribeck+gravity+delay")
-    masses = {"J1": 9e-4, "J2": 2.6e-3, "J3": 3.8e-3, "J4": 0.0142}
-    shafts = {"c1": 0.99, "c2": 28.0, "c3": 280.0, "d1": 6.4e-3, "d2": 0.011, "d3": 0.066}
-    friction = {"M_C": 0.087, "f_v": 0.028, "M_S": 1.62, "omega_S": 3.4, "M_G": -0.25}
-    values = masses | shafts | friction | {"T_d": 0.0139}
-    e, rng = PAPER_EXPERIMENT, np.random.default_rng(3)
-    u = np.round(e.torque(), 3)
-    (v,) = reference(str(structure), values, u, e.dt, f_tanh=e.f_tanh)
-    v += 1e-3 * np.abs(v).max() * rng.standard_normal(v.size)
-    search = search_space(structure, scales(record(e.dt * np.arange(e.samples), u, v, "velocity")), {}, {})
+SOFT = {
+    "four_mass+coulomb+viscous+stribeck+gravity+delay": {"J1": 9e-4, "J2": 2.6e-3, "J3": 3.8e-3, "J4": 0.0142}
+    | {"c1": 0.99, "c2": 28.0, "c3": 280.0, "d1": 6.4e-3, "d2": 0.011, "d3": 0.066}
+    | {"M_C": 0.087, "f_v": 0.028, "M_S": 1.62, "omega_S": 3.4, "M_G": -0.25, "T_d": 0.0139},
+    "four_mass+viscous+gravity+delay": {"J1": 1.8e-4, "J2": 1.2e-3, "J3": 0.0112, "J4": 9.4e-3}
+    | {"c1": 0.35, "c2": 34.0, "c3": 5.8, "d1": 6.5e-4, "d2": 0.1, "d3": 0.0225}
+    | {"f_v": 0.0245, "M_G": 1.47, "T_d": 0.0105},
+}
+
+
+def assert_within_ranges(structure, values, u, noise, rng):
+    """Of a motion by the reference solver."""
+    e = PAPER_EXPERIMENT
+    (v,) = reference(structure, values, u, e.dt, f_tanh=e.f_tanh)
+    v += noise * np.abs(v).max() * rng.standard_normal(v.size)
+    found = scales(record(e.dt * np.arange(e.samples), u, v, "velocity"))
+    search = search_space(PAPER.parse(structure), found, {}, {})
     true = np.array([values[name] for name in search.names])
     assert np.all((search.low <= true) & (true <= search.high))
+
+
+@pytest.mark.parametrize("structure", SOFT)
+def test_a_load_behind_a_soft_shaft_is_within_its_range(structure):
+    """The balance hardly tells an inertia that swings out of phase; ranges once left it out by factors of 3 to 500."""
+    u = np.round(PAPER_EXPERIMENT.torque(), 3)
+    assert_within_ranges(structure, SOFT[structure], u, 1e-3, np.random.default_rng(3))
 
 
 def test_a_load_that_swings_slower_than_windows_average_is_within_its_range():
     """A chirp from 1 to 100 Hz, three masses, nearly all of the inertia at the end: no window's balance holds."""
-    structure = PAPER.parse("three_mass+backlash+current_control")
     masses, shafts = {"J1": 4.1e-4, "J2": 1.5e-3, "J3": 0.0203}, {"c1": 3.45, "c2": 60.0, "d1": 3e-3, "d2": 0.03}
     values = masses | shafts | {"alpha": 4e-3, "T_1": 1e-3}
-    e, rng = PAPER_EXPERIMENT, np.random.default_rng(4)
+    e = PAPER_EXPERIMENT
     t = e.dt * np.arange(e.samples)
     rate = np.log(100.0) / (e.samples * e.dt)
     u = 10.0 * np.minimum(1.0, t / 0.02) * np.sin(2.0 * np.pi * np.expm1(rate * t) / rate)
-    (v,) = reference(str(structure), values, u, e.dt, f_tanh=e.f_tanh)
-    v += 1e-2 * np.abs(v).max() * rng.standard_normal(v.size)
-    search = search_space(structure, scales(record(t, u, v, "velocity")), {}, {})
-    true = np.array([values[name] for name in search.names])
-    assert np.all((search.low <= true) & (true <= search.high))
+    assert_within_ranges("three_mass+backlash+current_control", values, u, 1e-2, np.random.default_rng(4))
 
 
 def test_quantised_velocity_does_not_lose_the_inertia(measured):

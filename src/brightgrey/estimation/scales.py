@@ -203,8 +203,8 @@ def _regression(recordings: tuple[Recording, ...], speed: float) -> Array:
         found.append((uncertainty, values, float(np.var(torque - terms @ values)), float(np.var(torque))))
         bare.append((float(np.std(torque)), float(np.std(terms[:, 0]))))
     least = min(uncertainty for uncertainty, *_ in found)
-    _, values, left, all_ = [f for f in found if f[0] <= ALIKE * least][-1]
-    if left > UNEXPLAINED * all_:
+    _, values, left, spread = [f for f in found if f[0] <= ALIKE * least][-1]
+    if left > UNEXPLAINED * spread:
         driven = [t / a for t, a in bare if a > 0.0 and t >= DRIVEN * bare[0][0]]
         values[0] = max([values[0], *driven])
     return values
