@@ -74,3 +74,23 @@ def test_weakest_direction_is_named():
     condition, direction = weakest(np.stack([a, 0 * a], axis=1))
     assert condition == np.inf
     assert direction.tolist() == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("samples", [60, 300, 2000])
+@pytest.mark.parametrize("turn", [0.0, 1e-3, 0.03, 0.7, np.pi])
+def test_signals_without_noise_have_a_colour(turn, samples):
+    # Their poles are of size 1 to rounding, which another machine rounds differently.
+    t = np.arange(samples)
+    for x in (np.cos(turn * t), np.cos(turn * t + 1.0) + 3.0, 600.0 - (1.0 + turn) * t, np.sign(np.cos(turn * t))):
+        with np.errstate(all="raise"):
+            model = autoregression(x)
+            assert np.isfinite(model.autocovariance(samples)).all()
+            assert 0.0 < model.independent(samples) <= samples
+            assert 0.0 < model.telling(samples) <= samples
+            assert np.isfinite(model.scatter(x[:, None])).all()
+
+
+def test_silence_has_no_colour():
+    model = autoregression(np.zeros(100))
+    assert not model.autocovariance(100).any()
+    assert model.independent(100) == model.telling(100) == 100.0

@@ -12,7 +12,7 @@ from scipy.linalg import solve_toeplitz
 __all__ = ["Autoregression", "autoregression", "burg", "lag_sums", "levinson", "times_autocovariance"]
 
 Array = NDArray[np.float64]
-_RIDGE = 1e-9  # keeps the autocovariances of a pure line solvable
+_RIDGE = 1e-9  # what no model explains of a signal's power: below it are the digits of a pure line, and poles of size 1
 _FEW = 64  # lags that are summed faster one by one
 _ROOM = 8  # the autocovariance is taken from a spectrum of so many times the length: what wraps around has decayed
 
@@ -89,6 +89,8 @@ class Autoregression:
 def burg(x: Array, highest: int) -> list[Autoregression]:
     """Autoregressions of orders 0 to `highest` by Burg's method (Burg 1975; Kay 1988, section 7.5).
 
+    They end at the order that leaves 1e-9 of the power: of a line or a ramp further ones tell rounding only.
+
     Parameters
     ----------
     x : ndarray, shape (samples,)
@@ -102,11 +104,17 @@ def burg(x: Array, highest: int) -> list[Autoregression]:
         forward, backward = forward[1:], backward[:-1]
         size = float(forward @ forward + backward @ backward)
         reflection = -2.0 * float(forward @ backward) / size if size > 0.0 else 0.0
+        least = min(_RIDGE * found[0].variance / variance, 1.0) if variance > 0.0 else 1.0
+        whole = 1.0 - reflection**2 <= least
+        if whole:
+            reflection = float(np.copysign(np.sqrt(1.0 - least), reflection))
         a = np.append(a, 0.0)
         a = a + reflection * a[::-1]
         forward, backward = forward + reflection * backward, backward + reflection * forward
-        variance *= max(1.0 - reflection**2, 0.0)
+        variance *= 1.0 - reflection**2
         found.append(Autoregression(tuple(a.tolist()), variance))
+        if whole:
+            break
     return found
 
 
@@ -129,7 +137,7 @@ def levinson(c: Array) -> Autoregression | None:
     a, variance = np.ones(1), float(c[0])
     for m in range(1, len(c)):
         reflection = -float(a @ c[m:0:-1]) / variance
-        if not abs(reflection) < 1.0:
+        if not variance * (1.0 - reflection**2) > _RIDGE * c[0]:
             return None
         a = np.append(a, 0.0)
         a = a + reflection * a[::-1]

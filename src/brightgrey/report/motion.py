@@ -69,10 +69,7 @@ def _correlation(trace: Trace, row: int) -> Chart | None:
     residual = trace.residual[row]
     if not np.isfinite(residual).all() or residual.size <= 4 * LAGS:
         return None
-    with np.errstate(all="ignore"):  # residuals without any noise of their own have no colour
-        found = residual_analysis(residual, trace.u)
-    if not np.isfinite([*found.autocorrelation, *found.cross_correlation, found.band, found.cross_band]).all():
-        return None
+    found = residual_analysis(residual, trace.u)
     dt = float(trace.t[1] - trace.t[0])
     own = np.array(found.autocorrelation)
     cross = np.array(found.cross_correlation)
