@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation import assimilate, problem
+from brightgrey.estimation import problem
 from brightgrey.estimation.explore import explore
 from brightgrey.estimation.spent import Spent
 from brightgrey.excitation import PAPER_EXPERIMENT
@@ -148,7 +148,7 @@ def given(monkeypatch):
 
         return counted
 
-    for module, simulate in ((problem, response), (problem, squares), (assimilate, response)):
+    for module, simulate in ((problem, response), (problem, squares)):
         monkeypatch.setattr(module, simulate.__name__, counting(simulate))
     return calls
 
@@ -159,7 +159,7 @@ def test_simulations_are_those_that_were_given_to_the_kernel(task, given):
     assert run.passes == run.spent.samples / task.recordings[0].samples < run.simulations
 
 
-def test_so_they_are_where_an_ensemble_learns(given):
+def test_so_they_are_where_gaps_are_sought(given):
     truth = PAPER.parse("two_mass+coulomb+backlash")
     values = {**PAPER_EXPERIMENT.values, "alpha": 0.02}
     gap = task_of(reference_recording(truth, {name: values[name] for name in truth.parameters}))

@@ -2,11 +2,11 @@
 
 The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Six
 things help against them. Descents begin on the beginning of the recording, where few periods have passed and
-the valleys are wide; where limits make the cost rugged, the beginning grows step by step. Later fields hold offspring
-of the best ends so far, with some parameters drawn anew (iterated local search), and some that ring where the residual
-of the best end does. Where fields bring nothing new, resonances are looked for line by line. Every field holds fresh
-starts, so that no optimum is final. And where there are limits, every second field comes from a filter that keeps the
-model on the measured motion while it learns.
+the valleys are wide; where limits make the cost rugged, the beginning grows step by step. Other fields begin with
+simulations that are held to the measured motion, less and less (:mod:`brightgrey.estimation.held`): with limits every
+second one. Later fields hold offspring of the best ends so far, with some parameters drawn anew (iterated local
+search), and some that ring where the residual of the best end does. Where fields bring nothing new, resonances are
+looked for line by line. Every field holds fresh starts, so that no optimum is final.
 
 A white residual alone proves little: 1800 samples may be white to any test, with 3 % more power than the noise
 has. So the search ends early only if independent starts agree, too, and no parameter has run to a bound (but with a
@@ -22,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.assimilate import assimilated
 from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.leastsquares import SAME, End, descend_many
 from brightgrey.estimation.problem import Problem
@@ -40,9 +39,11 @@ FIRST_BEGINNING = 0.3
 """Part of the recordings on which descents begin."""
 FURTHER_ROUNDS = 6
 """Of a descent on each longer beginning, with limits."""
-_BEGINNINGS = (FIRST_BEGINNING, 1.0, 0.6)  # of one field after the other
+_HELD = (3.0, 1.0, 0.3, 0.1, 0.03)  # how firmly, in one descent after the other
+_BEGINNINGS = (FIRST_BEGINNING, None, 1.0, 0.6)  # of one field after the other; None: held to the measured motion
+_RUGGED_BEGINNINGS = (FIRST_BEGINNING, None)  # with limits
 _ROUGH = 1e-3  # tolerance on a beginning
-_PARENTS, _TEACHERS = 4, 8  # best ends: of offspring, of ensembles
+_PARENTS = 4  # best ends that have offspring
 _RETUNED, _TUNING = 48, 3  # starts that ring where the residual does, and rounds after which the best are chosen
 _HEARD, _HEARD_BEST = 16, 2  # valleys among lines, and those that are descended from
 _LISTEN = 4  # fields without improvement from one look for a resonance to the next; the first after one
@@ -88,8 +89,7 @@ def explore(
         Descents per field.
     patience : int
         Fields without improvement after which the search ends, a quarter as many if the residual is white; 0 for the
-        first field alone. With limits half as many again, and so many fields at most come from an ensemble that learns,
-        which takes longest.
+        first field alone. With limits half as many again.
     seed : int
     """
     patience = int(_RUGGED * patience) if problem.limited else patience
@@ -98,16 +98,13 @@ def explore(
     heard: list[float] = []
     best, idle, needed = np.inf, 0, min(_AGREE, starts)
     first = _first(search, given, starts)
+    shares = _RUGGED_BEGINNINGS if problem.limited else _BEGINNINGS
     for number in range(1 + _MOST * patience):
         rng = np.random.default_rng([seed, number])
         missing = needed - _agreeing(parts)
-        if problem.limited and number % 2 == 0 and 0 < number <= 2 * patience:
-            field = _learned(problem, search, settings, ends, starts, rng)
-            part = _descended(problem, _BEGINNINGS[0], search, settings, field, np.inf, missing)
-        else:
-            share = _BEGINNINGS[number % len(_BEGINNINGS)]
-            field = _field(problem, share, search, settings, first, ends, starts, rng)
-            part = _descended(problem, share, search, settings, field, best, missing)
+        stages = _stages(problem, shares[number % len(shares)])
+        field = _field(problem, [*stages, problem][0], search, settings, first, ends, starts, rng)
+        part = _descended(problem, stages, search, settings, field, best, missing)
         parts, ends = [*parts, part], ends + part.ends
         idle = 0 if part.least < _IMPROVED * best else idle + 1
         best = min(best, part.least)
@@ -159,7 +156,7 @@ def first_field(
     rng: np.random.Generator,
 ) -> list[Array]:
     """Starts of the first field, each of shape (P,), SI: those given, the declared one, and the best candidates."""
-    return _field(problem, 1.0, search, settings, _first(search, given, starts), [], starts, rng).starts
+    return _field(problem, problem, search, settings, _first(search, given, starts), [], starts, rng).starts
 
 
 class _Field(NamedTuple):
@@ -172,7 +169,7 @@ class _Field(NamedTuple):
 
 def _field(
     problem: Problem,
-    share: float,
+    part: Problem,
     search: Search,
     settings: Settings,
     first: list[Array],
@@ -182,9 +179,9 @@ def _field(
 ) -> _Field:
     """Starts of one field: the first ones, and of fresh ones and offspring of the best ends equally many.
 
-    Candidates are judged by the share of the recordings that descents begin on.
+    Candidates are judged by the `part` of the problem that descents begin on.
     """
-    part, missing = problem.beginning(share), starts - len(first)
+    missing = starts - len(first)
     if missing <= 0 or not search.names:
         return _Field(first, [not ends] * len(first))
     candidates = search.candidates(_PER_PARAMETER * (1 + len(search.names)), rng)
@@ -195,8 +192,8 @@ def _field(
     half = missing // 2
     fresh = best_of(part, search, settings, candidates, missing - half)
     leader = min(ends, key=lambda end: end.cost)
-    spent = part.spent(candidates.shape[1] + young.shape[1]) + problem.spent(share == 1.0)
-    rings = share == 1.0 and not _explained(problem, search, settings, leader)
+    spent = part.spent(candidates.shape[1] + young.shape[1]) + problem.spent(part is problem)
+    rings = part is problem and not _explained(problem, search, settings, leader)
     tuned, tuning = _tuned(problem, search, settings, leader.values, half // 2, rng) if rings else ([], Spent())
     chosen = first + fresh + tuned + best_of(part, search, settings, young, half - len(tuned))
     return _Field(chosen, [False] * len(first) + [True] * len(fresh) + [False] * half, spent + tuning)
@@ -241,20 +238,6 @@ def _heard(problem: Problem, search: Search, settings: Settings, ends: Sequence[
     return _Part(tuned, found, [False] * len(found), batches, spent + problem.spent(_sets(rough) + _sets(found)))
 
 
-def _learned(
-    problem: Problem,
-    search: Search,
-    settings: Settings,
-    ends: Sequence[End],
-    starts: int,
-    rng: np.random.Generator,
-) -> _Field:
-    """Starts of one field that an ensemble about the best ends has learned."""
-    ensemble, spent = assimilated(problem, search, settings, _best(ends, _TEACHERS), rng)
-    chosen = best_of(problem, search, settings, ensemble, starts)
-    return _Field(chosen, [False] * starts, spent + problem.spent(ensemble.shape[1]))
-
-
 def _best(ends: Sequence[End], count: int) -> list[Array]:
     return [end.values for end in sorted(ends, key=lambda end: end.cost)[:count]]
 
@@ -263,18 +246,32 @@ def _sets(ends: Sequence[End]) -> int:
     return sum(end.simulations for end in ends)
 
 
+def _stages(problem: Problem, share: float | None) -> list[Problem]:
+    """What descents begin on before the whole problem: a beginning, or held to the measured motion, less and less."""
+    if share is None:
+        held = [problem.held(firmly) for firmly in _HELD]
+        return [stage for stage in held if stage is not None]
+    shares = growing(share) if problem.limited else [share] if share < 1.0 else []
+    return [problem.beginning(share) for share in shares]
+
+
 def _descended(
-    whole: Problem, share: float, search: Search, settings: Settings, field: _Field, best: float, needed: int
+    whole: Problem,
+    stages: Sequence[Problem],
+    search: Search,
+    settings: Settings,
+    field: _Field,
+    best: float,
+    needed: int,
 ) -> _Part:
-    """Ends of a field, on the beginning of the recording first."""
+    """Ends of a field that has descended through all `stages` first."""
     begins = np.stack(field.starts, axis=1)
     batches, spent = 0, field.spent
     rounds = _FIRST_ROUNDS
-    shares = growing(share) if whole.limited else [share] if share < 1.0 else []
-    for beginning in map(whole.beginning, shares):
-        rough = descend_many(beginning, search, settings, begins, limit=rounds, tolerance=_ROUGH, rival=np.inf)
+    for stage in stages:
+        rough = descend_many(stage, search, settings, begins, limit=rounds, tolerance=_ROUGH, rival=np.inf)
         batches += max(end.evaluations for end in rough)
-        spent += beginning.spent(_sets(rough))
+        spent += stage.spent(_sets(rough))
         begins, rounds = np.stack([end.values for end in rough], axis=1), FURTHER_ROUNDS
     ends = descend_many(
         whole,

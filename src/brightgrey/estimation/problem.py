@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.estimation.held import held_back, measured_speed
 from brightgrey.estimation.normal import LARGEST, add_products, add_squares
 from brightgrey.estimation.onset import Initial, Onset, Unknown, noise_of
 from brightgrey.estimation.spent import Spent
@@ -34,13 +35,15 @@ def predict_many(
     initial: Mapping[str, float] | None = None,
     group: int = 1,
     threads: int = 1,
+    gain: float = 0.0,
 ) -> Array:
     """Simulated outputs of K parameter sets, shape (outputs, samples, K), SI; not-a-number where diverged.
 
-    The initial state is `initial`, or else that of `onset`, whose unknown parts stand among the values.
+    The initial state is `initial`, or else that of `onset`, whose unknown parts stand among the values. With a `gain`,
+    in torque per speed, the simulation is held to the measured motion.
     """
-    system, x0 = systems(structure, values, recording, settings, onset=onset, initial=initial)
-    y = response(system, recording.u, recording.dt, x0, settings, group=group, threads=threads).y
+    system, u, x0 = systems(structure, values, recording, settings, onset=onset, initial=initial, gain=gain)
+    y = response(system, u, recording.dt, x0, settings, group=group, threads=threads).y
     for out, signal in enumerate(recording.outputs):
         if signal.kind == "velocity-differenced":
             before = y[out, :1] - recording.dt * x0[system.state_names.index("v1")]  # it moved as it does at first
@@ -56,15 +59,17 @@ def systems(
     *,
     onset: Onset | None = None,
     initial: Mapping[str, float] | None = None,
-) -> tuple[StateSpace, Array]:
-    """K systems with the outputs of a recording, see :func:`system_for`, and their initial states, shape (n, K)."""
+    gain: float = 0.0,
+) -> tuple[StateSpace, Array, Array]:
+    """K systems as :func:`system_for` makes them, their input, shape (samples,), and initial states, shape (n, K)."""
     system = system_for(structure, values, recording, settings)
     if initial is not None:
         x0 = np.array([[initial[state.name]] for state in system.states])
     else:
         x0 = (onset or Onset.of(recording)).state(system, float(recording.u[0]), values)
     sets = max((np.size(values[name]) for name in structure.parameters), default=1)
-    return system, np.broadcast_to(x0, (len(x0), sets))
+    system, u = held_back(system, recording, gain)
+    return system, u, np.broadcast_to(x0, (len(x0), sets))
 
 
 def system_for(
@@ -107,6 +112,8 @@ class Problem:
     onsets : tuple of Onset
         How each recording begins.
     threads : int
+    gain : float
+        By which simulations are held to the measured motion, in torque per speed.
     """
 
     structure: Structure
@@ -114,6 +121,7 @@ class Problem:
     weights: Array
     onsets: tuple[Onset, ...]
     threads: int = 1
+    gain: float = 0.0
 
     @classmethod
     def of(
@@ -164,7 +172,7 @@ class Problem:
         """Weighted residuals, shape (residuals, K): simulated minus measured; large but finite if diverged."""
         parts = []
         for r, onset, lost in zip(self.recordings, self.onsets, self._lost, strict=True):
-            y = predict_many(self.structure, values, r, settings, onset=onset, group=group, threads=self.threads)
+            y = self._predicted(values, r, onset, settings, group)
             apart = (y - r.y[:, :, None]) * self.weights[:, None, None]
             apart = np.where(np.isfinite(apart), np.clip(apart, -LARGEST, LARGEST), lost[:, None, None])
             parts.append(apart.reshape(-1, apart.shape[-1]))
@@ -183,7 +191,7 @@ class Problem:
         starts, count = per_step.shape
         total = np.zeros((starts, 1 + count, 1 + count))
         for r, onset, lost in zip(self.recordings, self.onsets, self._lost, strict=True):
-            y = predict_many(self.structure, values, r, settings, onset=onset, group=1 + count, threads=self.threads)
+            y = self._predicted(values, r, onset, settings, 1 + count)
             y = np.ascontiguousarray(y).reshape(*y.shape[:2], starts, -1)
             add_products(y, r.y, self.weights, lost, per_step, total)
         return total
@@ -197,17 +205,24 @@ class Problem:
         total = np.zeros(len(next(iter(values.values()))))
         for r, onset, lost in zip(self.recordings, self.onsets, self._lost, strict=True):
             if most is not None and not any(signal.kind == "velocity-differenced" for signal in r.outputs):
-                system, x0 = systems(self.structure, values, r, settings, onset=onset)
+                system, u, x0 = systems(self.structure, values, r, settings, onset=onset, gain=self.gain)
                 weights = self.weights**2
                 total = squares(
-                    system, r.u, r.dt, x0, settings, r.y, weights, spent=total, most=most, threads=self.threads
+                    system, u, r.dt, x0, settings, r.y, weights, spent=total, most=most, threads=self.threads
                 )
                 continue
-            y = predict_many(self.structure, values, r, settings, onset=onset, threads=self.threads)
+            y = self._predicted(values, r, onset, settings, 1)
             add_squares(np.ascontiguousarray(y), r.y, self.weights, lost, total)
             if most is not None:
                 total = np.where(np.isfinite(y).all(axis=(0, 1)) & (total < most), total, np.inf)
         return total
+
+    def _predicted(
+        self, values: Mapping[str, Array], r: Recording, onset: Onset, settings: Settings, group: int
+    ) -> Array:
+        return predict_many(
+            self.structure, values, r, settings, onset=onset, group=group, threads=self.threads, gain=self.gain
+        )
 
     @cached_property
     def _lost(self) -> tuple[Array, ...]:
@@ -219,3 +234,15 @@ class Problem:
         if share >= 1.0:
             return self
         return replace(self, recordings=tuple(_beginning(r, share) for r in self.recordings))
+
+    def held(self, share: float) -> Problem | None:
+        """The same with simulations that are held to the measured motion; None if that is not known.
+
+        By `share` of the usual torque per usual speed: as much torque for an error as large as the speed is.
+        """
+        speeds = [measured_speed(r) for r in self.recordings]
+        known = np.concatenate([v for v in speeds if v is not None] or [np.zeros(1)])
+        if any(v is None for v in speeds) or not known.any():
+            return None
+        u = np.concatenate([r.u for r in self.recordings])
+        return replace(self, gain=share * float(np.sqrt(np.mean(u**2) / np.mean(known**2))))

@@ -150,25 +150,22 @@ class Fits:
         return self._settled(before, sorted(better, key=size), workers) | better if better else better
 
     def seek_gaps(self, workers: Executor, seeking: Callable[[Structure], None] | None = None) -> None:
-        """Look for what laws of two ports explain from everywhere, unless the best residual is white already.
+        """Look for what laws of two ports explain from everywhere, until the best residual is white.
 
         In the largest structure of every number of masses, the fewest first: the next one begins where it has ended.
-        Where the law hardly helps beside what is known with as many masses, no more is looked for, but with the fewest
-        and with those of the best fit. `seeking` is called with every structure before it is searched for.
+        Where the law takes off a good part of what is left without it, more is looked for. `seeking` is called with
+        every structure before it is searched for.
         """
-        if self._explained():
-            return
         better: set[Structure] = set()
         before = tuple(self.done)
         tops = _tops(before)
-        hopeful = {*tops[:1], *(t for t in tops if ladder_of(t) == ladder_of(self._leader().structure))}
         for number, top in enumerate(tops):
-            if top not in hopeful and not self._tells(top):
-                continue
+            if self._explained():
+                break
             if seeking is not None:
                 seeking(top)
             found = self._sought_anew(top, 1, workers)
-            if number == 0 and self._tells(top):
+            if self._tells(top) and not self._explained():
                 found = self._sought_anew(top, 2, workers) or found
             if found:
                 better |= {top, *self._up(tops[number + 1 :], [top], workers)}
