@@ -41,6 +41,7 @@ from brightgrey.search.work import in_order, in_turn, pool
 __all__ = ["Fits", "Fitted", "Options", "fit_all", "fit_one"]
 
 _TELLING = 0.9  # of the cost: what a law of two ports takes off if it is worth a search from everywhere
+_NEAR = 4.0  # times the least cost: what is worth being followed to smaller structures
 _Item = tuple[bool, Structure]  # whether it is a hub that is sought from everywhere
 
 
@@ -153,8 +154,8 @@ class Fits:
         """Look for what laws of two ports explain from everywhere, until the best residual is white.
 
         In the largest structure of every number of masses, the fewest first: the next one begins where it has ended.
-        Where the law takes off a good part of what is left without it, more is looked for. `seeking` is called with
-        every structure before it is searched for.
+        Where that brings something, and the law takes off a good part of what is left without it, more is looked for.
+        `seeking` is called with every structure before it is searched for.
         """
         better: set[Structure] = set()
         before = tuple(self.done)
@@ -165,8 +166,8 @@ class Fits:
             if seeking is not None:
                 seeking(top)
             found = self._sought_anew(top, 1, workers)
-            if self._tells(top) and not self._explained():
-                found = self._sought_anew(top, 2, workers) or found
+            if found and self._tells(top) and not self._explained():
+                self._sought_anew(top, 2, workers)
             if found:
                 better |= {top, *self._up(tops[number + 1 :], [top], workers)}
         if better:
@@ -284,15 +285,21 @@ class Fits:
         return better
 
     def _follow(self, workers: Executor) -> list[Structure]:
-        """Hand optima with laws of two ports down on growing beginnings, the largest first; returns what got better."""
+        """Hand optima with laws of two ports down on growing beginnings, the largest first; returns what got better.
+
+        Only those that come near the best one: what is far behind with an effect does not win without it.
+        """
         better = []
         falling = sorted(filter(two_ports, self.done), key=size, reverse=True)
         around = {s: smallest_around(s, self.done) for s in falling}
+        best = self._leader()
+        doubt = float(self.task.doubt(self.task.problem(best.structure).weights, ROUGH).sum())
+        near = _NEAR * (best.cost + doubt)
 
         def call(s: Structure) -> tuple[Any, ...] | None:
             own = self.done[s]
             larger = min((self.done[t] for t in around[s] if not self.done[t].idle), key=lambda f: f.cost, default=own)
-            telling = larger.cost < _TELLING * own.cost
+            telling = larger.cost < min(_TELLING * own.cost, near)
             return (tracked_from_above, self.task, own, larger, self._how) if telling else None
 
         def take(s: Structure, result: tuple[Fitted | None, Spent] | None) -> None:
