@@ -10,9 +10,10 @@ from scipy.signal import lfilter
 from brightgrey.effects import Scales, registry
 from brightgrey.estimation import scales
 from brightgrey.estimation.bounds import search_space
-from brightgrey.estimation.explore import explore, is_white
-from brightgrey.estimation.leastsquares import SAME, descend_many
+from brightgrey.estimation.explore import _agreeing, _Part, explore, is_white
+from brightgrey.estimation.leastsquares import SAME, End, descend_many
 from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.spent import Spent
 from brightgrey.estimation.starts import best_of, offspring, retuned, ringing
 from brightgrey.kit import PAPER, assemble
 from brightgrey.recordings import read_recording
@@ -166,3 +167,12 @@ def test_a_white_residual_and_two_starts_that_agree_end_the_search_at_the_first_
     costs = sorted(end.cost for end in found.ends[:8])
     agree = costs[1] <= (1.0 + SAME) * costs[0]
     assert (len(found.ends) == 8) == agree
+
+
+def test_only_independent_starts_bear_witness():
+    ends = [End(np.zeros(1), cost, True, 1, 5) for cost in (100.0, 100.2, 100.3, 120.0)]
+    assert _agreeing([_Part([], ends, [True, True, False, True], 0, Spent())]) == 2
+    apart = [
+        _Part([], [end], [alone], 0, Spent()) for end, alone in zip(ends, (False, False, False, True), strict=True)
+    ]
+    assert _agreeing(apart) == 0

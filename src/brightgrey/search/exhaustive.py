@@ -189,12 +189,16 @@ class Fits:
     def _leader(self) -> Fitted:
         return min((f for f in self.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
 
+    def _doubt(self, best: Fitted) -> float:
+        """Cost that the simulation's own error leaves."""
+        return float(self.task.doubt(self.task.problem(best.structure).weights, ROUGH).sum())
+
     def _explained(self) -> bool:
         """Whether the residual of the best fit is white, or no larger than the simulation's own error."""
         best = self._leader()
-        problem = self.task.problem(best.structure)
-        if best.cost <= self.task.doubt(problem.weights, ROUGH).sum():
+        if best.cost <= self._doubt(best):
             return True
+        problem = self.task.problem(best.structure)
         values = {name: np.array([value]) for name, value in best.values.items()}
         self.spent.append(problem.spent(1))
         return is_white(problem, problem.residuals(values, self.task.settings)[:, 0])
@@ -268,45 +272,45 @@ class Fits:
 
     def _down(self, workers: Executor) -> list[Structure]:
         """Hand optima down to smaller structures, the largest first; returns those that got better."""
-        better = []
-        falling = sorted(self.done, key=size, reverse=True)
-        around = {s: smallest_around(s, self.done) for s in falling}
 
-        def call(s: Structure) -> tuple[Any, ...] | None:
+        def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
-            offers = self._fresh(s, [t for t in around[s] if self.done[t].cost < own.cost and not self.done[t].idle])
+            offers = self._fresh(s, [t for t in around if self.done[t].cost < own.cost and not self.done[t].idle])
             return (from_above, self.task, own, [self.done[t] for t in offers], self._how) if offers else None
 
-        def take(s: Structure, result: tuple[Fitted | None, Spent] | None) -> None:
-            if result is not None and self._handed(s, *result):
-                better.append(s)
-
-        in_turn(workers, falling, around.__getitem__, call, take)
-        return better
+        return self._falling(list(self.done), call, workers)
 
     def _follow(self, workers: Executor) -> list[Structure]:
         """Hand optima with laws of two ports down on growing beginnings, the largest first; returns what got better.
 
         Only those that come near the best one: what is far behind with an effect does not win without it.
         """
-        better = []
-        falling = sorted(filter(two_ports, self.done), key=size, reverse=True)
-        around = {s: smallest_around(s, self.done) for s in falling}
         best = self._leader()
-        doubt = float(self.task.doubt(self.task.problem(best.structure).weights, ROUGH).sum())
-        near = _NEAR * (best.cost + doubt)
+        near = _NEAR * (best.cost + self._doubt(best))
 
-        def call(s: Structure) -> tuple[Any, ...] | None:
+        def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
-            larger = min((self.done[t] for t in around[s] if not self.done[t].idle), key=lambda f: f.cost, default=own)
+            larger = min((self.done[t] for t in around if not self.done[t].idle), key=lambda f: f.cost, default=own)
             telling = larger.cost < min(_TELLING * own.cost, near)
             return (tracked_from_above, self.task, own, larger, self._how) if telling else None
+
+        return self._falling(list(filter(two_ports, self.done)), call, workers)
+
+    def _falling(
+        self,
+        structures: Sequence[Structure],
+        call: Callable[[Structure, Sequence[Structure]], tuple[Any, ...] | None],
+        workers: Executor,
+    ) -> list[Structure]:
+        """Make the calls of structures, given the smallest ones around each, the largest first; returns the better."""
+        better = []
+        around = {s: smallest_around(s, self.done) for s in sorted(structures, key=size, reverse=True)}
 
         def take(s: Structure, result: tuple[Fitted | None, Spent] | None) -> None:
             if result is not None and self._handed(s, *result):
                 better.append(s)
 
-        in_turn(workers, falling, around.__getitem__, call, take)
+        in_turn(workers, list(around), around.__getitem__, lambda s: call(s, around[s]), take)
         return better
 
     def _fresh(self, s: Structure, relatives: Sequence[Structure]) -> list[Structure]:
