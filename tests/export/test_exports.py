@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drives import drawn, random_models, random_structures
+from drives import drawn, model, random_models, random_structures
 from scipy.io import loadmat
 
 from brightgrey.cli import main
@@ -67,13 +67,22 @@ def test_export_moves_like_the_model(to, structure, options, tmp_path):
     assert compared(to, drawn(structure, 11, **options), tmp_path) <= exporter(to).tolerance
 
 
+@pytest.mark.parametrize("to", ["c", "fmu", "matlab"])
+def test_gap_whose_damper_relaxes_in_nanoseconds(to, tmp_path):
+    """d/c = 1 ns: a power series of the gap's own motion would reach a thousandth of a step."""
+    needs(to)
+    values = {"J1": 0.0165, "J2": 0.00704, "J3": 0.000972, "c1": 123e3, "c2": 0.156, "d1": 1.23e-4, "d2": 0.0398}
+    drive = model("three_mass+coulomb+backlash", values | {"M_C": 0.288, "alpha": 0.7})
+    assert compared(to, drive, tmp_path) <= exporter(to).tolerance
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("to", EXPORTS)
 def test_twenty_random_structures(to, tmp_path):
     needs(to)
     worst = {}
-    for i, model in enumerate(random_models(20, 1)):
-        worst[f"{i} {model.structure}"] = compared(to, model, tmp_path / str(i))
+    for i, drive in enumerate(random_models(20, 1)):
+        worst[f"{i} {drive.structure}"] = compared(to, drive, tmp_path / str(i))
     found = np.array(list(worst.values()))
     print(f"{to:9} median {np.median(found):.1e}  worst {found.max():.1e}  {max(worst, key=worst.get)}")
     assert found.max() <= exporter(to).tolerance

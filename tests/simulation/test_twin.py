@@ -1,8 +1,12 @@
 """Compiled kernel against its plain twin: the same scheme, written twice."""
 
+from collections.abc import Mapping
+
 import numpy as np
+import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.plants import random_values
@@ -12,6 +16,7 @@ from brightgrey.simulation.plain import plain_response
 
 OUTPUTS = ("position", "velocity", "acceleration")
 ALL = list(PAPER.structures())
+TORQUE = PAPER_EXPERIMENT.torque()
 HOLDS, LEVELS = ("linear", "zoh"), ("accurate", "fast")
 
 
@@ -25,9 +30,32 @@ HOLDS, LEVELS = ("linear", "zoh"), ("accurate", "fast")
 @example(PAPER.parse("four_mass+coulomb+viscous+backlash+current_control+delay"), 7, "accurate", "zoh")
 @example(PAPER.parse("three_mass+stribeck+current_control+delay"), 7, "fast", "linear")
 def test_compiled_equals_plain(structure: Structure, seed: int, level: str, hold: str) -> None:
-    experiment = PAPER_EXPERIMENT
-    u = experiment.torque()[150:450]
     values = random_values(structure.parameters, np.random.default_rng(seed))
+    same(structure, values, TORQUE[150:450], level, hold)
+
+
+# A rigid coupling with hardly any damping, as fits end at where there is one mass: its damper relaxes within d/c = 1 ns
+# and 3 ns as long as the gap is open.
+RIGID = {"J1": 0.0165, "J2": 0.00704, "J3": 0.000972, "c1": 123e3, "c2": 0.156, "d2": 0.0398}
+RIGID |= {"alpha": 0.7, "M_C": 0.288}
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("damping", [1.23e-4, 4e-4])
+def test_gap_whose_damper_relaxes_in_nanoseconds(level: str, damping: float) -> None:
+    same(PAPER.parse("three_mass+coulomb+backlash"), RIGID | {"d1": damping}, -TORQUE[150:350], level, "linear")
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_gap_that_opens_at_rest_with_three_masses_behind(level: str) -> None:
+    """Of the last mass's position the first eight derivatives are zero then."""
+    values = {"J1": 0.00066, "J2": 0.00045, "J3": 0.0025, "J4": 0.019, "c1": 3050.0, "c2": 4.84, "c3": 23.0}
+    values |= {"d1": 1.2e-4, "d2": 0.0063, "d3": 0.12, "M_C": 1.15, "alpha": 0.003, "T_1": 0.0037}
+    same(PAPER.parse("four_mass+coulomb+backlash+current_control"), values, -0.1 * np.arange(20.0), level, "linear")
+
+
+def same(structure: Structure, values: Mapping[str, float], u: NDArray[np.float64], level: str, hold: str) -> None:
+    experiment = PAPER_EXPERIMENT
     system = assemble(structure, values, experiment.f_tanh, OUTPUTS)
     how = Settings(experiment.f_tanh, experiment.speed, level, hold)  # type: ignore[arg-type]
     x0 = system.rest(u=u[0])

@@ -17,6 +17,9 @@ from brightgrey.simulation.taylor import expand, mode_columns, value_at
 __all__ = ["creep"]
 
 _MOST_EVENTS = 200
+_STIFF = 32.0  # time constants in a reach, from which on a free state may stand as what follows the others
+_BELONGS = 1e-9  # of what a free state does to others by its limit's column: what is rounding there
+_FADED = 1e-12  # of the interval: what is left of a transient that has faded
 
 
 @inner
@@ -43,6 +46,66 @@ def _linearised(shape: Any, plant: Any, value: Any, slope: Any, work: Any, lane:
             for j in range(n):
                 change = g * by_port * get(plant.H, k * n + j, lane)
                 put(work.system, j, i, get(work.system, j, i) + change)
+
+
+@inner
+def _stiff(shape: Any, plant: Any, b: Any, span: Any, work: Any, lane: Any) -> Any:
+    """Whether limited state b is free, relaxes many times within `span`, and moves nothing but itself."""
+    n, row = shape.n, whole(plant.limited, b)
+    own = get(plant.rate, b * n + row, lane)
+    if whole(work.mode, b * LANES + lane) != 0 or -own * span < _STIFF:
+        return False
+    for i in range(n):
+        moved = abs(get(work.system, row, i)) > _BELONGS * abs(get(plant.column, b * n + i, lane) * own)
+        if moved and i != row:
+            return False
+    return True
+
+
+@inner
+def _follow(shape: Any, plant: Any, b: Any, terms: Any, reach: Any, work: Any, lane: Any) -> Any:
+    """Replace the series of a stiff limited state b by what it follows once it has relaxed; whether it has.
+
+    ``work.series`` holds the integral of what it is pulled by, p: x' = p - a x. The transient's rest is
+    x = p/a - p'/a^2 + p''/a^3 - ...
+    """
+    row = whole(plant.limited, b)
+    a = -get(plant.rate, b * shape.n + row, lane) * reach
+    before = real(work.series, row)
+    follows = 0.0
+    for k in range(terms - 2, -1, -1):
+        pull = (k + 1.0) * real(work.series, (k + 1) * LANES + row)
+        put(work.series, k + 1, row, follows)
+        follows = (pull - (k + 1.0) * follows) / a
+    put(work.series, 0, row, follows)
+    width = get(plant.high, b, lane) - get(plant.low, b, lane)
+    return a >= _STIFF and abs(follows - before) <= _FADED * width
+
+
+@inner
+def _course_of(shape: Any, plant: Any, span: Any, value: Any, slope: Any, work: Any, lane: Any) -> Any:
+    """Series of the motion from ``work.point`` on: (reach, number of terms).
+
+    A gap's damper may relax in nanoseconds (d/c) as long as the gap is open. A power series would reach as far; it is
+    that of the other states instead, which do not feel the gap then, and the gap's position follows them.
+    """
+    _linearised(shape, plant, value, slope, work, lane)
+    stiff = 0
+    for b in range(shape.limits):
+        if _stiff(shape, plant, b, span, work, lane):
+            stiff |= 1 << b
+            for i in range(shape.n):
+                put(work.system, whole(plant.limited, b), i, 0.0)
+    if stiff:
+        reach, terms = expand(shape.n, work, span)
+        faded = True
+        for b in range(shape.limits):
+            if (stiff >> b) & 1 and not _follow(shape, plant, b, terms, reach, work, lane):
+                faded = False
+        if faded:
+            return reach, terms
+        _linearised(shape, plant, value, slope, work, lane)
+    return expand(shape.n, work, span)
 
 
 @inner
@@ -112,11 +175,9 @@ def _crossing(shape: Any, plant: Any, work: Any, b: Any, terms: Any, lane: Any) 
 @inner
 def _creep(shape: Any, plant: Any, length: Any, value: Any, slope: Any, work: Any, lane: Any) -> None:
     """Carry ``work.point`` of one lane over `length` in s, through all events on the way."""
-    n = shape.n
     time = 0.0
     for _ in range(_MOST_EVENTS):
-        _linearised(shape, plant, value + slope * time, slope, work, lane)
-        s, terms = expand(n, work, length - time)
+        s, terms = _course_of(shape, plant, length - time, value + slope * time, slope, work, lane)
         part, which, side = 1.0, -1, 0
         for b in range(shape.limits):
             if whole(work.mode, b * LANES + lane) != 2:

@@ -42,7 +42,8 @@ def expand(n: Any, work: Any, span: Any) -> Any:
     """Taylor series of x' = A x + b0 + b1 t from the state in ``work.point``: (reach, number of terms).
 
     A, b0 and b1 are the rows of ``work.system``. The coefficients in ``work.series`` are those in t / reach, where
-    reach is `span`, halved until the last term is below rounding.
+    reach is `span`, halved until the last term is below rounding. It is compared with all others: from rest the first
+    terms are zero, the more of them the more masses lie between.
     """
     put(work.series, 0, None, get(work.point, 0, None))
     size = _size(get(work.point, 0, None))
@@ -58,16 +59,14 @@ def expand(n: Any, work: Any, span: Any) -> Any:
         total = total * (1.0 / k)
         put(work.series, k, None, total)
         now = _size(total)
-        if k < 4:
-            size = size + now
-        elif lanes_not_less(now + before, size * _ROUNDING + 1e-300) == 0:
+        if k > 3 and lanes_not_less(now + before, size * _ROUNDING + 1e-300) == 0:
             return span, k + 1
-        before = now
+        size, before = size + now, now
     last = _size(get(work.series, SERIES_TERMS - 1, None))
     part = 1.0
     for _ in range(60):
         size, power = splat(0.0, None), 1.0
-        for k in range(4):
+        for k in range(SERIES_TERMS - 2):
             size = size + _size(get(work.series, k, None)) * power
             power *= part
         if lanes_not_less(last * part ** (SERIES_TERMS - 1), size * (100.0 * _ROUNDING) + 1e-300) == 0:

@@ -3,10 +3,11 @@
 #define TERMS 16
 #define EVENTS 200
 
-/* Taylor series of the motion from the present state, the laws replaced by their tangents. */
-static void series_at(const @name@_state *s, double value, double slope, double series[TERMS][N])
+#define STIFF 32.0 /* time constants in a reach, from which on a free state may stand as what follows the others */
+
+/* The motion from the present state, x' = X x + b0 + b1 t, the laws replaced by their tangents. */
+static void tangent(const @name@_state *s, double value, double slope, double X[N][N], double b0[N], double b1[N])
 {
-    double X[N][N], b0[N], b1[N];
     for (int i = 0; i < N; i++) {
         b0[i] = B[i] * value + C0[i];
         b1[i] = B[i] * slope;
@@ -28,6 +29,11 @@ static void series_at(const @name@_state *s, double value, double slope, double 
                 X[i][j] += G[k][i] * by_port * H[k][j];
         }
     }
+}
+
+/* Taylor series of the motion. */
+static void expand(const @name@_state *s, double X[N][N], double b0[N], double b1[N], double series[TERMS][N])
+{
     for (int i = 0; i < N; i++)
         series[0][i] = s->x[i];
     for (int term = 1; term < TERMS; term++)
@@ -52,7 +58,7 @@ static double reach(double series[TERMS][N], double time)
         int good = 1;
         for (int i = 0; i < N; i++) {
             double size = 0.0, p = 1.0;
-            for (int term = 0; term < 4; term++) {
+            for (int term = 0; term < TERMS - 2; term++) {
                 size += fabs(series[term][i]) * p;
                 p *= time;
             }
@@ -64,6 +70,61 @@ static double reach(double series[TERMS][N], double time)
         time *= 0.5;
     }
     return time;
+}
+
+/* Whether limited state b is free, relaxes many times within a time, and moves nothing but itself. */
+static int stiff(const @name@_state *s, int b, double X[N][N], double time)
+{
+    const double own = RATE[b][LIMITED[b]];
+    if (s->mode[b] != FREE || -own * time < STIFF)
+        return 0;
+    for (int i = 0; i < N; i++)
+        if (i != LIMITED[b] && fabs(X[i][LIMITED[b]]) > 1e-9 * fabs(COLUMN[b][i] * own))
+            return 0;
+    return 1;
+}
+
+/* Replace the series of a stiff state by what it follows once it has relaxed; whether it has. The series holds the
+   integral of what pulls it, p: x' = p - a x, and x = p/a - p'/a^2 + ... */
+static int relaxed(int b, double series[TERMS][N], double time)
+{
+    const int i = LIMITED[b];
+    const double a = -RATE[b][i], before = series[0][i];
+    double follows = 0.0;
+    for (int term = TERMS - 2; term >= 0; term--) {
+        const double pull = (term + 1) * series[term + 1][i];
+        series[term + 1][i] = follows;
+        follows = (pull - (term + 1) * follows) / a;
+    }
+    series[0][i] = follows;
+    return a * time >= STIFF && fabs(follows - before) <= 1e-12 * (HIGH[b] - LOW[b]);
+}
+
+/* Series of the motion from the present state, and the time that it reaches. As long as a gap is open its damper may
+   relax in nanoseconds (d/c); the other states do not feel it, and its position follows them. */
+static double course(const @name@_state *s, double value, double slope, double time, double series[TERMS][N])
+{
+    double X[N][N], b0[N], b1[N];
+    int left_out[L + 1], any = 0, all = 1;
+    tangent(s, value, slope, X, b0, b1);
+    for (int b = 0; b < L; b++) {
+        left_out[b] = stiff(s, b, X, time);
+        any |= left_out[b];
+        for (int i = 0; i < N && left_out[b]; i++)
+            X[i][LIMITED[b]] = 0.0;
+    }
+    expand(s, X, b0, b1, series);
+    double span = reach(series, time);
+    if (!any)
+        return span;
+    for (int b = 0; b < L; b++)
+        if (left_out[b] && !relaxed(b, series, span))
+            all = 0;
+    if (all)
+        return span;
+    tangent(s, value, slope, X, b0, b1);
+    expand(s, X, b0, b1, series);
+    return reach(series, time);
 }
 
 /* First moment in (0, time] at which limited state b reaches or leaves a limit, or -1; `side` says which. */
@@ -102,8 +163,7 @@ static void creep(@name@_state *s, double length, double value, double slope)
     for (int event = 0; event < EVENTS; event++) {
         double series[TERMS][N];
         int which = -1, side = 0;
-        series_at(s, value + slope * time, slope, series);
-        double span = reach(series, length - time);
+        double span = course(s, value + slope * time, slope, length - time, series);
         for (int b = 0; b < L; b++)
             if (s->mode[b] != CLOSED) {
                 int at = 0;
