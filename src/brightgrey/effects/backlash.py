@@ -121,8 +121,9 @@ EFFECT = Effect(
             fault=Fault("backlash"),
         ),
     ),
-    # A gap as wide as a tenth of the shaft's twist under full torque.
-    noticeable=lambda s, values: {"alpha": min(0.05 * s.torque / values["c1"], 1e-3 * s.travel)},
+    # A gap as wide as a tenth of the shaft's twist under full torque, or two ten-thousandths of the way: positions are
+    # held to about as much. (Gaps of a tenth of that raised the error on other motions by a quarter.)
+    noticeable=lambda s, values: {"alpha": min(0.05 * s.torque / values["c1"], 1e-4 * s.travel)},
     stamp=stamp,
     law=LAW,
     memory=True,

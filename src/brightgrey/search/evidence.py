@@ -119,7 +119,8 @@ def _weigh(scale: _Scale, progress: Callable[[Structure], None] | None) -> Evide
     effects = _all_effects(scale.known)
     asked = {s: {e: scale.shown(s, e) for e in effects if not has(s, e)} for s in structures}  # side by side
     shown = {
-        s: {e: answer() and not scale.gain(s, e) > _NOTABLE for e, answer in of.items()} for s, of in asked.items()
+        s: {e: answer() and not scale.gain(s, e) > _NOTABLE and not scale.tells(s, e) for e, answer in of.items()}
+        for s, of in asked.items()
     }
     optional = tuple(e for e in effects if any(e in of and not of[e] for of in shown.values()))
     cards = tuple(scale.card(e, structures, optional) for e in effects)
@@ -164,6 +165,10 @@ class _Scale:
         """Whether `big` fits significantly and materially better; `tests` structures are compared with `small`."""
         if small.cost + self.doubt <= _MATERIAL * (big.cost + self.doubt):
             return False
+        return self.surely(big, small, tests)
+
+    def surely(self, big: Judged, small: Judged, tests: int) -> bool:
+        """Whether `big` fits significantly better, be it ever so little."""
         found = significance(self.misfit(small), self.misfit(big), self.whitening.samples)
         return found > threshold(big.free - small.free, LEVEL / max(tests, 1))
 
@@ -219,6 +224,12 @@ class _Scale:
         here = self.bench.judge(structure).cost + self.doubt
         return float(1.0 - np.sqrt(min((self.bench.judge(more).cost + self.doubt) / here, 1.0)))
 
+    def tells(self, structure: Structure, effect: str) -> bool:
+        """Whether `effect` explains more beside `structure` than chance does, be it ever so little."""
+        more = self.with_effect(structure, effect)
+        tests = len(extensions(structure, self.known))
+        return more is not None and self.surely(self.bench.judge(more), self.bench.judge(structure), tests)
+
     def loss(self, structure: Structure, effect: str) -> float | None:
         """By how much the residual's RMS grows without `effect`, a ratio minus 1; None if nothing is left then."""
         without = self.without_effect(structure, effect)
@@ -268,6 +279,9 @@ class _Scale:
             text = (
                 f"it explains {100.0 * gain:.2g} % of the residual, which may be chance with residuals as slow as these"
             )
+            return Card(effect, "not decidable", loss, gain, text)
+        if self.tells(best, effect):
+            text = f"it explains {100.0 * (gain or 0.0):.2g} % of the residual: more than chance, but hardly anything"
             return Card(effect, "not decidable", loss, gain, text)
         return Card(
             effect, "not decidable", loss, gain, "at a size that matters this recording would not have shown it"
