@@ -7,12 +7,13 @@ that only show with all friction in the model, or with all that delays the torqu
 number of masses.
 
 A gap that is passed often makes another motion, whose optimum is nowhere near one without it. Where the best residual
-is not white in the end, gaps are sought from everywhere, with all other effects beside them and few masses first.
+is not white in the end, gaps are sought from everywhere: with all other effects beside them and few masses first, then
+in the structures that lead, again and again until that has been in vain for a good part of the whole effort.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any
@@ -42,6 +43,8 @@ __all__ = ["Fits", "Fitted", "Options", "fit_all", "fit_one"]
 
 _TELLING = 0.9  # of the cost: what a law of two ports takes off if it is worth a search from everywhere
 _NEAR = 4.0  # times the least cost: what is worth being followed to smaller structures
+_LADDERS, _MOST_ROUNDS = 2, 12  # whose leading structures are searched from everywhere, and how often
+_VAIN = 0.15  # of all simulations: what is spent on that without improvement
 _Item = tuple[bool, Structure]  # whether it is a hub that is sought from everywhere
 
 
@@ -155,39 +158,99 @@ class Fits:
 
         In the largest structure of every number of masses, the fewest first: the next one begins where it has ended.
         Where that brings something, and the law takes off a good part of what is left without it, more is looked for.
+        Then in the structures that lead; they have no more effects than they need.
         `seeking` is called with every structure before it is searched for.
         """
+        seeking = seeking or (lambda structure: None)
         better: set[Structure] = set()
         before = tuple(self.done)
         tops = _tops(before)
         for number, top in enumerate(tops):
             if self._explained():
                 break
-            if seeking is not None:
-                seeking(top)
-            found = self._sought_anew(top, 1, workers)
+            seeking(top)
+            found = self._sought_anew([top], 1, 1, workers)
             if found and self._tells(top) and not self._explained():
-                self._sought_anew(top, 2, workers)
+                self._sought_anew([top], 2, 2, workers)
             if found:
                 better |= {top, *self._up(tops[number + 1 :], [top], workers)}
+        self._spread(before, better, workers)
+        self._seek_leaders(before, workers, seeking)
+
+    def _seek_leaders(
+        self, before: Sequence[Structure], workers: Executor, seeking: Callable[[Structure], None]
+    ) -> None:
+        """Fit leading structures from everywhere, until that has been in vain for a good part of the whole effort."""
+        idle, since = 0, self._effort()
+        for number in range(_MOST_ROUNDS):
+            leaders = self._leaders(idle)
+            if not leaders or self._effort() - since > _VAIN * since:
+                break
+            for s in leaders:
+                seeking(s)
+            least = self._leader().cost
+            self._spread(before, self._sought_anew(leaders, 1, 3 + number, workers), workers)
+            idle += 1
+            if self._leader().cost < IMPROVED * least:
+                idle, since = 0, self._effort()
+
+    def _effort(self) -> int:
+        """Number of parameter sets that have been simulated."""
+        return sum(spent.sets for spent in self.spent)
+
+    def _spread(self, before: Sequence[Structure], better: Collection[Structure], workers: Executor) -> None:
+        """Fit relatives of `better` fits once more where that helps, smaller ones on growing beginnings, too."""
         if better:
             self._settled(before, sorted(better, key=size), workers)
             self._settled(before, self._follow(workers), workers)
+
+    def _leaders(self, place: int) -> list[Structure]:
+        """Structures with laws of two ports that lead among those with as many masses, or come at the `place` after.
+
+        They have no more effects than they need, which makes the search from everywhere easier. None if such laws tell
+        nothing, or nothing is left to be explained; and none that is far behind.
+        """
+        if not any(map(self._tells, _tops(list(self.done)))) or self._explained():
+            return []
+        near, doubt = self._near(), self._doubt(self._leader())
+        n = sum(r.y.size for r in self.task.recordings)
+
+        def information(f: Fitted) -> float:
+            """Bayesian information criterion, as if residuals were white (Schwarz 1978)."""
+            return n * float(np.log(f.cost + doubt)) + f.free * float(np.log(n))
+
+        ranked = dict[Placed, list[Structure]]()
+        for fitted in sorted(self.done.values(), key=information):
+            if two_ports(fitted.structure) and not fitted.idle and fitted.cost < near:
+                ranked.setdefault(ladder_of(fitted.structure), []).append(fitted.structure)
+        return [best[min(place, len(best) - 1)] for best in list(ranked.values())[:_LADDERS]]
 
     def _tells(self, top: Structure) -> bool:
         """Whether laws of two ports take off a good part of what is left without them, with as many masses."""
         without = (f.cost for s, f in self.done.items() if ladder_of(s) == ladder_of(top) and not two_ports(s))
         return self.done[top].cost < _TELLING * min(without, default=np.inf)
 
-    def _sought_anew(self, structure: Structure, patience: int, workers: Executor) -> bool:
-        """Fit a structure from everywhere, one start where it has ended before; whether that is better."""
+    def _sought_anew(
+        self, structures: Sequence[Structure], patience: int, number: int, workers: Executor
+    ) -> set[Structure]:
+        """Fit structures from everywhere, one start of each where it has ended before; those much better for it."""
         how = replace(self._how, patience=patience)
-        call = (self.task, structure, how, self._seed + patience, self.done[structure])
-        (fitted,) = in_order(workers, from_everywhere, [call])
-        return self._taken(structure, fitted)
+        known = [self.done[s] for s in structures]
+        calls = [(self.task, f.structure, how, self._seed + number, f) for f in known]
+        found = in_order(workers, from_everywhere, calls)
+        return {f.structure for f, new in zip(known, found, strict=True) if self._much_better(f, new)}
+
+    def _much_better(self, known: Fitted, new: Fitted) -> bool:
+        """Keep a further fit if it is better; whether it is by more than digits."""
+        return self._taken(known.structure, new) and new.cost < IMPROVED * known.cost
 
     def _leader(self) -> Fitted:
         return min((f for f in self.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
+
+    def _near(self) -> float:
+        """Cost from which on a structure is far behind the best one."""
+        best = self._leader()
+        return _NEAR * (best.cost + self._doubt(best))
 
     def _doubt(self, best: Fitted) -> float:
         """Cost that the simulation's own error leaves."""
@@ -285,8 +348,7 @@ class Fits:
 
         Only those that come near the best one: what is far behind with an effect does not win without it.
         """
-        best = self._leader()
-        near = _NEAR * (best.cost + self._doubt(best))
+        near = self._near()
 
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
