@@ -204,6 +204,7 @@ def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[S
     every = Fits(ready, structures, seed=drive.seed)
     with pool(None) as worker:
         every.add(structures, worker)
+        every.seek_gaps(worker)
     fitted = every.done
     middle = time.process_time()
     fits = Fits(ready, structures, options=how.options, seed=drive.number)

@@ -1,10 +1,11 @@
-"""Trees without recordings, and an estimator that knows the answer at once; and one short recording of a real drive."""
+"""Trees without recordings, and an estimator that knows the answer at once; and short recordings of real drives."""
 
 import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
 from brightgrey.estimation.spent import Spent
+from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search import Evaluated, Identification, Misfit
@@ -73,3 +74,20 @@ def task(true_values):
     recording = Recording("made", t, torque, v[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),))
     known = scales(recording)
     return Identification((recording,), known, Settings(f_tanh=4.0, speed_scale=known.speed, level="fast"))
+
+
+@pytest.fixture(scope="module")
+def loose():
+    """A drive whose gap is passed all the time, so that without it nothing is alike; its values; hardly any noise."""
+    truth = {"J1": 7.56e-3, "J2": 8.01e-3, "c1": 52.9, "d1": 0.0203, "alpha": 0.137, "T_d": 7.42e-3}
+    e, rng = PAPER_EXPERIMENT, np.random.default_rng(8)
+    k, t = np.arange(1, 61), e.dt * np.arange(e.samples)
+    phase = rng.uniform(0.0, 2.0 * np.pi, k.size)
+    u = np.sum(np.sin(2.0 * np.pi * k[:, None] * t / t[-1] + phase[:, None]) / np.sqrt(k)[:, None], axis=0)
+    u *= np.minimum(1.0, t / 0.02) * 10.0 / np.abs(u).max()
+    (v,) = reference("two_mass+backlash+delay", truth, u, e.dt, f_tanh=e.f_tanh)
+    v += 1e-3 * np.abs(v).max() * rng.standard_normal(v.size)
+    torque, velocity = Signal("torque", "input", "N m"), Signal("velocity", "velocity", "rad/s")
+    r = Recording("loose", t, u, v[None], torque, (velocity,))
+    known = scales([r])
+    return Identification((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast")), truth

@@ -5,16 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from brightgrey.estimation import scales
-from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
-from brightgrey.search import Identification
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import best_begins
 from brightgrey.search.lattice import contains
-from brightgrey.simulation import Settings
-from brightgrey.simulation.reference import reference
 
 NAMES = (
     "one_mass",
@@ -81,23 +75,6 @@ def test_gaps_in_the_set_do_not_break_the_guarantee(task):
     done = fit_all(task, some)
     costs = [done[s].cost for s in some]
     assert costs == sorted(costs, reverse=True)
-
-
-@pytest.fixture(scope="module")
-def loose():
-    """A drive whose gap is passed all the time, so that without it nothing is alike; its values; hardly any noise."""
-    truth = {"J1": 7.56e-3, "J2": 8.01e-3, "c1": 52.9, "d1": 0.0203, "alpha": 0.137, "T_d": 7.42e-3}
-    e, rng = PAPER_EXPERIMENT, np.random.default_rng(8)
-    k, t = np.arange(1, 61), e.dt * np.arange(e.samples)
-    phase = rng.uniform(0.0, 2.0 * np.pi, k.size)
-    u = np.sum(np.sin(2.0 * np.pi * k[:, None] * t / t[-1] + phase[:, None]) / np.sqrt(k)[:, None], axis=0)
-    u *= np.minimum(1.0, t / 0.02) * 10.0 / np.abs(u).max()
-    (v,) = reference("two_mass+backlash+delay", truth, u, e.dt, f_tanh=e.f_tanh)
-    v += 1e-3 * np.abs(v).max() * rng.standard_normal(v.size)
-    torque, velocity = Signal("torque", "input", "N m"), Signal("velocity", "velocity", "rad/s")
-    r = Recording("loose", t, u, v[None], torque, (velocity,))
-    known = scales([r])
-    return Identification((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast")), truth
 
 
 def test_gaps_that_make_another_motion_are_found_and_handed_down(loose):

@@ -159,6 +159,22 @@ def test_simulations_are_those_that_were_given_to_the_kernel(task, given):
     assert run.passes == run.spent.samples / task.recordings[0].samples < run.simulations
 
 
+def test_gaps_are_sought_among_what_a_genetic_search_has_identified(loose):
+    task, values = loose
+    truth = PAPER.parse("two_mass+backlash+delay")
+    kept = {"two_mass", "coulomb", "viscous", "backlash", "delay"}
+    structures = [s for s in PAPER.structures() if set(s.names) <= kept and s.masses == 2]
+    with pool(None) as executor:
+        relatives = Relatives(Fits(task, structures), executor)
+        relatives.identify(structures)
+        before = relatives.fits.done[truth].cost
+        spent = relatives.seek_gaps()
+    exact = task.problem(truth).costs({name: np.array([v]) for name, v in values.items()}, task.settings)[0]
+    assert relatives.fits.done[truth].cost <= 1.01 * exact < 0.5 * before
+    assert truth in relatives.better
+    assert spent.sets > 0
+
+
 def test_so_they_are_where_gaps_are_sought(given):
     truth = PAPER.parse("two_mass+coulomb+backlash")
     values = {**PAPER_EXPERIMENT.values, "alpha": 0.02}

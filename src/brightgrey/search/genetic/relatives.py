@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -56,9 +56,18 @@ class Relatives:
     def seek(self, structure: Structure) -> Spent:
         """Identify a structure once more, from everywhere, if that has not been done; returns what was simulated."""
         counted = len(self.fits.spent)
-        better = self.fits.seek(structure, self._executor)
-        self.better = tuple(s for s in self.fits.done if s in better or s in self.better)
+        self._improved(self.fits.seek(structure, self._executor))
         return self._spent(counted)
+
+    def seek_gaps(self) -> Spent:
+        """Look for what gaps explain among the structures that there are; returns what was simulated."""
+        counted, before = len(self.fits.spent), dict(self.fits.done)
+        self.fits.seek_gaps(self._executor)
+        self._improved({s for s, fitted in self.fits.done.items() if fitted is not before[s]})
+        return self._spent(counted)
+
+    def _improved(self, better: Collection[Structure]) -> None:
+        self.better = tuple(s for s in self.fits.done if s in better or s in self.better)
 
     def listen(self) -> Spent:
         """Find `share` anew: what the best fit does not explain counts as noise; returns what was simulated."""
