@@ -47,6 +47,21 @@ def test_gap_whose_damper_relaxes_in_nanoseconds(level: str, damping: float) -> 
 
 
 @pytest.mark.parametrize("level", LEVELS)
+def test_so_it_does_far_from_the_origin(level: str) -> None:
+    """After 16 turns rounding of positions is as large as a millionth of a millionth of the gap."""
+    names, u = ("velocity",), -TORQUE[150:350]
+    structure, values = PAPER.parse("three_mass+coulomb+backlash"), RIGID | {"d1": 1.23e-4, "alpha": 1e-4}
+    system = assemble(structure, values, PAPER_EXPERIMENT.f_tanh, names)
+    how = Settings(PAPER_EXPERIMENT.f_tanh, PAPER_EXPERIMENT.speed, level)  # type: ignore[arg-type]
+    here = system.rest(u=u[0])
+    there = here + 100.0 * np.array([name.startswith("q") for name in system.state_names])
+    near, far = (response(system, u, PAPER_EXPERIMENT.dt, x0, how).y[0, :, 0] for x0 in (here, there))
+    # Rounding of 100 rad is 1.4e-14 rad, c/d of it 1.4e-5 rad/s, and ten samples have a contact each at most.
+    np.testing.assert_allclose(far[:10], near[:10], atol=1.4e-4)
+    assert np.isfinite(far).all()
+
+
+@pytest.mark.parametrize("level", LEVELS)
 def test_gap_that_opens_at_rest_with_three_masses_behind(level: str) -> None:
     """Of the last mass's position the first eight derivatives are zero then."""
     values = {"J1": 0.00066, "J2": 0.00045, "J3": 0.0025, "J4": 0.019, "c1": 3050.0, "c2": 4.84, "c3": 23.0}

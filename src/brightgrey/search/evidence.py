@@ -3,7 +3,7 @@
 Every structure that contains the true one fits as well, so that neither one winner nor a list of all that fit says
 much. *Minimal* structures are those from which nothing can be removed and to which nothing has to be added, neither
 without a significant loss; *optional* effects are those that this recording would not have shown at a size that
-matters.
+matters, and those that it shows without their mattering.
 """
 
 from __future__ import annotations
@@ -70,7 +70,8 @@ class Evidence:
     minimal : tuple of Judged
         Best criterion first.
     optional : tuple of str
-        Effects that this recording could not have shown, in any of the minimal structures.
+        Effects that beside any of the minimal structures this recording could not have shown at a size that matters, or
+        that explain too little to matter but more than chance.
     cards : tuple of Card
     judged : mapping of Structure to Judged
         All structures that were refitted.
@@ -275,13 +276,14 @@ class _Scale:
             return Card(
                 effect, "not needed", loss, gain, f"it would have shown, but explains {100.0 * (gain or 0.0):.2g} %"
             )
-        if gain is not None and gain > _NOTABLE:
+        most = max(self.gain(s, effect) for s in found)
+        if most > _NOTABLE:
             text = (
-                f"it explains {100.0 * gain:.2g} % of the residual, which may be chance with residuals as slow as these"
+                f"it explains {100.0 * most:.2g} % of the residual, which may be chance with residuals as slow as these"
             )
             return Card(effect, "not decidable", loss, gain, text)
-        if self.tells(best, effect):
-            text = f"it explains {100.0 * (gain or 0.0):.2g} % of the residual: more than chance, but hardly anything"
+        if any(self.tells(s, effect) for s in found):
+            text = "it explains hardly anything of the residual, but more than chance does"
             return Card(effect, "not decidable", loss, gain, text)
         return Card(
             effect, "not decidable", loss, gain, "at a size that matters this recording would not have shown it"

@@ -111,6 +111,7 @@ class Fits:
         self._order = {s: i for i, s in enumerate(structures)}
         self._first = _hubs(structures)
         self._sought: set[Structure] = set()
+        self._fields = 0  # of searches for gaps, each with starts of its own
         self._offered: set[tuple[Structure, Structure, float]] = set()
 
     def add(
@@ -169,9 +170,9 @@ class Fits:
             if self._explained():
                 break
             seeking(top)
-            found = self._sought_anew([top], 1, 1, workers)
+            found = self._sought_anew([top], 1, workers)
             if found and self._tells(top) and not self._explained():
-                self._sought_anew([top], 2, 2, workers)
+                self._sought_anew([top], 2, workers)
             if found:
                 better |= {top, *self._up(tops[number + 1 :], [top], workers)}
         self._spread(before, better, workers)
@@ -182,21 +183,21 @@ class Fits:
     ) -> None:
         """Fit leading structures from everywhere, until that has been in vain for a good part of the whole effort."""
         idle, since = 0, self._effort()
-        for number in range(_MOST_ROUNDS):
+        for _ in range(_MOST_ROUNDS):
             leaders = self._leaders(idle)
             if not leaders or self._effort() - since > _VAIN * since:
                 break
             for s in leaders:
                 seeking(s)
             least = self._leader().cost
-            self._spread(before, self._sought_anew(leaders, 1, 3 + number, workers), workers)
+            self._spread(before, self._sought_anew(leaders, 1, workers), workers)
             idle += 1
             if self._leader().cost < IMPROVED * least:
                 idle, since = 0, self._effort()
 
     def _effort(self) -> int:
-        """Number of parameter sets that have been simulated."""
-        return sum(spent.sets for spent in self.spent)
+        """Number of samples that have been simulated."""
+        return sum(spent.samples for spent in self.spent)
 
     def _spread(self, before: Sequence[Structure], better: Collection[Structure], workers: Executor) -> None:
         """Fit relatives of `better` fits once more where that helps, smaller ones on growing beginnings, too."""
@@ -230,19 +231,23 @@ class Fits:
         without = (f.cost for s, f in self.done.items() if ladder_of(s) == ladder_of(top) and not two_ports(s))
         return self.done[top].cost < _TELLING * min(without, default=np.inf)
 
-    def _sought_anew(
-        self, structures: Sequence[Structure], patience: int, number: int, workers: Executor
-    ) -> set[Structure]:
-        """Fit structures from everywhere, one start of each where it has ended before; those much better for it."""
-        how = replace(self._how, patience=patience)
+    def _sought_anew(self, structures: Sequence[Structure], patience: int, workers: Executor) -> set[Structure]:
+        """Fit structures from everywhere, one start of each where it has ended before; those much better for it.
+
+        Never with the same starts twice.
+        """
+        how, self._fields = replace(self._how, patience=patience), self._fields + 1
         known = [self.done[s] for s in structures]
-        calls = [(self.task, f.structure, how, self._seed + number, f) for f in known]
+        calls = [(self.task, f.structure, how, self._seed + self._fields, f) for f in known]
         found = in_order(workers, from_everywhere, calls)
         return {f.structure for f, new in zip(known, found, strict=True) if self._much_better(f, new)}
 
     def _much_better(self, known: Fitted, new: Fitted) -> bool:
-        """Keep a further fit if it is better; whether it is by more than digits."""
-        return self._taken(known.structure, new) and new.cost < IMPROVED * known.cost
+        """Keep a further fit if it is better by more than digits, which others need not follow; whether it is."""
+        if new.cost < IMPROVED * known.cost:
+            return self._taken(known.structure, new)
+        self._noted(False, new)
+        return False
 
     def _leader(self) -> Fitted:
         return min((f for f in self.done.values() if not f.idle), key=lambda f: (f.cost, f.free))

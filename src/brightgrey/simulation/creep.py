@@ -20,6 +20,7 @@ _MOST_EVENTS = 200
 _STIFF = 32.0  # time constants in a reach, from which on a free state may stand as what follows the others
 _BELONGS = 1e-9  # of what a free state does to others by its limit's column: what is rounding there
 _FADED = 1e-12  # of the interval: what is left of a transient that has faded
+_ROUNDING = 1e-15
 
 
 @inner
@@ -78,8 +79,12 @@ def _follow(shape: Any, plant: Any, b: Any, terms: Any, reach: Any, work: Any, l
         put(work.series, k + 1, row, follows)
         follows = (pull - (k + 1.0) * follows) / a
     put(work.series, 0, row, follows)
+    rounding = 0.0  # of the difference of positions that it follows
+    for j in range(shape.n):
+        rounding += abs(get(plant.rate, b * shape.n + j, lane) * real(work.point, j))
+    rounding *= _ROUNDING * reach / a
     width = get(plant.high, b, lane) - get(plant.low, b, lane)
-    return a >= _STIFF and abs(follows - before) <= _FADED * width
+    return a >= _STIFF and abs(follows - before) <= _FADED * width + rounding
 
 
 @inner

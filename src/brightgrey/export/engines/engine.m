@@ -289,7 +289,7 @@ function [terms, span] = series_at(m, s, value, slope, span)
   piece = reach(terms, span);
   relaxed = true;
   for b = fast
-    [terms, good] = follow(m, b, terms, piece);
+    [terms, good] = follow(m, s, b, terms, piece);
     relaxed = relaxed && good;
   end
   if ~relaxed
@@ -299,7 +299,7 @@ function [terms, span] = series_at(m, s, value, slope, span)
   span = piece;
 end
 
-function [terms, good] = follow(m, b, terms, span)
+function [terms, good] = follow(m, s, b, terms, span)
 % The series of a fast state replaced by what it follows once it has relaxed; whether it has.
 % The series holds the integral of what pulls it, p: x' = p - a x, and x = p/a - p'/a^2 + ...
   i = m.limited(b);
@@ -312,7 +312,8 @@ function [terms, good] = follow(m, b, terms, span)
     follows = (pull - k * follows) / a;
   end
   terms(i, 1) = follows;
-  good = a * span >= 32 && abs(follows - before) <= 1e-12 * (m.high(b) - m.low(b));
+  rounding = 1e-15 * sum(abs(m.rate(b, :)' .* s.x)) / a;
+  good = a * span >= 32 && abs(follows - before) <= 1e-12 * (m.high(b) - m.low(b)) + rounding;
 end
 
 function terms = expand(m, s, A, b0, b1)

@@ -86,18 +86,20 @@ static int stiff(const @name@_state *s, int b, double X[N][N], double time)
 
 /* Replace the series of a stiff state by what it follows once it has relaxed; whether it has. The series holds the
    integral of what pulls it, p: x' = p - a x, and x = p/a - p'/a^2 + ... */
-static int relaxed(int b, double series[TERMS][N], double time)
+static int relaxed(const @name@_state *s, int b, double series[TERMS][N], double time)
 {
     const int i = LIMITED[b];
     const double a = -RATE[b][i], before = series[0][i];
-    double follows = 0.0;
+    double follows = 0.0, rounding = 0.0;
+    for (int j = 0; j < N; j++)
+        rounding += 1e-15 * fabs(RATE[b][j] * s->x[j]) / a;
     for (int term = TERMS - 2; term >= 0; term--) {
         const double pull = (term + 1) * series[term + 1][i];
         series[term + 1][i] = follows;
         follows = (pull - (term + 1) * follows) / a;
     }
     series[0][i] = follows;
-    return a * time >= STIFF && fabs(follows - before) <= 1e-12 * (HIGH[b] - LOW[b]);
+    return a * time >= STIFF && fabs(follows - before) <= 1e-12 * (HIGH[b] - LOW[b]) + rounding;
 }
 
 /* Series of the motion from the present state, and the time that it reaches. As long as a gap is open its damper may
@@ -118,7 +120,7 @@ static double course(const @name@_state *s, double value, double slope, double t
     if (!any)
         return span;
     for (int b = 0; b < L; b++)
-        if (left_out[b] && !relaxed(b, series, span))
+        if (left_out[b] && !relaxed(s, b, series, span))
             all = 0;
     if (all)
         return span;
