@@ -44,7 +44,7 @@ __all__ = ["Fits", "Fitted", "Options", "fit_all", "fit_one"]
 _TELLING = 0.9  # of the cost: what a law of two ports takes off if it is worth a search from everywhere
 _NEAR = 4.0  # times the least cost: what is worth being followed to smaller structures
 _LADDERS, _MOST_ROUNDS = 2, 12  # whose leading structures are searched from everywhere, and how often
-_VAIN = 0.15  # of all simulations: what is spent on that without improvement
+_VAIN = 0.15  # of all simulated samples: what is spent on that without improvement
 _Item = tuple[bool, Structure]  # whether it is a hub that is sought from everywhere
 
 

@@ -2,7 +2,6 @@
 
 #define TERMS 16
 #define EVENTS 200
-
 #define STIFF 32.0 /* time constants in a reach, from which on a free state may stand as what follows the others */
 
 /* The motion from the present state, x' = X x + b0 + b1 t, the laws replaced by their tangents. */
