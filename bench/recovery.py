@@ -33,7 +33,8 @@ from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording, Signal
 from brightgrey.runs.blas import settle
 from brightgrey.search.evidence import Evidence, weigh
-from brightgrey.search.exhaustive import Fitted, fit_all
+from brightgrey.search.exhaustive import fit_all
+from brightgrey.search.fitting import Fitted
 from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import contains, effects_of, simpler
 from brightgrey.search.repetition import wilson

@@ -13,8 +13,8 @@ from brightgrey.estimation.spent import Spent
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar
 from brightgrey.search import criterion
-from brightgrey.search.exhaustive import Fits
 from brightgrey.search.experiment import reference_recording, task_of
+from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, Options, from_above, from_everywhere
 from brightgrey.search.genetic import GeneticSettings, search
 from brightgrey.search.genetic.relatives import Relatives

@@ -17,7 +17,7 @@ from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.search import Evaluated, Misfit
-from brightgrey.search.exhaustive import Fitted
+from brightgrey.search.fitting import Fitted
 
 __all__ = ["call_text", "canonical", "code", "digest", "name_of", "plain", "text_of", "value_of"]
 

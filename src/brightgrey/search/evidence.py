@@ -17,7 +17,7 @@ import numpy as np
 
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.comparison import Judged, Whitening, power, significance, threshold
-from brightgrey.search.exhaustive import Fitted
+from brightgrey.search.fitting import Fitted
 from brightgrey.search.identification import ACCURACY, ROUGH, Identification
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import contains, effects_of, extensions, ladder_of, minimal, simpler

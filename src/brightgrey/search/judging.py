@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from brightgrey.estimation.leastsquares import Descent, End, descend_many, evaluate, finish
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
-from brightgrey.search.exhaustive import Fitted
-from brightgrey.search.fitting import handed_down
+from brightgrey.search.fitting import Fitted, handed_down
 from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import contains
 

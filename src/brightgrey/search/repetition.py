@@ -13,8 +13,8 @@ import numpy as np
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.estimators import estimator
 from brightgrey.search.evaluation import Estimator
-from brightgrey.search.exhaustive import Fits
 from brightgrey.search.experiment import Verdict, first_appearance, verdict
+from brightgrey.search.fits import Fits
 from brightgrey.search.genetic.engine import search
 from brightgrey.search.genetic.record import Progress, Run
 from brightgrey.search.genetic.settings import GeneticSettings

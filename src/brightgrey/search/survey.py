@@ -14,7 +14,8 @@ from brightgrey.kit import PAPER, Grammar, Placed, Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.criteria import Misfit
 from brightgrey.search.evidence import Evidence, has, weigh
-from brightgrey.search.exhaustive import Fitted, Options, fit_all
+from brightgrey.search.exhaustive import fit_all
+from brightgrey.search.fitting import Fitted, Options
 from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import contains, extensions
 from brightgrey.search.work import Stopped, pool

@@ -14,7 +14,7 @@ from brightgrey.estimation.spent import Spent
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.criteria import Criterion, criterion
 from brightgrey.search.evaluation import Estimator, Evaluated, Job
-from brightgrey.search.exhaustive import Fits
+from brightgrey.search.fits import Fits
 from brightgrey.search.genetic.offspring import Born, near, offspring, renewed
 from brightgrey.search.genetic.population import Draw, initial
 from brightgrey.search.genetic.record import Evaluation, Progress, Run

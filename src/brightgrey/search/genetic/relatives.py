@@ -13,7 +13,9 @@ from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Misfit
 from brightgrey.search.evaluation import Evaluated
-from brightgrey.search.exhaustive import Fits, Fitted
+from brightgrey.search.fits import Fits
+from brightgrey.search.fitting import Fitted
+from brightgrey.search.gaps import seek_gaps
 from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.judging import last_descent
 
@@ -62,7 +64,7 @@ class Relatives:
     def seek_gaps(self) -> Spent:
         """Look for what gaps explain among the structures that there are; returns what was simulated."""
         counted, before = len(self.fits.spent), dict(self.fits.done)
-        self.fits.seek_gaps(self._executor)
+        seek_gaps(self.fits, self._executor)
         self._improved({s for s, fitted in self.fits.done.items() if fitted is not before[s]})
         return self._spent(counted)
 

@@ -1,0 +1,314 @@
+"""Fits of many structures, each begun where relatives have ended.
+
+A structure contains others: those with an effect or a mass less. Descending from their optima, with the further effect
+drawn anew, costs little, and no structure ends worse than one it contains, since it could do without the effect. Then
+the other way: an optimum that a larger structure has found without need for its further effect is handed down. Optima
+that only show with all friction in the model, or with all that delays the torque, are found in *hubs*, two for each
+number of masses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from typing import Any
+
+from brightgrey.estimation.spent import Spent
+from brightgrey.kit import Placed, Structure
+from brightgrey.search.fitting import (
+    IMPROVED,
+    Fitted,
+    Options,
+    at_least_as_good,
+    best_of,
+    fit_one,
+    from_above,
+    from_everywhere,
+    tracked_from_above,
+    two_ports,
+)
+from brightgrey.search.identification import ROUGH, Identification
+from brightgrey.search.lattice import contains, ladder_of, largest_within, size, smallest_around
+from brightgrey.search.work import in_order, in_turn
+
+__all__ = ["TELLING", "Fits"]
+
+TELLING = 0.9
+"""Of the cost: what a law of two ports takes off if it is worth a search of its own."""
+_NEAR = 4.0  # times the least cost: what is worth being followed to smaller structures
+_Item = tuple[bool, Structure]  # whether it is a hub that is sought from everywhere
+
+
+class Fits:
+    """Fits of structures of one set, made as they are asked for, each begun where relatives have ended.
+
+    Attributes
+    ----------
+    task : Identification
+    done : dict of Structure to Fitted
+        In the order in which they were fitted for the first time.
+    hubs : dict of Structure to Fitted
+    log : list of (bool, Fitted)
+        All fits in their order, whether each is a hub's; those made once more, from a relative's optimum, too.
+    spent : list of Spent
+        What they have simulated, with looks at a relative's optimum that promised nothing.
+    """
+
+    def __init__(
+        self, task: Identification, structures: Sequence[Structure], *, options: Options | None = None, seed: int = 0
+    ) -> None:
+        self.task, self.done, self.hubs = task, dict[Structure, Fitted](), dict[Structure, Fitted]()
+        self.log: list[tuple[bool, Fitted]] = []
+        self.spent: list[Spent] = []
+        self._how, self._seed = options or Options(), seed
+        self._order = {s: i for i, s in enumerate(structures)}
+        self._first = _hubs(structures)
+        self._sought: set[Structure] = set()
+        self._fields = 0  # of searches for gaps, each with starts of its own
+        self._offered: set[tuple[Structure, Structure, float]] = set()
+
+    def add(
+        self, structures: Sequence[Structure], workers: Executor, progress: Callable[[Fitted], None] | None = None
+    ) -> set[Structure]:
+        """Fit those of `structures` that have not been; then relatives of them once more where that helps.
+
+        Returns
+        -------
+        set of Structure
+            Those of which there was a fit already, and now is a better one.
+        """
+        before = tuple(self.done)
+        rising = sorted((s for s in structures if s not in self.done), key=size)
+        self._new(rising, workers, progress)
+        return self._settled(before, rising, workers) & set(before)
+
+    def seek(self, structure: Structure, workers: Executor) -> set[Structure]:
+        """Fit a structure once more, from everywhere, if that has not been done, and what it contains from its optimum.
+
+        What lacks an effect may have its own optimum near, though it is worse without the effect at first; from
+        elsewhere it may never be found. Then relatives are fitted once more where that helps.
+
+        Returns
+        -------
+        set of Structure
+            Those of which there is a better fit now.
+        """
+        if structure in self._sought:
+            return set()
+        self._sought.add(structure)
+        (fitted,) = in_order(workers, from_everywhere, [(self.task, structure, self._how, self._seed)])
+        better = {structure} if self._taken(structure, fitted) else set()
+        leader = self.done[structure]
+        if not leader.idle:
+            worse = [t for t in largest_within(structure, self.done) if leader.cost < IMPROVED * self.done[t].cost]
+            calls = [(self.task, self.done[t], [leader], self._how, True) for t in worse]
+            found = zip(worse, in_order(workers, from_above, calls), strict=True)
+            better.update([t for t, result in found if self._handed(t, *result)])
+        before = [s for s in self.done if s not in better]
+        return self._settled(before, sorted(better, key=size), workers) | better if better else better
+
+    def anew(self, structures: Sequence[Structure], patience: int, workers: Executor) -> set[Structure]:
+        """Fit structures from everywhere, never with the same starts twice, but for one where each has ended before.
+
+        Returns
+        -------
+        set of Structure
+            Those that got much better, by more than digits, which others need not follow.
+        """
+        how, self._fields = replace(self._how, patience=patience), self._fields + 1
+        known = [self.done[s] for s in structures]
+        calls = [(self.task, f.structure, how, self._seed + self._fields, f) for f in known]
+        found = in_order(workers, from_everywhere, calls)
+        return {f.structure for f, new in zip(known, found, strict=True) if self._much_better(f, new)}
+
+    def up(self, before: Sequence[Structure], rising: Sequence[Structure], workers: Executor) -> list[Structure]:
+        """Fit structures once more that are worse than new ones that they contain; returns those that got better."""
+        better = []
+        larger = [s for s in before if any(contains(s, t) for t in rising)]
+        within = {s: largest_within(s, self.done) for s in larger}
+
+        def call(s: Structure) -> tuple[Any, ...] | None:
+            limit = IMPROVED * self.done[s].cost
+            offers = self._fresh(s, [t for t in within[s] if self.done[t].cost < limit])
+            if not offers:
+                return None
+            parents = best_of([self.done[t] for t in offers], self._how)
+            return fit_one, self.task, s, parents, [], self._how, (self._seed, self._order[s])
+
+        def take(s: Structure, fitted: Fitted | None) -> None:
+            if fitted is not None and self._taken(s, fitted):
+                better.append(s)
+
+        larger.sort(key=size)
+        chosen = set(larger)
+        in_turn(workers, larger, lambda s: [t for t in within[s] if t in chosen], call, take)
+        return better
+
+    def spread(self, better: Collection[Structure], workers: Executor) -> None:
+        """Fit relatives of `better` fits once more where that helps, smaller ones on growing beginnings, too."""
+        if better:
+            everything = tuple(self.done)
+            self._settled(everything, sorted(better, key=size), workers)
+            self._settled(everything, self._follow(workers), workers)
+
+    def leader(self) -> Fitted:
+        """Best fit of a structure that needs all its effects for it."""
+        return min((f for f in self.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
+
+    def near(self) -> float:
+        """Cost from which on a structure is far behind the best one."""
+        best = self.leader()
+        return _NEAR * (best.cost + self.doubt(best))
+
+    def doubt(self, fitted: Fitted) -> float:
+        """Cost that the simulation's own error may leave."""
+        return float(self.task.doubt(self.task.problem(fitted.structure).weights, ROUGH).sum())
+
+    def effort(self) -> int:
+        """Number of samples that have been simulated."""
+        return sum(spent.samples for spent in self.spent)
+
+    def _much_better(self, known: Fitted, new: Fitted) -> bool:
+        """Keep a further fit if it is better by more than digits; whether it is."""
+        if new.cost < IMPROVED * known.cost:
+            return self._taken(known.structure, new)
+        self._noted(False, new)
+        return False
+
+    def _settled(self, before: Sequence[Structure], latest: Sequence[Structure], workers: Executor) -> set[Structure]:
+        """Fit relatives of the `latest` fits once more where that helps; returns those that got better."""
+        better = {*self.up(before, latest, workers), *self._down(workers)}
+        for s in sorted(self.done, key=size):
+            within = [self.done[t] for t in largest_within(s, self.done)]
+            self.done[s] = at_least_as_good(self.done[s], within)
+        return better
+
+    def _new(self, rising: Sequence[Structure], workers: Executor, progress: Callable[[Fitted], None] | None) -> None:
+        """Fit structures for the first time, with the hubs that they need."""
+        known = [*self.done, *rising]
+        near = {s: [h for h in self._first if ladder_of(h) == ladder_of(s)] for s in rising}
+        hubs = [h for h in self._first if h not in self.hubs and any(h in n for n in near.values())]
+        within = {s: largest_within(s, known) for s in rising}
+        around = {s: smallest_around(s, self.done) for s in rising}
+
+        def needs(item: _Item) -> list[_Item]:
+            """Hubs of its ladder, and what it contains."""
+            hub, s = item
+            wanted = [] if hub else [(True, h) for h in near[s]] + [(False, t) for t in within[s]]
+            return [w for w in wanted if w in position]
+
+        def call(item: _Item) -> tuple[Any, ...]:
+            hub, s = item
+            if hub:
+                return from_everywhere, self.task, s, self._how, self._seed
+            parents = best_of([self.done[t] for t in within[s]], self._how)
+            others = [self.hubs[h] for h in near[s]] + best_of([self.done[t] for t in around[s]], self._how)
+            return fit_one, self.task, s, parents, others, self._how, (self._seed, self._order[s])
+
+        def take(item: _Item, fitted: Fitted) -> None:
+            hub, s = item
+            self._noted(hub, fitted)
+            if hub:
+                self.hubs[s] = fitted
+                return
+            self.done[s] = fitted
+            if progress is not None:
+                progress(fitted)
+
+        items = [(True, h) for h in hubs] + [(False, s) for s in rising]
+        position = set(items)
+        in_turn(workers, items, needs, call, take)
+
+    def _down(self, workers: Executor) -> list[Structure]:
+        """Hand optima down to smaller structures, the largest first; returns those that got better."""
+
+        def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
+            own = self.done[s]
+            offers = self._fresh(s, [t for t in around if self.done[t].cost < own.cost and not self.done[t].idle])
+            return (from_above, self.task, own, [self.done[t] for t in offers], self._how) if offers else None
+
+        return self._falling(list(self.done), call, workers)
+
+    def _follow(self, workers: Executor) -> list[Structure]:
+        """Hand optima with laws of two ports down on growing beginnings, the largest first; returns what got better.
+
+        Only those that come near the best one: what is far behind with an effect does not win without it.
+        """
+        near = self.near()
+
+        def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
+            own = self.done[s]
+            larger = min((self.done[t] for t in around if not self.done[t].idle), key=lambda f: f.cost, default=own)
+            telling = larger.cost < min(TELLING * own.cost, near)
+            return (tracked_from_above, self.task, own, larger, self._how) if telling else None
+
+        return self._falling(list(filter(two_ports, self.done)), call, workers)
+
+    def _falling(
+        self,
+        structures: Sequence[Structure],
+        call: Callable[[Structure, Sequence[Structure]], tuple[Any, ...] | None],
+        workers: Executor,
+    ) -> list[Structure]:
+        """Make the calls of structures, given the smallest ones around each, the largest first; returns the better."""
+        better = []
+        around = {s: smallest_around(s, self.done) for s in sorted(structures, key=size, reverse=True)}
+
+        def take(s: Structure, result: tuple[Fitted | None, Spent] | None) -> None:
+            if result is not None and self._handed(s, *result):
+                better.append(s)
+
+        in_turn(workers, list(around), around.__getitem__, lambda s: call(s, around[s]), take)
+        return better
+
+    def _fresh(self, s: Structure, relatives: Sequence[Structure]) -> list[Structure]:
+        """Those whose present optimum has not been offered to `s` yet."""
+        offers = {t: (s, t, self.done[t].cost) for t in relatives}
+        fresh = [t for t, offer in offers.items() if offer not in self._offered]
+        self._offered.update(offers.values())
+        return fresh
+
+    def _handed(self, s: Structure, fitted: Fitted | None, spent: Spent) -> bool:
+        """Keep what was found at a larger structure's optimum if it is better; whether it is."""
+        if fitted is None:
+            self.spent.append(spent)
+            return False
+        return self._taken(s, fitted)
+
+    def _noted(self, hub: bool, fitted: Fitted) -> None:
+        self.log.append((hub, fitted))
+        self.spent.append(fitted.spent)
+
+    def _taken(self, s: Structure, fitted: Fitted) -> bool:
+        """Keep a further fit if it is better than the one there is; whether it is."""
+        self._noted(False, fitted)
+        if not fitted.cost < self.done[s].cost:
+            return False
+        self.done[s] = fitted
+        return True
+
+
+def _hubs(structures: Sequence[Structure]) -> list[Structure]:
+    """For every ladder the structures that find what simpler ones cannot.
+
+    One has the most laws of one port at most, and nothing else if possible: resonances show with the friction that
+    hides them. The other has all effects but laws of two ports: resonances show with what delays the torque.
+    """
+
+    def laws(structure: Structure) -> list[int]:
+        """Ports of the laws; 0 for effects without one."""
+        return [p.effect.law.ports if p.effect.law else 0 for p in structure.beside]
+
+    def friction(structure: Structure) -> tuple[int, int]:
+        ports = laws(structure)
+        return len(ports) - ports.count(1), -ports.count(1)
+
+    def linear(structure: Structure) -> tuple[int, int]:
+        ports = laws(structure)
+        return sum(n > 1 for n in ports), -len(ports)
+
+    ladders: dict[Placed, list[Structure]] = {}
+    for s in structures:
+        ladders.setdefault(ladder_of(s), []).append(s)
+    return list(dict.fromkeys(min(group, key=rank) for group in ladders.values() for rank in (friction, linear)))
