@@ -9,6 +9,7 @@ from brightgrey.recordings import Recording, Signal
 from brightgrey.search import Identification
 from brightgrey.search.evidence import weigh
 from brightgrey.search.exhaustive import fit_all
+from brightgrey.search.identification import ACCURACY
 from brightgrey.search.lattice import contains
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
@@ -118,3 +119,15 @@ def test_nearly_exact_data_need_no_effect_beyond_the_truth():
         ("one_mass", "two_mass"),
     )
     assert [str(j.structure) for j in found.minimal] == ["one_mass+coulomb+viscous"]
+
+
+def test_what_is_below_the_trusted_accuracy_is_not_called_for():
+    """Without noise the least trace shows; no more than a sensor's and a simulation's own error is left without it."""
+    values = {"J1": 0.02, "M_C": 0.5, "f_v": 2e-5}
+    task = task_of("one_mass+coulomb+viscous", values, reversing(), 0.0)
+    found = evidence(task, ("coulomb", "viscous"))
+    without = found.minimal[0].descent.residual
+    trusted = float(task.doubt(task.problem(found.minimal[0].structure).weights, ACCURACY).sum())
+    assert [str(j.structure) for j in found.minimal] == ["one_mass+coulomb"]
+    assert 0.01 * trusted < without @ without < trusted
+    assert {c.effect: c.verdict for c in found.cards}["viscous"] != "needed"

@@ -150,8 +150,12 @@ class _Scale:
 
     @property
     def doubt(self) -> float:
-        """Weighted sum of squares that simulation and sensor may leave even if the model is right."""
+        """Weighted sum of squares that simulation and sensor may leave even if the model is right: below it all fit."""
         return float(np.dot(self.whitening.lengths, self.whitening.doubt))
+
+    def left(self, judged: Judged) -> float:
+        """Weighted sum of squares that is left to be explained; no less than what nobody is trusted in."""
+        return max(judged.cost, self.doubt)
 
     def misfit(self, judged: Judged) -> float:
         """Whitened sum of squares."""
@@ -164,7 +168,7 @@ class _Scale:
 
     def better(self, big: Judged, small: Judged, tests: int) -> bool:
         """Whether `big` fits significantly and materially better; `tests` structures are compared with `small`."""
-        if small.cost + self.doubt <= _MATERIAL * (big.cost + self.doubt):
+        if self.left(small) <= _MATERIAL * self.left(big):
             return False
         return self.surely(big, small, tests)
 
@@ -178,7 +182,8 @@ class _Scale:
 
         It would have been found: its power is enough for small changes. And it is refuted: with the effect held at
         that size and all else fitted anew, the fit is significantly worse. Friction bends so much that small changes
-        alone promise too much. What comes back waits for that fit.
+        alone promise too much; and where gaps make many optima that fit may miss the best one, so that a fit that has
+        the effect as large as that, and is no worse, speaks against it. What comes back waits for the held fit.
         """
         big = self.with_effect(structure, effect)
         placed = Placed.parse(effect)
@@ -195,13 +200,16 @@ class _Scale:
         if power(size, len(placed.effect.parameters), LEVEL / max(tests, 1)) < _SHOWN:
             return lambda: False
         own = {name: value for name, value in least.items() if name not in structure.parameters}
-        held, without = self.bench.held(big, values, own, judged.cost), self.misfit(judged)
+        free = self.bench.judge(big)
+        as_large = not placed.effect.masses and all(abs(free.values[n]) >= abs(value) for n, value in own.items())
+        if as_large and not self.worse(free, judged):
+            return lambda: False
+        held = self.bench.held(big, values, own, judged.cost)
+        return lambda: self.worse(held(), judged)
 
-        def worse() -> bool:
-            found = significance(self.misfit(held()), without, self.whitening.samples)
-            return found > threshold(1, LEVEL)
-
-        return worse
+    def worse(self, one: Judged, other: Judged) -> bool:
+        """Whether `one` fits significantly worse than `other`, by one parameter's worth."""
+        return significance(self.misfit(one), self.misfit(other), self.whitening.samples) > threshold(1, LEVEL)
 
     def with_effect(self, structure: Structure, effect: str) -> Structure | None:
         """Least structure that has `effect` beyond `structure`, one mass or one effect more."""
@@ -222,8 +230,8 @@ class _Scale:
         more = self.with_effect(structure, effect)
         if more is None:
             return 0.0
-        here = self.bench.judge(structure).cost + self.doubt
-        return float(1.0 - np.sqrt(min((self.bench.judge(more).cost + self.doubt) / here, 1.0)))
+        here = self.left(self.bench.judge(structure))
+        return float(1.0 - np.sqrt(min(self.left(self.bench.judge(more)) / here, 1.0)))
 
     def tells(self, structure: Structure, effect: str) -> bool:
         """Whether `effect` explains more beside `structure` than chance does, be it ever so little."""
@@ -236,8 +244,8 @@ class _Scale:
         without = self.without_effect(structure, effect)
         if without is None:
             return None
-        here = self.bench.judge(structure).cost + self.doubt
-        return float(np.sqrt((self.bench.judge(without).cost + self.doubt) / here) - 1.0)
+        here = self.left(self.bench.judge(structure))
+        return float(np.sqrt(self.left(self.bench.judge(without)) / here) - 1.0)
 
     def sampling(self, structure: Structure, effect: str) -> str | None:
         """What to say of an effect that only makes the input late by less than a sample: data can be taken that way."""
