@@ -381,8 +381,11 @@ def _adequate(scale: _Scale, structure: Structure) -> bool:
         return True
     far = min(larger, key=lambda s: (scale.bench.cost(s), scale.known[s].free))
     compared = sorted({*more, far}, key=lambda s: (scale.bench.cost(s), str(s)))
+    tests = dict.fromkeys(compared, len(compared))
+    if far not in more:  # the best of all: its share of the chance is that of any of them
+        tests[far] *= len(larger) - len(more)
     pairs = (scale.bench.judge_all(compared[i : i + _AT_ONCE]) for i in range(0, len(compared), _AT_ONCE))
-    return not any(scale.better(j, own, len(compared)) for pair in pairs for j in pair)
+    return not any(scale.better(j, own, tests[j.structure]) for pair in pairs for j in pair)
 
 
 def _independent(scale: _Scale) -> float:
