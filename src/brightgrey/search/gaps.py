@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from brightgrey.estimation.explore import is_white
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fits import TELLING, Fits
 from brightgrey.search.fitting import IMPROVED, Fitted, two_ports
+from brightgrey.search.identification import ACCURACY
 from brightgrey.search.lattice import ladder_of, size
 
 __all__ = ["seek_gaps"]
@@ -100,14 +102,18 @@ def _tells(fits: Fits, top: Structure) -> bool:
 
 
 def _explained(fits: Fits) -> bool:
-    """Whether the residual of the best fit is white, or no larger than the simulation's own error."""
-    best = fits.leader()
-    if best.cost <= fits.doubt(best):
-        return True
-    problem = fits.task.problem(best.structure)
+    """Whether the residual of the best fit is white, or no larger than what simulation and sensor are trusted in."""
+    best, task = fits.leader(), fits.task
+    problem = task.problem(best.structure)
     values = {name: np.array([value]) for name, value in best.values.items()}
+    residual = problem.residuals(values, task.settings)[:, 0]
     fits.spent.append(problem.spent(1))
-    return is_white(problem, problem.residuals(values, fits.task.settings)[:, 0])
+    if best.cost <= fits.doubt(best):  # the level of the search may be that far off, but seldom is
+        off = residual - problem.residuals(values, replace(task.settings, level="accurate"))[:, 0]
+        fits.spent.append(problem.spent(1))
+        if best.cost <= off @ off + float(task.doubt(problem.weights, ACCURACY).sum()):
+            return True
+    return is_white(problem, residual)
 
 
 def _tops(structures: Iterable[Structure]) -> list[Structure]:
