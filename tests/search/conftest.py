@@ -76,9 +76,11 @@ def task(true_values):
     return Identification((recording,), known, Settings(f_tanh=4.0, speed_scale=known.speed, level="fast"))
 
 
-@pytest.fixture(scope="module")
-def loose():
-    """A drive whose gap is passed all the time, so that without it nothing is alike; its values; hardly any noise."""
+def rattling(noise):
+    """A drive whose gap is passed all the time, so that without it nothing is alike; and its values.
+
+    `noise` is in parts of the largest speed.
+    """
     truth = {"J1": 7.56e-3, "J2": 8.01e-3, "c1": 52.9, "d1": 0.0203, "alpha": 0.137, "T_d": 7.42e-3}
     e, rng = PAPER_EXPERIMENT, np.random.default_rng(8)
     k, t = np.arange(1, 61), e.dt * np.arange(e.samples)
@@ -86,8 +88,20 @@ def loose():
     u = np.sum(np.sin(2.0 * np.pi * k[:, None] * t / t[-1] + phase[:, None]) / np.sqrt(k)[:, None], axis=0)
     u *= np.minimum(1.0, t / 0.02) * 10.0 / np.abs(u).max()
     (v,) = reference("two_mass+backlash+delay", truth, u, e.dt, f_tanh=e.f_tanh)
-    v += 1e-3 * np.abs(v).max() * rng.standard_normal(v.size)
+    v += noise * np.abs(v).max() * rng.standard_normal(v.size)
     torque, velocity = Signal("torque", "input", "N m"), Signal("velocity", "velocity", "rad/s")
     r = Recording("loose", t, u, v[None], torque, (velocity,))
     known = scales([r])
     return Identification((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast")), truth
+
+
+@pytest.fixture(scope="module")
+def loose():
+    """With hardly any noise."""
+    return rattling(1e-3)
+
+
+@pytest.fixture(scope="module")
+def exact_loose():
+    """Without noise."""
+    return rattling(0.0)

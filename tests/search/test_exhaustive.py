@@ -7,8 +7,12 @@ import pytest
 
 from brightgrey.kit import PAPER
 from brightgrey.search.exhaustive import fit_all
-from brightgrey.search.fitting import best_begins
+from brightgrey.search.fits import Fits
+from brightgrey.search.fitting import Fitted, best_begins
+from brightgrey.search.gaps import seek_gaps
+from brightgrey.search.identification import ACCURACY, ROUGH
 from brightgrey.search.lattice import contains
+from brightgrey.search.work import pool
 
 NAMES = (
     "one_mass",
@@ -94,6 +98,25 @@ def test_gaps_are_not_sought_where_the_residual_is_white(task):
     sought = []
     fit_all(task, STRUCTURES, seed=3, seeking=sought.append)
     assert not sought
+
+
+def test_without_noise_gaps_are_sought_until_the_simulation_says_no_more(exact_loose):
+    """An optimum beside the truth leaves what the search's level may be off by at worst, but is not off by here."""
+    task, values = exact_loose
+    top, plain = PAPER.parse("two_mass+backlash+delay"), PAPER.parse("two_mass+delay")
+    problem = task.problem(top)
+    rough, fine = (float(task.doubt(problem.weights, share).sum()) for share in (ROUGH, ACCURACY))
+    sizes = np.geomspace(1e-6, 1e-2, 200)
+    beside = {name: np.full(sizes.size, value) for name, value in values.items()}
+    beside["alpha"] = values["alpha"] * (1.0 + sizes)
+    costs = problem.costs(beside, task.settings)
+    k = int(np.flatnonzero((costs > 2.0 * fine) & (costs < 0.9 * rough))[0])
+    fits = Fits(task, [plain, top])
+    fits.done[plain] = Fitted(plain, {}, 1e3 * rough, 5)
+    fits.done[top] = Fitted(top, {name: float(v[k]) for name, v in beside.items()}, float(costs[k]), 6)
+    with pool(None) as workers:
+        seek_gaps(fits, workers)
+    assert fits.done[top].cost < 0.01 * fine
 
 
 def test_giving_up_early_changes_no_choice(task, rng):
