@@ -47,7 +47,8 @@ class Card:
     verdict : str
         ``needed``, ``not needed`` or ``not decidable``.
     loss : float or None
-        By how much the residual's RMS grows when it is removed from the best structure, a ratio minus 1.
+        By how much the residual's RMS, or what is trusted of it, grows when it is removed from the best structure, a
+        ratio minus 1.
     gain : float or None
         By how much it shrinks when the effect is added.
     reason : str
@@ -154,8 +155,10 @@ class _Scale:
         return float(np.dot(self.whitening.lengths, self.whitening.doubt))
 
     def left(self, judged: Judged) -> float:
-        """Weighted sum of squares that is left to be explained; no less than what nobody is trusted in."""
-        return max(judged.cost, self.doubt)
+        """Weighted sum of squares that is left to be explained: of each output no less than nobody is trusted in."""
+        w = self.whitening
+        pieces = np.split(judged.descent.residual, np.cumsum(w.lengths)[:-1])
+        return sum(max(float(p @ p), n * d) for p, n, d in zip(pieces, w.lengths, w.doubt, strict=True))
 
     def misfit(self, judged: Judged) -> float:
         """Whitened sum of squares."""
@@ -200,12 +203,23 @@ class _Scale:
         if power(size, len(placed.effect.parameters), LEVEL / max(tests, 1)) < _SHOWN:
             return lambda: False
         own = {name: value for name, value in least.items() if name not in structure.parameters}
-        free = self.bench.judge(big)
-        as_large = not placed.effect.masses and all(abs(free.values[n]) >= abs(value) for n, value in own.items())
-        if as_large and not self.worse(free, judged):
+        if self.fits_as_large(structure, effect):
             return lambda: False
         held = self.bench.held(big, values, own, judged.cost)
         return lambda: self.worse(held(), judged)
+
+    def fits_as_large(self, structure: Structure, effect: str) -> bool:
+        """Whether the fit with `effect` beside `structure` has it at a size that matters and is no worse.
+
+        Only of effects whose size is a single number.
+        """
+        big, placed = self.with_effect(structure, effect), Placed.parse(effect)
+        if big is None or placed.effect.noticeable is None or len(placed.effect.parameters) != 1:
+            return False
+        free = self.bench.judge(big)
+        ((symbol, least),) = placed.effect.noticeable(self.bench.task.scales, free.values).items()
+        large = abs(free.values[placed.parameter(symbol)]) >= abs(float(least))
+        return large and not self.worse(free, self.bench.judge(structure))
 
     def worse(self, one: Judged, other: Judged) -> bool:
         """Whether `one` fits significantly worse than `other`, by one parameter's worth."""
@@ -292,7 +306,11 @@ class _Scale:
             return Card(effect, "not decidable", loss, gain, text)
         if any(self.tells(s, effect) for s in found):
             text = "it explains hardly anything of the residual, but more than chance does"
+            if all(self.bench.judge(s).cost <= self.doubt for s in found):
+                text = "what it explains is less than simulation and sensor are trusted in"
             return Card(effect, "not decidable", loss, gain, text)
+        if any(self.fits_as_large(s, effect) for s in found):
+            return Card(effect, "not decidable", loss, gain, "it fits no worse with it at a size that matters")
         return Card(
             effect, "not decidable", loss, gain, "at a size that matters this recording would not have shown it"
         )
@@ -352,7 +370,7 @@ def _next(scale: _Scale, n: float, accepted: Sequence[Judged], examined: Collect
     Of several the one with the least Bayesian information criterion, by the number of independent samples.
     """
     rough = scale.doubt * (ROUGH / ACCURACY) ** 2
-    cost = {s: scale.bench.cost(s) + rough for s in scale.known}
+    cost = {s: max(scale.bench.cost(s), scale.doubt) + rough for s in scale.known}
     least = min(scale.known.values(), key=lambda f: (cost[f.structure], f.free))
 
     def hopeful(f: Fitted) -> bool:
@@ -382,7 +400,9 @@ def _adequate(scale: _Scale, structure: Structure) -> bool:
     far = min(larger, key=lambda s: (scale.bench.cost(s), scale.known[s].free))
     compared = sorted({*more, far}, key=lambda s: (scale.bench.cost(s), str(s)))
     tests = dict.fromkeys(compared, len(compared))
-    if far not in more:  # the best of all: its share of the chance is that of any of them
+    # The best of all has the share of the chance of any of them. The largest alone needs no such division if its ratio
+    # is distributed as Wilks says; with resonances and gaps, which have a place of their own, more comes by chance.
+    if far not in more:
         tests[far] *= len(larger) - len(more)
     pairs = (scale.bench.judge_all(compared[i : i + _AT_ONCE]) for i in range(0, len(compared), _AT_ONCE))
     return not any(scale.better(j, own, tests[j.structure]) for pair in pairs for j in pair)

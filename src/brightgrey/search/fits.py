@@ -109,7 +109,7 @@ class Fits:
         return self._settled(before, sorted(better, key=size), workers) | better if better else better
 
     def anew(self, structures: Sequence[Structure], patience: int, workers: Executor) -> set[Structure]:
-        """Fit structures from everywhere, never with the same starts twice, but for one where each has ended before.
+        """Fit structures from everywhere and from where they have ended before; never twice from the same starts.
 
         Returns
         -------

@@ -1,8 +1,8 @@
 """Gaps, which are nowhere near the optima without them: sought from everywhere where they may explain what is left.
 
-A gap that is passed often makes another motion. Where the best residual is not white in the end, gaps are sought with
-all other effects beside them and few masses first, then in the structures that lead, again and again until that has
-been in vain for a good part of the whole effort.
+A gap that is passed often makes another motion. Where the best residual is neither white in the end nor as small as
+what simulation and sensor are trusted in, gaps are sought with all other effects beside them and few masses first, then
+in the structures that lead, again and again until that has been in vain for a good part of the whole effort.
 """
 
 from __future__ import annotations
@@ -102,16 +102,17 @@ def _tells(fits: Fits, top: Structure) -> bool:
 
 
 def _explained(fits: Fits) -> bool:
-    """Whether the residual of the best fit is white, or no larger than what simulation and sensor are trusted in."""
+    """Whether the residual of the best fit is white, or no larger than what sensor and this simulation are off by."""
     best, task = fits.leader(), fits.task
     problem = task.problem(best.structure)
     values = {name: np.array([value]) for name, value in best.values.items()}
     residual = problem.residuals(values, task.settings)[:, 0]
     fits.spent.append(problem.spent(1))
     if best.cost <= fits.doubt(best):  # the level of the search may be that far off, but seldom is
-        off = residual - problem.residuals(values, replace(task.settings, level="accurate"))[:, 0]
+        accurate = problem.residuals(values, replace(task.settings, level="accurate"))[:, 0]
         fits.spent.append(problem.spent(1))
-        if best.cost <= off @ off + float(task.doubt(problem.weights, ACCURACY).sum()):
+        off, trusted = residual - accurate, float(task.doubt(problem.weights, ACCURACY).sum())
+        if best.cost <= off @ off + trusted and accurate @ accurate <= fits.doubt(best):
             return True
     return is_white(problem, residual)
 
