@@ -131,3 +131,15 @@ def test_what_is_below_the_trusted_accuracy_is_not_called_for():
     assert [str(j.structure) for j in found.minimal] == ["one_mass+coulomb"]
     assert 0.01 * trusted < without @ without < trusted
     assert {c.effect: c.verdict for c in found.cards}["viscous"] != "needed"
+
+
+def test_alternatives_within_the_trusted_accuracy_are_told():
+    """Dead time and a current loop differ by the fourth power of the lag, here by less than what is trusted."""
+    t = DT * np.arange(500)
+    slow = 3.0 * np.sin(2.0 * np.pi * 2.0 * t) * np.minimum(1.0, 5.0 * t)
+    task = task_of("one_mass+delay", {"J1": 0.02, "T_d": 0.75 * DT}, slow, 0.0)
+    found = evidence(task, ("delay", "current_control"))
+    other = found.judged[PAPER.parse("one_mass+current_control")]
+    trusted = float(task.doubt(task.problem(other.structure).weights, ACCURACY).sum())
+    assert 0.4 * trusted < other.cost < trusted
+    assert {str(j.structure) for j in found.minimal} == {"one_mass+delay", "one_mass+current_control"}
