@@ -214,11 +214,14 @@ class _Scale:
         Only of effects whose size is a single number.
         """
         big, placed = self.with_effect(structure, effect), Placed.parse(effect)
-        if big is None or placed.effect.noticeable is None or len(placed.effect.parameters) != 1:
+        if big is None or placed.effect.noticeable is None:
             return False
         free = self.bench.judge(big)
-        ((symbol, least),) = placed.effect.noticeable(self.bench.task.scales, free.values).items()
-        large = abs(free.values[placed.parameter(symbol)]) >= abs(float(least))
+        least = placed.effect.noticeable(self.bench.task.scales, free.values)
+        if len(least) != 1:
+            return False
+        ((symbol, value),) = least.items()
+        large = abs(free.values[placed.parameter(symbol)]) >= abs(float(value))
         return large and not self.worse(free, self.bench.judge(structure))
 
     def worse(self, one: Judged, other: Judged) -> bool:
