@@ -101,7 +101,7 @@ def test_gaps_are_not_sought_where_the_residual_is_white(task):
 
 
 def test_without_noise_gaps_are_sought_until_the_simulation_says_no_more(exact_loose):
-    """An optimum beside the truth leaves what the search's level may be off by at worst, but is not off by here."""
+    """A fit beside the truth leaves what the search's level may be off by at worst, but is not off by here."""
     task, values = exact_loose
     top, plain = PAPER.parse("two_mass+backlash+delay"), PAPER.parse("two_mass+delay")
     problem = task.problem(top)
@@ -110,13 +110,19 @@ def test_without_noise_gaps_are_sought_until_the_simulation_says_no_more(exact_l
     beside = {name: np.full(sizes.size, value) for name, value in values.items()}
     beside["alpha"] = values["alpha"] * (1.0 + sizes)
     costs = problem.costs(beside, task.settings)
-    k = int(np.flatnonzero((costs > 2.0 * fine) & (costs < 0.9 * rough))[0])
+    between = np.flatnonzero((costs > 2.0 * fine) & (costs < 0.9 * rough))
+    assert between.size
+    k = between[0]
     fits = Fits(task, [plain, top])
     fits.done[plain] = Fitted(plain, {}, 1e3 * rough, 5)
     fits.done[top] = Fitted(top, {name: float(v[k]) for name, v in beside.items()}, float(costs[k]), 6)
+    first, again = [], []
     with pool(None) as workers:
-        seek_gaps(fits, workers)
+        seek_gaps(fits, workers, first.append)
+        seek_gaps(fits, workers, again.append)
+    assert first == [top]
     assert fits.done[top].cost < 0.01 * fine
+    assert not again
 
 
 def test_giving_up_early_changes_no_choice(task, rng):
