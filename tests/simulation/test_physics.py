@@ -323,6 +323,32 @@ def test_other_groups_change_no_bit(name, group, level):
     np.testing.assert_allclose(full[:, :, 0], leaders, rtol=0.0, atol=1e-9 * np.abs(leaders).max())
 
 
+@pytest.mark.parametrize("group", [2, 6, 16, 18])
+@pytest.mark.parametrize("level", ["fast", "accurate"])
+def test_groups_part_where_contacts_have_multiplied_a_difference(group, level):
+    """Where a load rattles undamped, a millionth becomes another motion, and no derivative is left by anything."""
+    structure = PAPER.parse("two_mass+backlash")
+    rattling = {"J1": 4.5e-3, "J2": 1e-2, "c1": 1e4, "d1": 3e-3, "alpha": 1e-3}
+    sets = {name: value * (1.0 + 1e-6 * np.arange(group) / group) for name, value in rattling.items()}
+    u, how = np.sin(2.0 * np.pi * 8.0 * DT * np.arange(600)), Settings(E.f_tanh, E.speed, level)
+    s = all_states(structure, sets)
+    each, y = (response(s, u, DT, s.rest(u=u[0]), how, group=g).y for g in (1, group))
+
+    def off(y):
+        """Largest difference of positions in the gap, of its width."""
+        gap = y[s.outputs.index("lambda1")]
+        return np.abs(gap - gap[:, :1]).max(axis=1) / (2.0 * rattling["alpha"])
+
+    assert off(each)[-100:].max() > 0.5
+    begin = len(u) - int(np.argmin((y == y[:, :, :1]).all(axis=(0, 2))[::-1]))
+    assert begin < len(u) - 50
+    assert off(y)[:begin].max() > 1e-3
+    assert off(y)[begin:].max() == 0.0
+    many = off(y) > 0.25
+    assert not (many[1:] & many[:-1]).any()
+    close(y[:, :, 0], each[:, :, 0], 1e-6)
+
+
 @pytest.mark.parametrize("number", [447, 290, 200])
 def test_frozen_steps_give_jacobians(number):
     structure, values, _ = drive(number)

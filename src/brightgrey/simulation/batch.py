@@ -76,7 +76,9 @@ def response(
     group : int
         Sets come in groups of this many. The first set of a group chooses the steps and the others take the same
         ones, so that differences between them are smooth: forward differences with a relative step of 1e-6 give
-        derivatives. With 1, every set chooses its own.
+        derivatives. With 1, every set chooses its own. Where contacts have multiplied a difference until a limited
+        state is further than a quarter of its way from that of the first set, at two samples in succession, no
+        derivative is left; from there on all sets of the group have the outputs of the first one.
     threads : int
 
     Returns
@@ -101,15 +103,19 @@ def response(
         own = (leaders[:, None] * group + np.arange(group)).ravel()
         lanes = _lanes(len(leaders), group)
         parts.append((own, lanes, *_simulate(lowered, u, dt, start, settings, own, lanes, threads, int(cut))))
-    own, lanes, y, diverged = parts[0]
+    own, lanes, y, diverged, _ = parts[0]
     if len(parts) == 1:
         y, diverged = (y[:, :, :sets] if lanes.plain else y[:, :, lanes.place]), diverged[lanes.place]
     else:
         y, diverged = np.empty((*y.shape[:2], sets)), np.empty(sets, np.int64)
-        for own, lanes, columns, lost in parts:
+        for own, lanes, columns, lost, _ in parts:
             y[:, :, own], diverged[own] = columns[:, :, lanes.place], lost[lanes.place]
     for k in np.flatnonzero(diverged >= 0):
         y[:, diverged[k] :, k] = np.nan
+    for own, lanes, _, _, apart in parts:
+        for k, parting in zip(own[::group], lanes.partings(apart), strict=False):  # the last groups may be idle
+            if parting is not None:
+                y[:, parting:, k + 1 : k + group] = y[:, parting:, k : k + 1]
     return Response(y, diverged)
 
 
@@ -163,7 +169,7 @@ def squares(
     for cut in np.unique(cuts):
         own = np.flatnonzero(cuts == cut)
         lanes = _lanes(len(own), 1)
-        sums, lost = _simulate(lowered, u, dt, start, settings, own, lanes, threads, int(cut), judge)
+        sums, lost, _ = _simulate(lowered, u, dt, start, settings, own, lanes, threads, int(cut), judge)
         total[own] = np.where(lost < 0, sums.ravel(), np.inf)[: len(own)]
     return total
 
@@ -196,7 +202,7 @@ def _simulate(
     threads: int,
     cut: int,
     judge: _Judge | None = None,
-) -> tuple[Array, NDArray[np.int64]]:
+) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
     """Simulate parameter `sets` in `lanes`, for all of which a sample is cut in `cut` parts.
 
     Returns outputs, shape (outputs, samples, lanes), or the sums of squares, shape (rows, LANES), of a judge, and where
@@ -231,13 +237,14 @@ def _simulate(
     if judge is not None:
         y[:] = judge.spent[pick]
         most[:] = judge.most[pick]
-    diverged = np.empty(pick.shape, np.int64)
+    diverged, apart = np.empty(pick.shape, np.int64), np.empty(pick.shape, np.int64)
     call = Call(
         numbers=address(numbers),
         u=address(u),
         y=address(y),
         stride=pick.size,
         diverged=address(diverged),
+        apart=address(apart),
         idle=address(lanes.idle),
         target=0 if judge is None else address(judge.target),
         weights=0 if judge is None else address(judge.weights),
@@ -266,7 +273,7 @@ def _simulate(
     else:
         with ThreadPoolExecutor(len(cuts) - 1) as pool:
             list(pool.map(part, cuts[:-1], cuts[1:]))
-    return y, diverged.ravel()
+    return y, diverged.ravel(), apart.ravel()
 
 
 class _Lanes(NamedTuple):
@@ -284,6 +291,8 @@ class _Lanes(NamedTuple):
         Bits of the lanes that nobody asks for.
     plain : bool
         Whether the first set is in the first lane and so on.
+    rows : int
+        That a group takes, if it takes whole ones.
     """
 
     pick: NDArray[np.int64]
@@ -291,6 +300,12 @@ class _Lanes(NamedTuple):
     place: NDArray[np.int64]
     idle: NDArray[np.int64]
     plain: bool
+    rows: int
+
+    def partings(self, apart: NDArray[np.int64]) -> list[int | None]:
+        """Sample from which on each group does not go together, of all its rows the first one; None if it does."""
+        groups = apart[:: self.width].reshape(-1, self.rows)
+        return [min((k for k in group if k >= 0), default=None) for group in groups.tolist()]
 
 
 @lru_cache(maxsize=256)
@@ -312,4 +327,4 @@ def _lanes(count: int, group: int) -> _Lanes:
     pick = (numbers[:, None, None] * group + np.minimum(inside, group - 1)).reshape(-1, LANES)
     place = (np.arange(count)[:, None] * (rows * width) + places).ravel()
     idle = spare.reshape(-1, LANES) @ (1 << np.arange(LANES))
-    return _Lanes(pick, width, place, idle, bool(place[-1] == len(place) - 1))
+    return _Lanes(pick, width, place, idle, bool(place[-1] == len(place) - 1), rows)

@@ -12,7 +12,7 @@ from brightgrey.simulation.compiled import Entry, inlined
 from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, whole
 from brightgrey.simulation.lanes import call as invoke
 from brightgrey.simulation.layout import call_of, plant_of, points_of, shape_of, table_rows, work_of
-from brightgrey.simulation.modes import drive_all, drive_lane, mode_bits, use_table
+from brightgrey.simulation.modes import drive_all, drive_lane, mode_bits, use_table, use_table_of
 from brightgrey.simulation.solo import step_lane
 from brightgrey.simulation.step import leaves, step, take_lane, take_some, watch
 
@@ -160,7 +160,7 @@ def sort(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> 
     take_some(shape, plant, work, h, ~exceptional)
     for leader in range(0, LANES, group):
         led = (exceptional >> leader) & ((1 << group) - 1)
-        if led & 1 and group >= _WORTHWHILE:
+        if led & 1 and led > 1 and group >= _WORTHWHILE:
             invoke(call.together, (block, k, base, leader, whole(work.begin, leader), dead))
         elif led:
             if not led & 1:  # the leader took the full step
@@ -201,6 +201,7 @@ def together(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: Any) 
                 alone |= 1 << lane
         alone &= ~dead
         take_some(shape, plant, work, size * tick, ~alone & (((1 << shape.group) - 1) << leader))
+        changed = 0
         for lane in range(leader, leader + shape.group):
             if not (alone >> lane) & 1:
                 continue
@@ -211,7 +212,16 @@ def together(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: Any) 
                 invoke(call.refine, (block, k, base, lane, 1, position, position + size, own))
             else:
                 _pass_event(block, shape, plant, call, (base << shape.ticks) + position, work, lane)
-                if mode_bits(shape, work, lane) != bits:
+                changed |= (1 if mode_bits(shape, work, lane) != bits else 0) << lane
+        if changed:  # mostly all of them, to the leader's mode
+            now, same = mode_bits(shape, work, leader), 0
+            for lane in range(leader, leader + shape.group):
+                if not (changed >> lane) & 1:
+                    continue
+                if mode_bits(shape, work, lane) == now:
+                    same |= 1 << lane
+                else:
                     use_table(shape, work, lane)
+            use_table_of(shape, work, same, leader)
         position += size
         level = after

@@ -25,6 +25,8 @@ from brightgrey.simulation.step import leaves, step, take_all, watch
 
 __all__ = ["run"]
 
+_NEAR = 0.25  # of the width between limits: a lane further from its leader meets other contacts
+
 
 @inlined
 def _note(call: Any, samples: Any, out: Any, k: Any, at: Any, value: Any, work: Any) -> None:
@@ -73,6 +75,33 @@ def _record(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any) -> An
 
 
 @inlined
+def _apart(shape: Any, plant: Any, work: Any) -> Any:
+    """Lanes in which a limited state is elsewhere between its limits than in the lane that leads their group."""
+    out = 0
+    for b in range(shape.limits):
+        row = whole(plant.limited, b)
+        position = get(work.x, row, None)
+        near = (get(plant.high, b, None) - get(plant.low, b, None)) * _NEAR + 1e-300
+        for leader in range(0, LANES, shape.group):
+            off = position - splat(get(work.x, row, leader), None)
+            members = ((1 << shape.group) - 1) << leader
+            out |= lanes_not_less(choose_less(off, 0.0, -off, off), near) & members
+    return out
+
+
+@inlined
+def _part(shape: Any, call: Any, number: Any, k: Any, apart: Any) -> Any:
+    """Note that groups with lanes among `apart` do not go together from sample k on; returns their followers."""
+    out = 0
+    for leader in range(0, LANES, shape.group):
+        followers = ((1 << shape.group) - 2) << leader
+        if apart & followers:
+            out |= followers
+            set_whole(call.apart, number * LANES + leader, k)
+    return out
+
+
+@inlined
 def _base_step(block: Any, shape: Any, plant: Any, call: Any, k: Any, base: Any, work: Any, dead: Any) -> None:
     """Carry all lanes over one base step."""
     h = real(call.numbers, 0) / shape.base_steps
@@ -104,6 +133,7 @@ def run(block: Any, first: Any, last: Any) -> None:
         plant, call = plant_of(block), call_of(block)
         for lane in range(LANES):
             set_whole(call.diverged, number * LANES + lane, -1)
+            set_whole(call.apart, number * LANES + lane, -1)
         if shape.euler == 0:
             invoke(call.tables, (block,))
             forget(shape, work)
@@ -113,6 +143,7 @@ def run(block: Any, first: Any, last: Any) -> None:
         dead = whole(call.idle, number)
         if call.target != 0:
             put(work.spent, 0, None, get(call.spent, number, None))
+        before = 0
         for k in range(shape.samples):
             if k > 0:
                 for base in range(shape.base_steps):
@@ -129,5 +160,11 @@ def run(block: Any, first: Any, last: Any) -> None:
                         set_whole(call.diverged, number * LANES + lane, k)
                 if dead == (1 << LANES) - 1 and call.target != 0:
                     break
+            if shape.group > 1 and shape.limits > 0:
+                # At one sample, a limit may be met a little earlier; at two in succession, motions differ.
+                now = _apart(shape, plant, work) & ~dead
+                if now & before:
+                    dead |= _part(shape, call, number, k - 1, now & before)
+                before = now
         if call.target != 0:
             put(call.spent, number, None, get(work.spent, 0, None))

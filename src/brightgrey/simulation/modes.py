@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.compiled import inner
-from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, splat, whole
+from brightgrey.simulation.lanes import LANES, choose_lanes, get, put, real, set_whole, skip, splat, whole
 from brightgrey.simulation.laws import channel_force
 from brightgrey.simulation.layout import table_rows
 
-__all__ = ["drive_all", "drive_lane", "mode_bits", "set_force", "set_mode", "use_table"]
+__all__ = ["drive_all", "drive_lane", "mode_bits", "set_force", "set_mode", "use_table", "use_table_of"]
 
 
 @inner
@@ -101,6 +101,15 @@ def use_table(shape: Any, work: Any, lane: Any) -> None:
     table = skip(work.tables, (mode_bits(shape, work, lane) * (shape.ticks + 1) + shape.ticks) * rows)
     for r in range(rows):
         put(work.current, r, lane, get(table, r, lane))
+
+
+@inner
+def use_table_of(shape: Any, work: Any, some: Any, leader: Any) -> None:
+    """As `use_table`, in all lanes whose bit is set in `some`: the table of the leader's mode."""
+    rows = table_rows(shape)
+    table = skip(work.tables, (mode_bits(shape, work, leader) * (shape.ticks + 1) + shape.ticks) * rows)
+    for r in range(rows):
+        put(work.current, r, None, choose_lanes(some, get(table, r, None), get(work.current, r, None)))
 
 
 @inner
