@@ -1,0 +1,102 @@
+"""Minimal structures: nothing can be removed and nothing has to be added, neither without a significant loss."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+
+import numpy as np
+
+from brightgrey.kit import Structure
+from brightgrey.search.comparison import Judged, threshold
+from brightgrey.search.fitting import Fitted
+from brightgrey.search.identification import ACCURACY, ROUGH
+from brightgrey.search.lattice import contains, extensions, minimal, simpler
+from brightgrey.search.yardstick import Yardstick
+
+__all__ = ["minimal_structures"]
+
+_SLACK = 1.02  # ratio of costs within which a structure is always looked at
+_MOST = 24  # structures that are examined
+_AT_ONCE = 2  # larger structures refitted side by side: what an inadequate one does not need is in vain
+_RARE = 1e-3
+
+
+def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], None] | None) -> list[Judged]:
+    """Adequate structures that contain no other adequate one: hopeful ones first, until none is left to be examined."""
+    n = yardstick.independent
+    accepted: list[Judged] = []
+    examined: set[Structure] = set()
+    while len(examined) < _MOST or not accepted:
+        structure = _next(yardstick, n, accepted, examined)
+        if structure is None:
+            break
+        examined.add(structure)
+        if progress is not None:
+            progress(structure)
+        if _adequate(yardstick, structure):
+            accepted.append(yardstick.bench.judge(structure))
+    rejected = sorted(examined - {j.structure for j in accepted}, key=str)
+    improved = [s for s in rejected if yardstick.bench.improve(s)]
+    accepted += [yardstick.bench.judge(s) for s in improved if _adequate(yardstick, s)]
+    for j in accepted:  # grows meanwhile
+        accepted += [s for s in _without_loss(yardstick, j) if s.structure not in [a.structure for a in accepted]]
+    least = minimal([j.structure for j in accepted])
+    return sorted((j for j in accepted if j.structure in least), key=yardstick.criterion)
+
+
+def _without_loss(yardstick: Yardstick, judged: Judged) -> list[Judged]:
+    """Adequate structures that lack one effect, or one mass, of an adequate one; they are refitted from there."""
+    found = []
+    smaller = simpler(judged.structure, yardstick.known)
+    yardstick.bench.judge_all(smaller)
+    for s in smaller:
+        yardstick.bench.improve(s)
+        if not yardstick.better(judged, yardstick.bench.judge(s), 1) and _adequate(yardstick, s):
+            found.append(yardstick.bench.judge(s))
+    return found
+
+
+def _next(
+    yardstick: Yardstick, n: float, accepted: Sequence[Judged], examined: Collection[Structure]
+) -> Structure | None:
+    """Structure that may be adequate by all that is known now and contains none of those accepted.
+
+    Of several the one with the least Bayesian information criterion, by the number of independent samples.
+    """
+    rough = yardstick.doubt * (ROUGH / ACCURACY) ** 2
+    cost = {s: max(yardstick.bench.cost(s), yardstick.doubt) + rough for s in yardstick.known}
+    least = min(yardstick.known.values(), key=lambda f: (cost[f.structure], f.free))
+
+    def hopeful(f: Fitted) -> bool:
+        more = max(least.free - f.free, 1)
+        reach = float(np.exp(2.0 * threshold(more, _RARE) / n))
+        return cost[f.structure] <= max(_SLACK, reach) * cost[least.structure]
+
+    left = [
+        f
+        for f in yardstick.known.values()
+        if f.structure not in examined and hopeful(f) and not any(contains(f.structure, j.structure) for j in accepted)
+    ]
+
+    def promise(f: Fitted) -> tuple[float, int]:
+        return n * float(np.log(max(cost[f.structure], 1e-300))) + f.free * float(np.log(n)), f.free
+
+    return min(left, key=promise).structure if left else None
+
+
+def _adequate(yardstick: Yardstick, structure: Structure) -> bool:
+    """Whether nothing that contains the structure fits significantly better."""
+    own = yardstick.bench.judge(structure)
+    more = extensions(structure, yardstick.known)
+    larger = [s for s in yardstick.known if s != structure and contains(s, structure)]
+    if not larger:
+        return True
+    far = min(larger, key=lambda s: (yardstick.bench.cost(s), yardstick.known[s].free))
+    compared = sorted({*more, far}, key=lambda s: (yardstick.bench.cost(s), str(s)))
+    tests = dict.fromkeys(compared, len(compared))
+    # The best of all has the share of the chance of any of them. The largest alone needs no such division if its ratio
+    # is distributed as Wilks says; with resonances and gaps, which have a place of their own, more comes by chance.
+    if far not in more:
+        tests[far] *= len(larger) - len(more)
+    pairs = (yardstick.bench.judge_all(compared[i : i + _AT_ONCE]) for i in range(0, len(compared), _AT_ONCE))
+    return not any(yardstick.better(j, own, tests[j.structure]) for pair in pairs for j in pair)

@@ -1,0 +1,169 @@
+"""What fits are compared by: refits in white noise's terms, and what would have shown in them.
+
+A difference counts that is more than chance, and more than simulation and sensor are trusted in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from brightgrey.kit import Placed, Structure
+from brightgrey.search.comparison import Judged, Whitening, power, significance, threshold
+from brightgrey.search.fitting import Fitted
+from brightgrey.search.identification import ACCURACY, Identification
+from brightgrey.search.judging import Bench
+from brightgrey.search.lattice import effects_of, extensions, simpler
+
+__all__ = ["Yardstick"]
+
+_LEVEL = 0.02  # chance of calling for an effect that is not there
+_MATERIAL = 1.01  # ratio of costs below which a difference does not matter, however sure it is
+_SHOWN = 0.8  # power from which a recording is said to show an effect
+
+
+@dataclass
+class Yardstick:
+    """Refits and the yardstick that they are compared by."""
+
+    bench: Bench
+    whitening: Whitening
+    known: Mapping[Structure, Fitted]
+
+    @classmethod
+    def of(cls, task: Identification, fitted: Mapping[Structure, Fitted], executor: Executor, seed: int) -> Yardstick:
+        """Yardstick from the noise of the structure that fits best."""
+        bench = Bench(task, fitted, executor, seed)
+        best = min(fitted.values(), key=lambda f: (f.cost, f.free))
+        reference = bench.judge(best.structure)
+        lengths = [r.samples for r in task.recordings for _ in r.outputs]
+        doubt = task.doubt(task.problem(best.structure).weights, ACCURACY).ravel() / lengths
+        return cls(bench, Whitening.of(reference, lengths, doubt.tolist()), fitted)
+
+    @property
+    def doubt(self) -> float:
+        """Weighted sum of squares that simulation and sensor may leave even if the model is right: below it all fit."""
+        return float(np.dot(self.whitening.lengths, self.whitening.doubt))
+
+    def left(self, judged: Judged) -> float:
+        """Weighted sum of squares that is left to be explained: of each output no less than nobody is trusted in."""
+        w = self.whitening
+        pieces = np.split(judged.descent.residual, np.cumsum(w.lengths)[:-1])
+        return sum(max(float(p @ p), n * d) for p, n, d in zip(pieces, w.lengths, w.doubt, strict=True))
+
+    def trusted(self, judged: Judged) -> bool:
+        """Whether all that is left, of every output, is less than simulation and sensor are trusted in."""
+        return self.left(judged) <= self.doubt * (1.0 + 1e-12)
+
+    def misfit(self, judged: Judged) -> float:
+        """Whitened sum of squares."""
+        return max(self.whitening.misfit(judged), 1e-300)
+
+    def criterion(self, judged: Judged) -> float:
+        """Bayesian information criterion (Schwarz 1978) of the whitened residuals."""
+        n = self.whitening.samples
+        return n * float(np.log(self.misfit(judged) / n)) + judged.free * float(np.log(n))
+
+    @property
+    def independent(self) -> float:
+        """Number of samples that tell a variance as well as the coloured residuals do."""
+        w = self.whitening
+        return sum(m.telling(n) for m, n in zip(w.models, w.lengths, strict=True))
+
+    def better(self, big: Judged, small: Judged, tests: int) -> bool:
+        """Whether `big` fits significantly and materially better; `tests` structures are compared with `small`."""
+        if self.left(small) <= _MATERIAL * self.left(big):
+            return False
+        return self.surely(big, small, tests)
+
+    def surely(self, big: Judged, small: Judged, tests: int) -> bool:
+        """Whether `big` fits significantly better, be it ever so little."""
+        found = significance(self.misfit(small), self.misfit(big), self.whitening.samples)
+        return found > threshold(big.free - small.free, _LEVEL / max(tests, 1))
+
+    def shown(self, structure: Structure, effect: str) -> Callable[[], bool]:
+        """Whether the recording shows that `effect` is not there at the least size that matters, beside `structure`.
+
+        It would have been found: its power is enough for small changes. And it is refuted: with the effect held at
+        that size and all else fitted anew, the fit is significantly worse. Friction bends so much that small changes
+        alone promise too much; and where gaps make many optima that fit may miss the best one, so that a fit that has
+        the effect as large as that, and is no worse, speaks against it. What comes back waits for the held fit.
+        """
+        big = self.with_effect(structure, effect)
+        placed = Placed.parse(effect)
+        if big is None or placed.effect.noticeable is None:
+            return lambda: False
+        judged = self.bench.judge(structure)
+        task = self.bench.task
+        changed = placed.effect.noticeable(task.scales, judged.values)
+        least = {placed.parameter(symbol): float(value) for symbol, value in changed.items()}
+        values = {**task.standard(big), **judged.values, **least}
+        change = self.bench.outputs(big, [values])[:, 0] - judged.descent.residual
+        size = self.whitening.unexplained(judged, change)
+        tests = len(extensions(structure, self.known))
+        if power(size, len(placed.effect.parameters), _LEVEL / max(tests, 1)) < _SHOWN:
+            return lambda: False
+        own = {name: value for name, value in least.items() if name not in structure.parameters}
+        if self.fits_as_large(structure, effect):
+            return lambda: False
+        held = self.bench.held(big, values, own, judged.cost)
+        return lambda: self.worse(held(), judged)
+
+    def fits_as_large(self, structure: Structure, effect: str) -> bool:
+        """Whether the fit with `effect` beside `structure` has it at a size that matters and is no worse.
+
+        Only of effects whose size is a single number.
+        """
+        big, placed = self.with_effect(structure, effect), Placed.parse(effect)
+        if big is None or placed.effect.noticeable is None:
+            return False
+        free = self.bench.judge(big)
+        least = placed.effect.noticeable(self.bench.task.scales, free.values)
+        if len(least) != 1:
+            return False
+        ((symbol, value),) = least.items()
+        large = abs(free.values[placed.parameter(symbol)]) >= abs(float(value))
+        return large and not self.worse(free, self.bench.judge(structure))
+
+    def worse(self, one: Judged, other: Judged) -> bool:
+        """Whether `one` fits significantly worse than `other`, by one parameter's worth."""
+        return significance(self.misfit(one), self.misfit(other), self.whitening.samples) > threshold(1, _LEVEL)
+
+    def with_effect(self, structure: Structure, effect: str) -> Structure | None:
+        """Least structure that has `effect` beyond `structure`, one mass or one effect more."""
+        for big in extensions(structure, self.known):
+            if effect in effects_of(big, structure):
+                return big
+        return None
+
+    def without_effect(self, structure: Structure, effect: str) -> Structure | None:
+        """`structure` without `effect`; of a ladder, with one mass less."""
+        for small in simpler(structure, self.known):
+            if effect in effects_of(structure, small):
+                return small
+        return None
+
+    def gain(self, structure: Structure, effect: str) -> float:
+        """Part of the residual's RMS that `effect` explains beside `structure`."""
+        more = self.with_effect(structure, effect)
+        if more is None:
+            return 0.0
+        here = self.left(self.bench.judge(structure))
+        return float(1.0 - np.sqrt(min(self.left(self.bench.judge(more)) / here, 1.0)))
+
+    def tells(self, structure: Structure, effect: str) -> bool:
+        """Whether `effect` explains more beside `structure` than chance does, be it ever so little."""
+        more = self.with_effect(structure, effect)
+        tests = len(extensions(structure, self.known))
+        return more is not None and self.surely(self.bench.judge(more), self.bench.judge(structure), tests)
+
+    def loss(self, structure: Structure, effect: str) -> float | None:
+        """By how much the residual's RMS grows without `effect`, a ratio minus 1; None if nothing is left then."""
+        without = self.without_effect(structure, effect)
+        if without is None:
+            return None
+        here = self.left(self.bench.judge(structure))
+        return float(np.sqrt(self.left(self.bench.judge(without)) / here) - 1.0)
