@@ -2,7 +2,7 @@
 
 A gap that is passed often makes another motion. Where the best residual is neither white in the end nor as small as
 what simulation and sensor are trusted in, gaps are sought with all other effects beside them and few masses first, then
-in the structures that lead, again and again until that has been in vain for a good part of the whole effort.
+in the structures that lead, again and again until that has been in vain for more than half of all effort before.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from brightgrey.search.lattice import ladder_of, size
 __all__ = ["seek_gaps"]
 
 _LADDERS, _MOST_ROUNDS = 2, 12  # whose leading structures are searched from everywhere, and how often
-_VAIN = 0.15  # of all simulated samples: what is spent on that without improvement
+_VAIN = 0.6  # of all samples simulated before: what is spent on that without improvement
 
 
 def seek_gaps(fits: Fits, workers: Executor, seeking: Callable[[Structure], None] | None = None) -> None:
@@ -58,7 +58,7 @@ def seek_gaps(fits: Fits, workers: Executor, seeking: Callable[[Structure], None
 
 
 def _seek_leaders(fits: Fits, workers: Executor, seeking: Callable[[Structure], None]) -> None:
-    """Fit leading structures from everywhere, until that has been in vain for a good part of the whole effort."""
+    """Fit leading structures from everywhere, until that has been in vain for more than half of all effort before."""
     idle, since = 0, fits.effort()
     for _ in range(_MOST_ROUNDS):
         leaders = _leaders(fits, idle)
