@@ -1,15 +1,17 @@
 """Residuals and their derivatives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from brightgrey.estimation import predict, scales
 from brightgrey.estimation.bounds import search_space
 from brightgrey.estimation.leastsquares import evaluate
-from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.problem import Problem, predict_many, systems
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
-from brightgrey.simulation import Settings
+from brightgrey.simulation import Settings, response
 
 STRUCTURE = PAPER.parse("two_mass+coulomb+viscous+gravity")
 VALUES = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "M_C": 0.9, "f_v": 0.015, "M_G": 0.2}
@@ -41,6 +43,24 @@ def test_differenced_velocity_lags_half_a_sample():
     jump = (np.abs(np.diff(r.u)).max() + 2 * VALUES["M_C"]) / VALUES["J1"]
     assert np.abs(y[1, 1:] - between).max() < 1.1 * DT * jump / 12
     assert np.abs(y[1, 1:] - y[0, 1:]).max() > 3 * DT * jump / 12  # half a sample more is another matter
+
+
+def test_derivatives_of_a_differenced_velocity_do_not_jump_where_a_rattling_load_rejoins():
+    """A difference of positions that is forgotten from one sample to the next is no speed."""
+    structure = PAPER.parse("two_mass+viscous+backlash")
+    names = {"J1": 4.5e-3, "J2": 1e-4, "c1": 1e4, "d1": 3e-3, "f_v": 2e-2, "alpha": 1e-3}
+    values = {n: np.array([v, *(v * (1.0 + 1e-6 * (m == n)) for m in names)]) for n, v in names.items()}
+    kinds = ("velocity", "velocity-differenced")
+    made = recording(*kinds)
+    made = replace(made, u=np.sin(2.0 * np.pi * 8.0 * DT * np.arange(SAMPLES)))
+    system, u, x0 = systems(structure, values, made, SETTINGS)
+    sample, who = response(system, u, DT, x0, SETTINGS, group=len(names) + 1).rejoined.T
+    y = predict_many(structure, values, made, SETTINGS, group=len(names) + 1)
+    velocity, differenced = np.abs(y[:, :, 1:] - y[:, :, :1])
+    assert len(sample)
+    assert not differenced[sample, who - 1].any()
+    # Elsewhere it is the mean over the sample before, up to how much the velocity changes within.
+    assert (differenced.max(axis=0) <= 2.0 * velocity.max(axis=0)).all()
 
 
 def test_truth_leaves_no_residual():

@@ -58,7 +58,7 @@ def test_power_is_what_is_promised(pole):
     hits, promised = 0, []
     for _ in range(150):
         _, whitening, small, X = found(rng, pole)
-        unit = whitening.unexplained(small, X[:, 4:].sum(axis=1))
+        unit = whitening.imitation(small, X[:, 4:].sum(axis=1))[0]
         sizes = np.geomspace(0.01, 100.0, 200)
         size = sizes[np.argmax([power(s * s * unit, 2, LEVEL) >= 0.8 for s in sizes])]
         promised.append(power(size * size * unit, 2, LEVEL))
@@ -92,7 +92,7 @@ def test_what_the_parameters_can_imitate_is_explained():
     small = judged(noise(rng, 0.5), X, 3)
     whitening = Whitening.of(small, [SAMPLES])
     inside, outside = X[:, :3] @ np.array([1.0, 2.0, -1.0]), X[:, 5]
-    assert whitening.unexplained(small, inside) < 1e-9 * whitening.unexplained(small, outside)
+    assert whitening.imitation(small, inside)[0] < 1e-9 * whitening.imitation(small, outside)[0]
 
 
 def test_a_parameter_at_its_bound_imitates_but_does_not_fit():
@@ -101,7 +101,7 @@ def test_a_parameter_at_its_bound_imitates_but_does_not_fit():
     free = judged(noise(rng, 0.5) + X[:, 2], X, 3)
     bound = replace(free, inside=(0, 1))
     whitening = Whitening.of(free, [SAMPLES])
-    assert whitening.unexplained(bound, X[:, 2]) == whitening.unexplained(free, X[:, 2])
+    assert whitening.imitation(bound, X[:, 2])[0] == whitening.imitation(free, X[:, 2])[0]
     moved = replace(bound, descent=bound.descent._replace(residual=bound.descent.residual + 5.0 * X[:, 2]))
     assert whitening.misfit(moved) > 2.0 * whitening.misfit(free)
 

@@ -93,6 +93,18 @@ def test_constant_torque_is_coulomb_friction_if_speed_never_turns():
     assert verdicts["stribeck"] == "not decidable"
 
 
+def test_effects_that_cancel_are_not_called_needless():
+    """A load helps by as much as Coulomb friction brakes: neither shows where speed never turns, and both are there."""
+    values = {"J1": 0.02, "M_C": 0.4, "f_v": 0.03, "M_G": 0.4}
+    task = task_of("one_mass+coulomb+viscous+gravity", values, one_way(), 0.1, begin=200)
+    found = evidence(task, ("coulomb", "viscous", "gravity"))
+    assert [str(j.structure) for j in found.minimal] == ["one_mass+viscous"]
+    cards = {c.effect: c for c in found.cards}
+    for effect, other in (("coulomb", "gravity"), ("gravity", "coulomb")):
+        assert cards[effect].verdict == "not decidable"
+        assert cards[effect].reason.endswith(f"if {other} was there, too")
+
+
 def test_masses_are_needed_cumulatively():
     values = {"J1": 0.012, "J2": 0.01, "c1": 25.0, "d1": 0.05, "f_v": 0.03}
     found = evidence(

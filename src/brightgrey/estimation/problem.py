@@ -43,11 +43,13 @@ def predict_many(
     in torque per speed, the simulation is held to the measured motion.
     """
     system, u, x0 = systems(structure, values, recording, settings, onset=onset, initial=initial, gain=gain)
-    y = response(system, u, recording.dt, x0, settings, group=group, threads=threads).y
+    found = response(system, u, recording.dt, x0, settings, group=group, threads=threads)
+    y, (sample, follower) = found.y, found.rejoined.T
     for out, signal in enumerate(recording.outputs):
         if signal.kind == "velocity-differenced":
             before = y[out, :1] - recording.dt * x0[system.state_names.index("v1")]  # it moved as it does at first
             y[out] = np.diff(y[out], axis=0, prepend=before) / recording.dt
+            y[out, sample, follower] = y[out, sample, follower // group * group]  # going on elsewhere is no motion
     return y
 
 

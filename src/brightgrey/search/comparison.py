@@ -120,13 +120,18 @@ class Whitening:
         ]
         return float(max(r @ r - np.square(Q.T @ r).sum(), 0.0)) + sum(share)
 
-    def unexplained(self, judged: Judged, change: Array) -> float:
-        """Squared size of a change of the (weighted) outputs that the parameters of `judged` cannot imitate.
+    def imitation(self, judged: Judged, change: Array) -> tuple[float, Array]:
+        """How well the parameters of `judged` can imitate a change of the (weighted) outputs.
 
-        Those at a bound count, too: they can leave it.
+        Returns the squared size of what is left, and the parameters' steps in the searched scale, shape (P,). Those at
+        a bound count, too: they can leave it.
         """
-        c, Q = self.white(change), self.base(judged, range(judged.descent.jacobian.shape[1]))
-        return float(max(c @ c - np.square(Q.T @ c).sum(), 0.0))
+        c, J = self.white(change), self.white(judged.descent.jacobian)
+        size = np.linalg.norm(J, axis=0)
+        size[size == 0.0] = np.inf
+        steps, *_ = np.linalg.lstsq(J / size, c, rcond=_RANK)
+        left = c - (J / size) @ steps
+        return float(left @ left), steps / size
 
 
 def _with_white(model: Autoregression, variance: float) -> Autoregression:

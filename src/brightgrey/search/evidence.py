@@ -25,6 +25,7 @@ from brightgrey.search.yardstick import Yardstick
 __all__ = ["Card", "Evidence", "has", "weigh"]
 
 Verdict = Literal["needed", "not needed", "not decidable"]
+_SAME = 0.005  # part of the residual's RMS by which it grows at least where that is worth a number
 _NOTABLE = 0.02  # part of the residual's RMS that an effect explains from which it is not called needless
 
 
@@ -112,15 +113,11 @@ def _weigh(yardstick: Yardstick, progress: Callable[[Structure], None] | None) -
     structures = [j.structure for j in found]
     effects = _all_effects(yardstick.known)
     asked = {s: {e: yardstick.shown(s, e) for e in effects if not has(s, e)} for s in structures}  # side by side
-    optional = tuple(
-        e
-        for e in effects
-        if any(
-            not answers[e]() or yardstick.gain(s, e) > _NOTABLE or yardstick.tells(s, e)
-            for s, answers in asked.items()
-            if e in answers
-        )
-    )
+    shown = {
+        s: {e: answer() and yardstick.gain(s, e) <= _NOTABLE and not yardstick.tells(s, e) for e, answer in of.items()}
+        for s, of in asked.items()
+    }
+    optional = tuple(e for e in effects if any(not of.get(e, True) for of in shown.values()))
     cards = tuple(_card(yardstick, e, structures, optional) for e in effects)
     judged = dict(yardstick.bench.judged)
     criterion = {s: yardstick.criterion(j) for s, j in judged.items()}
@@ -165,9 +162,9 @@ def _card(yardstick: Yardstick, effect: str, found: Sequence[Structure], optiona
 def _why_needed(loss: float | None) -> str:
     if loss is None:
         return "no structure without it fits"
-    if loss > 0.0:
+    if loss > _SAME:
         return f"without it the residual is {1.0 + loss:.3g} times as large"
-    return "without it the residual is as large, but other effects would explain part of it"
+    return "without it the residual is as large, but other effects would explain part of that"
 
 
 def _why_optional(yardstick: Yardstick, effect: str, found: Sequence[Structure]) -> str:
@@ -181,6 +178,11 @@ def _why_optional(yardstick: Yardstick, effect: str, found: Sequence[Structure])
         return "it explains hardly anything of the residual, but more than chance does"
     if any(yardstick.fits_as_large(s, effect) for s in found):
         return "it fits no worse with it at a size that matters"
+    for structure in found:
+        change = yardstick.change(structure, effect)
+        veil = None if change is None else yardstick.veil(structure, effect, change)
+        if veil is not None:
+            return f"at a size that matters this recording would not have shown it if {veil} was there, too"
     return "at a size that matters this recording would not have shown it"
 
 

@@ -10,6 +10,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.comparison import Judged, Whitening, power, significance, threshold
@@ -20,9 +21,11 @@ from brightgrey.search.lattice import effects_of, extensions, simpler
 
 __all__ = ["Yardstick"]
 
+Array = NDArray[np.float64]
 _LEVEL = 0.02  # chance of calling for an effect that is not there
 _MATERIAL = 1.01  # ratio of costs below which a difference does not matter, however sure it is
 _SHOWN = 0.8  # power from which a recording is said to show an effect
+_SLACK = 1e-6  # of a range: rounding of what stays at its bound
 
 
 @dataclass
@@ -87,46 +90,88 @@ class Yardstick:
     def shown(self, structure: Structure, effect: str) -> Callable[[], bool]:
         """Whether the recording shows that `effect` is not there at the least size that matters, beside `structure`.
 
-        It would have been found: its power is enough for small changes. And it is refuted: with the effect held at
-        that size and all else fitted anew, the fit is significantly worse. Friction bends so much that small changes
-        alone promise too much; and where gaps make many optima that fit may miss the best one, so that a fit that has
-        the effect as large as that, and is no worse, speaks against it. What comes back waits for the held fit.
+        It would have been found: its power is enough for small changes, whatever other effect may be there and veil it.
+        And it is refuted: with the effect held at that size and all else fitted anew, the fit is significantly worse.
+        Friction bends so much that small changes alone promise too much; and where gaps make many optima that fit may
+        miss the best one, so that a fit that has the effect as large as that, and is no worse, speaks against it. What
+        comes back waits for the held fit.
         """
-        big = self.with_effect(structure, effect)
-        placed = Placed.parse(effect)
-        if big is None or placed.effect.noticeable is None:
+        big, judged, change = self.with_effect(structure, effect), self.bench.judge(structure), None
+        if big is not None:
+            change = self.change(structure, effect)
+        if big is None or change is None:
             return lambda: False
-        judged = self.bench.judge(structure)
-        task = self.bench.task
-        changed = placed.effect.noticeable(task.scales, judged.values)
-        least = {placed.parameter(symbol): float(value) for symbol, value in changed.items()}
-        values = {**task.standard(big), **judged.values, **least}
-        change = self.bench.outputs(big, [values])[:, 0] - judged.descent.residual
-        size = self.whitening.unexplained(judged, change)
-        tests = len(extensions(structure, self.known))
-        if power(size, len(placed.effect.parameters), _LEVEL / max(tests, 1)) < _SHOWN:
+        size, _ = self.whitening.imitation(judged, change)
+        if not self.visible(structure, effect, size) or self.veil(structure, effect, change) is not None:
             return lambda: False
-        own = {name: value for name, value in least.items() if name not in structure.parameters}
         if self.fits_as_large(structure, effect):
             return lambda: False
+        least = self.least(judged, effect)
+        own = {name: value for name, value in least.items() if name not in structure.parameters}
+        values = {**self.bench.task.standard(big), **judged.values, **least}
         held = self.bench.held(big, values, own, judged.cost)
         return lambda: self.worse(held(), judged)
+
+    def least(self, judged: Judged, effect: str) -> dict[str, float]:
+        """Least size of `effect` that matters beside what is `judged`, by parameter; empty if none is declared."""
+        placed = Placed.parse(effect)
+        if placed.effect.noticeable is None:
+            return {}
+        sizes = placed.effect.noticeable(self.bench.task.scales, judged.values)
+        return {placed.parameter(symbol): float(value) for symbol, value in sizes.items()}
+
+    def change(self, structure: Structure, effect: str) -> Array | None:
+        """What `effect` at the least size that matters does to the weighted outputs; None if that is not known."""
+        big, judged = self.with_effect(structure, effect), self.bench.judge(structure)
+        least = self.least(judged, effect)
+        if big is None or not least:
+            return None
+        values = {**self.bench.task.standard(big), **judged.values, **least}
+        return np.asarray(self.bench.outputs(big, [values])[:, 0] - judged.descent.residual)
+
+    def visible(self, structure: Structure, effect: str, size: float) -> bool:
+        """Whether a change of that squared size, made by `effect`, would be found beside `structure`."""
+        tests = len(extensions(structure, self.known))
+        return power(size, len(Placed.parse(effect).effect.parameters), _LEVEL / max(tests, 1)) >= _SHOWN
+
+    def veil(self, structure: Structure, effect: str, change: Array) -> str | None:
+        """Other effect beside which `change`, that of `effect`, would not be found; None if there is none.
+
+        Without a reversal, Coulomb friction and gravity may cancel: neither is needed then, and both may be there.
+        """
+        for big in extensions(structure, self.known):
+            others = effects_of(big, structure)
+            if effect in others:
+                continue
+            judged = self.bench.judge(big)
+            size, steps = self.whitening.imitation(judged, change)
+            if not self.visible(structure, effect, size) and self.allowed(structure, judged, -steps):
+                return others[0]
+        return None
+
+    def allowed(self, structure: Structure, judged: Judged, steps: Array) -> bool:
+        """Whether small `steps`, shape (P,), leave what is `judged` beyond `structure` within its bounds."""
+        space = self.bench.task.space(judged.structure, initial=True)
+        value = np.array([judged.values[name] for name in space.names])
+        moved = value + np.where(space.log, value, space.width) * steps
+        slack = _SLACK * (space.high - space.low)
+        inside = (moved >= space.low - slack) & (moved <= space.high + slack)
+        return bool(np.all(inside | np.isin(space.names, list(structure.parameters))))
 
     def fits_as_large(self, structure: Structure, effect: str) -> bool:
         """Whether the fit with `effect` beside `structure` has it at a size that matters and is no worse.
 
         Only of effects whose size is a single number.
         """
-        big, placed = self.with_effect(structure, effect), Placed.parse(effect)
-        if big is None or placed.effect.noticeable is None:
+        big = self.with_effect(structure, effect)
+        if big is None:
             return False
         free = self.bench.judge(big)
-        least = placed.effect.noticeable(self.bench.task.scales, free.values)
+        least = self.least(free, effect)
         if len(least) != 1:
             return False
-        ((symbol, value),) = least.items()
-        large = abs(free.values[placed.parameter(symbol)]) >= abs(float(value))
-        return large and not self.worse(free, self.bench.judge(structure))
+        ((name, value),) = least.items()
+        return abs(free.values[name]) >= abs(value) and not self.worse(free, self.bench.judge(structure))
 
     def worse(self, one: Judged, other: Judged) -> bool:
         """Whether `one` fits significantly worse than `other`, by one parameter's worth."""

@@ -41,10 +41,13 @@ class Response:
         In SI units. From the sample on at which a simulation diverged it is not a number.
     diverged : int ndarray, shape (K,)
         First sample at which the state is not finite or beyond all measure, -1 if there is none.
+    rejoined : int ndarray, shape (R, 2)
+        Samples at which sets went on from the state of the set that leads their group, and which sets.
     """
 
     y: Array
     diverged: NDArray[np.int64]
+    rejoined: NDArray[np.int64]
 
 
 def response(
@@ -77,8 +80,8 @@ def response(
         Sets come in groups of this many. The first set of a group chooses the steps and the others take the same
         ones, so that differences between them are smooth: forward differences with a relative step of 1e-6 give
         derivatives. With 1, every set chooses its own. Where contacts have multiplied a difference until a limited
-        state is further than a quarter of its way from that of the first set, at two samples in succession, no
-        derivative is left; from there on all sets of the group have the outputs of the first one.
+        state is further than a hundredth of its way from that of the first set, at two samples in succession, the
+        differences are no derivatives any more: all sets of the group go on from the state of the first one.
     threads : int
 
     Returns
@@ -112,11 +115,7 @@ def response(
             y[:, :, own], diverged[own] = columns[:, :, lanes.place], lost[lanes.place]
     for k in np.flatnonzero(diverged >= 0):
         y[:, diverged[k] :, k] = np.nan
-    for own, lanes, _, _, apart in parts:
-        for k, parting in zip(own[::group], lanes.partings(apart), strict=False):  # the last groups may be idle
-            if parting is not None:
-                y[:, parting:, k + 1 : k + group] = y[:, parting:, k : k + 1]
-    return Response(y, diverged)
+    return Response(y, diverged, np.concatenate([rejoined for *_, rejoined in parts]))
 
 
 class _Judge(NamedTuple):
@@ -205,8 +204,8 @@ def _simulate(
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
     """Simulate parameter `sets` in `lanes`, for all of which a sample is cut in `cut` parts.
 
-    Returns outputs, shape (outputs, samples, lanes), or the sums of squares, shape (rows, LANES), of a judge, and where
-    each diverged or was given up.
+    Returns outputs, shape (outputs, samples, lanes), or the sums of squares, shape (rows, LANES), of a judge; where
+    each diverged or was given up; and which sets rejoined their leaders where (`Response.rejoined`).
     """
     pick = sets[lanes.pick]
     level = tolerances(settings.level, bool(lowered.limited))
@@ -237,14 +236,16 @@ def _simulate(
     if judge is not None:
         y[:] = judge.spent[pick]
         most[:] = judge.most[pick]
-    diverged, apart = np.empty(pick.shape, np.int64), np.empty(pick.shape, np.int64)
+    diverged = np.empty(pick.shape, np.int64)
+    led = lanes.width > 1 and shape.limits > 0
+    rejoined = np.zeros((len(pick), len(u)) if led else (0, 0), np.int64)
     call = Call(
         numbers=address(numbers),
         u=address(u),
         y=address(y),
         stride=pick.size,
         diverged=address(diverged),
-        apart=address(apart),
+        rejoined=address(rejoined),
         idle=address(lanes.idle),
         target=0 if judge is None else address(judge.target),
         weights=0 if judge is None else address(judge.weights),
@@ -273,7 +274,9 @@ def _simulate(
     else:
         with ThreadPoolExecutor(len(cuts) - 1) as pool:
             list(pool.map(part, cuts[:-1], cuts[1:]))
-    return y, diverged.ravel(), apart.ravel()
+    row, sample = np.nonzero(rejoined)
+    which, lane = np.nonzero(rejoined[row, sample, None] >> np.arange(LANES) & 1)
+    return y, diverged.ravel(), np.stack([sample[which], pick[row[which], lane]], axis=1)
 
 
 class _Lanes(NamedTuple):
@@ -291,8 +294,6 @@ class _Lanes(NamedTuple):
         Bits of the lanes that nobody asks for.
     plain : bool
         Whether the first set is in the first lane and so on.
-    rows : int
-        That a group takes, if it takes whole ones.
     """
 
     pick: NDArray[np.int64]
@@ -300,12 +301,6 @@ class _Lanes(NamedTuple):
     place: NDArray[np.int64]
     idle: NDArray[np.int64]
     plain: bool
-    rows: int
-
-    def partings(self, apart: NDArray[np.int64]) -> list[int | None]:
-        """Sample from which on each group does not go together, of all its rows the first one; None if it does."""
-        groups = apart[:: self.width].reshape(-1, self.rows)
-        return [min((k for k in group if k >= 0), default=None) for group in groups.tolist()]
 
 
 @lru_cache(maxsize=256)
@@ -327,4 +322,4 @@ def _lanes(count: int, group: int) -> _Lanes:
     pick = (numbers[:, None, None] * group + np.minimum(inside, group - 1)).reshape(-1, LANES)
     place = (np.arange(count)[:, None] * (rows * width) + places).ravel()
     idle = spare.reshape(-1, LANES) @ (1 << np.arange(LANES))
-    return _Lanes(pick, width, place, idle, bool(place[-1] == len(place) - 1), rows)
+    return _Lanes(pick, width, place, idle, bool(place[-1] == len(place) - 1))

@@ -222,6 +222,7 @@ def together(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: Any) 
                     same |= 1 << lane
                 else:
                     use_table(shape, work, lane)
-            use_table_of(shape, work, same, leader)
+            if same:
+                use_table_of(shape, work, same, leader)
         position += size
         level = after

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import cached, inlined
+from brightgrey.simulation.compiled import cached, inlined, inner
 from brightgrey.simulation.lanes import (
     LANES,
     choose_less,
@@ -19,13 +19,13 @@ from brightgrey.simulation.lanes import (
 )
 from brightgrey.simulation.lanes import call as invoke
 from brightgrey.simulation.layout import call_of, plant_of, shape_of, use_batch, work_of
-from brightgrey.simulation.modes import drive_all, drive_lane
+from brightgrey.simulation.modes import drive_all, drive_lane, set_mode, use_table_of
 from brightgrey.simulation.solo import forget
 from brightgrey.simulation.step import leaves, step, take_all, watch
 
 __all__ = ["run"]
 
-_NEAR = 0.25  # of the width between limits: a lane further from its leader meets other contacts
+_NEAR = 0.01  # of the width between limits: so far from its leader's, a lane's motion is linear to a hundredth
 
 
 @inlined
@@ -89,16 +89,36 @@ def _apart(shape: Any, plant: Any, work: Any) -> Any:
     return out
 
 
-@inlined
-def _part(shape: Any, call: Any, number: Any, k: Any, apart: Any) -> Any:
-    """Note that groups with lanes among `apart` do not go together from sample k on; returns their followers."""
-    out = 0
+@inner
+def _rejoin(shape: Any, plant: Any, call: Any, number: Any, k: Any, apart: Any, work: Any) -> None:
+    """Let the groups with lanes among `apart`, since sample k - 1, go on from where their leaders are."""
     for leader in range(0, LANES, shape.group):
         followers = ((1 << shape.group) - 2) << leader
-        if apart & followers:
-            out |= followers
-            set_whole(call.apart, number * LANES + leader, k)
-    return out
+        if apart & followers == 0:
+            continue
+        place = number * shape.samples + k - 1
+        set_whole(call.rejoined, place, whole(call.rejoined, place) | followers)
+        for lane in range(leader + 1, leader + shape.group):
+            for i in range(shape.n):
+                put(work.x, i, lane, get(work.x, i, leader))
+            for c in range(shape.channels):
+                put(work.force, c, lane, get(work.force, c, leader))
+                put(work.slope, c, lane, get(work.slope, c, leader))
+            for b in range(shape.limits):
+                row, mode = whole(plant.limited, b), whole(work.mode, b * LANES + leader)
+                low, high = get(plant.low, b, lane), get(plant.high, b, lane)
+                own = get(work.x, row, lane)
+                own = high if mode > 0 or own > high else low if mode < 0 or own < low else own
+                put(work.x, row, lane, own)
+                set_mode(plant, work, b, lane, mode)
+            for b in range(shape.limits):
+                put(work.event, b, lane, watch(shape, plant, work, b, work.x, lane))
+            for row in range((k - 1) * call.stride, (k + 1) * call.stride, call.stride):
+                for out in range(shape.outputs):
+                    at = out * shape.samples * call.stride + row + number * LANES
+                    put(call.y, 0, at + lane, get(call.y, 0, at + leader))
+        if shape.euler == 0:
+            use_table_of(shape, work, followers, leader)
 
 
 @inlined
@@ -133,7 +153,6 @@ def run(block: Any, first: Any, last: Any) -> None:
         plant, call = plant_of(block), call_of(block)
         for lane in range(LANES):
             set_whole(call.diverged, number * LANES + lane, -1)
-            set_whole(call.apart, number * LANES + lane, -1)
         if shape.euler == 0:
             invoke(call.tables, (block,))
             forget(shape, work)
@@ -164,7 +183,8 @@ def run(block: Any, first: Any, last: Any) -> None:
                 # At one sample, a limit may be met a little earlier; at two in succession, motions differ.
                 now = _apart(shape, plant, work) & ~dead
                 if now & before:
-                    dead |= _part(shape, call, number, k - 1, now & before)
+                    _rejoin(shape, plant, call, number, k, now & before, work)
+                    now = 0
                 before = now
         if call.target != 0:
             put(call.spent, number, None, get(work.spent, 0, None))

@@ -203,9 +203,8 @@ class Call(NamedTuple):
     diverged : int array (batches, LANES)
         First sample at which a lane's state is not finite, or its squares are no longer below `most`, -1 if there is
         none; written by the kernel.
-    apart : int array (batches, LANES)
-        At a leader, the sample from which on its group does not go together, -1 if it does; written by the kernel.
-        From there on, what is exceptional in the followers is not gone into.
+    rejoined : int array (batches, samples)
+        Bits of the lanes that go on from their leader's state at that sample; written by the kernel.
     idle : int array (batches,)
         Bits of the lanes that only fill a batch: what is exceptional in them is not gone into.
     target : float array (outputs, samples)
@@ -225,7 +224,7 @@ class Call(NamedTuple):
     y: Any
     stride: Any
     diverged: Any
-    apart: Any
+    rejoined: Any
     idle: Any
     target: Any
     weights: Any
