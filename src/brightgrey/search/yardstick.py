@@ -96,9 +96,8 @@ class Yardstick:
         miss the best one, so that a fit that has the effect as large as that, and is no worse, speaks against it. What
         comes back waits for the held fit.
         """
-        big, judged, change = self.with_effect(structure, effect), self.bench.judge(structure), None
-        if big is not None:
-            change = self.change(structure, effect)
+        big, judged = self.with_effect(structure, effect), self.bench.judge(structure)
+        change = self.change(structure, effect)
         if big is None or change is None:
             return lambda: False
         size, _ = self.whitening.imitation(judged, change)
@@ -123,8 +122,7 @@ class Yardstick:
     def change(self, structure: Structure, effect: str) -> Array | None:
         """What `effect` at the least size that matters does to the weighted outputs; None if that is not known."""
         big, judged = self.with_effect(structure, effect), self.bench.judge(structure)
-        least = self.least(judged, effect)
-        if big is None or not least:
+        if big is None or not (least := self.least(judged, effect)):
             return None
         values = {**self.bench.task.standard(big), **judged.values, **least}
         return np.asarray(self.bench.outputs(big, [values])[:, 0] - judged.descent.residual)
