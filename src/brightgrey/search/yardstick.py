@@ -52,7 +52,7 @@ class Yardstick:
         return float(np.dot(self.whitening.lengths, self.whitening.doubt))
 
     def left(self, judged: Judged) -> float:
-        """Weighted sum of squares that is left to be explained: of each output no less than nobody is trusted in."""
+        """Weighted sum of squares that is left to be explained: of each output at least its share of `doubt`."""
         w = self.whitening
         pieces = np.split(judged.descent.residual, np.cumsum(w.lengths)[:-1])
         return sum(max(float(p @ p), n * d) for p, n, d in zip(pieces, w.lengths, w.doubt, strict=True))
@@ -148,13 +148,16 @@ class Yardstick:
         return None
 
     def allowed(self, structure: Structure, judged: Judged, steps: Array) -> bool:
-        """Whether small `steps`, shape (P,), leave what is `judged` beyond `structure` within its bounds."""
+        """Whether small `steps`, shape (P,), leave what is `judged` beyond `structure` within its bounds.
+
+        Initial states that both estimate are the structure's own.
+        """
         space = self.bench.task.space(judged.structure, initial=True)
         value = np.array([judged.values[name] for name in space.names])
         moved = value + np.where(space.log, value, space.width) * steps
         slack = _SLACK * (space.high - space.low)
         inside = (moved >= space.low - slack) & (moved <= space.high + slack)
-        return bool(np.all(inside | np.isin(space.names, list(structure.parameters))))
+        return bool(np.all(inside | np.isin(space.names, list(self.bench.judge(structure).values))))
 
     def fits_as_large(self, structure: Structure, effect: str) -> bool:
         """Whether the fit with `effect` beside `structure` has it at a size that matters and is no worse.

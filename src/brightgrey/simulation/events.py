@@ -160,7 +160,7 @@ def sort(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> 
     take_some(shape, plant, work, h, ~exceptional)
     for leader in range(0, LANES, group):
         led = (exceptional >> leader) & ((1 << group) - 1)
-        if led & 1 and led > 1 and group >= _WORTHWHILE:
+        if led & 1 and group >= _WORTHWHILE:
             invoke(call.together, (block, k, base, leader, whole(work.begin, leader), dead))
         elif led:
             if not led & 1:  # the leader took the full step
