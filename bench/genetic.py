@@ -37,10 +37,10 @@ from brightgrey.search import estimator
 from brightgrey.search.criteria import Misfit, criterion
 from brightgrey.search.experiment import reference_recording, task_of
 from brightgrey.search.fits import Fits
-from brightgrey.search.gaps import seek_gaps
 from brightgrey.search.genetic.engine import search
 from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES
 from brightgrey.search.identification import Identification
+from brightgrey.search.missed import seek_missed
 from brightgrey.search.repetition import Repetition, repetition, repetitions_csv, run, summary, wilson
 from brightgrey.search.work import pool
 from brightgrey.simulation import Settings
@@ -205,7 +205,7 @@ def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[S
     every = Fits(ready, structures, seed=drive.seed)
     with pool(None) as worker:
         every.add(structures, worker)
-        seek_gaps(every, worker)
+        seek_missed(every, worker)
     fitted = every.done
     middle = time.process_time()
     fits = Fits(ready, structures, options=how.options, seed=drive.number)

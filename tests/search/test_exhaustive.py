@@ -9,9 +9,9 @@ from brightgrey.kit import PAPER
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, best_begins
-from brightgrey.search.gaps import seek_gaps
 from brightgrey.search.identification import ACCURACY, ROUGH
 from brightgrey.search.lattice import contains
+from brightgrey.search.missed import seek_missed
 from brightgrey.search.work import pool
 
 NAMES = (
@@ -118,8 +118,8 @@ def test_without_noise_gaps_are_sought_until_the_simulation_says_no_more(exact_l
     fits.done[top] = Fitted(top, {name: float(v[k]) for name, v in beside.items()}, float(costs[k]), 6)
     first, again = [], []
     with pool(None) as workers:
-        seek_gaps(fits, workers, first.append)
-        seek_gaps(fits, workers, again.append)
+        seek_missed(fits, workers, first.append)
+        seek_missed(fits, workers, again.append)
     assert first == [top]
     assert fits.done[top].cost < 0.01 * fine
     assert not again

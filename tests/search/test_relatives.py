@@ -168,7 +168,7 @@ def test_gaps_are_sought_among_what_a_genetic_search_has_identified(loose):
         relatives = Relatives(Fits(task, structures), executor)
         relatives.identify(structures)
         before = relatives.fits.done[truth].cost
-        spent = relatives.seek_gaps()
+        spent = relatives.seek_missed()
     exact = task.problem(truth).costs({name: np.array([v]) for name, v in values.items()}, task.settings)[0]
     assert relatives.fits.done[truth].cost <= 1.01 * exact < 0.5 * before
     assert truth in relatives.better

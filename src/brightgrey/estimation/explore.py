@@ -34,14 +34,14 @@ __all__ = ["FIRST_BEGINNING", "FURTHER_ROUNDS", "Found", "explore", "first_field
 Array = NDArray[np.float64]
 _PER_PARAMETER = 16  # candidates
 _FIRST_ROUNDS, _ROUNDS = 20, 40  # on a beginning, on the whole
-_GROWTH = 1.2  # of the beginning, with limits
+_GROWTH = 1.15  # of the beginning, with limits
 FIRST_BEGINNING = 0.3
 """Part of the recordings on which descents begin."""
 FURTHER_ROUNDS = 6
 """Of a descent on each longer beginning, with limits."""
 _HELD = (3.0, 1.0, 0.3, 0.1, 0.03)  # how firmly, in one descent after the other
 _BEGINNINGS = (FIRST_BEGINNING, None, 1.0, 0.6)  # of one field after the other; None: held to the measured motion
-_RUGGED_BEGINNINGS = (FIRST_BEGINNING, None)  # with limits
+_LEAST_BEGINNING = 0.05  # with limits: drawn from there to the first one, since no one part is best for all
 _ROUGH = 1e-3  # tolerance on a beginning
 _PARENTS = 4  # best ends that have offspring
 _RETUNED, _TUNING = 48, 3  # starts that ring where the residual does, and rounds after which the best are chosen
@@ -98,11 +98,10 @@ def explore(
     heard: list[float] = []
     best, idle, needed = np.inf, 0, min(_AGREE, starts)
     first = _first(search, given, starts)
-    shares = _RUGGED_BEGINNINGS if problem.limited else _BEGINNINGS
     for number in range(1 + _MOST * patience):
         rng = np.random.default_rng([seed, number])
         missing = needed - _agreeing(parts)
-        stages = _stages(problem, shares[number % len(shares)])
+        stages = _stages(problem, number, rng)
         field = _field(problem, [*stages, problem][0], search, settings, first, ends, starts, rng)
         part = _descended(problem, stages, search, settings, field, best, missing)
         parts, ends = [*parts, part], ends + part.ends
@@ -246,8 +245,12 @@ def _sets(ends: Sequence[End]) -> int:
     return sum(end.simulations for end in ends)
 
 
-def _stages(problem: Problem, share: float | None) -> list[Problem]:
-    """What descents begin on before the whole problem: a beginning, or held to the measured motion, less and less."""
+def _stages(problem: Problem, number: int, rng: np.random.Generator) -> list[Problem]:
+    """What descents of a field begin on: a beginning, or held to the measured motion, less and less."""
+    if problem.limited:
+        share = None if number % 2 else float(np.exp(rng.uniform(np.log(_LEAST_BEGINNING), np.log(FIRST_BEGINNING))))
+    else:
+        share = _BEGINNINGS[number % len(_BEGINNINGS)]
     if share is None:
         held = [problem.held(firmly) for firmly in _HELD]
         return [stage for stage in held if stage is not None]

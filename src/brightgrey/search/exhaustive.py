@@ -1,4 +1,4 @@
-"""All structures of a grammar, simple to complex, and gaps sought in the end."""
+"""All structures of a grammar, simple to complex, and what has been missed sought in the end."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from concurrent.futures import Executor
 from brightgrey.kit import Structure
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, Options
-from brightgrey.search.gaps import seek_gaps
 from brightgrey.search.identification import Identification
+from brightgrey.search.missed import seek_missed
 from brightgrey.search.work import pool
 
 __all__ = ["fit_all"]
@@ -39,7 +39,7 @@ def fit_all(
     progress : callable, optional
         Called with every structure that has been fitted for the first time, in the order of the result.
     seeking : callable, optional
-        Called with every structure that gaps are sought in afterwards, before that is done.
+        Called with every structure that is searched from everywhere afterwards, before that is done.
 
     Returns
     -------
@@ -49,5 +49,5 @@ def fit_all(
     fits = Fits(task, structures, options=options, seed=seed)
     with pool(executor) as workers:
         fits.add(structures, workers, progress)
-        seek_gaps(fits, workers, seeking)
+        seek_missed(fits, workers, seeking)
     return fits.done

@@ -109,7 +109,9 @@ class Fits:
         return self._settled(before, sorted(better, key=size), workers) | better if better else better
 
     def anew(self, structures: Sequence[Structure], patience: int, workers: Executor) -> set[Structure]:
-        """Fit structures from everywhere and from where they have ended before; never twice from the same starts.
+        """Fit structures from everywhere, from where they have ended and from where a larger one did much better.
+
+        Never twice from the same starts otherwise.
 
         Returns
         -------
@@ -118,7 +120,7 @@ class Fits:
         """
         how, self._fields = replace(self._how, patience=patience), self._fields + 1
         known = [self.done[s] for s in structures]
-        calls = [(self.task, f.structure, how, self._seed + self._fields, f) for f in known]
+        calls = [(self.task, f.structure, how, self._seed + self._fields, [f, *self._ahead(f)]) for f in known]
         found = in_order(workers, from_everywhere, calls)
         return {f.structure for f, new in zip(known, found, strict=True) if self._much_better(f, new)}
 
@@ -168,6 +170,12 @@ class Fits:
     def effort(self) -> int:
         """Number of samples that have been simulated."""
         return sum(spent.samples for spent in self.spent)
+
+    def _ahead(self, fitted: Fitted) -> list[Fitted]:
+        """Best fit of those around that do much better with what they have beyond it."""
+        around = [self.done[t] for t in smallest_around(fitted.structure, self.done)]
+        ahead = [f for f in around if not f.idle and f.cost < TELLING * fitted.cost]
+        return sorted(ahead, key=lambda f: f.cost)[:1]
 
     def _much_better(self, known: Fitted, new: Fitted) -> bool:
         """Keep a further fit if it is better by more than digits; whether it is."""

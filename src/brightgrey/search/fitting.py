@@ -113,9 +113,7 @@ def from_above(
     And what that took.
     """
     problem, space = task.posed(own.structure)
-    values = [
-        v for f in larger for v in handed_down(f.values, f.structure, own.structure) if set(space.names) <= set(v)
-    ]
+    values = _given(space, own.structure, larger)
     if not values:
         return None, Spent()
     begins = np.array([[known[name] for name in space.names] for known in values]).T
@@ -144,7 +142,7 @@ def tracked_from_above(
     took.
     """
     problem, space = task.posed(own.structure)
-    values = [v for v in handed_down(larger.values, larger.structure, own.structure) if set(space.names) <= set(v)]
+    values = _given(space, own.structure, [larger])
     if not values:
         return None, Spent()
     whole = task.problem(larger.structure)
@@ -184,6 +182,12 @@ def handed_down(values: Mapping[str, float], larger: Structure, structure: Struc
     return [values, {**values, **{here.parameter(symbol): v for symbol, v in joined.items()}}]
 
 
+def _given(space: Search, structure: Structure, known: Sequence[Fitted]) -> list[Mapping[str, float]]:
+    """Values of fits that say all that is searched for."""
+    handed = (v for f in known for v in handed_down(f.values, f.structure, structure))
+    return [v for v in handed if set(space.names) <= set(v)]
+
+
 def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
     """`own`, or what the best structure `within` it has if that is better: it could do without the effect."""
     best = min(within, key=lambda f: f.cost, default=own)
@@ -194,13 +198,16 @@ def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
 
 
 def from_everywhere(
-    task: Identification, structure: Structure, options: Options, seed: int, known: Fitted | None = None
+    task: Identification, structure: Structure, options: Options, seed: int, known: Sequence[Fitted] = ()
 ) -> Fitted:
-    """Fit a structure of which nothing is known, or nothing but a doubtful optimum, where one start begins."""
+    """Fit a structure of which nothing is known, or nothing but doubtful optima of its own or larger ones.
+
+    Starts begin there, too.
+    """
     problem, space = task.posed(structure)
     wide = not space.log.any() or np.any(space.high[space.log] > _DECADE * space.low[space.log])
     starts = options.fresh if wide else options.narrow
-    given = [{name: known.values[name] for name in space.names}] if known else []
+    given = _given(space, structure, known)
     found = explore(problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed)
     end = min(found.ends, key=lambda e: e.cost)
     named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)

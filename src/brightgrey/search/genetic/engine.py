@@ -98,7 +98,7 @@ def search(
                 if relatives:
                     spent = relatives.seek(Run(tuple(done)).best.job.structure)
                     if generation in (settings.generations // 2, settings.generations):
-                        spent += relatives.seek_gaps()
+                        spent += relatives.seek_missed()
                     done += _improved(done, relatives, judge)
                     done[-1] = _charged(done[-1], spent + relatives.listen())
                     done, current = ([_shared(e, relatives.share, judge) for e in part] for part in (done, current))

@@ -15,9 +15,9 @@ from brightgrey.search.criteria import Misfit
 from brightgrey.search.evaluation import Evaluated
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.gaps import seek_gaps
 from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.judging import last_descent
+from brightgrey.search.missed import seek_missed
 
 __all__ = ["Relatives"]
 
@@ -61,10 +61,10 @@ class Relatives:
         self._improved(self.fits.seek(structure, self._executor))
         return self._spent(counted)
 
-    def seek_gaps(self) -> Spent:
-        """Look for what gaps explain among the structures that there are; returns what was simulated."""
+    def seek_missed(self) -> Spent:
+        """Look for optima that have been missed, those with gaps above all; returns what was simulated."""
         counted, before = len(self.fits.spent), dict(self.fits.done)
-        seek_gaps(self.fits, self._executor)
+        seek_missed(self.fits, self._executor)
         self._improved({s for s, fitted in self.fits.done.items() if fitted is not before[s]})
         return self._spent(counted)
 

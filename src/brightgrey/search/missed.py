@@ -1,0 +1,153 @@
+"""What descents from relatives' optima have missed: sought from everywhere where something is left to be explained.
+
+A gap that is passed often makes another motion, nowhere near the optima without it; and of several masses without a gap
+one structure may be found from everywhere where those around it, and so what began there, have ended elsewhere.
+Where the best residual is neither white in the end nor as small as what simulation and sensor are trusted in, the
+leading structures without gaps are searched first, since that costs little. Then gaps are sought with all other effects
+beside them and few masses first, then in the structures that lead, again and again until that has been in vain for more
+than half of all effort before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+
+import numpy as np
+
+from brightgrey.estimation.explore import is_white
+from brightgrey.kit import Placed, Structure
+from brightgrey.search.fits import TELLING, Fits
+from brightgrey.search.fitting import IMPROVED, Fitted, two_ports
+from brightgrey.search.identification import ACCURACY
+from brightgrey.search.lattice import ladder_of, simpler, size
+
+__all__ = ["seek_missed"]
+
+_LADDERS, _MOST_ROUNDS = 2, 12  # whose leading structures are searched from everywhere, and how often
+_IN_VAIN = 2  # such rounds without gaps that bring nothing
+_VAIN = 0.6  # of all samples simulated before: what is spent on that with gaps without improvement
+_Seeking = Callable[[Structure], None]
+
+
+def seek_missed(fits: Fits, workers: Executor, seeking: _Seeking | None = None) -> None:
+    """Fit structures from everywhere until the best residual is white, or that seems to be in vain.
+
+    Those without laws of two ports that lead; then the largest structure with such laws of every number of masses, the
+    fewest first: the next one begins where it has ended. Where that brings something, and the law takes off a good part
+    of what is left without it, more is looked for. Then in those with such laws that lead; they have no more effects
+    than they need.
+
+    Parameters
+    ----------
+    fits : Fits
+        Of all structures that count; better ones are kept there.
+    workers : concurrent.futures.Executor
+    seeking : callable, optional
+        Called with every structure before it is searched for.
+    """
+    seeking = seeking or (lambda structure: None)
+    _seek_smooth(fits, workers, seeking)
+    better: set[Structure] = set()
+    tops = _tops(fits.done)
+    for number, top in enumerate(tops):
+        if _explained(fits):
+            break
+        seeking(top)
+        found = fits.anew([top], 1, workers)
+        if found and _tells(fits, top) and not _explained(fits):
+            fits.anew([top], 2, workers)
+        if found:
+            better |= {top, *fits.up(tops[number + 1 :], [top], workers)}
+    fits.spread(better, workers)
+    _seek_gaps(fits, workers, seeking)
+
+
+def _seek_smooth(fits: Fits, workers: Executor, seeking: _Seeking) -> None:
+    """Fit leading structures without laws of two ports from everywhere, until some rounds have brought nothing."""
+    idle = 0
+    for _ in range(_MOST_ROUNDS):
+        if idle == _IN_VAIN or _explained(fits):
+            break
+        idle = 0 if _led(fits, _leaders(fits, idle, gaps=False), workers, seeking) else idle + 1
+
+
+def _seek_gaps(fits: Fits, workers: Executor, seeking: _Seeking) -> None:
+    """Fit leading structures with laws of two ports from everywhere, until that has taken long and brought nothing.
+
+    Not where such laws tell nothing.
+    """
+    idle, since = 0, fits.effort()
+    for _ in range(_MOST_ROUNDS):
+        tells = any(_tells(fits, top) for top in _tops(fits.done))
+        leaders = _leaders(fits, idle, gaps=True)
+        if not (tells and leaders) or _explained(fits) or fits.effort() - since > _VAIN * since:
+            break
+        idle += 1
+        if _led(fits, leaders, workers, seeking):
+            idle, since = 0, fits.effort()
+
+
+def _led(fits: Fits, leaders: Sequence[Structure], workers: Executor, seeking: _Seeking) -> bool:
+    """Fit `leaders` from everywhere; whether the best fit of all has become better."""
+    for s in leaders:
+        seeking(s)
+    least = fits.leader().cost
+    fits.spread(fits.anew(leaders, 1, workers), workers)
+    return fits.leader().cost < IMPROVED * least
+
+
+def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
+    """Structures that lead among those with as many masses, or come at the `place` after; with `gaps` or without.
+
+    They have no more effects than they need, which makes the search from everywhere easier. None that is far behind
+    but, after those, what lacks one effect of the first: it may have ended elsewhere.
+    """
+    near, doubt = fits.near(), fits.doubt(fits.leader())
+    n = sum(r.y.size for r in fits.task.recordings)
+
+    def information(f: Fitted) -> float:
+        """Bayesian information criterion, as if residuals were white (Schwarz 1978)."""
+        return n * float(np.log(f.cost + doubt)) + f.free * float(np.log(n))
+
+    ranked = dict[Placed, list[Structure]]()
+    behind = list[Structure]()
+    for fitted in sorted(fits.done.values(), key=information):
+        s = fitted.structure
+        if two_ports(s) == gaps and not fitted.idle and fitted.cost < near:
+            ranked.setdefault(ladder_of(s), []).append(s)
+        elif two_ports(s) == gaps:
+            behind.append(s)
+    groups = ([*group, *simpler(group[0], behind)] for group in list(ranked.values())[:_LADDERS])
+    return [group[place % len(group)] for group in groups]
+
+
+def _tells(fits: Fits, top: Structure) -> bool:
+    """Whether laws of two ports take off a good part of what is left without them, with as many masses."""
+    without = (f.cost for s, f in fits.done.items() if ladder_of(s) == ladder_of(top) and not two_ports(s))
+    return fits.done[top].cost < TELLING * min(without, default=np.inf)
+
+
+def _explained(fits: Fits) -> bool:
+    """Whether the residual of the best fit is white, or no larger than what sensor and this simulation are off by."""
+    best, task = fits.leader(), fits.task
+    problem = task.problem(best.structure)
+    values = {name: np.array([value]) for name, value in best.values.items()}
+    residual = problem.residuals(values, task.settings)[:, 0]
+    fits.spent.append(problem.spent(1))
+    if best.cost <= fits.doubt(best):  # the level of the search may be that far off, but seldom is
+        accurate = problem.residuals(values, replace(task.settings, level="accurate"))[:, 0]
+        fits.spent.append(problem.spent(1))
+        off, trusted = residual - accurate, float(task.doubt(problem.weights, ACCURACY).sum())
+        if best.cost <= off @ off + trusted and accurate @ accurate <= fits.doubt(best):
+            return True
+    return is_white(problem, residual)
+
+
+def _tops(structures: Iterable[Structure]) -> list[Structure]:
+    """Of every ladder with laws of two ports the largest structure that has them, fewest masses first."""
+    tops: dict[Placed, Structure] = {}
+    for s in sorted(filter(two_ports, structures), key=size):
+        tops[ladder_of(s)] = s
+    return sorted(tops.values(), key=size)
