@@ -1,6 +1,7 @@
 """All structures of a small set on one recording by the reference solver."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -123,6 +124,43 @@ def test_without_noise_gaps_are_sought_until_the_simulation_says_no_more(exact_l
     assert first == [top]
     assert fits.done[top].cost < 0.01 * fine
     assert not again
+
+
+def spoilt(fits, structure, cost):
+    """Have `structure` end elsewhere, where its fit is so bad."""
+    fits.done[structure] = replace(fits.done[structure], cost=cost, idle=())
+
+
+def test_structures_without_gaps_that_have_been_missed_are_found(task, true_values):
+    """A resonance that is a little off is a local minimum, and all around begin there."""
+    truth, simple = PAPER.parse("two_mass+coulomb"), PAPER.parse("one_mass+coulomb")
+    fits, sought = Fits(task, [simple, truth]), []
+    problem, space = task.posed(truth)
+    with pool(None) as workers:
+        fits.add([simple, truth], workers)
+        off = {name: np.array([value]) for name, value in {**true_values, "c1": 0.5 * true_values["c1"]}.items()}
+        cost = float(problem.costs(off, task.settings)[0])
+        fits.done[truth] = replace(fits.done[truth], values={n: float(v[0]) for n, v in off.items()}, cost=cost)
+        seek_missed(fits, workers, sought.append)
+    exact = {name: np.array([value]) for name, value in true_values.items()}
+    assert truth in sought
+    assert fits.done[truth].cost <= 1.01 * problem.costs(exact, task.settings)[0] < 0.5 * cost
+
+
+def test_what_lacks_one_effect_of_a_lonely_leader_is_sought_instead_of_it_again(loose):
+    """No structure has the dead time here, so that something is left to be explained whatever is found."""
+    task, _ = loose
+    plain, small, big = map(PAPER.parse, ("two_mass", "two_mass+backlash", "two_mass+coulomb+backlash"))
+    fits, sought = Fits(task, [plain, small, big]), []
+    with pool(None) as workers:
+        fits.add([plain, small, big], workers)
+        seek_missed(fits, workers)
+        found = fits.done[small].cost
+        spoilt(fits, small, 1e3 * found)
+        spoilt(fits, plain, 1e4 * found)
+        seek_missed(fits, workers, sought.append)
+    assert small in sought
+    assert fits.done[small].cost <= 1.01 * found
 
 
 def test_giving_up_early_changes_no_choice(task, rng):
