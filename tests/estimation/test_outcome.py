@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from brightgrey.estimation import fit
+from brightgrey.estimation import fit, predict
 from brightgrey.estimation.bounds import search_space
 from brightgrey.estimation.combinations import power_product
 from brightgrey.estimation.finding import Finding
@@ -11,6 +11,7 @@ from brightgrey.estimation.informative import why_uninformative
 from brightgrey.estimation.leastsquares import descend
 from brightgrey.estimation.outcome import Outcome
 from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.rattling import rattling
 from brightgrey.estimation.scales import scales
 from brightgrey.estimation.twins import untwin
 from brightgrey.excitation import PAPER_EXPERIMENT
@@ -288,3 +289,19 @@ def test_unknown_gain_leaves_ratios(unit, given, says):
     assert says in text
     assert "J1, M_C only ratios" in text
     assert "T_d" not in text
+
+
+@pytest.mark.parametrize(("d1", "says"), [(3e-3, "times in 0.6 s: intervals"), (3.0, None)])
+def test_a_load_that_rattles_freely_makes_intervals_doubtful(d1, says):
+    """One whose damper ends every bounce does not."""
+    structure = PAPER.parse("two_mass+viscous+backlash")
+    values = {"J1": 4.5e-3, "J2": 1e-4, "c1": 1e4, "d1": d1, "f_v": 2e-2, "alpha": 1e-3}
+    u = np.sin(2.0 * np.pi * 8.0 * DT * np.arange(600))
+    settings = Settings(F_TANH, 1.0)
+    y = predict(structure, values, recording(u, u), settings)
+    r = recording(y + 1e-3 * RNG.standard_normal(y.shape), u)
+    problem, search = Problem.of(structure, [r]), search_space(structure, scales([r]), {}, {})
+    best = descend(problem, search, settings, np.array([values[n] for n in search.names]), limit=0)
+    found = rattling(problem, search, settings, best)
+    assert [f.kind for f in found] == (["chaotic"] if says else [])
+    assert not says or says in found[0].text

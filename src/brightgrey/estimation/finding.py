@@ -21,6 +21,7 @@ Kind = Literal[
     "look-alike",
     "invisible",
     "relative",
+    "chaotic",
 ]
 """From ``diverged`` to ``converged`` the gravest first, these may be the outcome; the rest are cautions beside it."""
 

@@ -21,6 +21,7 @@ from brightgrey.estimation.onset import Initial
 from brightgrey.estimation.outcome import Ended, Outcome, outcome_of, unmoved
 from brightgrey.estimation.patterns import Estimator, check_estimator, pattern_descent, pattern_searches
 from brightgrey.estimation.problem import Problem, predict_many
+from brightgrey.estimation.rattling import rattling
 from brightgrey.estimation.scales import scales
 from brightgrey.estimation.symptoms import Symptom, symptoms
 from brightgrey.estimation.twins import untwin
@@ -184,7 +185,8 @@ def fit(
     estimates = estimates_of(problem, search, final, best)
     named = {name: estimates.by_name[name] for name in structure.parameters}
     ended = Ended(problem, search, final, best, estimates)
-    beside = (*told, *twins, *cautions(structure, named, recordings, known, final))
+    cautious = (*cautions(structure, named, recordings, known, final), *rattling(problem, search, final, best))
+    beside = (*told, *twins, *cautious)
     outcome = outcome_of(ended, beside)
     return Fit(
         structure=structure,

@@ -14,7 +14,7 @@ from brightgrey.estimation.marquardt import Normal, step
 from brightgrey.estimation.problem import Problem
 from brightgrey.simulation import Settings
 
-__all__ = ["SAME", "Descent", "End", "descend", "descend_many", "evaluate", "finish", "normal"]
+__all__ = ["SAME", "Descent", "End", "descend", "descend_many", "evaluate", "finish", "neighbours", "normal"]
 
 Array = NDArray[np.float64]
 _STEP = 1e-6  # of a forward difference, in the searched scale
@@ -77,7 +77,7 @@ class End(NamedTuple):
     simulations: int
 
 
-def _neighbours(theta: Array, search: Search) -> tuple[Array, Array]:
+def neighbours(theta: Array, search: Search) -> tuple[Array, Array]:
     """Steps of the forward differences, away from the nearer bound, and SI values of start and neighbours.
 
     For `theta` of shape (S, P): shapes (S, P) and (P, S, 1 + P).
@@ -98,7 +98,7 @@ def evaluate(problem: Problem, search: Search, settings: Settings, theta: Array)
 
     The parameter set itself leads, its neighbours take the same steps, all in one call.
     """
-    steps, sets = _neighbours(theta[None, :], search)
+    steps, sets = neighbours(theta[None, :], search)
     r = problem.residuals(search.named(sets[:, 0, :]), settings, group=1 + len(theta))
     return r[:, 0], (r[:, 1:] - r[:, :1]) / steps[0]
 
@@ -106,7 +106,7 @@ def evaluate(problem: Problem, search: Search, settings: Settings, theta: Array)
 def normal(problem: Problem, search: Search, settings: Settings, theta: Array) -> Normal:
     """Cost, gradient and J' J at `theta`, shape (S, P), of all starts in one call of the simulation."""
     starts, count = theta.shape
-    steps, sets = _neighbours(theta, search)
+    steps, sets = neighbours(theta, search)
     total = problem.products(search.named(sets.reshape(count, starts * (1 + count))), settings, 1.0 / steps)
     total = np.tril(total) + np.tril(total, -1).transpose(0, 2, 1)
     return Normal(total[:, 0, 0], total[:, 1:, 0], total[:, 1:, 1:])

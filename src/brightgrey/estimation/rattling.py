@@ -1,0 +1,39 @@
+"""A load that rattles freely: derivatives that contacts have made meaningless in the end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from brightgrey.estimation.bounds import Search
+from brightgrey.estimation.finding import Finding
+from brightgrey.estimation.leastsquares import Descent, neighbours
+from brightgrey.estimation.problem import Problem, systems
+from brightgrey.simulation import Settings, response
+
+__all__ = ["rattling"]
+
+
+def rattling(problem: Problem, search: Search, settings: Settings, best: Descent) -> list[Finding]:
+    """Say so if derivatives at the best fit had to begin anew on the way.
+
+    Every contact multiplies what two simulations differ by. Where a millionth of a parameter has come to a
+    hundredth of a gap, derivatives go on from one state (:class:`brightgrey.simulation.Response`), and what is
+    told of parameters from there on rests on the stretch from one such sample to the next.
+    """
+    if not (problem.limited and search.names and np.isfinite(best.cost)):
+        return []
+    _, sets = neighbours(search.inward(best.values)[None, :], search)
+    values, group = search.named(sets[:, 0, :]), 1 + len(search.names)
+    times, length = 0, 0.0
+    for r, onset in zip(problem.recordings, problem.onsets, strict=True):
+        system, u, x0 = systems(problem.structure, values, r, settings, onset=onset, gain=problem.gain)
+        found = response(system, u, r.dt, x0, settings, group=group, threads=problem.threads)
+        times, length = times + len(np.unique(found.rejoined[:, 0])), length + r.samples * r.dt
+    if not times:
+        return []
+    often = "once" if times == 1 else f"{times} times"
+    text = (
+        f"a difference of a millionth in a parameter grows to a hundredth of the gap {often} in {length:.3g} s: "
+        "intervals rest on shorter stretches and are hardly to be trusted"
+    )
+    return [Finding("chaotic", text)]
