@@ -6,7 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from brightgrey.estimation import scales
+from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
+from brightgrey.recordings import Recording, Signal
+from brightgrey.search import Identification
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, best_begins
@@ -14,6 +18,8 @@ from brightgrey.search.identification import ACCURACY, ROUGH
 from brightgrey.search.lattice import contains
 from brightgrey.search.missed import seek_missed
 from brightgrey.search.work import pool
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
 
 NAMES = (
     "one_mass",
@@ -135,7 +141,7 @@ def test_structures_without_gaps_that_have_been_missed_are_found(task, true_valu
     """A resonance that is a little off is a local minimum, and all around begin there."""
     truth, simple = PAPER.parse("two_mass+coulomb"), PAPER.parse("one_mass+coulomb")
     fits, sought = Fits(task, [simple, truth]), []
-    problem, space = task.posed(truth)
+    problem = task.problem(truth)
     with pool(None) as workers:
         fits.add([simple, truth], workers)
         off = {name: np.array([value]) for name, value in {**true_values, "c1": 0.5 * true_values["c1"]}.items()}
@@ -161,6 +167,31 @@ def test_what_lacks_one_effect_of_a_lonely_leader_is_sought_instead_of_it_again(
         seek_missed(fits, workers, sought.append)
     assert small in sought
     assert fits.done[small].cost <= 1.01 * found
+
+
+def test_what_is_taken_away_may_leave_its_share_to_others():
+    """Lag and dead time show as their sum: without the lag the dead time has to be longer before anything is gained."""
+    true, e = {"J1": 0.02, "M_C": 0.9, "T_d": 6e-3}, PAPER_EXPERIMENT
+    small, big = PAPER.parse("one_mass+coulomb+delay"), PAPER.parse("one_mass+coulomb+current_control+delay")
+    (v,) = reference(str(small), true, e.torque(), e.dt, f_tanh=e.f_tanh)
+    v += 3e-3 * np.abs(v).max() * np.random.default_rng(4).standard_normal(v.size)
+    torque, velocity = Signal("torque", "input", "N m"), Signal("velocity", "velocity", "rad/s")
+    r = Recording("late", e.dt * np.arange(e.samples), e.torque(), v[None], torque, (velocity,))
+    known = scales([r])
+    task = Identification((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast"))
+
+    def ended(structure, **changed):
+        values = {**true, **changed}
+        cost = task.problem(structure).costs({n: np.array([x]) for n, x in values.items()}, task.settings)[0]
+        return Fitted(structure, values, float(cost), len(values))
+
+    fits, begin = Fits(task, [small, big]), ended(small, T_d=4e-3)
+    fits.done[small] = replace(ended(small, J1=0.04), cost=0.9 * begin.cost)
+    fits.done[big] = ended(big, T_d=4e-3, T_1=2e-3)
+    assert fits.done[big].cost < 0.5 * begin.cost
+    with pool(None) as workers:
+        fits.spread({big}, workers)
+    assert fits.done[small].cost <= 1.001 * ended(small).cost
 
 
 def test_giving_up_early_changes_no_choice(task, rng):

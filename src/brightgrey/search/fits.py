@@ -14,6 +14,8 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting import (
@@ -229,12 +231,20 @@ class Fits:
         in_turn(workers, items, needs, call, take)
 
     def _down(self, workers: Executor) -> list[Structure]:
-        """Hand optima down to smaller structures, the largest first; returns those that got better."""
+        """Hand optima down to smaller structures, the largest first; returns those that got better.
+
+        Without laws of two ports a descent is cheap, and made even if it begins badly, where the larger one comes near
+        the best: what is taken away may have left its share to others, as a lag does to a dead time.
+        """
+        near = self.near()
 
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
-            offers = self._fresh(s, [t for t in around if self.done[t].cost < own.cost and not self.done[t].idle])
-            return (from_above, self.task, own, [self.done[t] for t in offers], self._how) if offers else None
+            better = [t for t in around if self.done[t].cost < own.cost and not self.done[t].idle]
+            offers = [self.done[t] for t in self._fresh(s, better)]
+            telling = min((f.cost for f in offers), default=np.inf) < min(TELLING * own.cost, near)
+            anyway = telling and not two_ports(s)
+            return (from_above, self.task, own, offers, self._how, anyway) if offers else None
 
         return self._falling(list(self.done), call, workers)
 
