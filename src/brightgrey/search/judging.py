@@ -13,7 +13,7 @@ from brightgrey.estimation.leastsquares import Descent, End, descend_many, evalu
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted, handed_down
-from brightgrey.search.identification import Identification
+from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import contains
 
 __all__ = ["Bench", "last_descent"]
@@ -23,6 +23,7 @@ _IMPROVED = 0.999  # of the cost: what counts as better
 _RELATIVES = 6  # starts that are taken over from relatives
 _SETTLED = 1e-5  # of the cost, far less than chance: N of it is 1 in a hundred thousand samples
 _NEAR = 2.0  # times the rival's cost: beyond it, digits do not matter
+_WORTH = 1.05  # times the cost that is to be beaten: what a last descent may take off
 _DESCENTS = 3  # of the best of all starts
 
 
@@ -59,14 +60,15 @@ def _starts(
 
 
 def _refit_from(task: Identification, structure: Structure, larger: Sequence[Mapping[str, float]], rival: float) -> End:
-    """Descend from the best of some values of larger structures."""
+    """Descend from the best of some values of larger structures; to the end if it may lead below the cost `rival`."""
     problem, space = task.posed(structure)
     table = [[values.get(n, start) for n, start in zip(space.names, space.start, strict=True)] for values in larger]
     begins = np.clip(np.array(table).T, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
     begin = begins[:, [int(np.argmin(cost))]]
     (end,) = descend_many(problem, space, task.settings, begin, limit=30, tolerance=1e-4, rival=rival)
-    return last_descent(task, structure, end.values)
+    off = float(task.doubt(problem.weights, ROUGH).sum())  # what this level may be off by
+    return last_descent(task, structure, end.values) if end.cost < _WORTH * rival + off else end
 
 
 def _refit_held(task: Identification, structure: Structure, values: Mapping[str, float], rival: float) -> End:
