@@ -36,9 +36,9 @@ _PER_PARAMETER = 16  # candidates
 _FIRST_ROUNDS, _ROUNDS = 20, 40  # on a beginning, on the whole
 _GROWTH = 1.15  # of the beginning, with limits
 FIRST_BEGINNING = 0.3
-"""Part of the recordings on which descents begin."""
+"""Part of the recordings on which descents begin; with limits the most of it."""
 FURTHER_ROUNDS = 6
-"""Of a descent on each longer beginning, with limits."""
+"""Of a descent on each stage after the first."""
 _HELD = (3.0, 1.0, 0.3, 0.1, 0.03)  # how firmly, in one descent after the other
 _BEGINNINGS = (FIRST_BEGINNING, None, 1.0, 0.6)  # of one field after the other; None: held to the measured motion
 _LEAST_BEGINNING = 0.05  # with limits: drawn from there to the first one, since no one part is best for all
@@ -98,11 +98,17 @@ def explore(
     heard: list[float] = []
     best, idle, needed = np.inf, 0, min(_AGREE, starts)
     first = _first(search, given, starts)
+    if given and problem.limited:  # a short beginning may lose what a given start is good for
+        field = _Field(first[: len(given)], [False] * len(given))
+        parts.append(_descended(problem, [], search, settings, field, best, needed))
+        ends += parts[-1].ends
+        best = parts[-1].least
     for number in range(1 + _MOST * patience):
         rng = np.random.default_rng([seed, number])
         missing = needed - _agreeing(parts)
         stages = _stages(problem, number, rng)
-        field = _field(problem, [*stages, problem][0], search, settings, first, ends, starts, rng)
+        before = ends if number else []
+        field = _field(problem, [*stages, problem][0], search, settings, first, before, starts, rng)
         part = _descended(problem, stages, search, settings, field, best, missing)
         parts, ends = [*parts, part], ends + part.ends
         idle = 0 if part.least < _IMPROVED * best else idle + 1
@@ -255,7 +261,9 @@ def _stages(problem: Problem, number: int, rng: np.random.Generator) -> list[Pro
         held = [problem.held(firmly) for firmly in _HELD]
         return [stage for stage in held if stage is not None]
     shares = growing(share) if problem.limited else [share] if share < 1.0 else []
-    return [problem.beginning(share) for share in shares]
+    parts = [problem.beginning(share) for share in shares]
+    longer = [k == 0 or part.samples > parts[k - 1].samples for k, part in enumerate(parts)]
+    return [part for part, more in zip(parts, longer, strict=True) if more and part.samples < problem.samples]
 
 
 def _descended(

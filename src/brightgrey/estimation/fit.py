@@ -185,8 +185,8 @@ def fit(
     estimates = estimates_of(problem, search, final, best)
     named = {name: estimates.by_name[name] for name in structure.parameters}
     ended = Ended(problem, search, final, best, estimates)
-    cautious = (*cautions(structure, named, recordings, known, final), *rattling(problem, search, final, best))
-    beside = (*told, *twins, *cautious)
+    doubtful = [] if _blind(told) else rattling(problem, search, final, best)
+    beside = (*told, *twins, *cautions(structure, named, recordings, known, final), *doubtful)
     outcome = outcome_of(ended, beside)
     return Fit(
         structure=structure,

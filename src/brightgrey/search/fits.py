@@ -67,7 +67,7 @@ class Fits:
         self._order = {s: i for i, s in enumerate(structures)}
         self._first = _hubs(structures)
         self._sought: set[Structure] = set()
-        self._fields = 0  # of searches for gaps, each with starts of its own
+        self._fields = 0  # calls of `anew`, each with starts of its own
         self._offered: set[tuple[Structure, Structure, float]] = set()
 
     def add(
@@ -113,7 +113,7 @@ class Fits:
     def anew(self, structures: Sequence[Structure], patience: int, workers: Executor) -> set[Structure]:
         """Fit structures from everywhere, from where they have ended and from where a larger one did much better.
 
-        Never twice from the same starts otherwise.
+        From everywhere means other starts in every call.
 
         Returns
         -------
@@ -236,7 +236,7 @@ class Fits:
         Without laws of two ports a descent is cheap, and made even if it begins badly, where the larger one comes near
         the best: what is taken away may have left its share to others, as a lag does to a dead time.
         """
-        near = self.near()
+        near = self.near() if self.done else np.inf
 
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]

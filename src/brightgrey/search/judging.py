@@ -147,10 +147,9 @@ class Bench:
         if not larger:
             return False
         end = self.executor.submit(_refit_from, self.task, structure, larger, own.cost).result()
-        new = _judged(self.task, structure, end)
-        if new.cost >= _IMPROVED * own.cost:
+        if end.cost >= _IMPROVED * own.cost:
             return False
-        self.judged[structure] = new
+        self.judged[structure] = _judged(self.task, structure, end)
         return True
 
     def held(

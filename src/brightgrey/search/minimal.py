@@ -51,7 +51,7 @@ def _without_loss(yardstick: Yardstick, judged: Judged) -> list[Judged]:
     yardstick.bench.judge_all(smaller)
     for s in smaller:
         yardstick.bench.improve(s)
-        tests = len(extensions(s, yardstick.known))  # as many as are compared with it below, this one among them
+        tests = len(extensions(s, yardstick.known))  # a short cut: what follows compares these two as well
         if not yardstick.better(judged, yardstick.bench.judge(s), tests) and _adequate(yardstick, s):
             found.append(yardstick.bench.judge(s))
     return found

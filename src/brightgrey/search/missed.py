@@ -1,7 +1,7 @@
 """What descents from relatives' optima have missed: sought from everywhere where something is left to be explained.
 
-A gap that is passed often makes another motion, nowhere near the optima without it; and of several masses without a gap
-one structure may be found from everywhere where those around it, and so what began there, have ended elsewhere.
+A gap that is passed often makes another motion, nowhere near the optima without it. Without a gap, too, a structure
+may have ended elsewhere because those around it had, where it began; from everywhere it is often found at once.
 Where the best residual is neither white in the end nor as small as what simulation and sensor are trusted in, the
 leading structures without gaps are searched first, since that costs little. Then gaps are sought with all other effects
 beside them and few masses first, then in the structures that lead, again and again until that has been in vain for more
@@ -27,7 +27,8 @@ __all__ = ["seek_missed"]
 
 _LADDERS, _MOST_ROUNDS = 2, 12  # whose leading structures are searched from everywhere, and how often
 _IN_VAIN = 2  # such rounds without gaps that bring nothing
-_VAIN = 0.6  # of all samples simulated before: what is spent on that with gaps without improvement
+_VAIN = 0.6  # of all samples simulated before: what is spent on that with gaps without a good improvement
+_MUCH = 0.99  # of the least cost: what counts as one; with coloured noise there is always another per mille
 _Seeking = Callable[[Structure], None]
 
 
@@ -47,9 +48,10 @@ def seek_missed(fits: Fits, workers: Executor, seeking: _Seeking | None = None) 
     seeking : callable, optional
         Called with every structure before it is searched for.
     """
+    if not fits.done:
+        return
     seeking = seeking or (lambda structure: None)
-    _seek_smooth(fits, workers, seeking)
-    better: set[Structure] = set()
+    better = _seek_smooth(fits, workers, seeking)
     tops = _tops(fits.done)
     for number, top in enumerate(tops):
         if _explained(fits):
@@ -64,17 +66,27 @@ def seek_missed(fits: Fits, workers: Executor, seeking: _Seeking | None = None) 
     _seek_gaps(fits, workers, seeking)
 
 
-def _seek_smooth(fits: Fits, workers: Executor, seeking: _Seeking) -> None:
-    """Fit leading structures without laws of two ports from everywhere, until some rounds have brought nothing."""
-    idle = 0
+def _seek_smooth(fits: Fits, workers: Executor, seeking: _Seeking) -> set[Structure]:
+    """Fit leading structures without laws of two ports from everywhere, until some rounds have brought nothing.
+
+    Returns those that are better but do not lead, whose relatives have not been fitted once more for it.
+    """
+    idle, better = 0, set[Structure]()
     for _ in range(_MOST_ROUNDS):
-        if idle == _IN_VAIN or _explained(fits):
+        leaders = _leaders(fits, idle, gaps=False)
+        if not leaders or idle == _IN_VAIN or _explained(fits):
             break
-        idle = 0 if _led(fits, _leaders(fits, idle, gaps=False), workers, seeking) else idle + 1
+        least = fits.leader().cost
+        better |= _anew(fits, leaders, workers, seeking)
+        idle += 1
+        if fits.leader().cost < IMPROVED * least:
+            fits.spread(better, workers)
+            idle, better = 0, set()
+    return better
 
 
 def _seek_gaps(fits: Fits, workers: Executor, seeking: _Seeking) -> None:
-    """Fit leading structures with laws of two ports from everywhere, until that has taken long and brought nothing.
+    """Fit leading structures with laws of two ports from everywhere, until that has taken long and brought little.
 
     Not where such laws tell nothing.
     """
@@ -84,25 +96,25 @@ def _seek_gaps(fits: Fits, workers: Executor, seeking: _Seeking) -> None:
         leaders = _leaders(fits, idle, gaps=True)
         if not (tells and leaders) or _explained(fits) or fits.effort() - since > _VAIN * since:
             break
+        least = fits.leader().cost
+        fits.spread(_anew(fits, leaders, workers, seeking), workers)
         idle += 1
-        if _led(fits, leaders, workers, seeking):
+        if fits.leader().cost < _MUCH * least:
             idle, since = 0, fits.effort()
 
 
-def _led(fits: Fits, leaders: Sequence[Structure], workers: Executor, seeking: _Seeking) -> bool:
-    """Fit `leaders` from everywhere; whether the best fit of all has become better."""
+def _anew(fits: Fits, leaders: Sequence[Structure], workers: Executor, seeking: _Seeking) -> set[Structure]:
+    """Fit `leaders` from everywhere; returns those that got better."""
     for s in leaders:
         seeking(s)
-    least = fits.leader().cost
-    fits.spread(fits.anew(leaders, 1, workers), workers)
-    return fits.leader().cost < IMPROVED * least
+    return fits.anew(leaders, 1, workers)
 
 
 def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
     """Structures that lead among those with as many masses, or come at the `place` after; with `gaps` or without.
 
-    They have no more effects than they need, which makes the search from everywhere easier. None that is far behind
-    but, after those, what lacks one effect of the first: it may have ended elsewhere.
+    They have no more effects than they need, which makes the search from everywhere easier. None is far behind, but
+    after those what lacks one effect of the first comes all the same: it may have ended elsewhere.
     """
     near, doubt = fits.near(), fits.doubt(fits.leader())
     n = sum(r.y.size for r in fits.task.recordings)
@@ -112,14 +124,15 @@ def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
         return n * float(np.log(f.cost + doubt)) + f.free * float(np.log(n))
 
     ranked = dict[Placed, list[Structure]]()
-    behind = list[Structure]()
+    behind = dict[Placed, list[Structure]]()
     for fitted in sorted(fits.done.values(), key=information):
         s = fitted.structure
         if two_ports(s) == gaps and not fitted.idle and fitted.cost < near:
             ranked.setdefault(ladder_of(s), []).append(s)
         elif two_ports(s) == gaps:
-            behind.append(s)
-    groups = ([*group, *simpler(group[0], behind)] for group in list(ranked.values())[:_LADDERS])
+            behind.setdefault(ladder_of(s), []).append(s)
+    first = list(ranked.items())[:_LADDERS]
+    groups = ([*group, *simpler(group[0], behind.get(ladder, ()))] for ladder, group in first)
     return [group[place % len(group)] for group in groups]
 
 

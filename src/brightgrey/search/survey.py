@@ -180,7 +180,7 @@ def survey(
                 seed=seed,
                 executor=workers,
                 progress=fitted_one,
-                seeking=counted("gaps"),
+                seeking=counted("missed optima"),
             )
             if not np.isfinite(least):
                 raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
