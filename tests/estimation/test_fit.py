@@ -7,9 +7,11 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit, predict
+from brightgrey.estimation.problem import Problem
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal, read_recording
+from brightgrey.simulation.reference import reference
 
 RIGID = PAPER.parse("one_mass+coulomb+viscous+gravity")
 
@@ -124,3 +126,17 @@ def test_mte360_needs_the_second_mass(measured):
     one, two = (fit(s, [r], level="fast").train["v1"].fit_percent for s in (rigid, elastic))
     assert two > one + 0.3
     assert two > 88.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_given_start_is_not_left_for_a_worse_end_because_of_a_gap(seed):
+    """Descents begin on a short part of the recording there, which may lead away from what is known already."""
+    structure, e = PAPER.parse("two_mass+coulomb+backlash+delay"), PAPER_EXPERIMENT
+    truth = {"J1": 0.012, "J2": 0.008, "c1": 40.0, "d1": 5e-3, "M_C": 0.1, "alpha": 0.3, "T_d": 3e-3}
+    (y,) = reference(str(structure), truth, e.torque(), e.dt, f_tanh=e.f_tanh)
+    y += 0.03 * np.abs(y).max() * np.random.default_rng(1).standard_normal(y.size)
+    torque, velocity = Signal("torque", "input", "N m"), Signal("velocity", "velocity", "rad/s")
+    r = Recording("loose", e.dt * np.arange(e.samples), e.torque(), y[None], torque, (velocity,))
+    found = fit(structure, [r], f_tanh=e.f_tanh, start=truth, starts=1, patience=0, seed=seed)
+    exact = {name: np.array([value]) for name, value in truth.items()}
+    assert found.cost <= Problem.of(structure, [r]).costs(exact, found.settings)[0]

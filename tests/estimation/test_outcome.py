@@ -305,3 +305,5 @@ def test_a_load_that_rattles_freely_makes_intervals_doubtful(d1, says):
     found = rattling(problem, search, settings, best)
     assert [f.kind for f in found] == (["chaotic"] if says else [])
     assert not says or says in found[0].text
+    fixed = {name: value for name, value in values.items() if name != "f_v"}
+    assert bool(told(fit(structure, [r], f_tanh=F_TANH, fixed=fixed, patience=0, starts=1), "chaotic")) == bool(says)
