@@ -28,7 +28,8 @@ def rattling(problem: Problem, search: Search, settings: Settings, best: Descent
     for r, onset in zip(problem.recordings, problem.onsets, strict=True):
         system, u, x0 = systems(problem.structure, values, r, settings, onset=onset, gain=problem.gain)
         found = response(system, u, r.dt, x0, settings, group=group, threads=problem.threads)
-        times, length = times + len(np.unique(found.rejoined[:, 0])), length + r.samples * r.dt
+        each = np.bincount(found.rejoined[:, 1], minlength=group)  # of every set: large groups rejoin in parts
+        times, length = times + int(each.max()), length + r.samples * r.dt
     if not times:
         return []
     often = "once" if times == 1 else f"{times} times"
