@@ -14,6 +14,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.plants import random_values
 from brightgrey.kit import PAPER, Structure, assemble
 from brightgrey.simulation import Settings, response
+from brightgrey.simulation.batch import squares
 from brightgrey.simulation.reference import UnsettledError, reference
 
 ALL = list(PAPER.structures())
@@ -370,6 +371,34 @@ def test_frozen_steps_give_jacobians(number):
         pytest.skip(str(why))
     errors = np.linalg.norm(forward - careful, axis=0) / np.linalg.norm(careful, axis=0)
     assert np.median(errors) <= 2e-3, dict(zip(names, errors, strict=True))
+
+
+@pytest.mark.parametrize("name", ["one_mass+coulomb+viscous+stribeck+delay", "three_mass+backlash+delay"])
+@pytest.mark.parametrize("group", [1, 4])
+def test_what_is_no_number_is_lost_at_once_and_nothing_else_is(name, group):
+    """Without the dead time of its neighbours, which one such number took from all of a batch, and without a hang."""
+    structure = PAPER.parse(name)
+    rng = np.random.default_rng(5)
+    drawn_sets = [random_values(structure.parameters, rng) for _ in range(12 // group)]
+    good = {n: np.repeat([values[n] for values in drawn_sets], group) for n in structure.parameters}
+    u = TORQUE[:300]
+
+    def simulated(values):
+        s = assemble(structure, values, E.f_tanh)
+        x0, target = s.rest(u=u[0]), np.zeros((1, len(u)))
+        limits = {"spent": np.zeros(12), "most": np.full(12, np.inf)}
+        return response(s, u, DT, x0, SETTINGS, group=group), squares(s, u, DT, x0, SETTINGS, target, [1.0], **limits)
+
+    whole, sums = simulated(good)
+    for wrong in structure.parameters:
+        spoilt = np.where(np.arange(12) == 5, np.nan, good[wrong])
+        r, less = simulated({**good, wrong: spoilt})
+        lost = np.arange(12) // group == 5 // group
+        np.testing.assert_array_equal(r.diverged == 0, lost, err_msg=wrong)
+        assert np.isnan(r.y[..., lost]).all(), wrong
+        np.testing.assert_array_equal(r.y[..., ~lost], whole.y[..., ~lost], err_msg=wrong)
+        np.testing.assert_array_equal(less, np.where(np.arange(12) == 5, np.inf, sums), err_msg=wrong)
+    assert np.isnan(simulated({**good, wrong: np.full(12, np.nan)})[0].y).all()
 
 
 def test_a_system_that_leaves_the_numbers_is_reported_and_its_neighbour_is_not():

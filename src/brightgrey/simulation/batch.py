@@ -19,7 +19,7 @@ from brightgrey.simulation.kernel import run
 from brightgrey.simulation.kinks import kinks
 from brightgrey.simulation.lanes import LANES
 from brightgrey.simulation.layout import Call, Shape
-from brightgrey.simulation.lowering import Lowered, fill, lower, turning_rate
+from brightgrey.simulation.lowering import Lowered, Rows, fill, is_sound, lower, tabulate, turning_rate
 from brightgrey.simulation.memory import address, aligned, block_for, work_for
 from brightgrey.simulation.propagators import tables
 from brightgrey.simulation.settings import Settings, stepping_of, tolerances
@@ -40,7 +40,8 @@ class Response:
     y : ndarray, shape (outputs, samples, K)
         In SI units. From the sample on at which a simulation diverged it is not a number.
     diverged : int ndarray, shape (K,)
-        First sample at which the state is not finite or beyond all measure, -1 if there is none.
+        First sample at which the state is not finite or beyond all measure, -1 if there is none. The first one for
+        all sets of a group if a number of the system or its start is not finite.
     rejoined : int ndarray, shape (R, 2)
         Samples at which sets went on from the state of the set that leads their group, and which sets.
     """
@@ -96,26 +97,27 @@ def response(
     u = np.ascontiguousarray(u, float)
     lowered = lower(system, dt)
     sets = lowered.A.shape[-1]
-    start = _starts(lowered, x0)
+    rows = tabulate(lowered, _starts(lowered, x0))
     if sets % group:
         raise SettingsError(f"{sets} parameter sets do not make groups of {group}")
     cuts = parts_per_sample(system, lowered, dt, settings)[::group]
+    sound = is_sound(rows).reshape(-1, group).all(axis=1)
     parts = []
-    for cut in np.unique(cuts):
-        leaders = np.flatnonzero(cuts == cut)
+    for cut in np.unique(cuts[sound]):
+        leaders = np.flatnonzero((cuts == cut) & sound)
         own = (leaders[:, None] * group + np.arange(group)).ravel()
         lanes = _lanes(len(leaders), group)
-        parts.append((own, lanes, *_simulate(lowered, u, dt, start, settings, own, lanes, threads, int(cut))))
-    own, lanes, y, diverged, _ = parts[0]
-    if len(parts) == 1:
+        parts.append((own, lanes, *_simulate(lowered, rows, u, dt, settings, own, lanes, threads, int(cut))))
+    if len(parts) == 1 and sound.all():
+        ((_, lanes, y, diverged, _),) = parts
         y, diverged = (y[:, :, :sets] if lanes.plain else y[:, :, lanes.place]), diverged[lanes.place]
     else:
-        y, diverged = np.empty((*y.shape[:2], sets)), np.empty(sets, np.int64)
+        y, diverged = np.empty((len(lowered.outputs), len(u), sets)), np.zeros(sets, np.int64)
         for own, lanes, columns, lost, _ in parts:
             y[:, :, own], diverged[own] = columns[:, :, lanes.place], lost[lanes.place]
     for k in np.flatnonzero(diverged >= 0):
         y[:, diverged[k] :, k] = np.nan
-    return Response(y, diverged, np.concatenate([rejoined for *_, rejoined in parts]))
+    return Response(y, diverged, np.concatenate([np.empty((0, 2), np.int64), *(part[-1] for part in parts)]))
 
 
 class _Judge(NamedTuple):
@@ -162,13 +164,14 @@ def squares(
     u, target = np.ascontiguousarray(u, float), np.ascontiguousarray(target, float)
     judge = _Judge(target, np.ascontiguousarray(weights, float), spent, most)
     lowered = lower(system, dt)
-    start = _starts(lowered, x0)
+    rows = tabulate(lowered, _starts(lowered, x0))
     cuts = parts_per_sample(system, lowered, dt, settings)
-    total = np.empty(len(cuts))
-    for cut in np.unique(cuts):
-        own = np.flatnonzero(cuts == cut)
+    sound = is_sound(rows)
+    total = np.full(len(cuts), np.inf)
+    for cut in np.unique(cuts[sound]):
+        own = np.flatnonzero((cuts == cut) & sound)
         lanes = _lanes(len(own), 1)
-        sums, lost, _ = _simulate(lowered, u, dt, start, settings, own, lanes, threads, int(cut), judge)
+        sums, lost, _ = _simulate(lowered, rows, u, dt, settings, own, lanes, threads, int(cut), judge)
         total[own] = np.where(lost < 0, sums.ravel(), np.inf)[: len(own)]
     return total
 
@@ -192,9 +195,9 @@ def parts_per_sample(system: StateSpace, lowered: Lowered, dt: float, settings: 
 
 def _simulate(
     lowered: Lowered,
+    rows: Rows,
     u: Array,
     dt: float,
-    x0: Array,
     settings: Settings,
     sets: NDArray[np.int64],
     lanes: _Lanes,
@@ -226,9 +229,9 @@ def _simulate(
         samples=len(u),
         euler=int(settings.level == "euler"),
     )
-    plants = fill(lowered, x0, pick)
+    plants = fill(lowered, rows, pick)
     scale = settings.speed_scale
-    limit = _LOST * max(scale, float(np.abs(u).max()), float(np.abs(x0).max()))
+    limit = _LOST * max(scale, float(np.abs(u).max()), float(np.abs(rows["x0"][:, sets]).max()))
     steps = shape.euler == 0
     numbers = np.array([dt, level.error * scale, level.change * scale, limit])
     y = aligned((shape.outputs, len(u), pick.size) if judge is None else pick.shape)

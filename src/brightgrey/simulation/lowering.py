@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,9 +14,11 @@ from brightgrey.kit import StateSpace
 from brightgrey.simulation.laws import smooth_laws
 from brightgrey.simulation.memory import Plants, plants_for
 
-__all__ = ["Lowered", "lower", "turning_rate"]
+__all__ = ["Lowered", "Rows", "fill", "is_sound", "lower", "tabulate", "turning_rate"]
 
 Array = NDArray[np.float64]
+Rows = dict[str, Array]
+"""Rows of `layout.Plant` by name, one column per parameter set."""
 
 
 class Lowered(NamedTuple):
@@ -58,6 +62,7 @@ def lower(system: StateSpace, dt: float) -> Lowered:
     A, B = batched(system.A, 2).copy(), batched(system.B[:, 0], 1).copy()
     c = np.zeros((n, sets))
     channels: list[tuple[Array, Array, Array]] = []
+    same = partial(np.array_equal, equal_nan=True)  # what is no number must not part the channels of other sets
     smooth: list[tuple[Element, int]] = []
     limited: list[Element] = []
     for element in system.elements:
@@ -73,7 +78,7 @@ def lower(system: StateSpace, dt: float) -> Lowered:
                 B += slope * G * batched(element.K, 1)[port]
         else:
             wiring = (G, batched(element.H, 2)[0], batched(element.K, 1)[0])
-            known = (k for k, w in enumerate(channels) if all(map(np.array_equal, w, wiring)))
+            known = (k for k, w in enumerate(channels) if all(map(same, w, wiring)))
             k = next(known, len(channels))
             if k == len(channels):
                 channels.append(wiring)
@@ -100,62 +105,60 @@ def turning_rate(system: StateSpace, lowered: Lowered) -> Array:
     return np.asarray(np.sqrt(block.sum(axis=1).max(axis=0)))
 
 
-def fill(lowered: Lowered, x0: Array, pick: NDArray[np.int64]) -> Plants:
-    """Tables of the kernel for the parameter sets ``pick``, shape (batches, LANES).
-
-    Parameters
-    ----------
-    lowered : Lowered
-    x0 : ndarray, shape (n, K)
-    pick : int ndarray
-        Parameter set of each lane; incomplete batches repeat one.
-    """
+def tabulate(lowered: Lowered, x0: Array) -> Rows:
+    """Numbers of all parameter sets, begun at `x0`, shape (n, K), in the rows of the kernel's tables."""
     sets = x0.shape[1]
-    laws = smooth_laws()
-    parameters: list[Array] = []
-    first = []
-    turning = [-1] * len(lowered.G)
-    for element, k in lowered.smooth:
-        first.append(len(parameters))
-        if element.law.amplitude is not None:
-            turning[k] = len(parameters) + len(element.p) - 1
-        parameters += [np.broadcast_to(np.asarray(value, float), (sets,)) for value in element.p]
+    n = lowered.A.shape[0]
     limits = [e.limits for e in lowered.limited if e.limits is not None]
 
-    def stack(arrays: list[Any]) -> Array:
-        n = lowered.A.shape[0]
-        full = [np.broadcast_to(np.asarray(a, float).reshape((*np.shape(a)[:1], -1)), (n, sets)) for a in arrays]
-        return np.stack(full) if full else np.zeros((0, n, sets))
-
-    def bounds(values: list[Any]) -> Array:
-        return np.array([np.broadcast_to(np.asarray(v, float), (sets,)) for v in values]).reshape(-1, sets)
-
-    def table(array: Array) -> Array:
-        return array.reshape(-1, sets)
+    def stack(arrays: Sequence[Any], count: int) -> Array:
+        full = [np.broadcast_to(np.asarray(a, float).reshape(count, -1), (count, sets)) for a in arrays]
+        return np.concatenate([np.empty((0, sets)), *full])
 
     whole = np.floor(lowered.delay)
-    tables = {
-        "A": table(lowered.A),
+    return {
+        "A": lowered.A.reshape(-1, sets),
         "B": lowered.B,
         "c": lowered.c,
-        "G": table(lowered.G),
-        "H": table(lowered.H),
+        "G": lowered.G.reshape(-1, sets),
+        "H": lowered.H.reshape(-1, sets),
         "K": lowered.through,
         "gain": np.abs(lowered.G).max(axis=1, initial=0.0),
-        "p": np.array(parameters).reshape(-1, sets),
-        "rate": table(stack([e.H[0] for e in lowered.limited])),
-        "column": table(stack([e.G for e in lowered.limited])),
-        "low": bounds([limit.lower for limit in limits]),
-        "high": bounds([limit.upper for limit in limits]),
+        "p": stack([value for element, _ in lowered.smooth for value in element.p], 1),
+        "rate": stack([e.H[0] for e in lowered.limited], n),
+        "column": stack([e.G for e in lowered.limited], n),
+        "low": stack([limit.lower for limit in limits], 1),
+        "high": stack([limit.upper for limit in limits], 1),
         "delay": np.stack([whole, lowered.delay - whole]),
         "x0": x0,
     }
+
+
+def is_sound(rows: Rows) -> NDArray[np.bool_]:
+    """Whether a parameter set, shape (K,), has finite numbers throughout, but for limits that are infinitely far away.
+
+    Others must not go to the kernel: series that never converge would keep the lanes beside them waiting.
+    """
+    limits = np.isnan(np.concatenate([rows["low"], rows["high"]])).any(axis=0)
+    others = np.isfinite(np.concatenate([a for name, a in rows.items() if name not in ("low", "high")])).all(axis=0)
+    return np.asarray(others & ~limits)
+
+
+def fill(lowered: Lowered, rows: Rows, pick: NDArray[np.int64]) -> Plants:
+    """Tables of the kernel for the parameter sets ``pick``, shape (batches, LANES)."""
+    laws = smooth_laws()
+    first, turning, row = [], [-1] * len(lowered.G), 0
+    for element, k in lowered.smooth:
+        first.append(row)
+        row += len(element.p)
+        if element.law.amplitude is not None:
+            turning[k] = row - 1
     numbers = {
         "law": [laws.index(e.law) for e, _ in lowered.smooth],
         "channel": [k for _, k in lowered.smooth],
         "first": first,
         "turning": turning,
-        "limited": [limit.state for limit in limits],
+        "limited": [e.limits.state for e in lowered.limited if e.limits is not None],
         "outputs": lowered.outputs,
     }
-    return plants_for(tables, numbers, pick)
+    return plants_for(rows, numbers, pick)
