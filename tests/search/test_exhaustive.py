@@ -1,6 +1,6 @@
 """All structures of a small set on one recording by the reference solver."""
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -153,6 +153,33 @@ def test_structures_without_gaps_that_have_been_missed_are_found(task, true_valu
     exact = {name: np.array([value]) for name, value in true_values.items()}
     assert truth in sought
     assert fits.done[truth].cost <= 1.01 * task.problem(truth).costs(exact, task.settings)[0]
+
+
+class Asked(Executor):
+    """Notes what it is asked and gives back what is known of a structure, as if nothing better were found."""
+
+    def __init__(self, fits):
+        self.fits, self.calls = fits, []
+
+    def submit(self, function, /, task, structure, *rest):
+        self.calls.append(rest)
+        result = Future()
+        result.set_result(self.fits.done[structure])
+        return result
+
+
+def test_the_best_optimum_with_an_effect_more_is_a_start_unless_it_is_little_better_or_idle(task):
+    costs = {"two_mass": 100.0, "two_mass+coulomb": 95.0, "two_mass+viscous": 60.0, "two_mass+backlash": 40.0}
+    names = dict(zip(costs, map(PAPER.parse, costs), strict=True))
+    fits = Fits(task, list(names.values()))
+    fits.done.update({s: Fitted(s, {}, costs[name], size(s)) for name, s in names.items()})
+    gap, asked = names["two_mass+backlash"], Asked(fits)
+    for _ in range(2):
+        fits.anew([names["two_mass"], gap], 1, asked)
+        fits.done[gap] = replace(fits.done[gap], idle=("backlash",))
+    begun = [[str(f.structure) for f in known] for *_, known in asked.calls]
+    lonely = ["two_mass+backlash"]
+    assert begun == [["two_mass", "two_mass+backlash"], lonely, ["two_mass", "two_mass+viscous"], lonely]
 
 
 def test_what_lacks_one_effect_of_a_lonely_leader_comes_after_it(task):
