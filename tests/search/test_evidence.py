@@ -1,5 +1,7 @@
 """What small recordings say about the effects of a restricted set of structures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from brightgrey.recordings import Recording, Signal
 from brightgrey.search import Identification
 from brightgrey.search.evidence import weigh
 from brightgrey.search.exhaustive import fit_all
-from brightgrey.search.identification import ACCURACY
+from brightgrey.search.identification import ACCURACY, ROUGH
 from brightgrey.search.lattice import contains
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
@@ -145,13 +147,31 @@ def test_what_is_below_the_trusted_accuracy_is_not_called_for():
     assert {c.effect: c.verdict for c in found.cards}["viscous"] != "needed"
 
 
-def test_alternatives_within_the_trusted_accuracy_are_told():
-    """Dead time and a current loop differ by the fourth power of the lag, here by less than what is trusted."""
+def slow_and_late():
+    """Dead time of less than a sample; a current loop differs by the fourth power of the lag, less than is trusted."""
     t = DT * np.arange(500)
     slow = 3.0 * np.sin(2.0 * np.pi * 2.0 * t) * np.minimum(1.0, 5.0 * t)
     task = task_of("one_mass+delay", {"J1": 0.02, "T_d": 0.75 * DT}, slow, 0.0)
-    found = evidence(task, ("delay", "current_control"))
+    return task, fit_all(task, structures(("delay", "current_control")))
+
+
+def test_alternatives_within_the_trusted_accuracy_are_told():
+    task, fitted = slow_and_late()
+    found = weigh(task, fitted)
     other = found.judged[PAPER.parse("one_mass+current_control")]
     trusted = float(task.doubt(task.problem(other.structure).weights, ACCURACY).sum())
     assert 0.4 * trusted < other.cost < trusted
+    assert {str(j.structure) for j in found.minimal} == {"one_mass+delay", "one_mass+current_control"}
+
+
+def test_alternatives_are_told_that_the_search_has_not_descended_to_the_end():
+    """What is left of them may be the search's own error as well: a refit decides."""
+    task, fitted = slow_and_late()
+    late = PAPER.parse("one_mass+delay")
+    values = {**fitted[late].values, "J1": fitted[late].values["J1"] * (1.0 + 0.6 * ROUGH)}
+    problem = task.problem(late)
+    cost = float(problem.costs({n: np.array([v]) for n, v in values.items()}, task.settings)[0])
+    trusted, rough = (float(task.doubt(problem.weights, share).sum()) for share in (ACCURACY, ROUGH))
+    assert 2.0 * trusted < cost < rough
+    found = weigh(task, {**fitted, late: replace(fitted[late], values=values, cost=cost)})
     assert {str(j.structure) for j in found.minimal} == {"one_mass+delay", "one_mass+current_control"}

@@ -69,6 +69,8 @@ def _next(
     least = min(yardstick.known.values(), key=lambda f: (cost[f.structure], f.free))
 
     def hopeful(f: Fitted) -> bool:
+        if yardstick.bench.cost(f.structure) <= rough:  # all of it may be the search's own error, or last digits
+            return True
         more = max(least.free - f.free, 1)
         reach = float(np.exp(2.0 * threshold(more, _RARE) / n))
         return cost[f.structure] <= max(_SLACK, reach) * cost[least.structure]
