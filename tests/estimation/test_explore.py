@@ -170,7 +170,7 @@ def test_a_white_residual_and_two_starts_that_agree_end_the_search_at_the_first_
 
 
 def test_only_independent_starts_bear_witness():
-    ends = [End(np.zeros(1), cost, True, 1, 5) for cost in (100.0, 100.2, 100.3, 120.0)]
+    ends = [End(np.zeros(1), cost, True, 1, 5, np.eye(1)) for cost in (100.0, 100.2, 100.3, 120.0)]
     assert _agreeing([_Part([], ends, [True, True, False, True], 0, Spent())]) == 2
     apart = [
         _Part([], [end], [alone], 0, Spent()) for end, alone in zip(ends, (False, False, False, True), strict=True)

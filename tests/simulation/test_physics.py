@@ -10,6 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from brightgrey.effects import registry
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.plants import random_values
 from brightgrey.kit import PAPER, Structure, assemble
@@ -196,6 +197,21 @@ def test_gap_of_no_width_equals_no_backlash(number, seed):
         z = run(s, TORQUE, s.rest(u=TORQUE[0]))
         for name in ("q1", "v1"):
             close(z[name], y[name], share)
+
+
+@pytest.mark.parametrize(
+    "effect", [e for e in registry().values() if any(q.size for q in e.parameters)], ids=lambda e: e.name
+)
+@pytest.mark.parametrize("number", [0, 3])
+def test_an_effect_without_its_size_is_not_there(effect, number):
+    """A hundred-millionth stands for nothing, where a lag of zero would be divided by."""
+    without = PAPER.parse("two_mass+coulomb+viscous" if effect.name not in ("coulomb", "viscous") else "two_mass")
+    structure = PAPER.parse(f"{without}+{effect.name}")
+    values = random_values(structure.parameters, np.random.default_rng(number))
+    values |= {q.symbol: 1e-8 * values[q.symbol] for q in effect.parameters if q.size}
+    s, rest = (assemble(a, {n: values[n] for n in a.parameters}, E.f_tanh) for a in (structure, without))
+    y, known = (response(a, TORQUE, DT, a.rest(u=TORQUE[0]), SETTINGS).y for a in (s, rest))
+    np.testing.assert_allclose(y, known, rtol=0, atol=2.0 * ACCURATE * np.abs(known).max())
 
 
 @pytest.mark.parametrize("masses", ["two_mass", "three_mass", "four_mass"])

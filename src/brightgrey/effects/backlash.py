@@ -118,6 +118,7 @@ EFFECT = Effect(
             "half the gap",
             bounds=lambda s: (1e-6 * s.travel, 0.5 * s.travel),
             start=lambda s: 1e-3 * s.travel,
+            size=True,
             fault=Fault("backlash"),
         ),
     ),

@@ -51,6 +51,7 @@ EFFECT = Effect(
             "Coulomb friction torque (force, in a linear axis)",
             bounds=lambda s: (1e-4 * s.torque, 2.0 * s.torque),
             start=lambda s: max(s.friction, 1e-2 * s.torque),
+            size=True,
             fault=Fault("friction"),
         ),
     ),

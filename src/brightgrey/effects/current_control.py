@@ -42,6 +42,7 @@ EFFECT = Effect(
             bounds=lambda s: (0.05 * s.interval, 0.1 * s.duration),
             start=lambda s: 2.0 * s.interval,
             lag=True,
+            size=True,
         ),
     ),
     noticeable=lambda s, values: {"T_1": 0.2 * s.interval},  # lags by 7 degrees at a tenth of the sampling rate

@@ -112,6 +112,8 @@ class Parameter:
     lag : bool
         A time by which the input comes late, to first order: below a sampling interval it is sampling, and of
         several of them a recording may show the sum only.
+    size : bool
+        At zero its effect is not there.
     fault : Fault or None
         What its change means when a machine is watched; None where nothing wears or is exchanged.
     """
@@ -123,6 +125,7 @@ class Parameter:
     start: Callable[[Scales], float]
     scale: Literal["log", "linear"] = "log"
     lag: bool = False
+    size: bool = False
     fault: Fault | None = None
 
 

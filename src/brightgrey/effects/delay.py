@@ -32,6 +32,7 @@ EFFECT = Effect(
             start=lambda s: s.interval,
             scale="linear",
             lag=True,
+            size=True,
         ),
     ),
     noticeable=lambda s, values: {"T_d": 0.2 * s.interval},  # lags by 7 degrees at a tenth of the sampling rate

@@ -43,6 +43,7 @@ EFFECT = Effect(
             # The offset is the part of the input that only holds the load, so the load is its opposite.
             start=lambda s: -s.offset,
             scale="linear",
+            size=True,
         ),
     ),
     noticeable=lambda s, values: {"M_G": 0.01 * s.torque},

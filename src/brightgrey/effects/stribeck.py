@@ -61,6 +61,7 @@ EFFECT = Effect(
             "Stribeck friction torque at standstill in excess of Coulomb's",
             bounds=lambda s: (1e-4 * s.torque, 2.0 * s.torque),
             start=lambda s: 0.3 * max(s.friction, 3e-2 * s.torque),
+            size=True,
             fault=Fault("friction"),
         ),
         Parameter(

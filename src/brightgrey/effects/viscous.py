@@ -42,6 +42,7 @@ EFFECT = Effect(
             "viscous friction coefficient",
             bounds=lambda s: (1e-5 * s.torque / s.speed, 5.0 * s.torque / s.speed),
             start=lambda s: max(s.viscous, 1e-3 * s.torque / s.speed),
+            size=True,
             fault=Fault("friction"),
         ),
     ),

@@ -79,6 +79,10 @@ class Search:
         low, high = (a.reshape(-1, *(1,) * (np.ndim(theta) - 1)) for a in (self.low, self.high))
         return np.clip(np.where(log, np.exp(np.where(log, theta, 0.0)), theta * width), low, high)
 
+    def pace(self, values: Array) -> Array:
+        """Change of SI `values`, shape (P,), per change in the searched scale."""
+        return np.where(self.log, values, self.width)
+
     def side(self, values: Array) -> NDArray[np.int64]:
         """Which of SI `values`, shape (P,), have run to the low bound (-1) or the high one (1); 0 inside."""
         theta, low, high = (self.inward(v) for v in (values, self.low, self.high))

@@ -67,7 +67,18 @@ class Descent(NamedTuple):
 class End(NamedTuple):
     """Where one of many descents ended.
 
-    Values (P,) in SI, cost, whether it converged, batches of simulations, and how many parameter sets were simulated.
+    Attributes
+    ----------
+    values : ndarray, shape (P,)
+        SI.
+    cost : float
+    converged : bool
+    evaluations : int
+        Batches of simulations.
+    simulations : int
+        Parameter sets that were simulated.
+    curvature : ndarray, shape (P, P)
+        J' J there, by the parameters in the searched scale.
     """
 
     values: Array
@@ -75,6 +86,7 @@ class End(NamedTuple):
     converged: bool
     evaluations: int
     simulations: int
+    curvature: Array
 
 
 def neighbours(theta: Array, search: Search) -> tuple[Array, Array]:
@@ -221,7 +233,7 @@ def descend_many(
 
 def _end(search: Search, field: _Field, i: int, converged: bool, turns: int) -> End:
     cost, simulations = float(field.normal.cost[i]), int(field.simulations[i])
-    return End(search.outward(field.theta[i]), cost, converged, 1 + 2 * turns, simulations)
+    return End(search.outward(field.theta[i]), cost, converged, 1 + 2 * turns, simulations, field.normal.curvature[i])
 
 
 def _round(problem: Problem, search: Search, settings: Settings, field: _Field, tolerance: float) -> _Field:
@@ -310,7 +322,7 @@ def descend(problem: Problem, search: Search, settings: Settings, start: Array, 
     """Least squares from `start`, shape (P,), SI values, to the last digits that the simulation gives."""
     end = finish(problem, search, settings, start, limit=limit)
     residual, jacobian = evaluate(problem, search, settings, search.inward(end.values))
-    return Descent(*end[:-1], end.simulations + 1 + len(end.values), residual, jacobian)
+    return Descent(*end[:4], end.simulations + 1 + len(end.values), residual, jacobian)
 
 
 def finish(

@@ -28,8 +28,8 @@ from brightgrey.search.fitting import (
     from_above,
     from_everywhere,
     tracked_from_above,
-    two_ports,
 )
+from brightgrey.search.handing import two_ports
 from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import contains, ladder_of, largest_within, size, smallest_around
 from brightgrey.search.work import in_order, in_turn

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from brightgrey.estimation.bounds import Search
 from brightgrey.estimation.explore import FIRST_BEGINNING, FURTHER_ROUNDS, explore, growing
-from brightgrey.estimation.leastsquares import descend_many
+from brightgrey.estimation.leastsquares import End, descend_many
 from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Structure
+from brightgrey.search.handing import handed_down, information, two_ports
 from brightgrey.search.identification import ROUGH, Identification
-from brightgrey.search.lattice import effects_of, ladder_of
+from brightgrey.search.lattice import effects_of
 
 __all__ = [
     "IMPROVED",
@@ -27,9 +28,7 @@ __all__ = [
     "fit_one",
     "from_above",
     "from_everywhere",
-    "handed_down",
     "tracked_from_above",
-    "two_ports",
 ]
 
 Array = NDArray[np.float64]
@@ -78,7 +77,7 @@ class Fitted:
     ----------
     structure : Structure
     values : mapping of str to float
-        SI, fixed ones and unknown parts of initial states included.
+        SI, those that were estimated first, with unknown parts of initial states; then the fixed ones.
     cost : float
         Weighted sum of squared residuals at the level of the search.
     free : int
@@ -89,6 +88,8 @@ class Fitted:
         Batches of simulations.
     spent : Spent
         What the latest fit has simulated.
+    information : ndarray, shape (free, free), optional
+        J' J by the estimated values, SI.
     """
 
     structure: Structure
@@ -98,6 +99,7 @@ class Fitted:
     idle: tuple[str, ...] = ()
     batches: int = 0
     spent: Spent = field(default_factory=Spent)
+    information: Array | None = field(default=None, compare=False)
 
 
 def best_of(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
@@ -125,10 +127,8 @@ def from_above(
     (end,) = descend_many(
         problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, rival=own.cost
     )
-    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
     spent = problem.spent(cost.size + end.simulations)
-    batches = own.batches + 1 + end.evaluations
-    return Fitted(own.structure, named, end.cost, len(space.names), (), batches, spent), spent
+    return _fitted(own.structure, space, end, own.batches + 1 + end.evaluations, spent), spent
 
 
 def tracked_from_above(
@@ -168,24 +168,21 @@ def tracked_from_above(
             return None, spent
     if not end.cost < own.cost:
         return None, spent
-    found = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    return Fitted(own.structure, found, end.cost, len(space.names), (), batches, spent), spent
-
-
-def handed_down(values: Mapping[str, float], larger: Structure, structure: Structure) -> list[Mapping[str, float]]:
-    """Values of a larger structure for a smaller one: what is not in it left out; or masses joined if they are more."""
-    here, there = ladder_of(structure), ladder_of(larger)
-    if here == there or there.effect.fewer is None:
-        return [values]
-    present = {q.symbol: values[there.parameter(q.symbol)] for q in there.effect.parameters}
-    joined = there.effect.fewer(present, structure.masses)
-    return [values, {**values, **{here.parameter(symbol): v for symbol, v in joined.items()}}]
+    return _fitted(own.structure, space, end, batches, spent), spent
 
 
 def _given(space: Search, structure: Structure, known: Sequence[Fitted]) -> list[Mapping[str, float]]:
     """Values of fits that say all that is searched for."""
-    handed = (v for f in known for v in handed_down(f.values, f.structure, structure))
+    handed = (v for f in known for v in handed_down(f.values, f.information, f.structure, structure))
     return [v for v in handed if set(space.names) <= set(v)]
+
+
+def _fitted(structure: Structure, space: Search, end: End, batches: int, spent: Spent) -> Fitted:
+    """Fit that has come to its `end`."""
+    values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+    cost = end.cost if np.isfinite(end.cost) else np.inf
+    known = information(end.curvature, space.pace(end.values))
+    return Fitted(structure, values, cost, len(space.names), (), batches, spent, known)
 
 
 def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
@@ -194,7 +191,7 @@ def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
     if own.cost <= best.cost:
         return own
     idle = (*best.idle, *effects_of(own.structure, best.structure))
-    return replace(own, values={**own.values, **best.values}, cost=best.cost, idle=idle)
+    return replace(own, values={**own.values, **best.values}, cost=best.cost, idle=idle, information=None)
 
 
 def from_everywhere(
@@ -210,8 +207,7 @@ def from_everywhere(
     given = _given(space, structure, known)
     found = explore(problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed)
     end = min(found.ends, key=lambda e: e.cost)
-    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    return Fitted(structure, named, end.cost, len(space.names), (), found.evaluations, found.spent)
+    return _fitted(structure, space, end, found.evaluations, found.spent)
 
 
 def fit_one(
@@ -242,15 +238,8 @@ def fit_one(
     )
     end = min(ends, key=lambda e: e.cost)
     batches = 2 + max(e.evaluations for e in ends)
-    named = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    cost = end.cost if np.isfinite(end.cost) else np.inf
     spent = problem.spent(count + sum(e.simulations for e in ends))
-    return at_least_as_good(Fitted(structure, named, cost, len(space.names), (), batches, spent), best)
-
-
-def two_ports(structure: Structure) -> bool:
-    """Whether it has a law of two ports, which takes several times as long to simulate."""
-    return any(p.effect.law is not None and p.effect.law.ports > 1 for p in structure.placed)
+    return at_least_as_good(_fitted(structure, space, end, batches, spent), best)
 
 
 def _extended(space: Search, parent: Fitted, drawn: Array) -> Array:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from brightgrey.estimation.leastsquares import Descent, End, descend_many, evaluate, finish
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
-from brightgrey.search.fitting import Fitted, handed_down
+from brightgrey.search.fitting import Fitted
+from brightgrey.search.handing import handed_down, information
 from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import contains
 
@@ -94,7 +95,7 @@ def _judged(task: Identification, structure: Structure, end: End) -> Judged:
     residual, jacobian = evaluate(problem, space, settings, space.inward(end.values))
     inside = np.flatnonzero(space.side(end.values) == 0)
     values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    descent = Descent(*end[:-1], end.simulations + 1 + len(end.values), residual, jacobian)
+    descent = Descent(*end[:4], end.simulations + 1 + len(end.values), residual, jacobian)
     return Judged(structure, values, descent, len(space.names), tuple(inside.tolist()))
 
 
@@ -142,7 +143,7 @@ class Bench:
             values
             for s, j in self.judged.items()
             if s != structure and contains(s, structure) and j.cost < _IMPROVED * own.cost
-            for values in handed_down(j.values, s, structure)
+            for values in handed_down(j.values, self._information(j), s, structure)
         ]
         if not larger:
             return False
@@ -167,6 +168,11 @@ class Bench:
         """Least cost known of `structure`: its own, or that of a refitted one that it contains."""
         own = self.judged[structure].cost if structure in self.judged else self.fitted[structure].cost
         return min([own, *(j.cost for s, j in self.judged.items() if contains(structure, s))])
+
+    def _information(self, judged: Judged) -> Array:
+        """J' J by the estimated values, SI."""
+        pace = self.task.space(judged.structure, initial=True).pace(judged.descent.values)
+        return information(judged.descent.jacobian.T @ judged.descent.jacobian, pace)
 
     def _wanted(self, structure: Structure) -> list[Mapping[str, float]]:
         """Values of the structure's own fit and of its best relatives."""

@@ -19,7 +19,8 @@ import numpy as np
 from brightgrey.estimation.explore import is_white
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fits import TELLING, Fits
-from brightgrey.search.fitting import IMPROVED, Fitted, two_ports
+from brightgrey.search.fitting import IMPROVED, Fitted
+from brightgrey.search.handing import two_ports
 from brightgrey.search.identification import ACCURACY
 from brightgrey.search.lattice import ladder_of, simpler, size
 

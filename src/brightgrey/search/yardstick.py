@@ -154,7 +154,7 @@ class Yardstick:
         """
         space = self.bench.task.space(judged.structure, initial=True)
         value = np.array([judged.values[name] for name in space.names])
-        moved = value + np.where(space.log, value, space.width) * steps
+        moved = value + space.pace(value) * steps
         slack = _SLACK * (space.high - space.low)
         inside = (moved >= space.low - slack) & (moved <= space.high + slack)
         return bool(np.all(inside | np.isin(space.names, list(self.bench.judge(structure).values))))

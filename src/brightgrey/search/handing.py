@@ -1,0 +1,84 @@
+"""What the optimum of a larger structure says to a smaller one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brightgrey.kit import Placed, Structure
+from brightgrey.search.lattice import ladder_of
+
+__all__ = ["handed_down", "information", "two_ports"]
+
+Array = NDArray[np.float64]
+Values = Mapping[str, float]
+_SEEN = 1e-9  # of the largest: directions in which less than that of the information lies are not followed
+
+
+def two_ports(structure: Structure) -> bool:
+    """Whether it has a law of two ports, which takes several times as long to simulate."""
+    return any(map(_has_two_ports, structure.placed))
+
+
+def _has_two_ports(placed: Placed) -> bool:
+    return placed.effect.law is not None and placed.effect.law.ports > 1
+
+
+def information(curvature: Array, pace: Array) -> Array:
+    """J' J by SI values, shape (P, P), from that by the searched scale: `pace` is the change of values in it."""
+    scale = np.outer(pace, pace)
+    return np.divide(curvature, scale, out=np.zeros_like(curvature), where=scale > 0.0)
+
+
+def handed_down(values: Values, known: Array | None, larger: Structure, structure: Structure) -> list[Values]:
+    """Values of a larger structure for a smaller one.
+
+    What is not in it is left out; or its masses are joined if they are more; or other effects make up for it.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Of `larger`, SI, those that were estimated first.
+    known : ndarray, shape (P, P), optional
+        The `information` of these P.
+    larger, structure : Structure
+    """
+    here, there = ladder_of(structure), ladder_of(larger)
+    out = [values]
+    if here != there and there.effect.fewer is not None:
+        present = {q.symbol: values[there.parameter(q.symbol)] for q in there.effect.parameters}
+        joined = there.effect.fewer(present, structure.masses)
+        out.append({**values, **{here.parameter(symbol): v for symbol, v in joined.items()}})
+    if known is not None and np.isfinite(known).all():
+        made_up = _made_up(values, known, larger, structure)
+        out += [{**v, **made_up} for v in out] if made_up else []
+    return out
+
+
+def _made_up(values: Values, known: Array, larger: Structure, structure: Structure) -> Values:
+    """Sizes of effects beside the masses that make up for those left out, as far as small changes tell.
+
+    Coulomb friction may have grown with the gravity that it cancels as long as the motion does not turn, or a lag have
+    taken its part of the dead time: descents from what is left would go elsewhere. The surgeon's step (Hassibi and
+    Stork 1993, eq. 5) with masses, springs and gaps held: they are not in doubt, and bent by it to no good.
+    """
+    row = {name: i for i, name in enumerate(list(values)[: len(known)])}
+    sizes = [name for name in _sizes(larger) if name in row and known[row[name], row[name]] > 0.0]
+    kept = [row[name] for name in sizes if name in structure.parameters]
+    gone = [row[name] for name in sizes if name not in structure.parameters]
+    if not (kept and gone):
+        return {}
+    value = np.array([values[name] for name in row])
+    seen = np.sqrt(np.diag(known)[kept])
+    push = known[np.ix_(kept, gone)] @ value[gone]
+    change = np.linalg.lstsq(known[np.ix_(kept, kept)] / np.outer(seen, seen), push / seen, rcond=_SEEN)[0] / seen
+    names = list(row)
+    return {names[i]: float(value[i] + d) for i, d in zip(kept, change, strict=True)}
+
+
+def _sizes(structure: Structure) -> list[str]:
+    """Parameters at whose zero an effect beside the masses, and no law of two ports, is not there."""
+    beside = [p for p in structure.placed if not (p.effect.masses or _has_two_ports(p))]
+    return [p.parameter(q.symbol) for p in beside for q in p.effect.parameters if q.size]

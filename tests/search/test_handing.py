@@ -1,0 +1,93 @@
+"""Optima that larger structures hand down."""
+
+import numpy as np
+import pytest
+
+from brightgrey.estimation import scales
+from brightgrey.estimation.leastsquares import normal
+from brightgrey.kit import PAPER
+from brightgrey.recordings import Recording, Signal
+from brightgrey.search import Identification
+from brightgrey.search.fitting import Fitted, Options, from_above
+from brightgrey.search.handing import handed_down, information
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
+
+
+def parse(*names):
+    return [PAPER.parse(name) for name in names]
+
+
+def seen(values, columns):
+    """J' J of `columns`, one for each of the values."""
+    J = np.array([columns[name] for name in values]).T
+    return J.T @ J
+
+
+def test_what_is_left_out_leaves_its_share_to_what_does_the_same():
+    larger, structure = parse("two_mass+coulomb+gravity+delay", "two_mass+coulomb+delay")
+    values = {"J1": 0.02, "J2": 0.01, "c1": 40.0, "d1": 0.05, "M_C": 8.0, "M_G": 7.8, "T_d": 3e-3}
+    a, rng = np.random.default_rng(1).normal(size=(2, 50))
+    columns = {name: np.roll(rng, i) for i, name in enumerate(values)} | {"M_C": a, "M_G": -a}
+    plain, made_up = handed_down(values, seen(values, columns), larger, structure)
+    assert plain == values
+    assert made_up["M_C"] == pytest.approx(0.2)
+    assert made_up["T_d"] == pytest.approx(values["T_d"])
+    assert [made_up[name] for name in ("J1", "J2", "c1", "d1")] == [0.02, 0.01, 40.0, 0.05]
+
+
+@pytest.mark.parametrize(
+    ("larger", "structure"),
+    [
+        ("two_mass+coulomb+backlash", "two_mass+coulomb"),  # a gap is no small change
+        ("two_mass+coulomb", "two_mass"),  # nothing is left to make up for it
+        ("two_mass+coulomb+viscous", "two_mass+coulomb+viscous"),
+    ],
+)
+def test_nothing_makes_up_for_what_nothing_resembles(larger, structure):
+    larger, structure = parse(larger, structure)
+    values = {name: 1.0 + i for i, name in enumerate(larger.parameters)}
+    rng = np.random.default_rng(2)
+    known = seen(values, {name: rng.normal(size=30) for name in values})
+    assert handed_down(values, known, larger, structure) == [values]
+    assert handed_down(values, None, larger, structure) == [values]
+    assert handed_down(values, np.full_like(known, np.nan), larger, structure) == [values]
+
+
+def test_speeds_of_friction_are_no_sizes():
+    """At no speed of fading its friction is gone, too; but that is not how it is left out."""
+    larger, structure = parse("one_mass+coulomb+stribeck", "one_mass+coulomb")
+    values = {"J1": 0.02, "M_C": 0.3, "M_S": 0.2, "omega_S": 5.0}
+    a, b, c = np.random.default_rng(3).normal(size=(3, 50))
+    known = seen(values, {"J1": c, "M_C": a, "M_S": 0.5 * a, "omega_S": b})
+    made_up = handed_down(values, known, larger, structure)[-1]
+    assert made_up["M_C"] == pytest.approx(0.4)
+
+
+def test_friction_that_has_grown_with_gravity_is_found_without_it():
+    """Where the motion hardly turns they cancel, and friction alone would hold the drive that large."""
+    larger, structure = parse("one_mass+coulomb+gravity", "one_mass+coulomb")
+    true, dt = {"J1": 0.02, "M_C": 0.3}, 0.002
+    t = dt * np.arange(400)
+    u = (1.0 + np.sin(2.0 * np.pi * 4.0 * t)) * np.minimum(1.0, 20.0 * t)
+    (v,) = reference("one_mass+coulomb", true, u, dt, f_tanh=20.0)
+    v += 1e-3 * np.abs(v).max() * np.random.default_rng(4).standard_normal(v.size)
+    recording = Recording("up", t, u, v[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),))
+    known = scales([recording])
+    task = Identification((recording,), known, Settings(f_tanh=20.0, speed_scale=known.speed, level="fast"))
+
+    def fitted(structure, **values):
+        problem, space = task.posed(structure)
+        theta = space.inward(np.array([values[name] for name in space.names]))
+        there = normal(problem, space, task.settings, theta[None])
+        pace = space.pace(space.outward(theta))
+        return Fitted(
+            structure, values, float(there.cost[0]), len(values), information=information(there.curvature[0], pace)
+        )
+
+    own = fitted(structure, J1=0.04, M_C=0.1)
+    ridge = fitted(larger, J1=0.02, M_C=1.6, M_G=1.3)
+    assert ridge.cost < 0.5 * own.cost
+    found, _ = from_above(task, own, [ridge], Options())
+    assert found.cost <= 1.001 * fitted(structure, **true).cost
+    assert found.values == pytest.approx(true, rel=0.02)
