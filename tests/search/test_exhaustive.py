@@ -173,13 +173,14 @@ def test_the_best_optimum_with_an_effect_more_is_a_start_unless_it_is_little_bet
     names = dict(zip(costs, map(PAPER.parse, costs), strict=True))
     fits = Fits(task, list(names.values()))
     fits.done.update({s: Fitted(s, {}, costs[name], size(s)) for name, s in names.items()})
-    gap, asked = names["two_mass+backlash"], Asked(fits)
-    for _ in range(2):
-        fits.anew([names["two_mass"], gap], 1, asked)
-        fits.done[gap] = replace(fits.done[gap], idle=("backlash",))
+    asked = Asked(fits)
+    for better in ("two_mass+backlash", "two_mass+viscous", None):
+        fits.anew([names["two_mass"], names["two_mass+coulomb"]], 1, asked)
+        if better:
+            fits.done[names[better]] = replace(fits.done[names[better]], idle=(better.split("+")[1],))
     begun = [[str(f.structure) for f in known] for *_, known in asked.calls]
-    lonely = ["two_mass+backlash"]
-    assert begun == [["two_mass", "two_mass+backlash"], lonely, ["two_mass", "two_mass+viscous"], lonely]
+    assert begun[::2] == [["two_mass", "two_mass+backlash"], ["two_mass", "two_mass+viscous"], ["two_mass"]]
+    assert begun[1::2] == 3 * [["two_mass+coulomb"]]
 
 
 def test_what_lacks_one_effect_of_a_lonely_leader_comes_after_it(task):

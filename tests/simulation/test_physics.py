@@ -389,32 +389,53 @@ def test_frozen_steps_give_jacobians(number):
     assert np.median(errors) <= 2e-3, dict(zip(names, errors, strict=True))
 
 
-@pytest.mark.parametrize("name", ["one_mass+coulomb+viscous+stribeck+delay", "three_mass+backlash+delay"])
+@pytest.mark.parametrize("name", ["one_mass+coulomb+viscous+stribeck+delay", "three_mass+backlash+gravity+delay"])
 @pytest.mark.parametrize("group", [1, 4])
-def test_what_is_no_number_is_lost_at_once_and_nothing_else_is(name, group):
-    """Without the dead time of its neighbours, which one such number took from all of a batch, and without a hang."""
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_what_is_no_number_is_lost_with_its_group_and_nothing_else_is(name, group, wrong):
+    """Once it took the dead time from all that were simulated with it, parted their channels, or never ended."""
     structure = PAPER.parse(name)
     rng = np.random.default_rng(5)
     drawn_sets = [random_values(structure.parameters, rng) for _ in range(12 // group)]
     good = {n: np.repeat([values[n] for values in drawn_sets], group) for n in structure.parameters}
-    u = TORQUE[:300]
+    u, bad = TORQUE[:300], np.arange(12) == 5
+    lost = np.arange(12) // group == 5 // group
 
-    def simulated(values):
-        s = assemble(structure, values, E.f_tanh)
-        x0, target = s.rest(u=u[0]), np.zeros((1, len(u)))
-        limits = {"spent": np.zeros(12), "most": np.full(12, np.inf)}
-        return response(s, u, DT, x0, SETTINGS, group=group), squares(s, u, DT, x0, SETTINGS, target, [1.0], **limits)
+    def simulated(system, x0):
+        target, limits = np.zeros((1, len(u))), {"spent": np.zeros(12), "most": np.full(12, np.inf)}
+        r = response(system, u, DT, x0, SETTINGS, group=group)
+        return r, squares(system, u, DT, x0, SETTINGS, target, [1.0], **limits)
 
-    whole, sums = simulated(good)
-    for wrong in structure.parameters:
-        spoilt = np.where(np.arange(12) == 5, np.nan, good[wrong])
-        r, less = simulated({**good, wrong: spoilt})
-        lost = np.arange(12) // group == 5 // group
-        np.testing.assert_array_equal(r.diverged == 0, lost, err_msg=wrong)
-        assert np.isnan(r.y[..., lost]).all(), wrong
-        np.testing.assert_array_equal(r.y[..., ~lost], whole.y[..., ~lost], err_msg=wrong)
-        np.testing.assert_array_equal(less, np.where(np.arange(12) == 5, np.inf, sums), err_msg=wrong)
-    assert np.isnan(simulated({**good, wrong: np.full(12, np.nan)})[0].y).all()
+    def only_bad_is_lost(system, x0, what):
+        r, less = simulated(system, x0)
+        np.testing.assert_array_equal(r.diverged == 0, lost, err_msg=what)
+        assert np.isnan(r.y[..., lost]).all(), what
+        np.testing.assert_array_equal(r.y[..., ~lost], known.y[..., ~lost], err_msg=what)
+        np.testing.assert_array_equal(less, np.where(bad, np.inf, sums), err_msg=what)
+
+    system = assemble(structure, good, E.f_tanh)
+    x0 = np.broadcast_to(system.rest(u=u[0]).reshape(len(system.states), -1), (len(system.states), 12))
+    known, sums = simulated(system, x0)
+    with np.errstate(invalid="ignore"):  # of infinite numbers on their way into matrices
+        for parameter, values in good.items():
+            if np.isnan(wrong) or parameter[0] != "J":  # an infinite mass stands still
+                spoilt = {**good, parameter: np.where(bad, wrong, values)}
+                only_bad_is_lost(assemble(structure, spoilt, E.f_tanh), x0, parameter)
+        only_bad_is_lost(system, np.where(bad, wrong, x0), "start")
+        every = assemble(structure, dict.fromkeys(good, np.full(12, wrong)), E.f_tanh)
+        assert np.isnan(simulated(every, x0)[0].y).all()
+
+
+@pytest.mark.parametrize("name", ["one_mass+viscous+delay", "two_mass+backlash+delay"])
+def test_rates_beyond_all_measure_end(name):
+    structure = PAPER.parse(name)
+    good = random_values(structure.parameters, np.random.default_rng(6))
+    sets = {n: np.array([v, 1e-18 * v if n == "J1" else v]) for n, v in good.items()}
+    sets |= {n: sets[n] * np.array([1.0, 1e12]) for n in ("f_v", "c1") if n in sets}
+    s, alone = assemble(structure, sets, E.f_tanh), assemble(structure, good, E.f_tanh)
+    y = response(s, TORQUE[:50], DT, s.rest(u=TORQUE[0]), SETTINGS).y
+    known = response(alone, TORQUE[:50], DT, alone.rest(u=TORQUE[0]), SETTINGS).y
+    np.testing.assert_array_equal(y[..., 0], known[..., 0])
 
 
 def test_a_system_that_leaves_the_numbers_is_reported_and_its_neighbour_is_not():

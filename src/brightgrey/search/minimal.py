@@ -33,15 +33,22 @@ def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], Non
         examined.add(structure)
         if progress is not None:
             progress(structure)
-        if _adequate(yardstick, structure):
+        if not _beaten(yardstick, structure, accepted) and _adequate(yardstick, structure):
             accepted.append(yardstick.bench.judge(structure))
     rejected = sorted(examined - {j.structure for j in accepted}, key=str)
     improved = [s for s in rejected if yardstick.bench.improve(s)]
     accepted += [yardstick.bench.judge(s) for s in improved if _adequate(yardstick, s)]
     for j in accepted:  # grows meanwhile
         accepted += [s for s in _without_loss(yardstick, j) if s.structure not in [a.structure for a in accepted]]
+    accepted = [j for j in accepted if not _beaten(yardstick, j.structure, accepted)]
     least = minimal([j.structure for j in accepted])
     return sorted((j for j in accepted if j.structure in least), key=yardstick.criterion)
+
+
+def _beaten(yardstick: Yardstick, structure: Structure, accepted: Sequence[Judged]) -> bool:
+    """Whether the best of those accepted fits significantly better, though it need not contain the structure."""
+    best = min(accepted, key=yardstick.left, default=None)
+    return best is not None and yardstick.better(best, yardstick.bench.judge(structure), len(yardstick.known))
 
 
 def _without_loss(yardstick: Yardstick, judged: Judged) -> list[Judged]:
@@ -62,27 +69,32 @@ def _next(
 ) -> Structure | None:
     """Structure that may be adequate by all that is known now and contains none of those accepted.
 
-    Of several the one with the least Bayesian information criterion, by the number of independent samples.
+    Of several the one with the least Bayesian information criterion, by the number of independent samples. Those come
+    last of which that is known only because the level of the search may be off by all that they leave.
     """
     rough = yardstick.doubt * (ROUGH / ACCURACY) ** 2
     cost = {s: max(yardstick.bench.cost(s), yardstick.doubt) + rough for s in yardstick.known}
     least = min(yardstick.known.values(), key=lambda f: (cost[f.structure], f.free))
 
-    def hopeful(f: Fitted) -> bool:
-        if yardstick.bench.cost(f.structure) <= rough:  # all of it may be the search's own error, or last digits
-            return True
+    def close(f: Fitted) -> bool:
         more = max(least.free - f.free, 1)
         reach = float(np.exp(2.0 * threshold(more, _RARE) / n))
         return cost[f.structure] <= max(_SLACK, reach) * cost[least.structure]
 
+    def doubtful(f: Fitted) -> bool:
+        return f.cost <= rough and f.structure not in yardstick.bench.judged
+
     left = [
         f
         for f in yardstick.known.values()
-        if f.structure not in examined and hopeful(f) and not any(contains(f.structure, j.structure) for j in accepted)
+        if f.structure not in examined
+        and (close(f) or doubtful(f))
+        and not any(contains(f.structure, j.structure) for j in accepted)
     ]
 
-    def promise(f: Fitted) -> tuple[float, int]:
-        return n * float(np.log(max(cost[f.structure], 1e-300))) + f.free * float(np.log(n)), f.free
+    def promise(f: Fitted) -> tuple[bool, float, int]:
+        information = n * float(np.log(max(cost[f.structure], 1e-300))) + f.free * float(np.log(n))
+        return not close(f), information, f.free
 
     return min(left, key=promise).structure if left else None
 

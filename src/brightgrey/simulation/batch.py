@@ -28,7 +28,7 @@ from brightgrey.simulation.start import start
 __all__ = ["Response", "parts_per_sample", "response", "squares"]
 
 Array = NDArray[np.float64]
-_LOST = 1e9  # states this many times larger than input, speed and start are no motion any more
+_LOST = 1e9  # states this many times larger than input and speed are no motion any more
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,8 @@ class Response:
     y : ndarray, shape (outputs, samples, K)
         In SI units. From the sample on at which a simulation diverged it is not a number.
     diverged : int ndarray, shape (K,)
-        First sample at which the state is not finite or beyond all measure, -1 if there is none. The first one for
-        all sets of a group if a number of the system or its start is not finite.
+        First sample at which the state is not finite or beyond all measure, -1 if there is none. Sample 0 for all sets
+        of a group if a number of one of its systems or starts is not finite.
     rejoined : int ndarray, shape (R, 2)
         Samples at which sets went on from the state of the set that leads their group, and which sets.
     """
@@ -189,7 +189,7 @@ def parts_per_sample(system: StateSpace, lowered: Lowered, dt: float, settings: 
     if not lowered.limited:
         return np.ones(lowered.A.shape[-1], np.int64)
     turns = turning_rate(system, lowered) * dt / tolerances(settings.level, limits=True).turn
-    steps = 2 ** np.ceil(np.log2(np.maximum(np.nan_to_num(turns, nan=1.0), 1.0)))
+    steps = 2 ** np.ceil(np.log2(np.maximum(np.nan_to_num(turns, nan=1.0, posinf=1.0), 1.0)))
     return np.asarray(np.minimum(steps, tolerances(settings.level).most).astype(np.int64))
 
 
@@ -231,7 +231,7 @@ def _simulate(
     )
     plants = fill(lowered, rows, pick)
     scale = settings.speed_scale
-    limit = _LOST * max(scale, float(np.abs(u).max()), float(np.abs(rows["x0"][:, sets]).max()))
+    limit = _LOST * max(scale, float(np.abs(u).max()))
     steps = shape.euler == 0
     numbers = np.array([dt, level.error * scale, level.change * scale, limit])
     y = aligned((shape.outputs, len(u), pick.size) if judge is None else pick.shape)

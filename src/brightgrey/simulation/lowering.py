@@ -137,7 +137,7 @@ def tabulate(lowered: Lowered, x0: Array) -> Rows:
 def is_sound(rows: Rows) -> NDArray[np.bool_]:
     """Whether a parameter set, shape (K,), has finite numbers throughout, but for limits that are infinitely far away.
 
-    Others must not go to the kernel: series that never converge would keep the lanes beside them waiting.
+    Others must not go to the kernel: series that cannot converge would keep the lanes beside them waiting.
     """
     limits = np.isnan(np.concatenate([rows["low"], rows["high"]])).any(axis=0)
     others = np.isfinite(np.concatenate([a for name, a in rows.items() if name not in ("low", "high")])).all(axis=0)
@@ -145,7 +145,10 @@ def is_sound(rows: Rows) -> NDArray[np.bool_]:
 
 
 def fill(lowered: Lowered, rows: Rows, pick: NDArray[np.int64]) -> Plants:
-    """Tables of the kernel for the parameter sets ``pick``, shape (batches, LANES)."""
+    """Tables of the kernel for the parameter sets ``pick``, shape (batches, LANES); incomplete batches repeat one.
+
+    Parameters stand in `rows` in the order of the elements, as `tabulate` puts them.
+    """
     laws = smooth_laws()
     first, turning, row = [], [-1] * len(lowered.G), 0
     for element, k in lowered.smooth:
