@@ -175,3 +175,13 @@ def test_alternatives_are_told_that_the_search_has_not_descended_to_the_end():
     assert 2.0 * trusted < cost < rough
     found = weigh(task, {**fitted, late: replace(fitted[late], values=values, cost=cost)})
     assert {str(j.structure) for j in found.minimal} == {"one_mass+delay", "one_mass+current_control"}
+
+
+def test_none_is_minimal_that_another_fits_much_better_than():
+    """Though neither contains the other: its lag, which its bound keeps, is what all that contain it have, too."""
+    values = {"J1": 0.02, "M_C": 0.5, "f_v": 1.97e-5, "M_G": 7.98e-5, "T_d": 1.89e-5, "M_S": 0.0124, "omega_S": 2.0}
+    task = task_of("one_mass+coulomb+viscous+stribeck+gravity+delay", values, reversing(), 0.0)
+    found = evidence(task, ("coulomb", "viscous", "stribeck", "gravity", "delay", "current_control"))
+    trusted = float(task.doubt(task.problem(found.minimal[0].structure).weights, ACCURACY).sum())
+    assert min(j.cost for j in found.minimal) < trusted
+    assert max(j.cost for j in found.minimal) < 1.02 * trusted
