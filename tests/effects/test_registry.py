@@ -55,6 +55,7 @@ def test_declaration_is_complete(effect):
     for parameter in effect.parameters:
         assert parameter.about.strip()
         assert len(parameter.dimension) == 3
+    assert sum(p.size for p in effect.parameters) == (effect.masses == 0)
     if effect.law is not None:
         # What a law reads is either a parameter of its effect or fixed upfront.
         assert set(effect.law.parameters) <= {*symbols, "f_tanh"}

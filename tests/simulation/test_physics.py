@@ -206,7 +206,7 @@ def test_gap_of_no_width_equals_no_backlash(number, seed):
 def test_an_effect_without_its_size_is_not_there(effect, number):
     """A hundred-millionth stands for nothing, where a lag of zero would be divided by."""
     without = PAPER.parse("two_mass+coulomb+viscous" if effect.name not in ("coulomb", "viscous") else "two_mass")
-    structure = PAPER.parse(f"{without}+{effect.name}")
+    structure = Structure.of([*without.names, effect.name])
     values = random_values(structure.parameters, np.random.default_rng(number))
     values |= {q.symbol: 1e-8 * values[q.symbol] for q in effect.parameters if q.size}
     s, rest = (assemble(a, {n: values[n] for n in a.parameters}, E.f_tanh) for a in (structure, without))
