@@ -11,8 +11,11 @@ from brightgrey.recordings import Recording, Signal
 from brightgrey.search import Identification
 from brightgrey.search.evidence import weigh
 from brightgrey.search.exhaustive import fit_all
+from brightgrey.search.fitting import Fitted
 from brightgrey.search.identification import ACCURACY, ROUGH
+from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import contains
+from brightgrey.search.work import pool
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 
@@ -105,6 +108,22 @@ def test_effects_that_cancel_are_not_called_needless():
     for effect, other in (("coulomb", "gravity"), ("gravity", "coulomb")):
         assert cards[effect].verdict == "not decidable"
         assert cards[effect].reason.endswith(f"if {other} was there, too")
+
+
+def test_a_held_effect_is_cancelled_by_another_beside_a_rattling_gap():
+    """Speed never turns, so that gravity makes up for Coulomb friction exactly; no small step there leads to it."""
+    values = {"J1": 0.005, "J2": 0.02, "c1": 150.0, "d1": 0.3, "M_C": 0.6, "M_G": 1.3, "alpha": 0.3}
+    t = DT * np.arange(700)
+    torque = 3.0 * np.sin(2.0 * np.pi * (1.0 + 3.0 * t) * t) * np.minimum(1.0, 20.0 * t)
+    task = task_of("two_mass+coulomb+gravity+backlash", values, torque, 0.2)
+    big, small = (PAPER.parse(name) for name in ("two_mass+coulomb+gravity+backlash", "two_mass+gravity+backlash"))
+    net = {name: value for name, value in values.items() if name != "M_C"} | {"M_G": 0.7}
+    with pool(None) as workers:
+        bench = Bench(task, {small: Fitted(small, net, np.inf, len(net))}, workers)
+        own = bench.judge(small)
+        held = bench.held(big, {**own.values, "M_C": 0.08}, {"M_C": 0.08}, own.cost)()
+    assert held.cost < 1.01 * own.cost
+    assert held.values["M_G"] == pytest.approx(0.78, rel=0.01)
 
 
 def test_masses_are_needed_cumulatively():

@@ -9,7 +9,7 @@ from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search import Identification
 from brightgrey.search.fitting import Fitted, Options, from_above
-from brightgrey.search.handing import handed_down, information
+from brightgrey.search.handing import exchanged, handed_down, information
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 
@@ -62,6 +62,17 @@ def test_speeds_of_friction_are_no_sizes():
     known = seen(values, {"J1": c, "M_C": a, "M_S": 0.5 * a, "omega_S": b})
     made_up = handed_down(values, known, larger, structure)[-1]
     assert made_up["M_C"] == pytest.approx(0.4)
+
+
+def test_sizes_of_one_unit_are_exchanged():
+    (structure,) = parse("two_mass+coulomb+viscous+gravity+backlash+current_control+delay")
+    values = {name: 10.0 + i for i, name in enumerate(structure.parameters)} | {"M_C": 0.5, "T_d": 0.25}
+    found = exchanged(values, structure, {"M_C": 0.5})
+    assert found == [{**values, "M_G": values["M_G"] + 0.5}, {**values, "M_G": values["M_G"] - 0.5}]
+    found = exchanged(values, structure, {"T_d": 0.25})
+    assert found == [{**values, "T_1": values["T_1"] + 0.25}, {**values, "T_1": values["T_1"] - 0.25}]
+    assert exchanged(values, structure, {"f_v": 1.0}) == []
+    assert exchanged(values, structure, {"alpha": 1.0, "J2": 1.0}) == []
 
 
 def test_friction_that_has_grown_with_gravity_is_found_without_it():

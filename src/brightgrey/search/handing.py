@@ -1,8 +1,8 @@
-"""What the optimum of a larger structure says to a smaller one."""
+"""What the optimum of one structure says to another."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.lattice import ladder_of
 
-__all__ = ["handed_down", "information", "two_ports"]
+__all__ = ["exchanged", "handed_down", "information", "two_ports"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
@@ -76,6 +76,24 @@ def _made_up(values: Values, known: Array, larger: Structure, structure: Structu
     change = np.linalg.lstsq(known[np.ix_(kept, kept)] / np.outer(seen, seen), push / seen, rcond=_SEEN)[0] / seen
     names = list(row)
     return {names[i]: float(value[i] + d) for i, d in zip(kept, change, strict=True)}
+
+
+def exchanged(values: Values, structure: Structure, held: Collection[str]) -> list[Values]:
+    """`values`, SI, with one other size each grown or shrunk by as much as is held of the same unit.
+
+    Coulomb friction cancels gravity exactly while the motion does not turn, and a lag is nearly a dead time. Where a
+    gap rattles, no derivative tells that: it holds for changes of a ten-thousandth only.
+    """
+    unit = {p.parameter(q.symbol): q.dimension for p in structure.placed for q in p.effect.parameters}
+    sizes = _sizes(structure)
+    return [
+        {**values, other: values[other] + sign * values[name]}
+        for name in sizes
+        if name in held
+        for other in sizes
+        if other not in held and unit[other] == unit[name]
+        for sign in (1.0, -1.0)
+    ]
 
 
 def _sizes(structure: Structure) -> list[str]:

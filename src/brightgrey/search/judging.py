@@ -13,7 +13,7 @@ from brightgrey.estimation.leastsquares import Descent, End, descend_many, evalu
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.handing import handed_down, information
+from brightgrey.search.handing import exchanged, handed_down, information
 from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import contains
 
@@ -62,24 +62,28 @@ def _starts(
 
 def _refit_from(task: Identification, structure: Structure, larger: Sequence[Mapping[str, float]], rival: float) -> End:
     """Descend from the best of some values of larger structures; to the end if it may lead below the cost `rival`."""
+    end = _descent_from_best(task, structure, larger, rival)
+    off = float(task.doubt(task.problem(structure).weights, ROUGH).sum())  # what this level may be off by
+    return last_descent(task, structure, end.values) if end.cost < _WORTH * rival + off else end
+
+
+def _refit_held(task: Identification, structure: Structure, some: Sequence[Mapping[str, float]], rival: float) -> End:
+    """Descend from the best of some values as long as that may lead to the cost `rival`; what is held is fixed."""
+    end = _descent_from_best(task, structure, some, rival)
+    return last_descent(task, structure, end.values) if end.cost < _NEAR * rival else end
+
+
+def _descent_from_best(
+    task: Identification, structure: Structure, some: Sequence[Mapping[str, float]], rival: float
+) -> End:
+    """Descend from the best of some values, as long as that may lead to the cost `rival`."""
     problem, space = task.posed(structure)
-    table = [[values.get(n, start) for n, start in zip(space.names, space.start, strict=True)] for values in larger]
+    table = [[values.get(n, start) for n, start in zip(space.names, space.start, strict=True)] for values in some]
     begins = np.clip(np.array(table).T, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
     begin = begins[:, [int(np.argmin(cost))]]
     (end,) = descend_many(problem, space, task.settings, begin, limit=30, tolerance=1e-4, rival=rival)
-    off = float(task.doubt(problem.weights, ROUGH).sum())  # what this level may be off by
-    return last_descent(task, structure, end.values) if end.cost < _WORTH * rival + off else end
-
-
-def _refit_held(task: Identification, structure: Structure, values: Mapping[str, float], rival: float) -> End:
-    """Descend from `values` as long as that may lead to the cost `rival`; what is held is fixed in `task`."""
-    space = task.space(structure, initial=True)
-    begin = np.array([values.get(name, start) for name, start in zip(space.names, space.start, strict=True)])
-    begin = np.clip(begin, space.low, space.high)
-    problem, begins = task.problem(structure), begin[:, None]
-    (end,) = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=rival)
-    return last_descent(task, structure, end.values) if end.cost < _NEAR * rival else end
+    return end
 
 
 def last_descent(task: Identification, structure: Structure, begin: Array) -> End:
@@ -158,10 +162,12 @@ class Bench:
     ) -> Callable[[], Judged]:
         """Refit from `values` with some of them held; what comes back waits for it, and nothing is kept.
 
-        Nothing is asked but whether the cost comes near `rival`.
+        Or from those with another size that makes up for those held. Nothing is asked but whether the cost comes near
+        `rival`.
         """
+        some = [values, *exchanged(values, structure, held)]
         task = replace(self.task, fixed={**self.task.fixed, **held})
-        end = self.executor.submit(_refit_held, task, structure, values, rival)
+        end = self.executor.submit(_refit_held, task, structure, some, rival)
         return lambda: _judged(task, structure, end.result())
 
     def cost(self, structure: Structure) -> float:
