@@ -173,7 +173,7 @@ def tracked_from_above(
 
 def _given(space: Search, structure: Structure, known: Sequence[Fitted]) -> list[Mapping[str, float]]:
     """Values of fits that say all that is searched for."""
-    handed = (v for f in known for v in handed_down(f.values, f.information, f.structure, structure))
+    handed = (v for f in known for v in handed_down(f.values, f.information, f.structure, structure, space))
     return [v for v in handed if set(space.names) <= set(v)]
 
 

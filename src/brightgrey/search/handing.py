@@ -6,7 +6,9 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
+from brightgrey.estimation.bounds import Search
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.lattice import ladder_of
 
@@ -14,7 +16,7 @@ __all__ = ["exchanged", "handed_down", "information", "two_ports"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
-_SEEN = 1e-9  # of the largest: directions in which less than that of the information lies are not followed
+_SEEN = 1e-6  # of the largest: derivatives are good to a thousandth, and what lies below its square is their error
 
 
 def two_ports(structure: Structure) -> bool:
@@ -32,7 +34,9 @@ def information(curvature: Array, pace: Array) -> Array:
     return np.divide(curvature, scale, out=np.zeros_like(curvature), where=scale > 0.0)
 
 
-def handed_down(values: Values, known: Array | None, larger: Structure, structure: Structure) -> list[Values]:
+def handed_down(
+    values: Values, known: Array | None, larger: Structure, structure: Structure, space: Search
+) -> list[Values]:
     """Values of a larger structure for a smaller one.
 
     What is not in it is left out; or its masses are joined if they are more; or other effects make up for it.
@@ -44,6 +48,8 @@ def handed_down(values: Values, known: Array | None, larger: Structure, structur
     known : ndarray, shape (P, P), optional
         The `information` of these P.
     larger, structure : Structure
+    space : Search
+        Of `structure`.
     """
     here, there = ladder_of(structure), ladder_of(larger)
     out = [values]
@@ -52,30 +58,43 @@ def handed_down(values: Values, known: Array | None, larger: Structure, structur
         joined = there.effect.fewer(present, structure.masses)
         out.append({**values, **{here.parameter(symbol): v for symbol, v in joined.items()}})
     if known is not None and np.isfinite(known).all():
-        made_up = _made_up(values, known, larger, structure)
+        made_up = _made_up(values, known, larger, space)
         out += [{**v, **made_up} for v in out] if made_up else []
     return out
 
 
-def _made_up(values: Values, known: Array, larger: Structure, structure: Structure) -> Values:
+def _made_up(values: Values, known: Array, larger: Structure, space: Search) -> Values:
     """Sizes of effects beside the masses that make up for those left out, as far as small changes tell.
 
     Coulomb friction may have grown with the gravity that it cancels as long as the motion does not turn, or a lag have
     taken its part of the dead time: descents from what is left would go elsewhere. The surgeon's step (Hassibi and
-    Stork 1993, eq. 5) with masses, springs and gaps held: they are not in doubt, and bent by it to no good.
+    Stork 1993, eq. 5) within the ranges, with masses, springs and gaps held: they are not in doubt, and bent by it to
+    no good.
     """
     row = {name: i for i, name in enumerate(list(values)[: len(known)])}
     sizes = [name for name in _sizes(larger) if name in row and known[row[name], row[name]] > 0.0]
-    kept = [row[name] for name in sizes if name in structure.parameters]
-    gone = [row[name] for name in sizes if name not in structure.parameters]
+    names = [name for name in sizes if name in space.names]
+    kept = [row[name] for name in names]
+    gone = [row[name] for name in sizes if name not in space.names]
     if not (kept and gone):
         return {}
     value = np.array([values[name] for name in row])
     seen = np.sqrt(np.diag(known)[kept])
-    push = known[np.ix_(kept, gone)] @ value[gone]
-    change = np.linalg.lstsq(known[np.ix_(kept, kept)] / np.outer(seen, seen), push / seen, rcond=_SEEN)[0] / seen
-    names = list(row)
-    return {names[i]: float(value[i] + d) for i, d in zip(kept, change, strict=True)}
+    push = known[np.ix_(kept, gone)] @ value[gone] / seen
+    own = [space.names.index(name) for name in names]
+    low, high = ((limit[own] - value[kept]) * seen for limit in (space.low, space.high))
+    step = _least(known[np.ix_(kept, kept)] / np.outer(seen, seen), push, np.minimum(low, 0.0), np.maximum(high, 0.0))
+    return dict(zip(names, (value[kept] + step / seen).tolist(), strict=True))
+
+
+def _least(H: Array, push: Array, low: Array, high: Array) -> Array:
+    """Where ``x' H x / 2 - push' x`` is least between `low` and `high`, shape (P,)."""
+    turning, V = np.linalg.eigh(H)
+    followed = turning > _SEEN * turning[-1]
+    root = np.sqrt(turning[followed])
+    A = root[:, None] * V[:, followed].T
+    found: Array = lsq_linear(A, V[:, followed].T @ push / root, (low, high), method="bvls").x
+    return found
 
 
 def exchanged(values: Values, structure: Structure, held: Collection[str]) -> list[Values]:

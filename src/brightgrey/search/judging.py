@@ -142,12 +142,12 @@ class Bench:
 
     def improve(self, structure: Structure) -> bool:
         """Refit from a larger structure that has meanwhile come to fit better; whether that has helped."""
-        own = self.judged[structure]
+        own, space = self.judged[structure], self.task.space(structure, initial=True)
         larger = [
             values
             for s, j in self.judged.items()
             if s != structure and contains(s, structure) and j.cost < _IMPROVED * own.cost
-            for values in handed_down(j.values, self._information(j), s, structure)
+            for values in handed_down(j.values, self._information(j), s, structure, space)
         ]
         if not larger:
             return False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 import numpy as np
 
@@ -23,8 +23,8 @@ _RARE = 1e-3
 
 def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], None] | None) -> list[Judged]:
     """Adequate structures that contain no other adequate one: hopeful ones first, until none is left to be examined."""
-    n = yardstick.independent
-    accepted: list[Judged] = []
+    n, bench = yardstick.independent, yardstick.bench
+    accepted: list[Structure] = []
     examined: set[Structure] = set()
     while len(examined) < _MOST or not accepted:
         structure = _next(yardstick, n, accepted, examined)
@@ -34,43 +34,49 @@ def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], Non
         if progress is not None:
             progress(structure)
         if not _beaten(yardstick, structure, accepted) and _adequate(yardstick, structure):
-            accepted.append(yardstick.bench.judge(structure))
-    rejected = sorted(examined - {j.structure for j in accepted}, key=str)
-    improved = [s for s in rejected if yardstick.bench.improve(s)]
-    accepted += [yardstick.bench.judge(s) for s in improved if _adequate(yardstick, s)]
-    for j in accepted:  # grows meanwhile
-        accepted += [s for s in _without_loss(yardstick, j) if s.structure not in [a.structure for a in accepted]]
-    accepted = [j for j in accepted if not _beaten(yardstick, j.structure, accepted)]
-    least = minimal([j.structure for j in accepted])
-    return sorted((j for j in accepted if j.structure in least), key=yardstick.criterion)
+            accepted = _unbeaten(yardstick, [*accepted, structure])  # what contains one beaten may be examined again
+    rejected = sorted(examined.difference(accepted), key=str)
+    improved = [s for s in rejected if bench.improve(s)]
+    accepted += [s for s in improved if _adequate(yardstick, s)]
+    for s in accepted:  # grows meanwhile
+        accepted += [small for small in _without_loss(yardstick, s) if small not in accepted]
+    least = minimal(_unbeaten(yardstick, accepted))
+    return sorted(map(bench.judge, least), key=yardstick.criterion)
 
 
-def _beaten(yardstick: Yardstick, structure: Structure, accepted: Sequence[Judged]) -> bool:
-    """Whether the best of those accepted fits significantly better, though it need not contain the structure."""
-    best = min(accepted, key=yardstick.left, default=None)
-    return best is not None and yardstick.better(best, yardstick.bench.judge(structure), len(yardstick.known))
+def _beaten(yardstick: Yardstick, structure: Structure, others: Iterable[Structure]) -> bool:
+    """Whether one of the others fits significantly better, though it need not contain the structure.
+
+    By more than chance would give the best of all known ones if they did: for others no distribution is known.
+    """
+    own, tests = yardstick.bench.judge(structure), len(yardstick.known)
+    return any(yardstick.better(yardstick.bench.judge(s), own, tests) for s in others if s != structure)
 
 
-def _without_loss(yardstick: Yardstick, judged: Judged) -> list[Judged]:
+def _unbeaten(yardstick: Yardstick, structures: Sequence[Structure]) -> list[Structure]:
+    return [s for s in structures if not _beaten(yardstick, s, structures)]
+
+
+def _without_loss(yardstick: Yardstick, structure: Structure) -> list[Structure]:
     """Adequate structures that lack one effect, or one mass, of an adequate one; they are refitted from there."""
-    found = []
-    smaller = simpler(judged.structure, yardstick.known)
-    yardstick.bench.judge_all(smaller)
+    found, bench = [], yardstick.bench
+    smaller = simpler(structure, yardstick.known)
+    bench.judge_all(smaller)
     for s in smaller:
-        yardstick.bench.improve(s)
+        bench.improve(s)
         tests = len(extensions(s, yardstick.known))  # a short cut: what follows compares these two as well
-        if not yardstick.better(judged, yardstick.bench.judge(s), tests) and _adequate(yardstick, s):
-            found.append(yardstick.bench.judge(s))
+        if not yardstick.better(bench.judge(structure), bench.judge(s), tests) and _adequate(yardstick, s):
+            found.append(s)
     return found
 
 
 def _next(
-    yardstick: Yardstick, n: float, accepted: Sequence[Judged], examined: Collection[Structure]
+    yardstick: Yardstick, n: float, accepted: Sequence[Structure], examined: Collection[Structure]
 ) -> Structure | None:
     """Structure that may be adequate by all that is known now and contains none of those accepted.
 
-    Of several the one with the least Bayesian information criterion, by the number of independent samples. Those come
-    last of which that is known only because the level of the search may be off by all that they leave.
+    Of several the one with the least Bayesian information criterion, by the number of independent samples. The level of
+    the search may be off by all that some leave: those come late.
     """
     rough = yardstick.doubt * (ROUGH / ACCURACY) ** 2
     cost = {s: max(yardstick.bench.cost(s), yardstick.doubt) + rough for s in yardstick.known}
@@ -82,19 +88,18 @@ def _next(
         return cost[f.structure] <= max(_SLACK, reach) * cost[least.structure]
 
     def doubtful(f: Fitted) -> bool:
-        return f.cost <= rough and f.structure not in yardstick.bench.judged
+        return f.cost <= rough
 
     left = [
         f
         for f in yardstick.known.values()
         if f.structure not in examined
         and (close(f) or doubtful(f))
-        and not any(contains(f.structure, j.structure) for j in accepted)
+        and not any(contains(f.structure, s) for s in accepted)
     ]
 
-    def promise(f: Fitted) -> tuple[bool, float, int]:
-        information = n * float(np.log(max(cost[f.structure], 1e-300))) + f.free * float(np.log(n))
-        return not close(f), information, f.free
+    def promise(f: Fitted) -> tuple[float, int]:
+        return n * float(np.log(max(cost[f.structure], 1e-300))) + f.free * float(np.log(n)), f.free
 
     return min(left, key=promise).structure if left else None
 

@@ -12,7 +12,7 @@ from brightgrey.simulation.taylor import expand, mode_columns, value_at
 __all__ = ["kinks"]
 
 
-_MOST = 100_000  # series in less than a tick: beyond, a rate is no drive's but a wrong unit's
+_MOST = 10_000  # series in less than a tick: beyond, a rate is no drive's but a wrong unit's
 _KEPT = 3  # beginnings of a tick that are kept: spans end at thirds of it
 
 

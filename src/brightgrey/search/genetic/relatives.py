@@ -125,7 +125,7 @@ class Relatives:
         end = last_descent(self._accurate, fitted.structure, begin)
         values = {**fitted.values, **dict(zip(space.names, end.values.tolist(), strict=True))}
         spent = self._accurate.problem(fitted.structure).spent(end.simulations)
-        return replace(fitted, values=values, cost=end.cost, spent=spent)
+        return replace(fitted, values=values, cost=end.cost, spent=spent, information=None)
 
     def _misfit(self, task: Identification, fitted: Fitted) -> Misfit:
         space = task.space(fitted.structure, initial=True)

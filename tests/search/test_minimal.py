@@ -1,0 +1,131 @@
+"""Which structures are minimal, by costs made by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from brightgrey.kit import PAPER
+from brightgrey.search.comparison import Judged
+from brightgrey.search.fitting import Fitted
+from brightgrey.search.judging import Bench
+from brightgrey.search.lattice import contains, size
+from brightgrey.search.minimal import minimal_structures
+from brightgrey.search.yardstick import Yardstick
+
+ALL = list(PAPER.structures())
+SAMPLES = 1200
+NOISE = 1000.0  # sum of squares
+
+
+class Known(Bench):
+    """Costs of refits are known, and those that a second one from the optimum of a larger structure brings."""
+
+    def __init__(self, costs, fitted, second):
+        super().__init__(None, fitted, None)
+        self.costs, self.second = costs, second
+
+    def made(self, structure, cost):
+        return Judged(structure, {}, SimpleNamespace(cost=cost), size(structure), ())
+
+    def judge_all(self, structures):
+        for s in structures:
+            self.judged.setdefault(s, self.made(s, self.costs[s]))
+        return [self.judged[s] for s in structures]
+
+    def improve(self, structure):
+        own = self.judged[structure].cost
+        larger = [j for s, j in self.judged.items() if s != structure and contains(s, structure) and j.cost < own]
+        if larger and structure in self.second:
+            self.judged[structure] = self.made(structure, self.second[structure])
+        return bool(larger) and self.judged[structure].cost < own
+
+
+class Costs(Yardstick):
+    """Yardstick of residuals that are white, so that their sums of squares are all there is to compare."""
+
+    def __init__(self, costs, *, fast=None, second=(), doubt=0.0, white=()):
+        fitted = {s: Fitted(s, {}, (fast or costs)[s], size(s)) for s in ALL}
+        second = {PAPER.parse(name): cost for name, cost in dict(second).items()}
+        super().__init__(Known(costs, fitted, second), SimpleNamespace(samples=SAMPLES), fitted)
+        self.trust, self.white = doubt, {PAPER.parse(name): cost for name, cost in dict(white).items()}
+
+    @property
+    def doubt(self):
+        return self.trust
+
+    @property
+    def independent(self):
+        return 300.0
+
+    def left(self, judged):
+        return max(judged.cost, self.trust)
+
+    def misfit(self, judged):
+        return self.white.get(judged.structure, self.left(judged))
+
+    def minimal(self):
+        examined = []
+        return [str(j.structure) for j in minimal_structures(self, examined.append)], examined
+
+
+def costs(least, otherwise):
+    """The least cost of what a structure contains, by name."""
+    return {s: min([c for name, c in least.items() if contains(s, PAPER.parse(name))], default=otherwise) for s in ALL}
+
+
+def ratio(by):
+    """Sum of squares whose twice the log-likelihood ratio over the noise's is `by`."""
+    return NOISE * float(np.exp(by / SAMPLES))
+
+
+def test_nothing_that_contains_it_nor_another_fits_better():
+    least = {"one_mass+coulomb": NOISE, "one_mass+viscous+delay": 0.995 * NOISE}
+    found, _ = Costs(costs(least, 5.0 * NOISE)).minimal()
+    assert sorted(found) == sorted(least)
+
+
+def test_what_contains_a_beaten_structure_may_be_minimal():
+    """Another one drives it out, but not what has one effect more."""
+    least = {"one_mass+coulomb": ratio(0.0), "one_mass+coulomb+gravity": ratio(-8.0)}
+    least["one_mass+viscous+delay"] = ratio(-19.0)
+    found, _ = Costs(costs(least, ratio(100.0))).minimal()
+    assert sorted(found) == ["one_mass+coulomb+gravity", "one_mass+viscous+delay"]
+
+
+def test_every_accepted_structure_is_a_rival_not_only_the_best():
+    """What is left of one is less, but of another it is whiter."""
+    white = {"one_mass+coulomb": 1.0, "one_mass+viscous": 0.6, "one_mass+gravity": 1.0}
+    rms = {"one_mass+coulomb": 1.0, "one_mass+viscous": 1.015, "one_mass+gravity": 1.03}
+    yardstick = Costs(
+        {s: NOISE * rms.get(str(s), 1.5) for s in ALL}, white={str(s): NOISE * white.get(str(s), 1.5) for s in ALL}
+    )
+    found, _ = yardstick.minimal()
+    assert sorted(found) == ["one_mass+coulomb", "one_mass+viscous"]
+
+
+def test_what_was_refitted_on_the_way_is_looked_at_all_the_same():
+    """Its refit has ended too high, and what has one effect more would pull it down; the search knew it no better."""
+    least = {"one_mass+current_control": 0.9, "one_mass+coulomb": 2.6}
+    yardstick = Costs(costs(least, 5.0), fast=dict.fromkeys(ALL, 5.0), second={"one_mass+coulomb": 0.9}, doubt=1.0)
+    found, examined = yardstick.minimal()
+    assert sorted(found) == sorted(least)
+    assert str(examined[0]) == "one_mass"
+
+
+def test_what_only_the_search_s_error_speaks_for_comes_last():
+    truth = PAPER.parse("one_mass+coulomb")
+    known = {s: 1.0 if contains(s, truth) else 5.0 for s in ALL}
+    found, examined = Costs(known, doubt=1.0).minimal()
+    assert found == ["one_mass+coulomb"]
+    assert examined[0] == truth
+    assert len(examined) > 1
+
+
+def test_the_better_refit_counts():
+    """One that another accepted structure has led to meanwhile."""
+    least = {"one_mass+coulomb": 1.005 * NOISE, "one_mass+coulomb+gravity": NOISE}
+    yardstick = Costs(costs(least, 5.0 * NOISE), second={"one_mass+coulomb": 1.001 * NOISE})
+    (found,) = minimal_structures(yardstick, None)
+    assert str(found.structure) == "one_mass+coulomb"
+    assert found.cost == pytest.approx(yardstick.bench.judged[found.structure].cost)
