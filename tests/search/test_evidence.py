@@ -80,6 +80,12 @@ def test_cards_carry_what_they_rest_on(friction):
             assert 0.0 <= card.gain < 0.01
 
 
+def test_cards_say_what_would_have_shown(friction):
+    reasons = {c.effect: c.reason for c in friction.cards}
+    assert reasons["gravity"].startswith("M_G of 0.03 N m would have shown, but it explains ")
+    assert reasons["delay"].startswith("T_d of 0.0004 s would have shown, but it explains ")
+
+
 def test_the_best_criterion_is_that_of_a_minimal_structure(friction):
     best = min(friction.criterion, key=lambda s: friction.criterion[s])
     assert contains(best, friction.minimal[0].structure)
@@ -108,6 +114,7 @@ def test_effects_that_cancel_are_not_called_needless():
     for effect, other in (("coulomb", "gravity"), ("gravity", "coulomb")):
         assert cards[effect].verdict == "not decidable"
         assert cards[effect].reason.endswith(f"if {other} was there, too")
+        assert "at a size that matters (M_" in cards[effect].reason
 
 
 def test_a_held_effect_is_cancelled_by_another_beside_a_rattling_gap():

@@ -154,7 +154,8 @@ def _card(yardstick: Yardstick, effect: str, found: Sequence[Structure], optiona
         reason = f"{having[0]} and {others} fit equally well" + (f"; {late}" if late else "")
         return Card(effect, "not decidable", loss, gain, reason)
     if effect not in optional:
-        text = f"it would have shown, but explains {100.0 * (gain or 0.0):.2g} %"
+        size = _least(yardstick, best, effect) or "it"
+        text = f"{size} would have shown, but it explains {100.0 * (gain or 0.0):.2g} %"
         return Card(effect, "not needed", loss, gain, text)
     return Card(effect, "not decidable", loss, gain, _why_optional(yardstick, effect, found))
 
@@ -182,8 +183,25 @@ def _why_optional(yardstick: Yardstick, effect: str, found: Sequence[Structure])
         change = yardstick.change(structure, effect)
         veil = None if change is None else yardstick.veil(structure, effect, change)
         if veil is not None:
-            return f"at a size that matters this recording would not have shown it if {veil} was there, too"
-    return "at a size that matters this recording would not have shown it"
+            return f"{_unseen(yardstick, structure, effect)} if {veil} was there, too"
+    return _unseen(yardstick, found[0], effect)
+
+
+def _unseen(yardstick: Yardstick, structure: Structure, effect: str) -> str:
+    least = _least(yardstick, structure, effect)
+    return f"at a size that matters{f' ({least})' if least else ''} this recording would not have shown it"
+
+
+def _least(yardstick: Yardstick, structure: Structure, effect: str) -> str | None:
+    """The least size of `effect` that matters beside `structure`; None if no single number says it."""
+    placed = Placed.parse(effect)
+    least = yardstick.least(yardstick.bench.judge(structure), effect)
+    for parameter in placed.effect.parameters:
+        name = placed.parameter(parameter.symbol)
+        if parameter.size and name in least:
+            unit, factor = yardstick.bench.task.recordings[0].units.of(parameter.dimension)
+            return f"{name} of {factor * least[name]:.2g} {unit}"
+    return None
 
 
 def _sampling(yardstick: Yardstick, structure: Structure, effect: str) -> str | None:
