@@ -193,7 +193,9 @@ def _unseen(yardstick: Yardstick, structure: Structure, effect: str) -> str:
 
 
 def _least(yardstick: Yardstick, structure: Structure, effect: str) -> str | None:
-    """The least size of `effect` that matters beside `structure`; None if no single number says it."""
+    """The least size of `effect` that matters beside `structure`; None if no single number does, or none is known."""
+    if yardstick.with_effect(structure, effect) is None:
+        return None
     placed = Placed.parse(effect)
     least = yardstick.least(yardstick.bench.judge(structure), effect)
     for parameter in placed.effect.parameters:
