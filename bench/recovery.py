@@ -2,12 +2,13 @@
 
     python bench/recovery.py run 0 50 --noise 0.01 --out recovery.jsonl    drives 0 to 49, added to the file
     python bench/recovery.py run 0 50 --noise 0.01 --masses 2 --without backlash delay
-    python bench/recovery.py table recovery.jsonl
+    python bench/recovery.py table --out recovery.jsonl
 
 A drive is known by its number: true structure (of the candidates), values over wide ranges
 (`brightgrey.excitation.plants`), motion (reversing, chirp, multisine, in turn), colour of the noise, encoder
 or not. Data come from the reference solver. `--noise` is the standard deviation over the peak speed. `run` skips what
-the file already holds. Held-out error is that on another motion of the same drive with the same noise. An effect
+the file already holds, so that several may add to one file; rows that docs/results.md tells of are kept in
+bench/recovery-18.jsonl. Held-out error is that on another motion of the same drive with the same noise. An effect
 matters if removing it from the true structure and fitting anew raises that error by more than 5 % (noise counts as
 at least 1e-4 of the standard deviation, or nothing but rounding would be left to compare with).
 """
@@ -16,9 +17,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import subprocess
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +35,7 @@ from brightgrey.excitation.plants import random_values
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording, Signal
 from brightgrey.runs.blas import settle
-from brightgrey.search.evidence import Evidence, weigh
+from brightgrey.search.evidence import Evidence, has, weigh
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.identification import Identification
@@ -45,6 +48,7 @@ Array = NDArray[np.float64]
 MOTIONS = ("reversing", "chirp", "multisine")
 POLE = 0.9  # of the coloured noise
 MATTERS = 1.05
+REACHED = 1.02  # times the RSS at the true values
 FLOOR = 1e-4
 
 
@@ -201,6 +205,7 @@ def row(
     exact = {name: np.array([value]) for name, value in drive.values.items()}
     exact |= {part.name: np.clip([0.0], part.low, part.high) for part in problem.unknown}
     return {
+        "code": revision(),
         "seed": drive.seed,
         "number": drive.number,
         "noise": noise,
@@ -221,60 +226,105 @@ def row(
     }
 
 
-def has(truth: Structure, effect: str) -> bool:
-    """Whether the truth has the effect, or at least so many masses."""
-    least = {"two_mass": 2, "three_mass": 3, "four_mass": 4}.get(effect)
-    return truth.masses >= least if least else effect in truth.names
+@cache
+def revision() -> str:
+    """Of the code that made a row."""
+    asked = ["git", "describe", "--always", "--dirty"]
+    return subprocess.run(asked, cwd=Path(__file__).parent, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def marks(r: Mapping) -> list[str]:
+    """What is wrong with a row."""
+    truth = PAPER.parse(r["truth"])
+    wrong = [e for e, v in r["verdicts"].items() if v == "needed" and not has(truth, e)]
+    lost = [e for e, v in r["verdicts"].items() if v == "not needed" and r["matters"].get(e, 0.0) > MATTERS]
+    missed = [] if r["covered"] else ["LACKS WHAT DOES NOT MATTER" if covered_but_for_trifles(r) else "NOT COVERED"]
+    return missed + [f"NEEDED BUT ABSENT {e}" for e in wrong] + [f"NOT NEEDED BUT MATTERS {e}" for e in lost]
 
 
 def line(r: Mapping) -> str:
     """One drive in words."""
-    truth = PAPER.parse(r["truth"])
-    wrong = [e for e, v in r["verdicts"].items() if v == "needed" and not has(truth, e)]
-    lost = [e for e, v in r["verdicts"].items() if v == "not needed" and r["matters"].get(e, 0.0) > MATTERS]
-    marks = ["" if r["covered"] else "NOT COVERED"]
-    marks += [f"NEEDED BUT ABSENT {e}" for e in wrong] + [f"NOT NEEDED BUT MATTERS {e}" for e in lost]
     kind = f"{r['motion']}{' coloured' if r['pole'] else ''}{' encoder' if r['encoder'] else ''}"
     return (
         f"{r['number']:4d} {r['noise']:5g} {r['truth']} ({kind}) {r['seconds']} s, reached {r['reached']:.4g}:"
-        f" {len(r['minimal'])} minimal, first {r['first']['evidence']} {' '.join(m for m in marks if m)}"
+        f" {len(r['minimal'])} minimal, first {r['first']['evidence']} {', '.join(marks(r))}"
     )
 
 
-def rate(hits: Sequence[bool]) -> str:
+def rate(hits: Sequence[bool], digits: int = 0) -> str:
     """Share with Wilson's 95 % interval."""
     if not hits:
         return "none"
     low, high = wilson(sum(hits), len(hits))
-    return f"{sum(hits)} of {len(hits)} = {100 * sum(hits) / len(hits):.1f} % ({100 * low:.1f} to {100 * high:.1f} %)"
+    return f"{sum(hits)} of {len(hits)} ({100 * low:.{digits}f} to {100 * high:.{digits}f} %)"
 
 
 def table(rows: Sequence[Mapping]) -> None:
-    """Print everything that was collected."""
-    for noise in sorted({r["noise"] for r in rows}):
-        some = [r for r in rows if r["noise"] == noise]
-        print(f"\nnoise {100 * noise:g} %, {len(some)} drives, {some[0]['candidates']} candidates")
-        print(f"  some minimal in truth in that and optional: {rate([r['covered'] for r in some])}")
-        print(f"  ... what does not matter left out of the truth: {rate([covered_but_for_trifles(r) for r in some])}")
-        sizes = [len(r["minimal"]) for r in some]
-        print(f"  minimal structures: median {np.median(sizes):g}, most {max(sizes)}")
-        print(f"  optimum of the truth reached (RSS at most 1.02 of that at its values): "
-              f"{rate([r['reached'] <= 1.02 for r in some])}")  # fmt: skip
-        needed, lost = by_effect(some, "needed"), by_effect(some, "not needed")
-        print(f"  effects called needed that are there: {rate([h for hits in needed.values() for h in hits])}")
-        print(f"  effects that matter called not needed: {rate([h for hits in lost.values() for h in hits])}")
-        for name in some[0]["first"]:
-            truth = rate([r["first"][name] == "truth" for r in some])
-            either = rate([r["first"][name] != "other" for r in some])
-            print(f"  {name:18s} truth first {truth}, or its visible part {either}")
-        print(
-            "  effect            called needed: there | there: needed, not decidable, not needed | matters: not needed"
+    """Print everything that was collected, in Markdown, and every row with something wrong."""
+    drives = len({(r["seed"], r["number"]) for r in rows})
+    gaps = sum(has(PAPER.parse(r["truth"]), "backlash") for r in rows)
+    print(f"{len(rows)} rows of {drives} drives, {gaps} rows with a gap")
+    if not rows:
+        return
+    levels = sorted({r["noise"] for r in rows})
+    columns = {f"{100 * noise:g} %": [r for r in rows if r["noise"] == noise] for noise in levels} | {"all": rows}
+    asked: dict[str, Callable[[Sequence[Mapping]], str]] = {
+        "a minimal structure ⊆ truth ⊆ it ∪ optional": lambda some: rate([r["covered"] for r in some], 1),
+        "... or all it lacks does not matter": lambda some: rate([covered_but_for_trifles(r) for r in some], 1),
+        "minimal structures, median (most)": lambda some: sizes([len(r["minimal"]) for r in some]),
+        "optimum of the truth reached": lambda some: rate([r["reached"] <= REACHED for r in some]),
+        "effects called *needed* that are there": lambda some: rate(flat(by_effect(some, "needed")), 1),
+        "effects that matter called *not needed*": lambda some: rate(flat(by_effect(some, "not needed")), 1),
+        "truth first by evidence": lambda some: rate([r["first"]["evidence"] == "truth" for r in some]),
+    }
+    for name in reversed(rows[0]["first"]):
+        asked[f"truth or its visible part first by {name}"] = lambda some, name=name: rate(
+            [r["first"][name] != "other" for r in some]
         )
-        for effect in some[0]["verdicts"]:
-            there = [r["verdicts"].get(effect) for r in some if has(PAPER.parse(r["truth"]), effect)]
-            counts = ", ".join(str(there.count(v)) for v in ("needed", "not decidable", "not needed"))
-            here, gone = needed.get(effect, []), lost.get(effect, [])
-            print(f"  {effect:18s} {sum(here)} of {len(here)} | {counts} | {sum(gone)} of {len(gone)}")
+    print_table("", columns, {what: [cell(some) for some in columns.values()] for what, cell in asked.items()})
+    effects = list(rows[0]["verdicts"])
+    for title, hits in (
+        ("called *needed*: is there", lambda some: by_effect(some, "needed")),
+        ("is there: called *needed*", recalled),
+        ("matters: called *not needed*", lambda some: by_effect(some, "not needed")),
+    ):
+        found = [hits(some) for some in columns.values()]
+        print_table(title, columns, {f"`{e}`": [rate(one.get(e, [])) for one in found] for e in effects})
+    seconds = [sum(r["seconds"]) for r in rows]
+    mean, median = np.mean(seconds), np.median(seconds)
+    print(f"\nCPU seconds of a row: mean {mean:.0f}, median {median:.0f}, most {max(seconds):.0f}\n")
+    for r in filter(marks, rows):
+        print(line(r))
+
+
+def print_table(title: str, columns: Collection[str], rows: Mapping[str, Sequence[str]]) -> None:
+    """Print a Markdown table."""
+    print(f"\n{title}\n" if title else "")
+    print(f"| | {' | '.join(columns)} |")
+    print("|" + "---|" * (1 + len(columns)))
+    for name, cells in rows.items():
+        print(f"| {' | '.join((name, *cells))} |")
+
+
+def flat(hits: Mapping[str, Sequence[bool]]) -> list[bool]:
+    """Of all effects together."""
+    return [h for some in hits.values() for h in some]
+
+
+def sizes(counts: Sequence[int]) -> str:
+    """Median and largest."""
+    return f"{np.median(counts):g} ({max(counts)})"
+
+
+def recalled(rows: Sequence[Mapping]) -> dict[str, list[bool]]:
+    """Of effects that are there: whether each is called needed."""
+    found: dict[str, list[bool]] = {}
+    for r in rows:
+        truth = PAPER.parse(r["truth"])
+        for effect, verdict in r["verdicts"].items():
+            if has(truth, effect):
+                found.setdefault(effect, []).append(verdict == "needed")
+    return found
 
 
 def covered_but_for_trifles(r: Mapping) -> bool:
