@@ -82,8 +82,32 @@ def test_cards_carry_what_they_rest_on(friction):
 
 def test_cards_say_what_would_have_shown(friction):
     reasons = {c.effect: c.reason for c in friction.cards}
-    assert reasons["gravity"].startswith("M_G of 0.03 N m would have shown, but it explains ")
+    assert reasons["gravity"].startswith("M_G of ±0.03 N m would have shown, but it explains ")
     assert reasons["delay"].startswith("T_d of 0.0004 s would have shown, but it explains ")
+
+
+def test_all_numbers_of_a_size_are_told_in_the_recording_s_units():
+    """Stribeck friction is held with its width: a narrower one need not have shown."""
+    values = {"J1": 20.0, "M_C": 500.0, "f_v": 30.0}
+    task = task_of("one_mass+coulomb+viscous", values, 1000.0 * reversing(), 0.1)
+    (recording,) = task.recordings
+    axis = replace(
+        recording, input=Signal("u", "input", "N"), outputs=(Signal("v", "velocity", "mm/s"),), y=1e-3 * recording.y
+    )
+    known = scales(axis)
+    task = Identification((axis,), known, Settings(f_tanh=1e3 * F_TANH, speed_scale=known.speed, level="fast"))
+    reasons = {c.effect: c.reason for c in evidence(task, ("coulomb", "viscous", "stribeck")).cards}
+    assert f"M_S of 30 N at omega_S of {50.0 * known.speed:.2g} mm/s" in reasons["stribeck"]
+
+
+def test_what_all_structures_have_is_no_question():
+    """Of what is required nothing is known: no structure without it was tried."""
+    values = {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
+    task = task_of("one_mass+coulomb+viscous", values, reversing(), 0.1)
+    required = [s for s in structures(("coulomb", "viscous", "gravity")) if "gravity" in s.names]
+    found = weigh(task, fit_all(task, required))
+    assert {c.effect: c.verdict for c in found.cards} == {"coulomb": "needed", "viscous": "needed"}
+    assert weigh(task, fit_all(task, required[:1])).cards == ()
 
 
 def test_the_best_criterion_is_that_of_a_minimal_structure(friction):
@@ -104,10 +128,12 @@ def test_constant_torque_is_coulomb_friction_if_speed_never_turns():
     assert verdicts["stribeck"] == "not decidable"
 
 
-def test_effects_that_cancel_are_not_called_needless():
+@pytest.mark.parametrize("noise", [0.1, 0.03])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_effects_that_cancel_are_not_called_needless(way, noise):
     """A load helps by as much as Coulomb friction brakes: neither shows where speed never turns, and both are there."""
-    values = {"J1": 0.02, "M_C": 0.4, "f_v": 0.03, "M_G": 0.4}
-    task = task_of("one_mass+coulomb+viscous+gravity", values, one_way(), 0.1, begin=200)
+    values = {"J1": 0.02, "M_C": 0.4, "f_v": 0.03, "M_G": 0.4 * way}
+    task = task_of("one_mass+coulomb+viscous+gravity", values, way * one_way(), noise, begin=200)
     found = evidence(task, ("coulomb", "viscous", "gravity"))
     assert [str(j.structure) for j in found.minimal] == ["one_mass+viscous"]
     cards = {c.effect: c for c in found.cards}

@@ -1,6 +1,7 @@
 """Optima that larger structures hand down."""
 
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -108,6 +109,17 @@ def test_what_makes_up_stays_within_its_range_and_others_take_the_rest():
     assert made_up["f_v"] == pytest.approx(wanted)
 
 
+def test_what_has_no_range_stays_where_it_is():
+    larger, structure = parse("one_mass+coulomb+viscous+gravity", "one_mass+coulomb+viscous")
+    values = {"J1": 0.02, "M_C": 0.5, "f_v": 0.1, "M_G": 0.5}
+    a, b, c = np.random.default_rng(5).normal(size=(3, 50))
+    columns = {"J1": c, "M_C": a, "f_v": b, "M_G": a + 0.2 * b}
+    space = wide(structure, M_C=(0.5, 0.5))
+    made_up = handed_down(values, seen(values, columns), larger, structure, space)[-1]
+    assert made_up["M_C"] == 0.5
+    assert made_up["f_v"] == pytest.approx(0.1 + 0.5 * (0.2 + (a @ b) / (b @ b)))
+
+
 def test_derivatives_that_hardly_differ_move_nothing_far():
     """They are good to a thousandth or so: what lies below is their error."""
     larger, structure = parse("one_mass+coulomb+viscous+gravity", "one_mass+coulomb+viscous")
@@ -167,6 +179,20 @@ def test_a_refit_takes_what_a_larger_structure_s_friction_has_made_up_for(fricti
     ((_, _, begins, _),) = noted.calls
     assert [values["M_C"] for values in begins] == pytest.approx([1.6, 0.3], rel=0.02)
     assert bench.judged[structure].values == pytest.approx({"J1": 0.02, "M_C": 0.3}, rel=0.02)
+
+
+def test_no_refit_is_made_twice(friction):
+    """It would end where it has ended."""
+    task, _ = friction
+    larger, structure = parse("one_mass+coulomb+viscous", "one_mass+coulomb")
+    noted = Noted()
+    bench = Bench(task, {}, noted)
+    least, found = bench.judge(structure).cost, bench.judge(larger)
+    noted.calls.clear()
+    for cost, calls in ((0.5 * least, 1), (0.5 * least, 1), (0.4 * least, 2)):
+        bench.judged[larger] = replace(found, descent=found.descent._replace(cost=cost))
+        assert not bench.improve(structure)
+        assert len(noted.calls) == calls
 
 
 def test_sizes_of_one_unit_are_exchanged():

@@ -117,18 +117,18 @@ def _weigh(yardstick: Yardstick, progress: Callable[[Structure], None] | None) -
         s: {e: answer() and yardstick.gain(s, e) <= _NOTABLE and not yardstick.tells(s, e) for e, answer in of.items()}
         for s, of in asked.items()
     }
-    optional = tuple(e for e in effects if any(not of.get(e, True) for of in shown.values()))
-    cards = tuple(_card(yardstick, e, structures, optional) for e in effects)
+    unseen = {e: [s for s in structures if not shown[s].get(e, True)] for e in effects}
+    optional = tuple(e for e in effects if unseen[e])
+    cards = tuple(_card(yardstick, e, structures, unseen[e]) for e in effects)
     judged = dict(yardstick.bench.judged)
     criterion = {s: yardstick.criterion(j) for s, j in judged.items()}
     return Evidence(tuple(found), optional, cards, judged, criterion, yardstick.independent)
 
 
 def _all_effects(structures: Collection[Structure]) -> list[str]:
-    """All placed effects by name, in their order; the smallest ladder is no question."""
-    least = min(s.masses for s in structures)
-    placed = {p for s in structures for p in s.placed if not (p.effect.masses and p.effect.masses <= least)}
-    return [str(p) for p in sorted(placed, key=lambda p: (p.effect.number, p.name, p.place))]
+    """All placed effects by name, in their order; what all structures have is no question."""
+    placed = sorted({p for s in structures for p in s.placed}, key=lambda p: (p.effect.number, p.name, p.place))
+    return [e for e in map(str, placed) if not all(has(s, e) for s in structures)]
 
 
 def has(structure: Structure, effect: str) -> bool:
@@ -137,8 +137,11 @@ def has(structure: Structure, effect: str) -> bool:
     return ladder_of(structure).effect.masses >= masses if masses else effect in structure.names
 
 
-def _card(yardstick: Yardstick, effect: str, found: Sequence[Structure], optional: Collection[str]) -> Card:
-    """Evidence for one effect, with the refits that it rests on; `found` are the minimal structures."""
+def _card(yardstick: Yardstick, effect: str, found: Sequence[Structure], unseen: Sequence[Structure]) -> Card:
+    """Evidence for one effect, with the refits that it rests on.
+
+    `found` are the minimal structures; beside those `unseen` the effect would not have shown.
+    """
     having = [s for s in found if has(s, effect)]
     best = found[0]
     loss = yardstick.loss(best, effect) if has(best, effect) else None
@@ -153,11 +156,10 @@ def _card(yardstick: Yardstick, effect: str, found: Sequence[Structure], optiona
         late = _sampling(yardstick, having[0], effect)
         reason = f"{having[0]} and {others} fit equally well" + (f"; {late}" if late else "")
         return Card(effect, "not decidable", loss, gain, reason)
-    if effect not in optional:
-        size = _least(yardstick, best, effect) or "it"
-        text = f"{size} would have shown, but it explains {100.0 * (gain or 0.0):.2g} %"
-        return Card(effect, "not needed", loss, gain, text)
-    return Card(effect, "not decidable", loss, gain, _why_optional(yardstick, effect, found))
+    if unseen:
+        return Card(effect, "not decidable", loss, gain, _why_optional(yardstick, effect, unseen))
+    text = f"{_largest(yardstick, effect, found)} would have shown, but it explains {_number(100.0 * (gain or 0.0))} %"
+    return Card(effect, "not needed", loss, gain, text)
 
 
 def _why_needed(loss: float | None) -> str:
@@ -168,42 +170,56 @@ def _why_needed(loss: float | None) -> str:
     return "without it the residual is as large, but other effects would explain part of that"
 
 
-def _why_optional(yardstick: Yardstick, effect: str, found: Sequence[Structure]) -> str:
-    """Why an effect that is in none of the structures `found` cannot be called needless."""
-    most = max(yardstick.gain(s, effect) for s in found)
+def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]) -> str:
+    """Why an effect that is in no minimal structure cannot be called needless beside those `unseen`."""
+    most = max(yardstick.gain(s, effect) for s in unseen)
     if most > _NOTABLE:
-        return f"it explains {100.0 * most:.2g} % of the residual, which may be chance with residuals as slow as these"
-    if any(yardstick.tells(s, effect) for s in found):
-        if all(yardstick.trusted(yardstick.bench.judge(s)) for s in found):
+        part = f"{_number(100.0 * most)} % of the residual"
+        return f"it explains {part}, which may be chance with residuals as slow as these"
+    if any(yardstick.tells(s, effect) for s in unseen):
+        if all(yardstick.trusted(yardstick.bench.judge(s)) for s in unseen):
             return "what it explains is less than simulation and sensor are trusted in"
         return "it explains hardly anything of the residual, but more than chance does"
-    if any(yardstick.fits_as_large(s, effect) for s in found):
+    if any(yardstick.fits_as_large(s, effect) for s in unseen):
         return "it fits no worse with it at a size that matters"
-    for structure in found:
-        change = yardstick.change(structure, effect)
-        veil = None if change is None else yardstick.veil(structure, effect, change)
-        if veil is not None:
-            return f"{_unseen(yardstick, structure, effect)} if {veil} was there, too"
-    return _unseen(yardstick, found[0], effect)
+    asked = [(s, least) for s in unseen for least in yardstick.least(s, effect)]
+    for structure, least in asked:
+        by = yardstick.hidden(structure, effect, least)
+        if by is not None:
+            size = _size(yardstick, effect, [least])
+            text = f"at a size that matters{f' ({size})' if size else ''} this recording would not have shown it"
+            return text + (f" if {by[0]} was there, too" if by else "")
+    if asked:
+        return "it fits no worse with it held at a size that matters"
+    return f"beside {unseen[0]} it takes another effect as well, so that it was not asked"
 
 
-def _unseen(yardstick: Yardstick, structure: Structure, effect: str) -> str:
-    least = _least(yardstick, structure, effect)
-    return f"at a size that matters{f' ({least})' if least else ''} this recording would not have shown it"
+def _largest(yardstick: Yardstick, effect: str, found: Sequence[Structure]) -> str:
+    """The size that would have shown beside all structures `found`."""
+    sizes = [yardstick.least(s, effect) for s in found]
+    most = max(sizes, key=lambda some: [abs(value) for value in some[0].values()])
+    return _size(yardstick, effect, most) or "it"
 
 
-def _least(yardstick: Yardstick, structure: Structure, effect: str) -> str | None:
-    """The least size of `effect` that matters beside `structure`; None if no single number does, or none is known."""
-    if yardstick.with_effect(structure, effect) is None:
-        return None
+def _size(yardstick: Yardstick, effect: str, sizes: Sequence[Mapping[str, float]]) -> str | None:
+    """A size of `effect` in words, of both signs if there are two; None if no number is its size, as with masses."""
     placed = Placed.parse(effect)
-    least = yardstick.least(yardstick.bench.judge(structure), effect)
+    if not any(p.size for p in placed.effect.parameters):
+        return None
+    told = []
     for parameter in placed.effect.parameters:
         name = placed.parameter(parameter.symbol)
-        if parameter.size and name in least:
+        values = {size[name] for size in sizes if name in size}
+        if values:
             unit, factor = yardstick.bench.task.recordings[0].units.of(parameter.dimension)
-            return f"{name} of {factor * least[name]:.2g} {unit}"
-    return None
+            sign = "±" if len(values) > 1 else ""
+            told.append(f"{name} of {sign}{_number(factor * max(values))} {unit}")
+    return " at ".join(told)
+
+
+def _number(value: float) -> str:
+    """With two digits that count."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def _sampling(yardstick: Yardstick, structure: Structure, effect: str) -> str | None:

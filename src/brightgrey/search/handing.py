@@ -73,7 +73,8 @@ def _made_up(values: Values, known: Array, larger: Structure, space: Search) -> 
     """
     row = {name: i for i, name in enumerate(list(values)[: len(known)])}
     sizes = [name for name in _sizes(larger) if name in row and known[row[name], row[name]] > 0.0]
-    names = [name for name in sizes if name in space.names]
+    free = {name for name, low, high in zip(space.names, space.low, space.high, strict=True) if low < high}
+    names = [name for name in sizes if name in free]
     kept = [row[name] for name in names]
     gone = [row[name] for name in sizes if name not in space.names]
     if not (kept and gone):
@@ -83,11 +84,11 @@ def _made_up(values: Values, known: Array, larger: Structure, space: Search) -> 
     push = known[np.ix_(kept, gone)] @ value[gone] / seen
     own = [space.names.index(name) for name in names]
     low, high = ((limit[own] - value[kept]) * seen for limit in (space.low, space.high))
-    step = _least(known[np.ix_(kept, kept)] / np.outer(seen, seen), push, np.minimum(low, 0.0), np.maximum(high, 0.0))
+    step = _lowest(known[np.ix_(kept, kept)] / np.outer(seen, seen), push, np.minimum(low, 0.0), np.maximum(high, 0.0))
     return dict(zip(names, (value[kept] + step / seen).tolist(), strict=True))
 
 
-def _least(H: Array, push: Array, low: Array, high: Array) -> Array:
+def _lowest(H: Array, push: Array, low: Array, high: Array) -> Array:
     """Where ``x' H x / 2 - push' x`` is least between `low` and `high`, shape (P,)."""
     turning, V = np.linalg.eigh(H)
     followed = turning > _SEEN * turning[-1]

@@ -68,8 +68,13 @@ def _refit_from(task: Identification, structure: Structure, larger: Sequence[Map
 
 
 def _refit_held(task: Identification, structure: Structure, some: Sequence[Mapping[str, float]], rival: float) -> End:
-    """Descend from the best of some values as long as that may lead to the cost `rival`; what is held is fixed."""
-    end = _descent_from_best(task, structure, some, rival)
+    """Descend from the first and the best other of some values as long as that may lead to the cost `rival`.
+
+    What is held is fixed.
+    """
+    first, *others = some
+    ends = [_descent_from_best(task, structure, part, rival) for part in ([first], others) if part]
+    end = min(ends, key=lambda e: e.cost)
     return last_descent(task, structure, end.values) if end.cost < _NEAR * rival else end
 
 
@@ -116,6 +121,8 @@ class Bench:
         Makes the refits.
     seed : int
     judged : dict of Structure to Judged
+    tried : set of (Structure, Structure, float)
+        What was refitted from which larger structure, with the cost of that.
     """
 
     task: Identification
@@ -123,6 +130,7 @@ class Bench:
     executor: Executor
     seed: int = 0
     judged: dict[Structure, Judged] = field(default_factory=dict)
+    tried: set[tuple[Structure, Structure, float]] = field(default_factory=set)
 
     def judge(self, structure: Structure) -> Judged:
         """Refit `structure`."""
@@ -141,16 +149,22 @@ class Bench:
         return [self.judged[s] for s in structures]
 
     def improve(self, structure: Structure) -> bool:
-        """Refit from a larger structure that has meanwhile come to fit better; whether that has helped."""
+        """Refit from larger structures that have meanwhile come to fit better; whether that has helped."""
         own, space = self.judged[structure], self.task.space(structure, initial=True)
-        larger = [
-            values
+        better = [
+            j
             for s, j in self.judged.items()
             if s != structure and contains(s, structure) and j.cost < _IMPROVED * own.cost
-            for values in handed_down(j.values, self._information(j), s, structure, space)
         ]
-        if not larger:
+        new = {(structure, j.structure, j.cost) for j in better} - self.tried
+        if not new:
             return False
+        self.tried |= new
+        larger = [
+            values
+            for j in better
+            for values in handed_down(j.values, self._information(j), j.structure, structure, space)
+        ]
         end = self.executor.submit(_refit_from, self.task, structure, larger, own.cost).result()
         if end.cost >= _IMPROVED * own.cost:
             return False

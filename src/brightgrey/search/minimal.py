@@ -22,26 +22,41 @@ _RARE = 1e-3
 
 
 def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], None] | None) -> list[Judged]:
-    """Adequate structures that contain no other adequate one: hopeful ones first, until none is left to be examined."""
-    n, bench = yardstick.independent, yardstick.bench
-    accepted: list[Structure] = []
-    examined: set[Structure] = set()
-    while len(examined) < _MOST or not accepted:
-        structure = _next(yardstick, n, accepted, examined)
-        if structure is None:
-            break
-        examined.add(structure)
-        if progress is not None:
-            progress(structure)
-        if not _beaten(yardstick, structure, accepted) and _adequate(yardstick, structure):
-            accepted = _unbeaten(yardstick, [*accepted, structure])  # what contains one beaten may be examined again
-    rejected = sorted(examined.difference(accepted), key=str)
-    improved = [s for s in rejected if bench.improve(s)]
-    accepted += [s for s in improved if _adequate(yardstick, s)]
-    for s in accepted:  # grows meanwhile
-        accepted += [small for small in _without_loss(yardstick, s) if small not in accepted]
-    least = minimal(_unbeaten(yardstick, accepted))
-    return sorted(map(bench.judge, least), key=yardstick.criterion)
+    """Adequate structures that contain no other adequate one: hopeful ones first, until none is left to be examined.
+
+    A refit may show that what was accepted is not adequate, or what was rejected is: all is asked again then, and what
+    contains a structure that was driven out is looked at.
+    """
+    bench = yardstick.bench
+    looked: list[Structure] = []  # at, be it as a smaller one of those accepted
+    examined = 0
+    while True:
+        before = len(looked), {s: j.cost for s, j in bench.judged.items()}
+        accepted: list[Structure] = []
+        for s in looked:
+            accepted = _accepted(yardstick, accepted, s)
+        while examined < _MOST or not accepted:
+            structure = _next(yardstick, accepted, looked)
+            if structure is None:
+                break
+            examined += 1
+            looked.append(structure)
+            if progress is not None:
+                progress(structure)
+            accepted = _accepted(yardstick, accepted, structure)
+        for s in sorted(set(looked).difference(accepted), key=str):
+            bench.improve(s)
+        for s in accepted:
+            looked += [small for small in _without_loss(yardstick, s) if small not in looked]
+        if before == (len(looked), {s: j.cost for s, j in bench.judged.items()}):
+            return sorted(map(bench.judge, minimal(accepted)), key=yardstick.criterion)
+
+
+def _accepted(yardstick: Yardstick, accepted: Sequence[Structure], structure: Structure) -> list[Structure]:
+    """Those accepted and, if it is adequate and none of them fits better, the structure; without what it beats."""
+    if _beaten(yardstick, structure, accepted) or not _adequate(yardstick, structure):
+        return list(accepted)
+    return [*(s for s in accepted if not _beaten(yardstick, s, [structure])), structure]
 
 
 def _beaten(yardstick: Yardstick, structure: Structure, others: Iterable[Structure]) -> bool:
@@ -50,11 +65,7 @@ def _beaten(yardstick: Yardstick, structure: Structure, others: Iterable[Structu
     By more than chance would give the best of all known ones if they did: for others no distribution is known.
     """
     own, tests = yardstick.bench.judge(structure), len(yardstick.known)
-    return any(yardstick.better(yardstick.bench.judge(s), own, tests) for s in others if s != structure)
-
-
-def _unbeaten(yardstick: Yardstick, structures: Sequence[Structure]) -> list[Structure]:
-    return [s for s in structures if not _beaten(yardstick, s, structures)]
+    return any(yardstick.better(yardstick.bench.judge(s), own, tests) for s in others)
 
 
 def _without_loss(yardstick: Yardstick, structure: Structure) -> list[Structure]:
@@ -70,14 +81,13 @@ def _without_loss(yardstick: Yardstick, structure: Structure) -> list[Structure]
     return found
 
 
-def _next(
-    yardstick: Yardstick, n: float, accepted: Sequence[Structure], examined: Collection[Structure]
-) -> Structure | None:
+def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collection[Structure]) -> Structure | None:
     """Structure that may be adequate by all that is known now and contains none of those accepted.
 
     Of several the one with the least Bayesian information criterion, by the number of independent samples. The level of
-    the search may be off by all that some leave: those come late.
+    the search may be off by all that some leave: a refit decides.
     """
+    n = yardstick.independent
     rough = yardstick.doubt * (ROUGH / ACCURACY) ** 2
     cost = {s: max(yardstick.bench.cost(s), yardstick.doubt) + rough for s in yardstick.known}
     least = min(yardstick.known.values(), key=lambda f: (cost[f.structure], f.free))
@@ -93,7 +103,7 @@ def _next(
     left = [
         f
         for f in yardstick.known.values()
-        if f.structure not in examined
+        if f.structure not in looked
         and (close(f) or doubtful(f))
         and not any(contains(f.structure, s) for s in accepted)
     ]

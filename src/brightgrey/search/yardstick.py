@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ class Yardstick:
     bench: Bench
     whitening: Whitening
     known: Mapping[Structure, Fitted]
+    misfits: dict[Structure, tuple[Judged, float]] = field(default_factory=dict)  # of the last refit of each
 
     @classmethod
     def of(cls, task: Identification, fitted: Mapping[Structure, Fitted], executor: Executor, seed: int) -> Yardstick:
@@ -63,7 +64,11 @@ class Yardstick:
 
     def misfit(self, judged: Judged) -> float:
         """Whitened sum of squares."""
-        return max(self.whitening.misfit(judged), 1e-300)
+        last, found = self.misfits.get(judged.structure, (None, 0.0))
+        if last is not judged:
+            found = max(self.whitening.misfit(judged), 1e-300)
+            self.misfits[judged.structure] = judged, found
+        return found
 
     def criterion(self, judged: Judged) -> float:
         """Bayesian information criterion (Schwarz 1978) of the whitened residuals."""
@@ -94,38 +99,53 @@ class Yardstick:
         And it is refuted: with the effect held at that size and all else fitted anew, the fit is significantly worse.
         Friction bends so much that small changes alone promise too much; and where gaps make many optima that fit may
         miss the best one, so that a fit that has the effect as large as that, and is no worse, speaks against it. What
-        comes back waits for the held fit.
+        comes back waits for the held fits.
         """
         big, judged = self.with_effect(structure, effect), self.bench.judge(structure)
-        change = self.change(structure, effect)
-        if big is None or change is None:
+        sizes = self.least(structure, effect)
+        if big is None or not sizes or self.fits_as_large(structure, effect):
             return lambda: False
-        size, _ = self.whitening.imitation(judged, change)
-        if not self.visible(structure, effect, size) or self.veil(structure, effect, change) is not None:
+        if any(self.hidden(structure, effect, least) is not None for least in sizes):
             return lambda: False
-        if self.fits_as_large(structure, effect):
-            return lambda: False
-        least = self.least(judged, effect)
-        own = {name: value for name, value in least.items() if name not in structure.parameters}
-        values = {**self.bench.task.standard(big), **judged.values, **least}
-        held = self.bench.held(big, values, own, judged.cost)
-        return lambda: self.worse(held(), judged)
+        standard, held = self.bench.task.standard(big), []
+        for least in sizes:
+            own = {name: value for name, value in least.items() if name not in structure.parameters}
+            held.append(self.bench.held(big, {**standard, **judged.values, **least}, own, judged.cost))
+        return lambda: all(self.worse(refit(), judged) for refit in held)
 
-    def least(self, judged: Judged, effect: str) -> dict[str, float]:
-        """Least size of `effect` that matters beside what is `judged`, by parameter; empty if none is declared."""
-        placed = Placed.parse(effect)
-        if placed.effect.noticeable is None:
-            return {}
-        sizes = placed.effect.noticeable(self.bench.task.scales, judged.values)
-        return {placed.parameter(symbol): float(value) for symbol, value in sizes.items()}
+    def least(self, structure: Structure, effect: str) -> list[dict[str, float]]:
+        """Least sizes of `effect` that matter beside `structure`, by parameter; two of opposite sign if it has both.
 
-    def change(self, structure: Structure, effect: str) -> Array | None:
-        """What `effect` at the least size that matters does to the weighted outputs; None if that is not known."""
+        Empty if it takes other effects as well, or declares none.
+        """
+        placed, task = Placed.parse(effect), self.bench.task
+        if self.with_effect(structure, effect) is None or placed.effect.noticeable is None:
+            return []
+        declared = placed.effect.noticeable(task.scales, self.bench.judge(structure).values)
+        sizes = {placed.parameter(symbol): float(value) for symbol, value in declared.items()}
+        for parameter in placed.effect.parameters:
+            name = placed.parameter(parameter.symbol)
+            if parameter.size and name in sizes:
+                low, high = task.bounds.get(name) or parameter.bounds(task.scales)
+                both = (sizes[name], -sizes[name])
+                return [{**sizes, name: value} for value in both if low <= value <= high] or [sizes]
+        return [sizes]
+
+    def hidden(self, structure: Structure, effect: str, least: Mapping[str, float]) -> tuple[str, ...] | None:
+        """What hides `effect` of a size beside `structure`: another effect, or none but what the structure has.
+
+        None if it would be found.
+        """
         big, judged = self.with_effect(structure, effect), self.bench.judge(structure)
-        if big is None or not (least := self.least(judged, effect)):
-            return None
+        if big is None:
+            return ()
         values = {**self.bench.task.standard(big), **judged.values, **least}
-        return np.asarray(self.bench.outputs(big, [values])[:, 0] - judged.descent.residual)
+        change = np.asarray(self.bench.outputs(big, [values])[:, 0] - judged.descent.residual)
+        size, _ = self.whitening.imitation(judged, change)
+        if not self.visible(structure, effect, size):
+            return ()
+        veil = self.veil(structure, effect, change)
+        return None if veil is None else (veil,)
 
     def visible(self, structure: Structure, effect: str, size: float) -> bool:
         """Whether a change of that squared size, made by `effect`, would be found beside `structure`."""
@@ -167,11 +187,10 @@ class Yardstick:
         big = self.with_effect(structure, effect)
         if big is None:
             return False
-        free = self.bench.judge(big)
-        least = self.least(free, effect)
-        if len(least) != 1:
+        free, sizes = self.bench.judge(big), self.least(structure, effect)
+        if not sizes or len(sizes[0]) != 1:
             return False
-        ((name, value),) = least.items()
+        ((name, value),) = sizes[0].items()
         return abs(free.values[name]) >= abs(value) and not self.worse(free, self.bench.judge(structure))
 
     def worse(self, one: Judged, other: Judged) -> bool:
