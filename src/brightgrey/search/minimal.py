@@ -15,6 +15,7 @@ from brightgrey.search.yardstick import Yardstick
 
 __all__ = ["minimal_structures"]
 
+Rivals = dict[Structure, dict[Structure, int]]
 _SLACK = 1.02  # ratio of costs within which a structure is always looked at
 _MOST = 24  # structures that are examined
 _AT_ONCE = 2  # larger structures refitted side by side: what an inadequate one does not need is in vain
@@ -29,12 +30,13 @@ def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], Non
     """
     bench = yardstick.bench
     looked: list[Structure] = []  # at, be it as a smaller one of those accepted
+    rivals: Rivals = {}
     examined = 0
     while True:
         before = len(looked), {s: j.cost for s, j in bench.judged.items()}
         accepted: list[Structure] = []
         for s in looked:
-            accepted = _accepted(yardstick, accepted, s)
+            accepted = _accepted(yardstick, accepted, s, rivals)
         while examined < _MOST or not accepted:
             structure = _next(yardstick, accepted, looked)
             if structure is None:
@@ -43,18 +45,20 @@ def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], Non
             looked.append(structure)
             if progress is not None:
                 progress(structure)
-            accepted = _accepted(yardstick, accepted, structure)
+            accepted = _accepted(yardstick, accepted, structure, rivals)
         for s in sorted(set(looked).difference(accepted), key=str):
             bench.improve(s)
         for s in accepted:
-            looked += [small for small in _without_loss(yardstick, s) if small not in looked]
+            looked += [small for small in _without_loss(yardstick, s, rivals) if small not in looked]
         if before == (len(looked), {s: j.cost for s, j in bench.judged.items()}):
             return sorted(map(bench.judge, minimal(accepted)), key=yardstick.criterion)
 
 
-def _accepted(yardstick: Yardstick, accepted: Sequence[Structure], structure: Structure) -> list[Structure]:
+def _accepted(
+    yardstick: Yardstick, accepted: Sequence[Structure], structure: Structure, rivals: Rivals
+) -> list[Structure]:
     """Those accepted and, if it is adequate and none of them fits better, the structure; without what it beats."""
-    if _beaten(yardstick, structure, accepted) or not _adequate(yardstick, structure):
+    if _beaten(yardstick, structure, accepted) or not _adequate(yardstick, structure, rivals):
         return list(accepted)
     return [*(s for s in accepted if not _beaten(yardstick, s, [structure])), structure]
 
@@ -68,7 +72,7 @@ def _beaten(yardstick: Yardstick, structure: Structure, others: Iterable[Structu
     return any(yardstick.better(yardstick.bench.judge(s), own, tests) for s in others)
 
 
-def _without_loss(yardstick: Yardstick, structure: Structure) -> list[Structure]:
+def _without_loss(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> list[Structure]:
     """Adequate structures that lack one effect, or one mass, of an adequate one; they are refitted from there."""
     found, bench = [], yardstick.bench
     smaller = simpler(structure, yardstick.known)
@@ -76,7 +80,7 @@ def _without_loss(yardstick: Yardstick, structure: Structure) -> list[Structure]
     for s in smaller:
         bench.improve(s)
         tests = len(extensions(s, yardstick.known))  # a short cut: what follows compares these two as well
-        if not yardstick.better(bench.judge(structure), bench.judge(s), tests) and _adequate(yardstick, s):
+        if not yardstick.better(bench.judge(structure), bench.judge(s), tests) and _adequate(yardstick, s, rivals):
             found.append(s)
     return found
 
@@ -114,19 +118,29 @@ def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collectio
     return min(left, key=promise).structure if left else None
 
 
-def _adequate(yardstick: Yardstick, structure: Structure) -> bool:
-    """Whether nothing that contains the structure fits significantly better."""
-    own = yardstick.bench.judge(structure)
+def _adequate(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> bool:
+    """Whether nothing that contains the structure fits significantly better.
+
+    Whom it was compared with stays the same when it is asked again: that takes no further refits.
+    """
+    if structure not in rivals:
+        rivals[structure] = _compared(yardstick, structure)
+    own, tests, bench = yardstick.bench.judge(structure), rivals[structure], yardstick.bench
+    compared = sorted(tests, key=lambda s: (bench.cost(s), str(s)))
+    pairs = (bench.judge_all(compared[i : i + _AT_ONCE]) for i in range(0, len(compared), _AT_ONCE))
+    return not any(yardstick.better(j, own, tests[j.structure]) for pair in pairs for j in pair)
+
+
+def _compared(yardstick: Yardstick, structure: Structure) -> dict[Structure, int]:
+    """What contains the structure and is compared with it, and among how many others each counts for its chance."""
     more = extensions(structure, yardstick.known)
     larger = [s for s in yardstick.known if s != structure and contains(s, structure)]
     if not larger:
-        return True
+        return {}
     far = min(larger, key=lambda s: (yardstick.bench.cost(s), yardstick.known[s].free))
-    compared = sorted({*more, far}, key=lambda s: (yardstick.bench.cost(s), str(s)))
-    tests = dict.fromkeys(compared, len(compared))
+    tests = dict.fromkeys([*more, far], len({*more, far}))
     # The best of all has the share of the chance of any of them. The largest alone needs no such division if its ratio
     # is distributed as Wilks says; with resonances and gaps, which have a place of their own, more comes by chance.
     if far not in more:
         tests[far] *= len(larger) - len(more)
-    pairs = (yardstick.bench.judge_all(compared[i : i + _AT_ONCE]) for i in range(0, len(compared), _AT_ONCE))
-    return not any(yardstick.better(j, own, tests[j.structure]) for pair in pairs for j in pair)
+    return tests
