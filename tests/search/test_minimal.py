@@ -170,6 +170,14 @@ def test_what_contains_one_that_is_beaten_late_is_looked_at():
     assert sorted(found) == ["one_mass+coulomb+gravity", "one_mass+viscous+delay"]
 
 
+@pytest.mark.parametrize(("more", "by_chance"), [("one_mass+coulomb+viscous", False), ("two_mass+coulomb", True)])
+def test_a_further_mass_is_better_by_chance_more_often(more, by_chance):
+    """Its resonance may be anywhere; a log-likelihood ratio whose double is 12.5 is not enough."""
+    less = "one_mass+coulomb"
+    found, _ = Costs(costs({less: ratio(0.0), more: ratio(-12.5)}, ratio(200.0))).minimal()
+    assert found == [less if by_chance else more]
+
+
 def test_one_of_many_others_is_better_by_chance():
     """Twice the log-likelihood ratio is 14 more, which one comparison among hundreds may bring.
 

@@ -23,6 +23,7 @@ __all__ = ["Yardstick"]
 
 Array = NDArray[np.float64]
 _LEVEL = 0.02  # chance of calling for an effect that is not there
+_PLACES = 10.0  # as often as Wilks says a further mass is better by chance: its resonance may be anywhere
 _MATERIAL = 1.01  # ratio of costs below which a difference does not matter, however sure it is
 _SHOWN = 0.8  # power from which a recording is said to show an effect
 _SLACK = 1e-6  # of a range: rounding of what stays at its bound
@@ -90,7 +91,8 @@ class Yardstick:
     def surely(self, big: Judged, small: Judged, tests: int) -> bool:
         """Whether `big` fits significantly better, be it ever so little."""
         found = significance(self.misfit(small), self.misfit(big), self.whitening.samples)
-        return found > threshold(big.free - small.free, _LEVEL / max(tests, 1))
+        level = _level(tests, big.structure.masses > small.structure.masses)
+        return found > threshold(big.free - small.free, level)
 
     def shown(self, structure: Structure, effect: str) -> Callable[[], bool]:
         """Whether the recording shows that `effect` is not there at the least size that matters, beside `structure`.
@@ -149,8 +151,11 @@ class Yardstick:
 
     def visible(self, structure: Structure, effect: str, size: float) -> bool:
         """Whether a change of that squared size, made by `effect`, would be found beside `structure`."""
-        tests = len(extensions(structure, self.known))
-        return power(size, len(Placed.parse(effect).effect.parameters), _LEVEL / max(tests, 1)) >= _SHOWN
+        big = self.with_effect(structure, effect)
+        if big is None:
+            return False
+        level = _level(len(extensions(structure, self.known)), big.masses > structure.masses)
+        return power(size, self.known[big].free - self.known[structure].free, level) >= _SHOWN
 
     def veil(self, structure: Structure, effect: str, change: Array) -> str | None:
         """Other effect beside which `change`, that of `effect`, would not be found; None if there is none.
@@ -232,3 +237,8 @@ class Yardstick:
             return None
         here = self.left(self.bench.judge(structure))
         return float(np.sqrt(self.left(self.bench.judge(without)) / here) - 1.0)
+
+
+def _level(tests: int, mass: bool) -> float:
+    """Level of one of several tests, by Wilks's distribution, be it of a further mass or not."""
+    return _LEVEL / max(tests, 1) / (_PLACES if mass else 1.0)
