@@ -12,7 +12,7 @@ from brightgrey.estimation.bounds import Search
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.lattice import ladder_of
 
-__all__ = ["exchanged", "handed_down", "information", "two_ports"]
+__all__ = ["exchanged", "growing_from_zero", "handed_down", "information", "two_ports"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
@@ -120,3 +120,8 @@ def _sizes(structure: Structure) -> list[str]:
     """Parameters at whose zero an effect beside the masses, and no law of two ports, is not there."""
     beside = [p for p in structure.placed if not (p.effect.masses or _has_two_ports(p))]
     return [p.parameter(q.symbol) for p in beside for q in p.effect.parameters if q.size]
+
+
+def growing_from_zero(structure: Structure) -> set[str]:
+    """Parameters that are zero where their effect is not there: its size, or all of the last mass and its shaft."""
+    return {p.parameter(q.symbol) for p in structure.placed for q in p.effect.parameters if q.size or p.effect.masses}

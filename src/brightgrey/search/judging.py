@@ -13,19 +13,21 @@ from brightgrey.estimation.leastsquares import Descent, End, descend_many, evalu
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.handing import exchanged, handed_down, information
+from brightgrey.search.handing import exchanged, growing_from_zero, handed_down, information
 from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import contains
 
 __all__ = ["Bench", "last_descent"]
 
 Array = NDArray[np.float64]
+Values = Mapping[str, float]
 _IMPROVED = 0.999  # of the cost: what counts as better
 _RELATIVES = 6  # starts that are taken over from relatives
 _SETTLED = 1e-5  # of the cost, far less than chance: N of it is 1 in a hundred thousand samples
 _NEAR = 2.0  # times the rival's cost: beyond it, digits do not matter
 _WORTH = 1.05  # times the cost that is to be beaten: what a last descent may take off
 _DESCENTS = 3  # of the best of all starts
+_WALKS = (2, 4)  # steps to a held size
 
 
 def _refit(
@@ -67,15 +69,36 @@ def _refit_from(task: Identification, structure: Structure, larger: Sequence[Map
     return last_descent(task, structure, end.values) if end.cost < _WORTH * rival + off else end
 
 
-def _refit_held(task: Identification, structure: Structure, some: Sequence[Mapping[str, float]], rival: float) -> End:
-    """Descend from the first and the best other of some values as long as that may lead to the cost `rival`.
+def _refit_held(
+    task: Identification, structure: Structure, values: Values, moved: Values, held: Values, rival: float
+) -> End:
+    """Descend from `values` with some held and others moved, as long as that may lead to the cost `rival`.
 
-    What is held is fixed.
+    And from what makes up for those held. Where gaps make all rugged, from there no descent comes to an optimum that
+    moves with the size: it is walked to in steps, too.
     """
-    first, *others = some
-    ends = [_descent_from_best(task, structure, part, rival) for part in ([first], others) if part]
+    begin = {**values, **moved, **held}
+    fixed = replace(task, fixed={**task.fixed, **held})
+    parts = [part for part in ([begin], exchanged(begin, structure, held)) if part]
+    ends = [_descent_from_best(fixed, structure, part, rival) for part in parts]
+    if fixed.problem(structure).limited:
+        ends += [_walk(task, structure, values, moved, held, steps, rival) for steps in _WALKS]
     end = min(ends, key=lambda e: e.cost)
-    return last_descent(task, structure, end.values) if end.cost < _NEAR * rival else end
+    return last_descent(fixed, structure, end.values) if end.cost < _NEAR * rival else end
+
+
+def _walk(
+    task: Identification, structure: Structure, values: Values, moved: Values, held: Values, steps: int, rival: float
+) -> End:
+    """Let what is held grow step by step; each descent begins where the one before has ended."""
+    growing, now = growing_from_zero(structure), dict(values)
+    for k in range(1, steps + 1):
+        now |= {name: now[name] + (value - values[name]) / steps for name, value in moved.items()}
+        here = {name: value * (k / steps if name in growing else 1.0) for name, value in held.items()}
+        fixed = replace(task, fixed={**task.fixed, **here})
+        end = _descent_from_best(fixed, structure, [now], rival)
+        now |= dict(zip(fixed.posed(structure)[1].names, end.values.tolist(), strict=True))
+    return end
 
 
 def _descent_from_best(
@@ -172,16 +195,14 @@ class Bench:
         return True
 
     def held(
-        self, structure: Structure, values: Mapping[str, float], held: Mapping[str, float], rival: float
+        self, structure: Structure, values: Values, moved: Values, held: Values, rival: float
     ) -> Callable[[], Judged]:
-        """Refit from `values` with some of them held; what comes back waits for it, and nothing is kept.
+        """Refit from `values` with some held and others moved; what comes back waits for it, and nothing is kept.
 
-        Or from those with another size that makes up for those held. Nothing is asked but whether the cost comes near
-        `rival`.
+        Nothing is asked but whether the cost comes near `rival`.
         """
-        some = [values, *exchanged(values, structure, held)]
+        end = self.executor.submit(_refit_held, self.task, structure, values, moved, held, rival)
         task = replace(self.task, fixed={**self.task.fixed, **held})
-        end = self.executor.submit(_refit_held, task, structure, some, rival)
         return lambda: _judged(task, structure, end.result())
 
     def cost(self, structure: Structure) -> float:

@@ -109,11 +109,12 @@ class Yardstick:
             return lambda: False
         if any(self.hidden(structure, effect, least) is not None for least in sizes):
             return lambda: False
-        standard, held = self.bench.task.standard(big), []
+        values, refits = {**self.bench.task.standard(big), **judged.values}, []
         for least in sizes:
-            own = {name: value for name, value in least.items() if name not in structure.parameters}
-            held.append(self.bench.held(big, {**standard, **judged.values, **least}, own, judged.cost))
-        return lambda: all(self.worse(refit(), judged) for refit in held)
+            moved = {name: value for name, value in least.items() if name in structure.parameters}
+            held = {name: value for name, value in least.items() if name not in moved}
+            refits.append(self.bench.held(big, values, moved, held, judged.cost))
+        return lambda: all(self.worse(refit(), judged) for refit in refits)
 
     def least(self, structure: Structure, effect: str) -> list[dict[str, float]]:
         """Least sizes of `effect` that matter beside `structure`, by parameter; two of opposite sign if it has both.
