@@ -1,6 +1,6 @@
 """Measured recordings of real drives: the tables of docs/results.md and the README.
 
-    python bench/real_recordings.py [--starts N] [--only emps|mte360|seeds|left-out]
+    python bench/real_recordings.py [--starts N] [--only emps|mte360|seeds|structures|left-out]
 
 Recordings are looked for in ../shared/data beside the repository, or in the folder named by BRIGHTGREY_DATA.
 """
@@ -57,14 +57,7 @@ def agreeing(result: Result) -> str:
 
 def emps(starts: int) -> None:
     """Position of the EMPS from its force: four settings of f_tanh."""
-    recording = read_recording(
-        DATA / "emps" / "DATA_EMPS.mat",
-        input="vir",
-        outputs=["qm:position"],
-        time="t",
-        input_gain=35.15065,
-        units={"vir": "N", "qm": "m"},
-    )
+    recording = emps_recording()
     default = identify(recording, EMPS, starts=starts)
     f_tanh = default.model.settings.f_tanh
     runs = [(f"{f_tanh:.4g} (default)", default)]
@@ -103,13 +96,7 @@ def emps(starts: int) -> None:
 
 def mte360(starts: int) -> None:
     """Motor cart of the MTE360 drive from its voltage: two masses against every one-mass structure."""
-    recording = read_recording(
-        DATA / "mte360" / "velocity_response_1_5.mat",
-        input="u",
-        outputs=["v1:velocity-differenced"],
-        time="t",
-        units={"u": "V", "v1": "mm/s"},
-    )
+    recording = mte360_recording("velocity_response_1_5", "v1")
     two = identify(recording, MTE360, starts=starts)
     names = [
         "+".join(("one_mass", *chosen))
@@ -157,24 +144,19 @@ def mte360_recording(name: str, column: str) -> Recording:
     )
 
 
+def two_mass_recordings() -> dict[str, Recording]:
+    """The MTE360 recordings of the drive with a second cart."""
+    names = {"square": "1_5", "sine 1 Hz": "sine_1", "sine 3 Hz": "sine_3"}
+    return {name: mte360_recording(f"velocity_response_{file}", "v1") for name, file in names.items()}
+
+
 def seeds(starts: int, count: int = 20) -> None:
     """How many of `count` seeds end within 1 % of the least RSS, without any bound given, at the `fast` level."""
-    emps = read_recording(
-        DATA / "emps" / "DATA_EMPS.mat",
-        input="vir",
-        outputs=["qm:position"],
-        time="t",
-        input_gain=35.15065,
-        units={"vir": "N", "qm": "m"},
-    )
-    square, sine_1, sine_3 = (
-        mte360_recording(name, "v1")
-        for name in ("velocity_response_1_5", "velocity_response_sine_1", "velocity_response_sine_3")
-    )
+    square, sine_1, sine_3 = two_mass_recordings().values()
     single = mte360_recording("single_axis_square_1_5", "v")
     rows = []
     for name, structure, recordings in (
-        ("EMPS", EMPS, [emps]),
+        ("EMPS", EMPS, [emps_recording()]),
         ("MTE360 square", MTE360, [square]),
         ("MTE360 sine 1 Hz", MTE360, [sine_1]),
         ("MTE360 sine 3 Hz", MTE360, [sine_3]),
@@ -197,14 +179,45 @@ def seeds(starts: int, count: int = 20) -> None:
     table(header, rows)
 
 
+def emps_recording() -> Recording:
+    """Position of the EMPS from its force."""
+    return read_recording(
+        DATA / "emps" / "DATA_EMPS.mat",
+        input="vir",
+        outputs=["qm:position"],
+        time="t",
+        input_gain=35.15065,
+        units={"vir": "N", "qm": "m"},
+    )
+
+
+def structures() -> None:
+    """Which of 32 structures with one mass or two, friction and offset are minimal; whether there is a second mass."""
+    square, sine_1, sine_3 = two_mass_recordings().values()
+    asked = candidates(exclude=("three_mass", "backlash", "current_control", "delay"))
+    rows = []
+    for name, recordings in (
+        ("EMPS", (emps_recording(),)),
+        ("MTE360 single axis", (mte360_recording("single_axis_square_1_5", "v"),)),
+        ("MTE360 square", (square,)),
+        ("MTE360 square, sine 1 and 3 Hz jointly", (square, sine_1, sine_3)),
+    ):
+        known = scales(recordings)
+        with ThreadPoolExecutor(2) as workers:
+            task = Identification(recordings, known, settings_for(recordings, known, None))
+            found = survey(task, asked, executor=workers).evidence
+        card = next(c for c in found.cards if c.effect == "two_mass")
+        minimal = ", ".join(f"`{j.structure}`" for j in found.minimal)
+        rows.append([name, minimal, f"{card.verdict}: {card.reason}"])
+    table(["recording", "minimal", "second mass"], rows)
+
+
 def left_out() -> None:
     """Each MTE360 recording with a second mass predicted from the two others, by what was found from them alone.
 
     One-mass structures are judged in hindsight: the one that predicts best counts, not the one that fits best.
     """
-    names = {"square": "velocity_response_1_5", "sine 1 Hz": "velocity_response_sine_1"}
-    names |= {"sine 3 Hz": "velocity_response_sine_3"}
-    recordings = {name: mte360_recording(file, "v1") for name, file in names.items()}
+    recordings = two_mass_recordings()
     asked = candidates(exclude=("three_mass", "backlash"))
     rows = []
     for name, test in recordings.items():
@@ -234,7 +247,14 @@ def main() -> int:
     settle()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--starts", type=int, default=8, help="start points of each fit (default 8)")
-    parser.add_argument("--only", choices=("emps", "mte360", "seeds", "left-out"), help="one of the tables")
+    runs = {
+        "emps": emps,
+        "mte360": mte360,
+        "seeds": seeds,
+        "structures": lambda _: structures(),
+        "left-out": lambda _: left_out(),
+    }
+    parser.add_argument("--only", choices=runs, help="one of the tables")
     arguments = parser.parse_args()
     if not DATA.is_dir():
         print(
@@ -242,7 +262,6 @@ def main() -> int:
             file=sys.stderr,
         )
         return 2
-    runs = {"emps": emps, "mte360": mte360, "seeds": seeds, "left-out": lambda _: left_out()}
     for name, run in runs.items():
         if arguments.only in (None, name):
             began = time.perf_counter()
