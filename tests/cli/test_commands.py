@@ -261,6 +261,17 @@ def test_reproduce(tmp_path, call):
     assert "of 2 runs" in done.out
 
 
+def test_no_verdict_on_what_was_not_asked(drive, call, tmp_path):
+    """All structures tried have what is required, and nothing else is left to try."""
+    others = ("two_mass", "stribeck", "gravity", "backlash", "current_control", "delay")
+    asked = [word for name in others for word in ("--exclude", name)] + ["--require", "coulomb", "--require", "viscous"]
+    file = drive.folder / "a.csv"
+    done = call("identify", file, "--input", "torque", "--output", "speed", *asked, "--out", tmp_path / "out")
+    assert done.code == 0
+    assert "one structure tried" in done.out
+    assert "reason" not in done.out
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -209,8 +209,9 @@ def _evidence(console: Console, evidence: Evidence) -> None:
     styles = {"needed": "bold", "not decidable": "yellow"}
     for card in evidence.cards:
         table.add_row(card.effect, card.verdict, card.reason, style=styles.get(card.verdict))
-    console.print(table)
-    console.print()
+    if evidence.cards:
+        console.print(table)
+        console.print()
     if len(evidence.minimal) > 1:
         names = "; ".join(str(j.structure) for j in evidence.minimal)
         _bullet(console, f"the recording cannot tell these minimal structures apart: {names}")

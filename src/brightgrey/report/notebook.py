@@ -21,7 +21,7 @@ def result_html(content: Content) -> str:
     parts += [f"<p>Mind: {html.escape(text.rstrip('.'))}.</p>" for text in remarks(model)]
     parts.append(table(("Parameter", "Estimate", "Unit", "Note", "Meaning"), parameters))
     parts.append(table(("Output", "Recording", "Fit in %", "RMSE", "Unit"), fits))
-    if content.evidence:
+    if content.evidence and content.evidence.cards:
         cards = [(card.effect, card.verdict, card.reason) for card in content.evidence.cards]
         parts.append(table(("Effect", "Verdict", "Reason"), cards))
     if "comparison" in content.charts:
