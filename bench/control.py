@@ -12,15 +12,13 @@ of the paper's experiment), with white noise of 0.05 % of the peak speed and qua
 from __future__ import annotations
 
 import argparse
-import os
 import time
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
-from brightgrey import identify, read_recording
+from brightgrey import identify
 from brightgrey.control.analysis import analyse
 from brightgrey.control.closed_loop import closed_loop
 from brightgrey.control.controllers import OutputFeedback
@@ -38,6 +36,7 @@ from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings, response
 from brightgrey.simulation.reference import UnsettledError, agreement, reference
+from real_recordings import emps_recording
 
 NOISE = 0.02  # rad/s
 STEP = 0.01  # rad/s
@@ -46,7 +45,6 @@ FAULTS = {"friction": 1.5, "backlash": 2.0, "load": 1.3}
 MODEL_STD = 0.02  # relative error of the model's parameters, as an identification leaves it
 ALL = "all"
 FAULTY = ("two_mass+coulomb+viscous", "two_mass+coulomb+viscous+backlash")
-DATA = Path(os.environ.get("BRIGHTGREY_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
 def wilson(hits: int, of: int) -> str:
@@ -288,14 +286,7 @@ def counted(
 
 def emps() -> None:
     """The filter over the measured axis: what the innovations say about its model."""
-    recording = read_recording(
-        DATA / "emps" / "DATA_EMPS.mat",
-        input="vir",
-        outputs=["qm:position"],
-        time="t",
-        input_gain=35.15065,
-        units={"vir": "N", "qm": "m"},
-    )
+    recording = emps_recording()
     model = identify(recording, "one_mass+coulomb+viscous+gravity", starts=2, level="fast").model
     structure, values, settings = model.structure, model.values_si(), model.settings_si()
     noise = noise_levels(structure, values, recording, settings)
