@@ -191,7 +191,7 @@ def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]
             return text + (f" if {by[0]} was there, too" if by else "")
     if asked:
         return "it fits no worse with it held at a size that matters"
-    return f"beside {unseen[0]} it takes another effect as well, so that it was not asked"
+    return "it was not asked: it takes a further effect as well"
 
 
 def _largest(yardstick: Yardstick, effect: str, found: Sequence[Structure]) -> str:
