@@ -46,6 +46,17 @@ def test_gap_whose_damper_relaxes_in_nanoseconds(level: str, damping: float) -> 
     same(PAPER.parse("three_mass+coulomb+backlash"), RIGID | {"d1": damping}, -TORQUE[150:350], level, "linear")
 
 
+@pytest.mark.parametrize("hold", HOLDS)
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("T_d", [0.37e-3, 1.0e-3 / 3.0, 2.0e-3 - 1e-12])
+def test_so_it_does_with_dead_time_in_a_tiny_gap_that_rattles(level: str, hold: str, T_d: float) -> None:
+    """As a gap begins in searches: knots fall anywhere in a step, and there are contacts in every sample."""
+    structure = PAPER.parse("three_mass+coulomb+viscous+gravity+backlash+current_control+delay")
+    values = RIGID | {"c1": 3e3, "d1": 1.5e-6, "c2": 40.0, "alpha": 1.4e-5, "f_v": 0.01, "M_G": 0.05}
+    u = 3.0 * np.sin(0.7 * np.arange(16.0))
+    same(structure, values | {"T_1": 2e-4, "T_d": T_d}, u, level, hold)
+
+
 @pytest.mark.parametrize("level", LEVELS)
 def test_so_it_does_far_from_the_origin(level: str) -> None:
     """After 16 turns rounding of positions is as large as a millionth of a millionth of the gap."""

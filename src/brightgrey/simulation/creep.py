@@ -1,10 +1,12 @@
 """A tick in which a limited state reaches or leaves its limit: by Taylor series, friction linearised.
 
-The moment of an event is the root of a polynomial, so it depends smoothly on all parameters.
+The moment of an event is the root of a polynomial, in a gap of one and an exponential, so it depends smoothly on all
+parameters.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from brightgrey.simulation.compiled import Entry, inner
@@ -17,10 +19,8 @@ from brightgrey.simulation.taylor import expand, mode_columns, value_at
 __all__ = ["creep"]
 
 _MOST_EVENTS = 200
-_STIFF = 32.0  # time constants in a reach, from which on a free state may stand as what follows the others
+_STIFF = 8.0  # time constants in a reach, from which on a free state stands as what follows the others and fades
 _BELONGS = 1e-9  # of what a free state does to others by its limit's column: what is rounding there
-_FADED = 1e-12  # of the interval: what is left of a transient that has faded
-_ROUNDING = 1e-15
 
 
 @inner
@@ -65,10 +65,10 @@ def _stiff(shape: Any, plant: Any, b: Any, span: Any, work: Any, lane: Any) -> A
 
 @inner
 def _follow(shape: Any, plant: Any, b: Any, terms: Any, reach: Any, work: Any, lane: Any) -> Any:
-    """Replace the series of a stiff limited state b by what it follows once it has relaxed; whether it has.
+    """Replace the series of a stiff limited state b by what it follows; whether it is stiff within the reach, too.
 
-    ``work.series`` holds the integral of what it is pulled by, p: x' = p - a x. The transient's rest is
-    x = p/a - p'/a^2 + p''/a^3 - ...
+    ``work.series`` holds the integral of what it is pulled by, p: x' = p - a x. It follows p/a - p'/a^2 + p''/a^3 and so on,
+    which ends as p is a polynomial, and what it is off that at first fades with exp(-a t).
     """
     row = whole(plant.limited, b)
     a = -get(plant.rate, b * shape.n + row, lane) * reach
@@ -79,12 +79,17 @@ def _follow(shape: Any, plant: Any, b: Any, terms: Any, reach: Any, work: Any, l
         put(work.series, k + 1, row, follows)
         follows = (pull - (k + 1.0) * follows) / a
     put(work.series, 0, row, follows)
-    rounding = 0.0  # of the difference of positions that it follows
-    for j in range(shape.n):
-        rounding += abs(get(plant.rate, b * shape.n + j, lane) * real(work.point, j))
-    rounding *= _ROUNDING * reach / a
-    width = get(plant.high, b, lane) - get(plant.low, b, lane)
-    return a >= _STIFF and abs(follows - before) <= _FADED * width + rounding
+    put(work.fading, 0, b, before - follows)
+    put(work.fading, 1, b, a)
+    return a >= _STIFF
+
+
+@inner
+def _forget_fading(shape: Any, work: Any) -> None:
+    """No limited state is off what its series says."""
+    for b in range(shape.limits):
+        put(work.fading, 0, b, 0.0)
+        put(work.fading, 1, b, 0.0)
 
 
 @inner
@@ -92,10 +97,12 @@ def _course_of(shape: Any, plant: Any, span: Any, value: Any, slope: Any, work: 
     """Series of the motion from ``work.point`` on: (reach, number of terms).
 
     A gap's damper may relax in nanoseconds (d/c) as long as the gap is open. A power series would reach as far; it is
-    that of the other states instead, which do not feel the gap then, and the gap's position follows them.
+    that of the other states instead, which do not feel the gap then, and the gap's position follows them but for an
+    exponential.
     """
     _linearised(shape, plant, value, slope, work, lane)
     stiff = 0
+    _forget_fading(shape, work)
     for b in range(shape.limits):
         if _stiff(shape, plant, b, span, work, lane):
             stiff |= 1 << b
@@ -103,38 +110,43 @@ def _course_of(shape: Any, plant: Any, span: Any, value: Any, slope: Any, work: 
                 put(work.system, whole(plant.limited, b), i, 0.0)
     if stiff:
         reach, terms = expand(shape.n, work, span)
-        faded = True
+        follows = True
         for b in range(shape.limits):
             if (stiff >> b) & 1 and not _follow(shape, plant, b, terms, reach, work, lane):
-                faded = False
-        if faded:
+                follows = False
+        if follows:
             return reach, terms
+        _forget_fading(shape, work)
         _linearised(shape, plant, value, slope, work, lane)
     return expand(shape.n, work, span)
 
 
 @inner
-def _value(course: Any, terms: Any, part: Any) -> Any:
-    """Value of the polynomial `course` by Horner's scheme."""
+def _value(course: Any, terms: Any, off: Any, rate: Any, part: Any) -> Any:
+    """Value of the polynomial `course` by Horner's scheme, and of what is `off` it and fades."""
     total = 0.0
     for k in range(terms - 1, -1, -1):
         total = total * part + real(course, k)
-    return total
+    return total + off * math.exp(-rate * part) if off != 0.0 else total
 
 
 @inner
-def _root(course: Any, terms: Any, limit: Any, left: Any, right: Any) -> Any:
-    """Where in (left, right] the polynomial `course` passes `limit`: Newton's method, kept in the bracket.
+def _root(course: Any, terms: Any, off: Any, rate: Any, limit: Any, left: Any, right: Any) -> Any:
+    """Where in (left, right] a course passes `limit`: Newton's method, kept in the bracket.
 
     Near the root an iteration squares the distance, so that one after a change of 1e-9 is exact.
     """
-    side = 1.0 if _value(course, terms, right) > limit else -1.0
+    side = 1.0 if _value(course, terms, off, rate, right) > limit else -1.0
     moment = right
     for _ in range(60):
         value, slope = 0.0, 0.0
         for k in range(terms - 1, -1, -1):
             slope = slope * moment + value
             value = value * moment + real(course, k)
+        if off != 0.0:
+            rest = off * math.exp(-rate * moment)
+            value += rest
+            slope -= rate * rest
         value = (value - limit) * side
         if value > 0.0:
             right = moment
@@ -164,15 +176,16 @@ def _crossing(shape: Any, plant: Any, work: Any, b: Any, terms: Any, lane: Any) 
                 term += get(plant.rate, b * n + j, lane) * real(work.series, k * LANES + j)
         put(course, 0, k, term)
     low, high = get(work.low, b, lane), get(work.high, b, lane)
-    before, f_before = 0.0, real(course, 0)
+    off, rate = get(work.fading, 0, b), get(work.fading, 1, b)
+    before, f_before = 0.0, real(course, 0) + off
     for quarter in range(1, 5):
         now = 0.25 * quarter
-        f = _value(course, terms, now)
+        f = _value(course, terms, off, rate, now)
         slack = 1e-13 * (abs(f) + abs(f_before)) + 1e-300
         if f > high + slack:
-            return _root(course, terms, high, before, now), 1
+            return _root(course, terms, off, rate, high, before, now), 1
         if f < low - slack:
-            return _root(course, terms, low, before, now), -1
+            return _root(course, terms, off, rate, low, before, now), -1
         before, f_before = now, f
     return -1.0, 0
 
@@ -190,6 +203,12 @@ def _creep(shape: Any, plant: Any, length: Any, value: Any, slope: Any, work: An
                 if 0.0 <= moment <= part:
                     part, which, side = moment, b, at
         put(work.point, 0, None, value_at(work, terms, part))
+        for b in range(shape.limits):
+            off = get(work.fading, 0, b)
+            if off != 0.0:
+                row = whole(plant.limited, b)
+                rest = off * math.exp(-get(work.fading, 1, b) * part)
+                put(work.point, 0, row, get(work.point, 0, row) + rest)
         if which >= 0:
             if whole(work.mode, which * LANES + lane) == 0:
                 limit = get(plant.high, which, lane) if side > 0 else get(plant.low, which, lane)

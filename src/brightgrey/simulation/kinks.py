@@ -2,64 +2,64 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from brightgrey.simulation.compiled import Entry, inner
-from brightgrey.simulation.lanes import LANES, get, put, real, skip, splat, whole
+from brightgrey.simulation.lanes import LANES, get, put, real, skip, whole
 from brightgrey.simulation.layout import call_of, end_rows, plant_of, points_of, shape_of, table_rows, work_of
-from brightgrey.simulation.taylor import expand, mode_columns, value_at
+from brightgrey.simulation.propagators import mode_matrix, propagate
 
 __all__ = ["kinks"]
 
 
-_MOST = 10_000  # series in less than a tick: beyond, a rate is no drive's but a wrong unit's
-_KEPT = 3  # beginnings of a tick that are kept: spans end at thirds of it
+_PARTS = 3  # spans from a knot to the end of a step, to its third or to a look end at thirds of a tick
+_SAME = 1e-9  # of a tick: spans that are taken for the same
 
 
 @inner
-def _begin(shape: Any, plant: Any, mode: Any, rest: Any, tick: Any, work: Any, lane: Any, p: Any, kept: Any) -> None:
-    """Effect p of the ramp (jump) on the state, `rest` seconds after its begin: less than a tick."""
+def _begins(shape: Any, plant: Any, mode: Any, tick: Any, work: Any, begins: Any) -> None:
+    """Effects of the ramp (jump) on the state at all ends that its beginning, less than a tick, can have.
+
+    Of each, n rows and that with its length. By propagators, for a gap's damper may relax in nanoseconds (d/c).
+    """
     n = shape.n
-    for slot in range(_KEPT):
-        known = skip(kept, slot * (n + 1))
-        if abs(get(known, n, lane) - rest) <= 1e-9 * tick:
-            for i in range(n):
-                put(p, i, lane, get(known, i, lane))
-            return
-    mode_columns(shape, plant, mode, work, lane)
-    put(work.point, 0, None, splat(0.0, None))
-    time, series = 0.0, 0
-    while rest - time > 1e-12 * tick:
-        if series == _MOST:  # rather no result than one that keeps all others waiting
-            put(work.point, 0, None, splat(float("nan"), None))
-            break
-        series += 1
+    rows = n * n + 3 * n  # without forces
+    A, propagator, spare = work.build, skip(work.build, rows), skip(work.build, 2 * rows)
+    column = n * n + (n if shape.hold == 1 else 0)
+    mode_matrix(shape, plant, mode, A)
+    for number in range(_PARTS):
+        begin = skip(begins, number * (n + 1))
+        for lane in range(LANES):
+            knot = get(plant.delay, 1, lane) * (1 << shape.ticks) * shape.base_steps
+            part = number / _PARTS - knot
+            part -= math.floor(part + _SAME)
+            put(begin, n, lane, max(part, 0.0) * tick if knot > 0.0 else 0.0)
+        propagate(n, 0, plant, A, get(begin, n, None), propagator, spare, work.scratch)
         for i in range(n):
-            drive = get(plant.B, i, lane)
-            put(work.system, n, i, drive * time if shape.hold == 1 else drive)
-            put(work.system, n + 1, i, drive if shape.hold == 1 else 0.0)
-        s, terms = expand(n, work, rest - time)
-        put(work.point, 0, None, value_at(work, terms, 1.0))
-        time += s
-    for i in range(n):
-        put(p, i, lane, get(work.point, 0, i))
-    for slot in range(_KEPT):
-        known = skip(kept, slot * (n + 1))
-        if get(known, n, lane) < 0.0:
-            put(known, n, lane, rest)
-            for i in range(n):
-                put(known, i, lane, get(p, i, lane))
-            return
+            put(begin, i, None, get(propagator, column + i, None))
 
 
 @inner
-def _response(shape: Any, plant: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any, p: Any, kept: Any) -> None:
+def _begin(n: Any, rest: Any, lane: Any, begins: Any, p: Any) -> None:
+    """Effect p of the ramp (jump) on the state of one lane, `rest` seconds after its begin: less than a tick."""
+    nearest, off = 0, rest
+    for number in range(_PARTS):
+        apart = abs(get(skip(begins, number * (n + 1)), n, lane) - rest)
+        if apart < off:
+            nearest, off = number + 1, apart
+    for i in range(n):
+        put(p, i, lane, get(skip(begins, (nearest - 1) * (n + 1)), i, lane) if nearest > 0 else 0.0)
+
+
+@inner
+def _response(shape: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any, p: Any, begins: Any) -> None:
     """Effect p of a ramp of unit slope (held input: a unit jump) on the state, `span` seconds after its begin."""
     n = shape.n
     width = n + 4 + 2 * shape.channels
-    whole = int(span / tick + 1e-9)
+    whole = int(span / tick + _SAME)
     rest = max(span - whole * tick, 0.0)
-    _begin(shape, plant, mode, rest, tick, work, lane, p, kept)
+    _begin(n, rest, lane, begins, p)
     time = rest
     q = work.scratch
     rows = table_rows(shape)
@@ -95,25 +95,24 @@ def kinks(block: Any) -> None:
     width = n + 4 + 2 * m
     ticks = 1 << shape.ticks
     p = skip(work.scratch, n)
-    kept = skip(work.scratch, 2 * n)
+    begins = skip(work.scratch, 2 * n)
     rows = table_rows(shape)
-    for lane in range(LANES):
-        knot = get(plant.delay, 1, lane) * ticks * shape.base_steps
-        if knot <= 0.0:
-            continue
-        knot -= int(knot / ticks) * ticks
-        for mode in range(1 << shape.limits):
-            for slot in range(_KEPT):
-                put(skip(kept, slot * (n + 1)), n, lane, -1.0)
+    for mode in range(1 << shape.limits):
+        _begins(shape, plant, mode, tick, work, begins)
+        for lane in range(LANES):
+            knot = get(plant.delay, 1, lane) * ticks * shape.base_steps
+            if knot <= 0.0:
+                continue
+            knot -= int(knot / ticks) * ticks
             for level in range(shape.ticks + 1):
                 size = 1 << level
                 table = skip(work.tables, (mode * (shape.ticks + 1) + level) * rows)
                 after = size - (knot - int(knot / size) * size)  # ticks from the knot to the end of the step
-                _response(shape, plant, mode, after * tick, tick, work, lane, p, kept)
+                _response(shape, mode, after * tick, tick, work, lane, p, begins)
                 for i in range(n):
                     put(table, i * width + n + 3 + 2 * m, lane, get(p, i, lane))
                 span = max(after - size * (2.0 / 3.0), 0.0) * tick
-                _response(shape, plant, mode, span, tick, work, lane, p, kept)
+                _response(shape, mode, span, tick, work, lane, p, begins)
                 at = end_rows(n, m) + n + 3 + 2 * m
                 for k in range(m):
                     seen = get(plant.K, k, lane) * (span if shape.hold == 1 else 1.0 if span > 0.0 else 0.0)
@@ -122,7 +121,7 @@ def kinks(block: Any) -> None:
                 for i in range(points if shape.limits > 0 else 0):
                     if points > 1:
                         span = max(after - size * (1.0 - (i + 1.0) / (points + 1.0)), 0.0) * tick
-                        _response(shape, plant, mode, span, tick, work, lane, p, kept)
+                        _response(shape, mode, span, tick, work, lane, p, begins)
                     for b in range(shape.limits):
                         if (mode >> b) & 1:
                             value = get(p, whole(plant.limited, b), lane)

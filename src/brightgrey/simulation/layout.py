@@ -143,6 +143,8 @@ class Work(NamedTuple):
         full step that was not accepted
     point, system, series, course : of one lane, states side by side: state; columns of its matrix, constant and slope
         (n + 2 rows); Taylor coefficients; those of a watched quantity
+    fading : of one lane, limited states side by side: what each is off its series at first, and the rate per reach at
+        which that fades
     scratch : 5 n + 3 rows
     build : matrices that tables are made of; look : 2 rows of a watched quantity's weights
     solo : of every mode, level and lane, the lane's step table in columns of `solo_rows` rows; copied : int array,
@@ -178,6 +180,7 @@ class Work(NamedTuple):
     system: Any
     series: Any
     course: Any
+    fading: Any
     scratch: Any
     build: Any
     look: Any

@@ -132,6 +132,7 @@ def work_for(shape: Shape) -> tuple[Work, NDArray[np.float64]]:
         system=n + 2,
         series=SERIES_TERMS,
         course=1,
+        fading=2,
         scratch=5 * n + 3,
         build=6 * propagator,
         look=2 * (n + 3 + 2 * m),

@@ -13,13 +13,13 @@ from brightgrey.simulation.compiled import Entry, inner
 from brightgrey.simulation.lanes import LANES, choose_less, get, put, real, skip, splat, whole
 from brightgrey.simulation.layout import call_of, end_rows, plant_of, points_of, shape_of, table_rows, work_of
 
-__all__ = ["tables"]
+__all__ = ["mode_matrix", "propagate", "tables"]
 
 _DEGREE = 14
 
 
 @inner
-def _mode_matrix(shape: Any, plant: Any, mode: Any, A: Any) -> None:
+def mode_matrix(shape: Any, plant: Any, mode: Any, A: Any) -> None:
     """Write the system matrix of a mode to the first n * n rows of A: bit b set means limited state b is free."""
     n = shape.n
     for r in range(n * n):
@@ -44,15 +44,14 @@ def _multiply(n: Any, columns: Any, X: Any, Y: Any, at: Any, stride: Any, step: 
 
 
 @inner
-def _compose(shape: Any, first: Any, length: Any, second: Any, out: Any, skip: Any) -> None:
+def _compose(n: Any, channels: Any, first: Any, length: Any, second: Any, out: Any, skip: Any) -> None:
     """Propagator over `first` (of `length`) and then `second`, kept as `first` in the lanes where skip > 0.
 
     Propagators are stacked as matrix (n * n rows) and columns (n rows each): value and slope of u, the constant,
     value and slope of every F.
     """
-    n = shape.n
-    pairs = 1 + shape.channels
-    columns = 3 + 2 * shape.channels
+    pairs = 1 + channels
+    columns = 3 + 2 * channels
     _multiply(n, n, second, first, 0, n, 1, out)
     _multiply(n, columns, second, first, n * n, 1, n, out)
     for i in range(n):
@@ -79,12 +78,11 @@ def _copy(rows: Any, source: Any, target: Any) -> None:
 
 
 @inner
-def _halvings(shape: Any, A: Any, length: Any, work: Any, halvings: Any) -> Any:
-    """How often `length` is halved until sqrt(|A^2|) length <= 1/2, per lane (in `halvings`); returns the most.
+def _halvings(n: Any, A: Any, work: Any, scaling: Any) -> Any:
+    """How often a length, row 1 of `scaling`, is halved until sqrt(|A^2|) length <= 1/2 (row 0); returns the most.
 
     The square's norm sees through the different sizes of positions and speeds, |A| itself would not.
     """
-    n = shape.n
     _multiply(n, n, A, A, 0, n, 1, work)
     most = 0
     for lane in range(LANES):
@@ -94,20 +92,19 @@ def _halvings(shape: Any, A: Any, length: Any, work: Any, halvings: Any) -> Any:
             for i in range(n):
                 total += abs(get(work, i * n + j, lane))
             norm = max(norm, total)
-        size = norm**0.5 * length
+        size = norm**0.5 * get(scaling, 1, lane)
         count = 0
         while size > 0.5 and count < 60:
             size *= 0.5
             count += 1
-        put(halvings, 0, lane, float(count))
+        put(scaling, 0, lane, float(count))
         most = max(most, count)
     return most
 
 
 @inner
-def _taylor(shape: Any, plant: Any, A: Any, length: Any, out: Any, work: Any) -> None:
+def _taylor(n: Any, channels: Any, plant: Any, A: Any, length: Any, out: Any, work: Any) -> None:
     """Propagator over `length` (a register) by the Taylor polynomial; |A length| is small."""
-    n = shape.n
     # Matrix: Horner's scheme, I + A h (I + A h / 2 (I + ...)).
     for i in range(n):
         for j in range(n):
@@ -119,14 +116,14 @@ def _taylor(shape: Any, plant: Any, A: Any, length: Any, out: Any, work: Any) ->
                 term = get(work, i * n + j, None) * (length * (1.0 / degree))
                 put(out, i * n + j, None, term + 1.0 if i == j else term)
     # Columns: b h (I + A h / 2 (I + ...)) for a constant, b h^2 / 2 (I + A h / 3 (I + ...)) for a slope.
-    columns = 3 + 2 * shape.channels
+    columns = 3 + 2 * channels
     for column in range(columns):
         slope = column == 1 or (column > 2 and (column - 3) % 2 == 1)
         at = n * n + column * n
         order = 2 if slope else 1
         factor = length * length * 0.5 if slope else length
         for i in range(n):
-            put(work, i, None, factor * _source(shape, plant, column, i))
+            put(work, i, None, factor * _source(n, plant, column, i))
             put(out, at + i, None, get(work, i, None))
         for degree in range(1, _DEGREE):
             for i in range(n):
@@ -141,13 +138,30 @@ def _taylor(shape: Any, plant: Any, A: Any, length: Any, out: Any, work: Any) ->
 
 
 @inner
-def _source(shape: Any, plant: Any, column: Any, i: Any) -> Any:
+def propagate(n: Any, channels: Any, plant: Any, A: Any, length: Any, out: Any, spare: Any, scaling: Any) -> None:
+    """Propagator over any `length` (a register) with the forces of so many `channels`; `scaling` has two rows."""
+    rows = n * n + n * (3 + 2 * channels)
+    put(scaling, 1, None, length)
+    most = _halvings(n, A, spare, scaling)
+    for lane in range(LANES):
+        put(scaling, 1, lane, get(scaling, 1, lane) * 0.5 ** get(scaling, 0, lane))
+    part = get(scaling, 1, None)
+    _taylor(n, channels, plant, A, part, out, spare)
+    for doubling in range(most):
+        done = splat(doubling + 0.5, None) - get(scaling, 0, None)
+        _compose(n, channels, out, part, out, spare, done)
+        part = choose_less(0.0, done, part, part + part)
+        _copy(rows, spare, out)
+
+
+@inner
+def _source(n: Any, plant: Any, column: Any, i: Any) -> Any:
     """Entry i of what drives x' in a column of the propagator."""
     if column < 2:
         return get(plant.B, i, None)
     if column == 2:
         return get(plant.c, i, None)
-    return get(plant.G, (column - 3) // 2 * shape.n + i, None)
+    return get(plant.G, (column - 3) // 2 * n + i, None)
 
 
 @inner
@@ -271,27 +285,18 @@ def tables(block: Any) -> None:
     """Fill ``work.tables`` for every mode and level; level l covers 2^l ticks."""
     shape, plant, work = shape_of(block), plant_of(block), work_of(block)
     tick = real(call_of(block).numbers, 0) / (shape.base_steps * (1 << shape.ticks))
-    n = shape.n
-    rows = n * n + n * (3 + 2 * shape.channels)
+    n, m = shape.n, shape.channels
+    rows = n * n + n * (3 + 2 * m)
     A, third, full = work.build, skip(work.build, rows), skip(work.build, 2 * rows)
     spare, half, unit = skip(work.build, 3 * rows), skip(work.build, 4 * rows), skip(work.build, 5 * rows)
-    scaling = work.scratch
     size = table_rows(shape)
     for mode in range(1 << shape.limits):
-        _mode_matrix(shape, plant, mode, A)
-        most = _halvings(shape, A, tick / 3.0, spare, scaling)
-        for lane in range(LANES):
-            put(scaling, 1, lane, tick / 3.0 * 0.5 ** get(scaling, 0, lane))
-        length = get(scaling, 1, None)
-        _taylor(shape, plant, A, length, third, spare)
-        for doubling in range(most):
-            done = splat(doubling + 0.5, None) - get(scaling, 0, None)
-            _compose(shape, third, length, third, spare, done)
-            length = choose_less(0.0, done, length, length + length)
-            _copy(rows, spare, third)
+        mode_matrix(shape, plant, mode, A)
+        length = splat(tick / 3.0, None)
+        propagate(n, m, plant, A, length, third, spare, work.scratch)
         never = splat(-1.0, None)
-        _compose(shape, third, length, third, half, never)
-        _compose(shape, half, length + length, third, full, never)
+        _compose(n, m, third, length, third, half, never)
+        _compose(n, m, half, length + length, third, full, never)
         h, span = tick, 0.0
         for level in range(shape.ticks + 1):
             table = skip(work.tables, (mode * (shape.ticks + 1) + level) * size)
@@ -300,9 +305,9 @@ def tables(block: Any) -> None:
                 _copy(rows, full, unit)
                 span = h
             if level < shape.ticks:
-                _compose(shape, third, splat(h / 3.0, None), third, spare, never)
+                _compose(n, m, third, splat(h / 3.0, None), third, spare, never)
                 _copy(rows, spare, third)
-                _compose(shape, full, splat(h, None), full, spare, never)
+                _compose(n, m, full, splat(h, None), full, spare, never)
                 _copy(rows, spare, full)
             h *= 2.0
         if shape.points > 1:

@@ -260,10 +260,10 @@ function s = base_step(m, s, u, k, base)
   end
 end
 
-function [terms, span] = series_at(m, s, value, slope, span)
+function [terms, off, rate, span] = series_at(m, s, value, slope, span)
 % Taylor series of the motion from the present state, the laws replaced by their tangents, and the time it reaches.
 % As long as a gap is open its damper may relax in nanoseconds (d/c); the other
-% states do not feel it, and its position follows them.
+% states do not feel it, and its position follows them; what it is off that at first fades with exp(-rate t).
   A = matrix(m, s);
   b0 = m.B * value + m.c;
   b1 = m.B * slope;
@@ -279,7 +279,7 @@ function [terms, span] = series_at(m, s, value, slope, span)
     i = m.limited(b);
     others = [1:i - 1, i + 1:m.n];
     own = m.rate(b, i);
-    if -own * span >= 32 && all(abs(A(others, i)) <= 1e-9 * abs(m.column(others, b) * own))
+    if -own * span >= 8 && all(abs(A(others, i)) <= 1e-9 * abs(m.column(others, b) * own))
       fast(end + 1) = b;
     end
   end
@@ -287,21 +287,22 @@ function [terms, span] = series_at(m, s, value, slope, span)
   slow(:, m.limited(fast)) = 0;
   terms = expand(m, s, slow, b0, b1);
   piece = reach(terms, span);
-  relaxed = true;
+  off = zeros(1, m.limits);
+  rate = zeros(1, m.limits);
   for b = fast
-    [terms, good] = follow(m, s, b, terms, piece);
-    relaxed = relaxed && good;
+    [terms, off(b), rate(b)] = follow(m, b, terms);
   end
-  if ~relaxed
+  if any(rate(fast) * piece < 8)
+    off(:) = 0;
     terms = expand(m, s, A, b0, b1);
     piece = reach(terms, span);
   end
   span = piece;
 end
 
-function [terms, good] = follow(m, s, b, terms, span)
-% The series of a fast state replaced by what it follows once it has relaxed; whether it has.
-% The series holds the integral of what pulls it, p: x' = p - a x, and x = p/a - p'/a^2 + ...
+function [terms, off, a] = follow(m, b, terms)
+% The series of a fast state replaced by what it follows, and what it is off that at first, which fades with exp(-a t).
+% The series holds the integral of what pulls it, p: x' = p - a x. It follows p/a - p'/a^2 + p''/a^3 - ...
   i = m.limited(b);
   a = -m.rate(b, i);
   before = terms(i, 1);
@@ -312,8 +313,7 @@ function [terms, good] = follow(m, s, b, terms, span)
     follows = (pull - k * follows) / a;
   end
   terms(i, 1) = follows;
-  rounding = 1e-15 * sum(abs(m.rate(b, :)' .* s.x)) / a;
-  good = a * span >= 32 && abs(follows - before) <= 1e-12 * (m.high(b) - m.low(b)) + rounding;
+  off = before - follows;
 end
 
 function terms = expand(m, s, A, b0, b1)
@@ -341,17 +341,17 @@ function span = reach(terms, span)
   end
 end
 
-function [moment, side] = crossing(m, s, b, terms, span)
+function [moment, side] = crossing(m, s, b, terms, off, rate, span)
 % First moment in (0, span] at which limited state b reaches or leaves a limit, or -1.
   course = fliplr(watch(m, s, b, terms));
   [low, high] = interval(m, s, b);
   moment = -1;
   side = 0;
   before = 0;
-  f_before = course(end);
+  f_before = course(end) + off;
   for quarter = 1:4
     now = 0.25 * quarter * span;
-    f = polyval(course, now);
+    f = polyval(course, now) + off * exp(-rate * now);
     slack = 1e-13 * (abs(f) + abs(f_before)) + 1e-300;
     if f > high + slack || f < low - slack
       side = 1;
@@ -367,7 +367,7 @@ function [moment, side] = crossing(m, s, b, terms, span)
         if half <= left || half >= moment
           break
         end
-        if (polyval(course, half) - limit) * side > 0
+        if (polyval(course, half) + off * exp(-rate * half) - limit) * side > 0
           moment = half;
         else
           left = half;
@@ -384,10 +384,10 @@ function s = creep(m, s, span, value, slope)
 % Through all events of a short span.
   time = 0;
   for event = 1:200
-    [terms, piece] = series_at(m, s, value + slope * time, slope, span - time);
+    [terms, off, rate, piece] = series_at(m, s, value + slope * time, slope, span - time);
     which = 0;
     for b = find(s.mode ~= 2)
-      [moment, at_side] = crossing(m, s, b, terms, piece);
+      [moment, at_side] = crossing(m, s, b, terms, off(b), rate(b), piece);
       if moment >= 0
         piece = moment;
         which = b;
@@ -395,6 +395,7 @@ function s = creep(m, s, span, value, slope)
       end
     end
     s.x = terms * (piece .^ (0:15))';
+    s.x(m.limited) = s.x(m.limited) + (off .* exp(-rate * piece))';
     if which > 0
       if s.mode(which) == 0
         ends = [m.low(which), m.high(which)];

@@ -2,7 +2,12 @@
 
 #define TERMS 16
 #define EVENTS 200
-#define STIFF 32.0 /* time constants in a reach, from which on a free state may stand as what follows the others */
+#define STIFF 8.0 /* time constants in a reach, from which on a free state stands as what follows the others and fades */
+
+/* A motion as a power series; limited states are off theirs at first, which fades with exp(-rate t). */
+typedef struct {
+    double series[TERMS][N], off[L + 1], rate[L + 1];
+} motion;
 
 /* The motion from the present state, x' = X x + b0 + b1 t, the laws replaced by their tangents. */
 static void tangent(const @name@_state *s, double value, double slope, double X[N][N], double b0[N], double b1[N])
@@ -40,13 +45,13 @@ static void expand(const @name@_state *s, double X[N][N], double b0[N], double b
             series[term][i] = (dot(X[i], series[term - 1]) + (term == 1 ? b0[i] : term == 2 ? b1[i] : 0.0)) / term;
 }
 
-/* Watched quantity of limited state b at a moment of the series. */
-static double follow(const @name@_state *s, int b, double series[TERMS][N], double time)
+/* Watched quantity of limited state b at a moment of a motion. */
+static double follow(const @name@_state *s, int b, motion *m, double time)
 {
     double total = 0.0;
     for (int term = TERMS - 1; term >= 0; term--)
-        total = total * time + watch(s, b, series[term]);
-    return total;
+        total = total * time + watch(s, b, m->series[term]);
+    return total + m->off[b] * exp(-m->rate[b] * time);
 }
 
 /* Longest time / 2^i for which the last term of the series is below rounding. */
@@ -83,58 +88,61 @@ static int stiff(const @name@_state *s, int b, double X[N][N], double time)
     return 1;
 }
 
-/* Replace the series of a stiff state by what it follows once it has relaxed; whether it has. The series holds the
-   integral of what pulls it, p: x' = p - a x, and x = p/a - p'/a^2 + ... */
-static int relaxed(const @name@_state *s, int b, double series[TERMS][N], double time)
+/* Replace the series of a stiff state by what it follows; whether it is stiff within the time, too. The series holds the
+   integral of what pulls it, p: x' = p - a x. It follows p/a - p'/a^2 + ..., and what it is off that at first fades. */
+static int follows(int b, motion *m, double time)
 {
     const int i = LIMITED[b];
-    const double a = -RATE[b][i], before = series[0][i];
-    double follows = 0.0, rounding = 0.0;
-    for (int j = 0; j < N; j++)
-        rounding += 1e-15 * fabs(RATE[b][j] * s->x[j]) / a;
+    const double a = -RATE[b][i], before = m->series[0][i];
+    double followed = 0.0;
     for (int term = TERMS - 2; term >= 0; term--) {
-        const double pull = (term + 1) * series[term + 1][i];
-        series[term + 1][i] = follows;
-        follows = (pull - (term + 1) * follows) / a;
+        const double pull = (term + 1) * m->series[term + 1][i];
+        m->series[term + 1][i] = followed;
+        followed = (pull - (term + 1) * followed) / a;
     }
-    series[0][i] = follows;
-    return a * time >= STIFF && fabs(follows - before) <= 1e-12 * (HIGH[b] - LOW[b]) + rounding;
+    m->series[0][i] = followed;
+    m->off[b] = before - followed;
+    m->rate[b] = a;
+    return a * time >= STIFF;
 }
 
-/* Series of the motion from the present state, and the time that it reaches. As long as a gap is open its damper may
+/* The motion from the present state, and the time that its series reaches. As long as a gap is open its damper may
    relax in nanoseconds (d/c); the other states do not feel it, and its position follows them. */
-static double course(const @name@_state *s, double value, double slope, double time, double series[TERMS][N])
+static double course(const @name@_state *s, double value, double slope, double time, motion *m)
 {
     double X[N][N], b0[N], b1[N];
     int left_out[L + 1], any = 0, all = 1;
     tangent(s, value, slope, X, b0, b1);
     for (int b = 0; b < L; b++) {
+        m->off[b] = m->rate[b] = 0.0;
         left_out[b] = stiff(s, b, X, time);
         any |= left_out[b];
         for (int i = 0; i < N && left_out[b]; i++)
             X[i][LIMITED[b]] = 0.0;
     }
-    expand(s, X, b0, b1, series);
-    double span = reach(series, time);
+    expand(s, X, b0, b1, m->series);
+    double span = reach(m->series, time);
     if (!any)
         return span;
     for (int b = 0; b < L; b++)
-        if (left_out[b] && !relaxed(s, b, series, span))
+        if (left_out[b] && !follows(b, m, span))
             all = 0;
     if (all)
         return span;
+    for (int b = 0; b < L; b++)
+        m->off[b] = m->rate[b] = 0.0;
     tangent(s, value, slope, X, b0, b1);
-    expand(s, X, b0, b1, series);
-    return reach(series, time);
+    expand(s, X, b0, b1, m->series);
+    return reach(m->series, time);
 }
 
 /* First moment in (0, time] at which limited state b reaches or leaves a limit, or -1; `side` says which. */
-static double crossing(const @name@_state *s, int b, double series[TERMS][N], double time, int *side)
+static double crossing(const @name@_state *s, int b, motion *m, double time, int *side)
 {
-    double low, high, before = 0.0, f_before = follow(s, b, series, 0.0);
+    double low, high, before = 0.0, f_before = follow(s, b, m, 0.0);
     interval(s, b, &low, &high);
     for (int quarter = 1; quarter < 5; quarter++) {
-        const double now = 0.25 * quarter * time, f = follow(s, b, series, now);
+        const double now = 0.25 * quarter * time, f = follow(s, b, m, now);
         const double slack = 1e-13 * (fabs(f) + fabs(f_before)) + 1e-300;
         if (f > high + slack || f < low - slack) {
             const double limit = f > high + slack ? high : low;
@@ -144,7 +152,7 @@ static double crossing(const @name@_state *s, int b, double series[TERMS][N], do
                 const double half = 0.5 * (left + right);
                 if (half <= left || half >= right)
                     break;
-                if ((follow(s, b, series, half) - limit) * *side > 0.0)
+                if ((follow(s, b, m, half) - limit) * *side > 0.0)
                     right = half;
                 else
                     left = half;
@@ -162,13 +170,13 @@ static void creep(@name@_state *s, double length, double value, double slope)
 {
     double time = 0.0;
     for (int event = 0; event < EVENTS; event++) {
-        double series[TERMS][N];
+        motion m;
         int which = -1, side = 0;
-        double span = course(s, value + slope * time, slope, length - time, series);
+        double span = course(s, value + slope * time, slope, length - time, &m);
         for (int b = 0; b < L; b++)
             if (s->mode[b] != CLOSED) {
                 int at = 0;
-                const double moment = crossing(s, b, series, span, &at);
+                const double moment = crossing(s, b, &m, span, &at);
                 if (moment >= 0.0) {
                     span = moment;
                     which = b;
@@ -178,9 +186,11 @@ static void creep(@name@_state *s, double length, double value, double slope)
         for (int i = 0; i < N; i++) {
             double total = 0.0;
             for (int term = TERMS - 1; term >= 0; term--)
-                total = total * span + series[term][i];
+                total = total * span + m.series[term][i];
             s->x[i] = total;
         }
+        for (int b = 0; b < L; b++)
+            s->x[LIMITED[b]] += m.off[b] * exp(-m.rate[b] * span);
         if (which >= 0) {
             if (s->mode[which] == FREE) {
                 s->x[LIMITED[which]] = side > 0 ? HIGH[which] : LOW[which];
