@@ -67,8 +67,8 @@ def _stiff(shape: Any, plant: Any, b: Any, span: Any, work: Any, lane: Any) -> A
 def _follow(shape: Any, plant: Any, b: Any, terms: Any, reach: Any, work: Any, lane: Any) -> Any:
     """Replace the series of a stiff limited state b by what it follows; whether it is stiff within the reach, too.
 
-    ``work.series`` holds the integral of what it is pulled by, p: x' = p - a x. It follows p/a - p'/a^2 + p''/a^3 and so on,
-    which ends as p is a polynomial, and what it is off that at first fades with exp(-a t).
+    ``work.series`` holds the integral of what it is pulled by, p: x' = p - a x. It follows p/a - p'/a^2 + p''/a^3 and
+    so on, which ends as p is a polynomial, and what it is off that at first fades with exp(-a t).
     """
     row = whole(plant.limited, b)
     a = -get(plant.rate, b * shape.n + row, lane) * reach
