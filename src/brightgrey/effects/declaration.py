@@ -8,7 +8,7 @@ An effect changes a :class:`Draft` of it; stamps are pure and work on whole batc
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -184,6 +184,13 @@ class Element:
     p: tuple[Any, ...]
     limits: Limits | None = None
 
+    def grown(self) -> Element:
+        """The same in a system with one state more, without any connection to it."""
+        H = np.zeros((self.H.shape[0], self.H.shape[1] + 1, *self.H.shape[2:]))
+        G = np.zeros((len(self.G) + 1, *self.G.shape[1:]))
+        H[:, :-1], G[:-1] = self.H, self.G
+        return Element(self.name, self.law, H, self.K, G, self.p, self.limits)
+
 
 @dataclass(frozen=True)
 class Draft:
@@ -229,14 +236,12 @@ class Draft:
         """Append a state without any connection."""
         n = len(self.states)
 
-        def grow(array: Array, axes: tuple[int, ...]) -> Array:
-            larger = np.zeros([size + (axis in axes) for axis, size in enumerate(array.shape)])
-            larger[tuple(map(slice, array.shape))] = array
-            return larger
-
-        elements = tuple(replace(e, H=grow(e.H, (1,)), G=grow(e.G, (0,))) for e in self.elements)
-        A = self.A if n else np.zeros((0, 0, *self.batch))
-        return replace(self, states=(*self.states, state), A=grow(A, (0, 1)), B=grow(self.B, (0,)), elements=elements)
+        batch = self.batch
+        A, B = np.zeros((n + 1, n + 1, *batch)), np.zeros((n + 1, *self.B.shape[1:]))
+        if n:
+            A[:n, :n], B[:n] = self.A, self.B
+        elements = tuple(e.grown() for e in self.elements)
+        return Draft((*self.states, state), self.masses, A, B, elements, self.dead_time)
 
     def with_element(
         self,
@@ -251,7 +256,8 @@ class Draft:
         rows = np.stack(H) if H else np.zeros((0, len(self.states), *self.batch))
         K = np.zeros((len(H), *self.batch))
         p = tuple(values[symbol] for symbol in law.parameters)
-        return replace(self, elements=(*self.elements, Element(name, law, rows, K, G, p, limits)))
+        elements = (*self.elements, Element(name, law, rows, K, G, p, limits))
+        return Draft(self.states, self.masses, self.A, self.B, elements, self.dead_time)
 
 
 Stamp = Callable[[Draft, int, Values], Draft]

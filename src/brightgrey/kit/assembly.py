@@ -77,7 +77,7 @@ def assemble(
 
 def _select_actuator(draft: Draft) -> Draft:
     """Input selection matrix: the only actuator is at mass 1. Done once, later calls change nothing."""
-    return replace(draft, B=draft.B[:, :1])
+    return draft if draft.B.shape[1] == 1 else replace(draft, B=draft.B[:, :1])
 
 
 def _select_sensors(draft: Draft, outputs: Sequence[str]) -> StateSpace:

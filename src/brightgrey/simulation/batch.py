@@ -178,8 +178,8 @@ def squares(
 
 def _starts(lowered: Lowered, x0: ArrayLike) -> Array:
     """Initial states, shape (n, K)."""
-    start = np.asarray(x0, float)
-    return np.broadcast_to(start[:, None] if start.ndim == 1 else start, (lowered.A.shape[0], lowered.A.shape[-1]))
+    start, shape = np.asarray(x0, float), (lowered.A.shape[0], lowered.A.shape[-1])
+    return start if start.shape == shape else np.broadcast_to(start[:, None] if start.ndim == 1 else start, shape)
 
 
 def parts_per_sample(system: StateSpace, lowered: Lowered, dt: float, settings: Settings) -> NDArray[np.int64]:
@@ -264,7 +264,6 @@ def _simulate(
         creep=creep.address() if steps else 0,
         euler=0 if steps else euler.address(),
     )
-    cuts = np.linspace(0, len(pick), min(threads, len(pick)) + 1).astype(int)
 
     def part(first: int, last: int) -> None:
         work, memory = work_for(shape)
@@ -272,9 +271,10 @@ def _simulate(
         run(address(block), int(first), int(last))
         del memory, block  # not before the simulation is done
 
-    if len(cuts) == 2:
+    if threads == 1:
         part(0, len(pick))
     else:
+        cuts = np.linspace(0, len(pick), min(threads, len(pick)) + 1).astype(int)
         with ThreadPoolExecutor(len(cuts) - 1) as pool:
             list(pool.map(part, cuts[:-1], cuts[1:]))
     row, sample = np.nonzero(rejoined)

@@ -112,8 +112,10 @@ def tabulate(lowered: Lowered, x0: Array) -> Rows:
     limits = [e.limits for e in lowered.limited if e.limits is not None]
 
     def stack(arrays: Sequence[Any], count: int) -> Array:
-        full = [np.broadcast_to(np.asarray(a, float).reshape(count, -1), (count, sets)) for a in arrays]
-        return np.concatenate([np.empty((0, sets)), *full])
+        full = np.empty((len(arrays), count, sets))
+        for part, a in zip(full, arrays, strict=True):
+            part[:] = np.asarray(a, float).reshape(count, -1)
+        return full.reshape(-1, sets)
 
     whole = np.floor(lowered.delay)
     return {
