@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from brightgrey import __version__
 from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
@@ -228,9 +229,13 @@ def row(
 
 @cache
 def revision() -> str:
-    """Of the code that made a row."""
+    """Of the code that makes the rows; without a repository, of the package."""
     asked = ["git", "describe", "--always", "--dirty"]
-    return subprocess.run(asked, cwd=Path(__file__).parent, capture_output=True, text=True, check=True).stdout.strip()
+    try:
+        done = subprocess.run(asked, cwd=Path(__file__).parent, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return __version__
+    return done.stdout.strip()
 
 
 def marks(r: Mapping) -> list[str]:
@@ -347,6 +352,7 @@ def by_effect(rows: Sequence[Mapping], what: str) -> dict[str, list[bool]]:
 
 
 def run(options: argparse.Namespace) -> None:
+    revision()  # before anybody changes it while rows are made
     candidates = [
         s for s in PAPER.structures() if s.masses <= options.masses and not set(s.names) & set(options.without)
     ]

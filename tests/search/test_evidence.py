@@ -218,6 +218,44 @@ def test_what_is_below_the_trusted_accuracy_is_not_called_for():
     assert {c.effect: c.verdict for c in found.cards}["viscous"] != "needed"
 
 
+def test_what_is_within_the_trusted_accuracy_is_not_refuted():
+    """With a lag of its least size held, no more is left than a sensor's error may be."""
+    task = task_of("one_mass+viscous+delay", {"J1": 0.02, "f_v": 0.03, "T_d": 0.005}, reversing(), 0.0)
+    found = evidence(task, ("viscous", "delay", "current_control", "gravity"), ("one_mass", "two_mass"))
+    card = {c.effect: c for c in found.cards}["current_control"]
+    assert (card.verdict, card.reason) == (
+        "not decidable",
+        "it fits no worse with it held at a size that matters",
+    )
+
+
+def test_slow_residuals_are_told_of_only_where_they_are_slow():
+    """White noise and few samples make a further mass by chance, too: here one that explains 4 %."""
+    task = task_of("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}, reversing()[:160], 0.0)
+    (r,) = task.recordings
+    y = r.y + 0.1 * np.random.default_rng(1).normal(size=r.y.shape)
+    few = replace(task, recordings=(replace(r, y=y),))
+    found = evidence(few, ("coulomb", "viscous", "gravity", "delay"), ("one_mass", "two_mass"))
+    card = {c.effect: c for c in found.cards}["two_mass"]
+    assert card.verdict == "not decidable"
+    assert card.reason.endswith("may be chance with as few samples as these")
+
+
+def test_what_is_fixed_is_asked_as_it_is():
+    """The user has ruled out all other sizes."""
+    task = task_of("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}, reversing(), 0.05)
+    found = evidence(replace(task, fixed={"M_G": 0.2}), ("coulomb", "viscous", "gravity"))
+    card = {c.effect: c for c in found.cards}["gravity"]
+    assert card.verdict == "not needed"
+    assert card.reason.startswith("M_G of 0.2 N m would have shown")
+
+
+def test_a_bound_without_width_ends_no_search():
+    task = task_of("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}, reversing(), 0.05)
+    found = evidence(replace(task, bounds={"M_G": (0.0, 0.0)}), ("coulomb", "viscous", "gravity"))
+    assert [str(j.structure) for j in found.minimal] == ["one_mass+coulomb+viscous"]
+
+
 def slow_and_late():
     """Dead time of less than a sample; a current loop differs by the fourth power of the lag, less than is trusted."""
     t = DT * np.arange(500)

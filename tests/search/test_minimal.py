@@ -1,5 +1,6 @@
 """Which structures are minimal, by costs made by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,6 +28,9 @@ class Known(Bench):
 
     def made(self, structure, cost):
         return Judged(structure, {}, SimpleNamespace(cost=cost), size(structure), ())
+
+    def held(self, structure, values, moved, held, rival):
+        return lambda: self.made(structure, self.costs[tuple(held.items())])
 
     def judge_all(self, structures):
         for s in structures:
@@ -158,6 +162,55 @@ def test_what_is_no_longer_adequate_is_thrown_out():
     yardstick = Costs(late | {PAPER.parse(big): ratio(0.0)}, fast=fast, second={big: ratio(-13.0)})
     found, _ = yardstick.minimal()
     assert found == [big]
+
+
+def test_what_a_refit_shows_late_of_one_far_larger_counts():
+    """No single effect helps, two together do, and the search has not found that."""
+    least = {"one_mass+coulomb": ratio(0.0), "one_mass+gravity+delay": ratio(2.0)}
+    late = costs(least | {"one_mass+coulomb+gravity+delay": ratio(-40.0)}, ratio(200.0))
+    assert Costs(late).minimal()[0] == ["one_mass+coulomb+gravity+delay"]
+    found, _ = Costs(late, fast=costs(least, ratio(200.0))).minimal()
+    assert found == ["one_mass+coulomb+gravity+delay"]
+
+
+def test_the_best_of_all_larger_ones_has_the_share_of_any_of_them():
+    """Twice the log-likelihood ratio of two effects is 16: more than chance brings to one of ten, not of hundreds."""
+    less, more = "one_mass+coulomb", "one_mass+coulomb+gravity+delay"
+    known = {s: ratio(200.0) for s in ALL} | {s: ratio(0.0) for s in ALL if contains(s, PAPER.parse(less))}
+    for by, wanted in ((16.0, less), (40.0, more)):
+        far = {s: ratio(-by) for s in ALL if contains(s, PAPER.parse(more))}
+        assert Costs(known | far).minimal()[0] == [wanted]
+
+
+class Asked(Costs):
+    """Both signs of gravity are asked; small changes would show, and no fit has it as large."""
+
+    def least(self, structure, effect):
+        return [{"M_G": 1.0}, {"M_G": -1.0}]
+
+    def hidden(self, structure, effect, least):
+        return None
+
+    def fits_as_large(self, structure, effect):
+        return False
+
+
+@pytest.mark.parametrize(("plus", "minus"), [(20.0, 20.0), (20.0, 1.0), (1.0, 20.0)])
+def test_an_effect_is_refuted_by_fits_with_it_held_at_every_size(plus, minus):
+    structure = PAPER.parse("one_mass+coulomb")
+    held = {(("M_G", 1.0),): ratio(plus), (("M_G", -1.0),): ratio(minus)}
+    yardstick = Asked(costs({str(structure): ratio(0.0)}, ratio(200.0)) | held)
+    yardstick.bench.task = SimpleNamespace(standard=lambda s: {})
+    assert yardstick.shown(structure, "gravity")() == (min(plus, minus) > 6.0)
+
+
+def test_a_further_mass_needs_more_to_be_visible_than_an_effect_of_one_parameter():
+    """It has three parameters, and a tenth of the level: power of 80 % takes a squared size of 24.4 instead of 14.3."""
+    structure = PAPER.parse("one_mass+coulomb")
+    yardstick = Costs(costs({str(structure): ratio(0.0)}, ratio(200.0)))
+    yardstick.known = {s: replace(f, free=len(s.parameters)) for s, f in yardstick.known.items()}
+    assert not yardstick.visible(structure, "two_mass", 22.0)
+    assert yardstick.visible(structure, "gravity", 22.0)
 
 
 def test_what_contains_one_that_is_beaten_late_is_looked_at():

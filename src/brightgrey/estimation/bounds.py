@@ -65,8 +65,8 @@ class Search:
 
     @property
     def width(self) -> Array:
-        """Unit of the searched scale for linear parameters, 1 for logarithmic ones."""
-        return np.where(self.log, 1.0, self.high - self.low)
+        """Unit of the searched scale for linear parameters, 1 for logarithmic ones and those without a choice."""
+        return np.where(self.log | (self.high <= self.low), 1.0, self.high - self.low)
 
     def inward(self, values: Array) -> Array:
         """From SI values, shape (P,) or (P, K), to the searched scale."""

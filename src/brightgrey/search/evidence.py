@@ -26,6 +26,7 @@ __all__ = ["Card", "Evidence", "has", "weigh"]
 
 Verdict = Literal["needed", "not needed", "not decidable"]
 _SAME = 0.005  # part of the residual's RMS by which it grows at least where that is worth a number
+_SLOW = 0.5  # of all samples: residuals that are worth fewer independent ones are slow
 _NOTABLE = 0.02  # part of the residual's RMS that an effect explains from which it is not called needless
 
 
@@ -174,8 +175,9 @@ def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]
     """Why an effect that is in no minimal structure cannot be called needless beside those `unseen`."""
     most = max(yardstick.gain(s, effect) for s in unseen)
     if most > _NOTABLE:
-        part = f"{_number(100.0 * most)} % of the residual"
-        return f"it explains {part}, which may be chance with residuals as slow as these"
+        slow = yardstick.independent < _SLOW * yardstick.whitening.samples
+        few = "residuals as slow as these" if slow else "as few samples as these"
+        return f"it explains {_number(100.0 * most)} % of the residual, which may be chance with {few}"
     if any(yardstick.tells(s, effect) for s in unseen):
         if all(yardstick.trusted(yardstick.bench.judge(s)) for s in unseen):
             return "what it explains is less than simulation and sensor are trusted in"
@@ -191,7 +193,9 @@ def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]
             return text + (f" if {by[0]} was there, too" if by else "")
     if asked:
         return "it fits no worse with it held at a size that matters"
-    return "it was not asked: it takes a further effect as well"
+    if all(yardstick.with_effect(s, effect) is None for s in unseen):
+        return "it was not asked: it takes a further effect as well"
+    return "it was not asked: it declares no size that matters"
 
 
 def _largest(yardstick: Yardstick, effect: str, found: Sequence[Structure]) -> str:

@@ -121,11 +121,16 @@ def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collectio
 def _adequate(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> bool:
     """Whether nothing that contains the structure fits significantly better.
 
-    Whom it was compared with stays the same when it is asked again: that takes no further refits.
+    Whom it was compared with stays the same when it is asked again: that takes no further refits. What else has been
+    refitted meanwhile counts, too.
     """
     if structure not in rivals:
         rivals[structure] = _compared(yardstick, structure)
-    own, tests, bench = yardstick.bench.judge(structure), rivals[structure], yardstick.bench
+    own, tests, bench = yardstick.bench.judge(structure), dict(rivals[structure]), yardstick.bench
+    late = [s for s in bench.judged if s != structure and s not in tests and contains(s, structure)]
+    if late:
+        best = min(late, key=lambda s: (bench.judged[s].cost, bench.judged[s].free, str(s)))
+        tests[best] = _chances(yardstick, structure)
     compared = sorted(tests, key=lambda s: (bench.cost(s), str(s)))
     pairs = (bench.judge_all(compared[i : i + _AT_ONCE]) for i in range(0, len(compared), _AT_ONCE))
     return not any(yardstick.better(j, own, tests[j.structure]) for pair in pairs for j in pair)
@@ -138,9 +143,15 @@ def _compared(yardstick: Yardstick, structure: Structure) -> dict[Structure, int
     if not larger:
         return {}
     far = min(larger, key=lambda s: (yardstick.bench.cost(s), yardstick.known[s].free))
-    tests = dict.fromkeys([*more, far], len({*more, far}))
-    # The best of all has the share of the chance of any of them. The largest alone needs no such division if its ratio
-    # is distributed as Wilks says; with resonances and gaps, which have a place of their own, more comes by chance.
-    if far not in more:
-        tests[far] *= len(larger) - len(more)
-    return tests
+    return dict.fromkeys(more, len({*more, far})) | ({} if far in more else {far: _chances(yardstick, structure)})
+
+
+def _chances(yardstick: Yardstick, structure: Structure) -> int:
+    """Among how many tests that counts with what contains the structure and is the best of all beyond one effect more.
+
+    It has the share of the chance of any of them. The largest alone needs no such division if its ratio is distributed
+    as Wilks says; with resonances and gaps, which have a place of their own, more comes by chance.
+    """
+    more = len(extensions(structure, yardstick.known))
+    larger = sum(s != structure and contains(s, structure) for s in yardstick.known)
+    return (more + 1) * (larger - more)

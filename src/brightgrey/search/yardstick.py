@@ -119,16 +119,17 @@ class Yardstick:
     def least(self, structure: Structure, effect: str) -> list[dict[str, float]]:
         """Least sizes of `effect` that matter beside `structure`, by parameter; two of opposite sign if it has both.
 
-        Empty if it takes other effects as well, or declares none.
+        What is fixed is asked as it is. Empty if the effect takes others as well, or declares no size.
         """
         placed, task = Placed.parse(effect), self.bench.task
         if self.with_effect(structure, effect) is None or placed.effect.noticeable is None:
             return []
         declared = placed.effect.noticeable(task.scales, self.bench.judge(structure).values)
         sizes = {placed.parameter(symbol): float(value) for symbol, value in declared.items()}
+        sizes |= {name: value for name, value in task.fixed.items() if name in sizes}
         for parameter in placed.effect.parameters:
             name = placed.parameter(parameter.symbol)
-            if parameter.size and name in sizes:
+            if parameter.size and name in sizes and name not in task.fixed:
                 low, high = task.bounds.get(name) or parameter.bounds(task.scales)
                 both = (sizes[name], -sizes[name])
                 return [{**sizes, name: value} for value in both if low <= value <= high] or [sizes]
@@ -200,7 +201,9 @@ class Yardstick:
         return abs(free.values[name]) >= abs(value) and not self.worse(free, self.bench.judge(structure))
 
     def worse(self, one: Judged, other: Judged) -> bool:
-        """Whether `one` fits significantly worse than `other`, by one parameter's worth."""
+        """Whether `one` fits significantly worse than `other`, by one parameter's worth, and leaves what counts."""
+        if self.trusted(one):
+            return False
         return significance(self.misfit(one), self.misfit(other), self.whitening.samples) > threshold(1, _LEVEL)
 
     def with_effect(self, structure: Structure, effect: str) -> Structure | None:
