@@ -178,6 +178,37 @@ def test_a_held_size_is_walked_to_where_a_load_rattles():
     assert found.cost < 1.015 * own.cost  # 1.02 at once
 
 
+def test_a_light_mass_between_two_others_is_found_from_everywhere():
+    """Refits end where the search did: with the light mass behind the others, and one mass more would be called for."""
+    t, k = DT * np.arange(600), np.arange(1, 60)
+    phase = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, k.size)
+    u = np.sum(np.sin(2.0 * np.pi * k[:, None] * t / 1.2 + phase[:, None]) / np.sqrt(k)[:, None], axis=0)
+    true = {"J1": 0.0112, "J2": 0.00097, "J3": 0.0096, "c1": 105.0, "c2": 84.0, "d1": 0.0187, "d2": 0.0509, "f_v": 0.02}
+    task = task_of("three_mass+viscous", true, 0.5 * u * np.minimum(1.0, 50.0 * t), 0.005)
+    structure = PAPER.parse("three_mass+viscous")
+    ended = {
+        "J1": 0.0115,
+        "J2": 0.0102,
+        "J3": 2.5e-5,
+        "c1": 49.0,
+        "c2": 0.36,
+        "d1": 0.0199,
+        "d2": 0.00116,
+        "f_v": 0.0198,
+    }
+    problem = task.problem(structure)
+    cost, least = (
+        float(problem.costs({n: np.array([v]) for n, v in values.items()}, task.settings)[0])
+        for values in (ended, true)
+    )
+    with pool(None) as workers:
+        bench = Bench(task, {structure: Fitted(structure, ended, cost, len(ended))}, workers)
+        assert bench.judge(structure).cost > 1.05 * least
+        assert bench.seek(structure)
+        assert bench.judge(structure).cost < least
+        assert bench.sought == {structure: 1}
+
+
 def test_masses_are_needed_cumulatively():
     values = {"J1": 0.012, "J2": 0.01, "c1": 25.0, "d1": 0.05, "f_v": 0.03}
     found = evidence(

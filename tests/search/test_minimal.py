@@ -22,9 +22,9 @@ NOISE = 1000.0  # sum of squares
 class Known(Bench):
     """Costs of refits are known, and those that a second one from the optimum of a larger structure brings."""
 
-    def __init__(self, costs, fitted, second):
+    def __init__(self, costs, fitted, second, everywhere):
         super().__init__(None, fitted, None)
-        self.costs, self.second = costs, second
+        self.costs, self.second, self.everywhere, self.succeeds = costs, second, everywhere, 1
 
     def made(self, structure, cost):
         return Judged(structure, {}, SimpleNamespace(cost=cost), size(structure), ())
@@ -37,6 +37,14 @@ class Known(Bench):
             self.judged.setdefault(s, self.made(s, self.costs[s]))
         return [self.judged[s] for s in structures]
 
+    def seek(self, structure):
+        self.sought[structure] = self.sought.get(structure, 0) + 1
+        found = self.everywhere.get(structure, np.inf)
+        if self.sought[structure] < self.succeeds or self.judged[structure].cost <= found:
+            return False
+        self.judged[structure] = self.made(structure, found)
+        return True
+
     def improve(self, structure):
         own = self.judged[structure].cost
         larger = [j for s, j in self.judged.items() if s != structure and contains(s, structure) and j.cost < own]
@@ -48,10 +56,10 @@ class Known(Bench):
 class Costs(Yardstick):
     """Yardstick of residuals that are white, so that their sums of squares are all there is to compare."""
 
-    def __init__(self, costs, *, fast=None, second=(), doubt=0.0, white=()):
+    def __init__(self, costs, *, fast=None, second=(), everywhere=(), doubt=0.0, white=()):
         fitted = {s: Fitted(s, {}, (fast or costs)[s], size(s)) for s in ALL}
-        second = {PAPER.parse(name): cost for name, cost in dict(second).items()}
-        super().__init__(Known(costs, fitted, second), SimpleNamespace(samples=SAMPLES), fitted)
+        second, everywhere = ({PAPER.parse(name): c for name, c in dict(more).items()} for more in (second, everywhere))
+        super().__init__(Known(costs, fitted, second, everywhere), SimpleNamespace(samples=SAMPLES), fitted)
         self.trust, self.white = doubt, {PAPER.parse(name): cost for name, cost in dict(white).items()}
 
     @property
@@ -150,6 +158,37 @@ def test_smaller_ones_are_found_on_the_way_and_smaller_ones_of_those():
     found, examined = Costs(costs(least, 5.0 * NOISE), second=second).minimal()
     assert found == ["one_mass"]
     assert [str(s) for s in examined] == ["one_mass+coulomb+gravity"]
+
+
+def test_before_a_further_mass_is_called_for_the_shorter_ladder_is_sought_from_everywhere():
+    """A light mass between two others is found from there, not from what is around."""
+    least = {"four_mass+coulomb": ratio(0.0), "three_mass+coulomb": ratio(60.0)}
+    known = costs(least, ratio(200.0))
+    assert Costs(known).minimal()[0] == ["four_mass+coulomb"]
+    yardstick = Costs(known, everywhere={"three_mass+coulomb": ratio(-1.0)})
+    assert yardstick.minimal()[0] == ["three_mass+coulomb"]
+    assert {str(s): n for s, n in yardstick.bench.sought.items()} == {"three_mass+coulomb": 1, "two_mass+coulomb": 1}
+
+
+@pytest.mark.parametrize(("between", "found"), [(60.0, "three_mass+coulomb"), (150.0, "four_mass+coulomb")])
+def test_it_is_sought_more_often_where_little_is_between_them(between, found):
+    least = {"four_mass+coulomb": ratio(0.0), "three_mass+coulomb": ratio(between)}
+    yardstick = Costs(costs(least, ratio(300.0)), everywhere={"three_mass+coulomb": ratio(-1.0)})
+    yardstick.bench.succeeds = 2  # the first time in vain
+    assert yardstick.minimal()[0] == [found]
+
+
+@pytest.mark.parametrize(("between", "found"), [(60.0, "one_mass+coulomb"), (150.0, "one_mass+coulomb+delay")])
+def test_before_an_effect_is_called_for_that_adds_little_it_is_sought_too(between, found):
+    least = {"one_mass+coulomb+delay": ratio(0.0), "one_mass+coulomb": ratio(between)}
+    yardstick = Costs(costs(least, ratio(300.0)), everywhere={"one_mass+coulomb": ratio(-1.0)})
+    assert yardstick.minimal()[0] == [found]
+
+
+def test_with_a_gap_nothing_is_sought_from_everywhere():
+    least = {"three_mass+backlash": ratio(0.0), "two_mass+backlash": ratio(60.0)}
+    yardstick = Costs(costs(least, ratio(200.0)), everywhere={"two_mass+backlash": ratio(-1.0)})
+    assert yardstick.minimal()[0] == ["three_mass+backlash"]
 
 
 def test_what_is_no_longer_adequate_is_thrown_out():

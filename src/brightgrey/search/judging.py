@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from brightgrey.estimation.leastsquares import Descent, End, descend_many, evaluate, finish
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
-from brightgrey.search.fitting import Fitted
+from brightgrey.search.fitting import Fitted, Options, from_everywhere
 from brightgrey.search.handing import exchanged, growing_from_zero, handed_down, information
 from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import contains
@@ -67,6 +67,12 @@ def _refit_from(task: Identification, structure: Structure, larger: Sequence[Map
     end = _descent_from_best(task, structure, larger, rival)
     off = float(task.doubt(task.problem(structure).weights, ROUGH).sum())  # what this level may be off by
     return last_descent(task, structure, end.values) if end.cost < _WORTH * rival + off else end
+
+
+def _refit_from_everywhere(task: Identification, structure: Structure, seed: int, known: Sequence[Fitted]) -> End:
+    """Search anew, from `known` optima and everywhere else, and descend to the end from what is found."""
+    found = from_everywhere(task, structure, Options(), seed, known)
+    return last_descent(task, structure, np.array([found.values[n] for n in task.posed(structure)[1].names]))
 
 
 def _refit_held(
@@ -146,6 +152,8 @@ class Bench:
     judged : dict of Structure to Judged
     tried : set of (Structure, Structure, float)
         What was refitted from which larger structure, with the cost of that.
+    sought : dict of Structure to int
+        What was refitted from everywhere, and how often.
     """
 
     task: Identification
@@ -154,6 +162,7 @@ class Bench:
     seed: int = 0
     judged: dict[Structure, Judged] = field(default_factory=dict)
     tried: set[tuple[Structure, Structure, float]] = field(default_factory=set)
+    sought: dict[Structure, int] = field(default_factory=dict)
 
     def judge(self, structure: Structure) -> Judged:
         """Refit `structure`."""
@@ -189,6 +198,17 @@ class Bench:
             for values in handed_down(j.values, self._information(j), j.structure, structure, space)
         ]
         end = self.executor.submit(_refit_from, self.task, structure, larger, own.cost).result()
+        if end.cost >= _IMPROVED * own.cost:
+            return False
+        self.judged[structure] = _judged(self.task, structure, end)
+        return True
+
+    def seek(self, structure: Structure) -> bool:
+        """Refit from everywhere, with other starts in every call; whether it has helped."""
+        own, fitted, count = self.judged[structure], self.fitted[structure], self.sought.get(structure, 0)
+        self.sought[structure] = count + 1
+        seed = self.seed + count
+        end = self.executor.submit(_refit_from_everywhere, self.task, structure, seed, [fitted]).result()
         if end.cost >= _IMPROVED * own.cost:
             return False
         self.judged[structure] = _judged(self.task, structure, end)

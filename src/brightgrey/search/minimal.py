@@ -9,6 +9,7 @@ import numpy as np
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged, threshold
 from brightgrey.search.fitting import Fitted
+from brightgrey.search.handing import two_ports
 from brightgrey.search.identification import ACCURACY, ROUGH
 from brightgrey.search.lattice import contains, extensions, minimal, simpler
 from brightgrey.search.yardstick import Yardstick
@@ -17,6 +18,8 @@ __all__ = ["minimal_structures"]
 
 Rivals = dict[Structure, dict[Structure, int]]
 _SLACK = 1.02  # ratio of costs within which a structure is always looked at
+_FIELDS = 2  # times that an optimum is sought from everywhere
+_LITTLE = 1.1  # ratio of what is left; where it is more, another optimum is hardly the reason
 _MOST = 24  # structures that are examined
 _AT_ONCE = 2  # larger structures refitted side by side: what an inadequate one does not need is in vain
 _RARE = 1e-3
@@ -79,10 +82,34 @@ def _without_loss(yardstick: Yardstick, structure: Structure, rivals: Rivals) ->
     bench.judge_all(smaller)
     for s in smaller:
         bench.improve(s)
-        tests = len(extensions(s, yardstick.known))  # a short cut: what follows compares these two as well
-        if not yardstick.better(bench.judge(structure), bench.judge(s), tests) and _adequate(yardstick, s, rivals):
+        if not _loses(yardstick, s, structure) and _adequate(yardstick, s, rivals):
             found.append(s)
     return found
+
+
+def _loses(yardstick: Yardstick, small: Structure, big: Structure) -> bool:
+    """Whether a structure fits significantly worse than one that has an effect, or a mass, more.
+
+    Its optimum may be elsewhere, as with a light mass between two others: before what it lacks is called for, that is
+    sought from everywhere.
+    """
+    bench, tests = yardstick.bench, len(extensions(small, yardstick.known))  # a short cut: more are compared later
+    while yardstick.better(bench.judge(big), bench.judge(small), tests):
+        if bench.sought.get(small, 0) >= _fields(yardstick, small, big):
+            return True
+        bench.seek(small)
+    return False
+
+
+def _fields(yardstick: Yardstick, small: Structure, big: Structure) -> int:
+    """How often an optimum is sought from everywhere: where little is between the two, more often.
+
+    Not with laws of two ports, where it would take long.
+    """
+    if two_ports(small):
+        return 0
+    left, least = (yardstick.left(yardstick.bench.judge(s)) for s in (small, big))
+    return _FIELDS if left <= _LITTLE * least else int(small.masses < big.masses)
 
 
 def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collection[Structure]) -> Structure | None:
