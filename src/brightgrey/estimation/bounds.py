@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -63,7 +64,7 @@ class Search:
     blocks: tuple[Block, ...]
     still: NDArray[np.bool_]
 
-    @property
+    @cached_property
     def width(self) -> Array:
         """Unit of the searched scale for linear parameters, 1 for logarithmic ones and those without a choice."""
         return np.where(self.log | (self.high <= self.low), 1.0, self.high - self.low)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from math import comb
 from typing import Literal, get_args
 
@@ -21,6 +22,7 @@ __all__ = ["Initial", "Onset", "Unknown", "check_initial", "initial_state", "noi
 Array = NDArray[np.float64]
 Initial = Literal["auto", "rest", "samples", "estimated"]
 _INITIALS: tuple[Initial, ...] = get_args(Initial)
+_REMEMBERED = 8  # recordings of which what does not depend on parameters is kept
 _AT_REST = 0.1  # of the largest speed
 _FIRST = 10  # samples that tell position and speed at the start
 _INTERCEPT = 2.0  # standard deviation of a line's beginning, in that of a mean
@@ -58,12 +60,24 @@ class Unknown:
     drawn: bool = True
 
 
+@lru_cache(maxsize=_REMEMBERED)
 def noise_of(recording: Recording) -> Array:
-    """Noise of each output, shape (outputs,), SI: from second differences, at least the resolution's."""
+    """Noise of each output, shape (outputs,), SI: from second differences, at least the resolution's; read-only."""
     bend = np.diff(recording.y, n=2, axis=1)
     spread = 1.4826 * np.median(np.abs(bend), axis=1) / np.sqrt(6.0)
     least = np.maximum(recording.resolution / np.sqrt(12.0), 1e-12 * recording.y.std(axis=1))
-    return np.asarray(np.maximum(spread, least))
+    noise = np.asarray(np.maximum(spread, least))
+    noise.setflags(write=False)
+    return noise
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _first_speed(recording: Recording) -> tuple[float, float, float]:
+    """Speed at the first sample if it is even, and if it rises or falls; and the largest of all."""
+    course = speed_of(recording)
+    first = course[:_FIRST]
+    even, bent = (float(np.polyfit(np.arange(len(first)), first, degree)[-1]) for degree in (1, 2))
+    return even, bent, float(np.abs(course).max())
 
 
 def initial_state(recording: Recording, system: StateSpace) -> Array:
@@ -122,10 +136,8 @@ class Onset:
         kinds = [signal.kind for signal in recording.outputs]
         at = kinds.index("position") if "position" in kinds else None
         position = float(recording.y[at][0]) if at is not None else 0.0
-        course = speed_of(recording)
-        steps = np.arange(len(course[:_FIRST]))
-        speed, bent = (float(np.polyfit(steps, course[:_FIRST], degree)[-1]) for degree in (1, 2))  # it may speed up
-        moving = abs(speed) >= _AT_REST * float(np.abs(course).max()) > 0.0
+        speed, bent, largest = _first_speed(recording)
+        moving = abs(speed) >= _AT_REST * largest > 0.0
         if initial == "rest" or (initial == "auto" and not moving):
             return cls(position, 0.0, 0.0, (), tag)
         unknown: list[Unknown] = []
@@ -142,7 +154,7 @@ class Onset:
             unknown.append(Unknown(f"speed(0){tag}", low, high, speed))
             unknown += [Unknown(f"{name}(0)/width{tag}", -1.0, 0.0, -0.5) for name in limited]
             if torque > 0.0:
-                share, fast = float(recording.u[0]) / torque, _APART * float(np.abs(course).max())
+                share, fast = float(recording.u[0]) / torque, _APART * largest
                 for i in range(1, masses):
                     unknown.append(Unknown(f"twist{i}(0)/full{tag}", -_WOUND, _WOUND, share, drawn=False))
                     unknown.append(Unknown(f"speed{i + 1}-speed{i}(0){tag}", -fast, fast, 0.0, drawn=False))
@@ -170,7 +182,9 @@ class Onset:
                 low, high = element.limits.lower, element.limits.upper
                 share = known(f"{system.state_names[element.limits.state]}(0)/width", 0.0)
                 rows[element.limits.state] = np.atleast_1d(high + share * (high - low))
-        x = np.array(np.broadcast_arrays(*rows))
+        x = np.empty((len(rows), max(map(len, rows))))
+        for i, row in enumerate(rows):
+            x[i] = row
         for element in system.elements:
             if element.limits is not None:
                 _relax(x, system, element)
