@@ -253,7 +253,7 @@ class Draft:
         limits: Limits | None = None,
     ) -> Draft:
         """Add an element whose ports read states only."""
-        rows = np.stack(H) if H else np.zeros((0, len(self.states), *self.batch))
+        rows = np.array(H) if H else np.zeros((0, len(self.states), *self.batch))
         K = np.zeros((len(H), *self.batch))
         p = tuple(values[symbol] for symbol in law.parameters)
         elements = (*self.elements, Element(name, law, rows, K, G, p, limits))

@@ -69,6 +69,11 @@ class Search:
         """Unit of the searched scale for linear parameters, 1 for logarithmic ones and those without a choice."""
         return np.where(self.log | (self.high <= self.low), 1.0, self.high - self.low)
 
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Bounds in the searched scale, each of shape (P,)."""
+        return self.inward(self.low), self.inward(self.high)
+
     def inward(self, values: Array) -> Array:
         """From SI values, shape (P,) or (P, K), to the searched scale."""
         log, width = (a.reshape(-1, *(1,) * (np.ndim(values) - 1)) for a in (self.log, self.width))
@@ -86,7 +91,7 @@ class Search:
 
     def side(self, values: Array) -> NDArray[np.int64]:
         """Which of SI `values`, shape (P,), have run to the low bound (-1) or the high one (1); 0 inside."""
-        theta, low, high = (self.inward(v) for v in (values, self.low, self.high))
+        theta, (low, high) = self.inward(values), self.box
         near = _AT_BOUND * (high - low)
         return np.where(theta - low <= near, -1, np.where(high - theta <= near, 1, 0))
 
@@ -97,7 +102,7 @@ class Search:
 
     def _alone(self, share: Array) -> Array:
         """Starts from points of the unit cube, each parameter on its own: more often near the declared start."""
-        low, high, start = (self.inward(v) for v in (self.low, self.high, self.start))
+        (low, high), start = self.box, self.inward(self.start)
         reach = np.where(self.log, np.log(_NEAR), 0.5 * np.abs(start) + 0.02)
         near = (np.maximum(start - reach, low), np.minimum(start + reach, high))
         inner = share / _NEAR_SHARE

@@ -94,7 +94,7 @@ def neighbours(theta: Array, search: Search) -> tuple[Array, Array]:
 
     For `theta` of shape (S, P): shapes (S, P) and (P, S, 1 + P).
     """
-    low, high = search.inward(search.low), search.inward(search.high)
+    low, high = search.box
     steps = np.where(theta + _STEP <= high, _STEP, -_STEP)
     steps = np.where((steps < 0) & (theta - _STEP < low), _STEP, steps)
     count = theta.shape[1]
@@ -198,7 +198,7 @@ def descend_many(
     list of End
         In the order of `begins`.
     """
-    low, high = search.inward(search.low), search.inward(search.high)
+    low, high = search.box
     theta = np.clip(search.inward(begins).T, low, high)
     field = _Field.at(theta, normal(problem, search, settings, theta))
     if not len(search.names):
@@ -238,7 +238,7 @@ def _end(search: Search, field: _Field, i: int, converged: bool, turns: int) -> 
 
 def _round(problem: Problem, search: Search, settings: Settings, field: _Field, tolerance: float) -> _Field:
     """One step of every start with the best of some dampings."""
-    low, high = search.inward(search.low), search.inward(search.high)
+    low, high = search.box
     cap = np.where(search.log, _CAP_LOG, _CAP_LINEAR)
     factors = np.array(_FACTORS)
     starts, count = field.theta.shape
@@ -246,9 +246,9 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
     damped = np.column_stack([np.full(starts, _HARDLY), field.damped[:, None] * factors])
     changes = step(field.theta[each], field.normal.of(each), field.scale[each], damped.ravel(), low, high, cap)
     changes = changes.reshape(starts, -1, count)
-    least, *others = (_promise(field.normal, change) for change in np.moveaxis(changes, 1, 0))
+    promised = _promise(field.normal, changes)
     enough = tolerance * field.normal.cost
-    done = (least < _LITTLE * enough) & (np.max(others, axis=0) < _MUCH * enough)
+    done = (promised[:, 0] < _LITTLE * enough) & (promised[:, 1:].max(axis=1) < _MUCH * enough)
     tried = field.theta[:, None] + changes[:, 1:]
     costs = np.full(tried.shape[:2], np.inf)
     if not done.all():
@@ -275,10 +275,10 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
     )
 
 
-def _promise(normal: Normal, change: Array) -> Array:
-    """Fall of the cost that the quadratic picture promises for a step `change`, shape (S, P)."""
-    bend = np.einsum("si,sij,sj->s", change, normal.curvature, change)
-    return np.asarray(-2.0 * np.einsum("si,si->s", normal.gradient, change) - bend)
+def _promise(normal: Normal, changes: Array) -> Array:
+    """Fall of the cost, shape (S, D), that the quadratic picture promises for steps `changes`, shape (S, D, P)."""
+    slope = 2.0 * normal.gradient[:, None] + changes @ normal.curvature
+    return np.asarray(-(slope * changes).sum(axis=2))
 
 
 def _with(old: Array, where: NDArray[np.bool_], new: Array) -> Array:

@@ -43,7 +43,7 @@ def pattern_searches(
     problem: Problem, search: Search, settings: Settings, begins: Sequence[Array]
 ) -> tuple[PatternEnd, ...]:
     """Pattern search from every start, SI, all side by side; ends stand in the searched scale."""
-    low, high = search.inward(search.low), search.inward(search.high)
+    low, high = search.box
     theta = search.inward(np.stack(begins, axis=1))
     return pattern_search(cost_function(problem, search, settings), theta, low, high, iterations=ITERATIONS)
 

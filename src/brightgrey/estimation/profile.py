@@ -97,7 +97,7 @@ def profile(found: Fit, recordings: Sequence[Recording], name: str) -> Profile:
     start = np.array([found.estimates[n].value for n in search.names])
     best = descend(problem, search, found.settings, start)
     half, rise = _calibrated(problem, best, k)
-    low, high, middle = (float(search.inward(v)[k]) for v in (search.low, search.high, best.values))
+    low, high, middle = (float(v[k]) for v in (*search.box, search.inward(best.values)))
     course = _Course(problem, search, found.settings, k, best.cost + rise, {middle: (best.cost, best.values)})
     step = half if np.isfinite(half) and half > 0.0 else 0.05 * (high - low)
     ends = [_end(course, middle, side * step, bound) for side, bound in ((-1.0, low), (1.0, high))]

@@ -137,7 +137,7 @@ def offspring(search: Search, parents: Sequence[Array], fresh: Array, rng: np.ra
         SI.
     """
     count = fresh.shape[1]
-    low, high = search.inward(search.low)[:, None], search.inward(search.high)[:, None]
+    low, high = (bound[:, None] for bound in search.box)
     share = 0.5 ** np.arange(len(parents))
     chosen = rng.choice(len(parents), count, p=share / share.sum())
     parent = np.stack(parents, axis=1)[:, chosen]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any, get_args
 
 import numpy as np
@@ -12,7 +13,7 @@ from brightgrey.effects import Draft
 from brightgrey.effects.declaration import Stage
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.kit.statespace import StateSpace
-from brightgrey.kit.structure import Structure
+from brightgrey.kit.structure import Placed, Structure
 
 __all__ = ["OUTPUTS", "assemble"]
 
@@ -52,9 +53,9 @@ def assemble(
     SettingsError
         If a parameter is missing or unknown, or an output is none of the three.
     """
-    names = list(structure.parameters)
+    names = structure.parameters
     for name in values:
-        if name not in structure.parameters:
+        if name not in names:
             raise SettingsError(unknown_name(f"parameter of '{structure}'", name, names))
     missing = [name for name in names if name not in values]
     if missing:
@@ -62,17 +63,24 @@ def assemble(
     for output in outputs:
         if output not in OUTPUTS:
             raise SettingsError(unknown_name("output", output, OUTPUTS))
-    arrays = dict(zip(names, np.broadcast_arrays(*(np.asarray(values[n], float) for n in names)), strict=True))
+    given = [np.asarray(values[n], float) for n in names]
+    if len({a.shape for a in given}) > 1:
+        given = list(np.broadcast_arrays(*given))
+    arrays = dict(zip(names, given, strict=True))
 
     draft = Draft()
-    for stage, placed in sorted(
-        ((_STAGES.index(p.effect.stage), p) for p in structure.placed), key=lambda pair: pair[0]
-    ):
+    for stage, placed in _in_order(structure):
         if stage >= _SELECT_BEFORE:
             draft = _select_actuator(draft)
         own = {q.symbol: arrays[placed.parameter(q.symbol)] for q in placed.effect.parameters}
         draft = placed.effect.stamp(draft, placed.place, {**own, "f_tanh": f_tanh})
     return _select_sensors(_select_actuator(draft), outputs)
+
+
+@cache
+def _in_order(structure: Structure) -> list[tuple[int, Placed]]:
+    """Placed effects with the number of the stage at which each is stamped, in the order of the stages."""
+    return sorted(((_STAGES.index(p.effect.stage), p) for p in structure.placed), key=lambda pair: pair[0])
 
 
 def _select_actuator(draft: Draft) -> Draft:

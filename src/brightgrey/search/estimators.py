@@ -43,7 +43,7 @@ class PatternSearch:
         space, problem = self.task.space(structure), self.task.problem(structure)
 
         cost_many = cost_function(problem, space, self.task.settings)
-        low, high = space.inward(space.low), space.inward(space.high)
+        low, high = space.box
         begins = space.inward(self.task.begins(space, starts))
         patience = self.patience or None
         found = pattern_search(cost_many, begins, low, high, iterations=self.iterations, patience=patience)

@@ -110,7 +110,7 @@ def response(
         parts.append((own, lanes, *_simulate(lowered, rows, u, dt, settings, own, lanes, threads, int(cut))))
     if len(parts) == 1 and sound.all():
         ((_, lanes, y, diverged, _),) = parts
-        y, diverged = (y[:, :, :sets] if lanes.plain else y[:, :, lanes.place]), diverged[lanes.place]
+        y, diverged = (y[:, :, :sets] if lanes.plain else y.take(lanes.place, axis=2)), diverged[lanes.place]
     else:
         y, diverged = np.empty((len(lowered.outputs), len(u), sets)), np.zeros(sets, np.int64)
         for own, lanes, columns, lost, _ in parts:

@@ -83,7 +83,7 @@ def lower(system: StateSpace, dt: float) -> Lowered:
             if k == len(channels):
                 channels.append(wiring)
             smooth.append((element, k))
-    G, H, through = (np.stack(part) for part in zip(*channels, strict=True)) if channels else _nothing(n, sets)
+    G, H, through = (np.array(part) for part in zip(*channels, strict=True)) if channels else _nothing(n, sets)
     outputs = tuple(
         n + row if row >= 0 else int(np.argmax(batched(system.C, 2)[out, :, 0]))
         for out, row in enumerate(system.derivative_rows)
@@ -131,7 +131,7 @@ def tabulate(lowered: Lowered, x0: Array) -> Rows:
         "column": stack([e.G for e in lowered.limited], n),
         "low": stack([limit.lower for limit in limits], 1),
         "high": stack([limit.upper for limit in limits], 1),
-        "delay": np.stack([whole, lowered.delay - whole]),
+        "delay": np.array([whole, lowered.delay - whole]),
         "x0": x0,
     }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -98,6 +99,15 @@ def aligned(shape: tuple[int, ...]) -> NDArray[np.float64]:
 
 def work_for(shape: Shape) -> tuple[Work, NDArray[np.float64]]:
     """Zeroed memory for one thread: the addresses in it, and the memory itself."""
+    rows, starts = _places(shape)
+    memory = aligned((rows, LANES))
+    begin = address(memory)
+    return Work(*(begin + start for start in starts)), memory
+
+
+@lru_cache(maxsize=256)
+def _places(shape: Shape) -> tuple[int, tuple[int, ...]]:
+    """Rows that a thread's memory takes, and at which byte of it each field begins."""
     n, m, b = shape.n, shape.channels, shape.limits
     modes, levels = 2**b, shape.ticks + 1
     table, pieces = int(table_rows(shape)), 2**shape.ticks
@@ -141,7 +151,5 @@ def work_for(shape: Shape) -> tuple[Work, NDArray[np.float64]]:
         rows=int(solo_rows(shape)),
         coupled=4 * m * m,
     )
-    memory = aligned((sum(rows), LANES))
-    begin = address(memory)
     starts = accumulate(rows, initial=0)
-    return Work(*(begin + start * LANES * _ENTRY for start, _ in zip(starts, rows, strict=False))), memory
+    return sum(rows), tuple(start * LANES * _ENTRY for start, _ in zip(starts, rows, strict=False))
