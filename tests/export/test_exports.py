@@ -15,6 +15,7 @@ from scipy.io import loadmat
 
 from brightgrey.cli import main
 from brightgrey.errors import SettingsError
+from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.export import exporter as exporting
 from brightgrey.export import modelica, tools
 from brightgrey.export.exporter import EXPORTS, export, exporter
@@ -74,6 +75,20 @@ def test_gap_whose_damper_relaxes_in_nanoseconds(to, tmp_path):
     values = {"J1": 0.0165, "J2": 0.00704, "J3": 0.000972, "c1": 123e3, "c2": 0.156, "d1": 1.23e-4, "d2": 0.0398}
     drive = model("three_mass+coulomb+backlash", values | {"M_C": 0.288, "alpha": 0.7})
     assert compared(to, drive, tmp_path) <= exporter(to).tolerance
+
+
+@pytest.mark.parametrize("to", ["c", "matlab"])
+def test_gap_that_fades_to_what_it_follows(to, tmp_path):
+    """Its damper relaxes 20 times within the shortest step, and the gap does not begin where it would be by itself."""
+    needs(to)
+    c, alpha = 100.0, 1e-3
+    d = c * PAPER_EXPERIMENT.dt / (128 * 20.0)
+    scheme = scheme_of(model("two_mass+backlash", {"J1": 0.01, "J2": 0.004, "c1": c, "d1": d, "alpha": alpha}))
+    for start in (0.8, 2.0, -3.1):  # twists in halves of the gap: inside, beyond a limit each way
+        x0 = np.array([start * alpha, 0.0, 1.0, 0.0, -1.2 * alpha])
+        trial = made(scheme, np.full(20, 0.3), x0, "a gap that fades")
+        write_files(tmp_path, exporter(to).files(scheme))
+        assert deviation(trial.y, exporter(to).verify(tmp_path, scheme, trial).y) <= exporter(to).tolerance
 
 
 @pytest.mark.long

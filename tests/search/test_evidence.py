@@ -1,6 +1,7 @@
 """What small recordings say about the effects of a restricted set of structures."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from brightgrey.estimation import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search import Identification
+from brightgrey.search import Identification, fitting
 from brightgrey.search.evidence import weigh
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted
@@ -204,9 +205,33 @@ def test_a_light_mass_between_two_others_is_found_from_everywhere():
     with pool(None) as workers:
         bench = Bench(task, {structure: Fitted(structure, ended, cost, len(ended))}, workers)
         assert bench.judge(structure).cost > 1.05 * least
-        assert bench.seek(structure)
+        assert bench.seek(structure, 4)
         assert bench.judge(structure).cost < least
-        assert bench.sought == {structure: 1}
+        assert bench.sought == {structure: 4}
+
+
+def test_starts_from_everywhere_are_none_that_the_search_has_had(monkeypatch):
+    t = DT * np.arange(300)
+    values = {"J1": 0.0112, "J2": 0.004, "c1": 105.0, "d1": 0.0187, "f_v": 0.02}
+    task = task_of("two_mass+viscous", values, 2.0 * np.sin(2.0 * np.pi * 15.0 * t**2), 0.005)
+    structure, seen, explored = PAPER.parse("two_mass+viscous"), [], fitting.explore
+
+    def noted(*given, **options):
+        found = explored(*given, **options)
+        seen.append({tuple(begin) for begin in found.begins.T})
+        return found
+
+    monkeypatch.setattr(fitting, "explore", noted)
+    hub = fitting.from_everywhere(task, structure, fitting.Options(), 0)
+    with pool(None) as workers:
+        bench = Bench(task, {structure: hub}, workers)
+        bench.judge(structure)
+        bench.seek(structure, 1)
+        bench.seek(structure, 2)
+    assert len(seen) == 4
+    assert all(
+        len(a & b) <= 1 + (a is not seen[0]) for a, b in combinations(seen, 2)
+    )  # declared; optimum of the search
 
 
 def test_masses_are_needed_cumulatively():

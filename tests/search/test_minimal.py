@@ -37,8 +37,8 @@ class Known(Bench):
             self.judged.setdefault(s, self.made(s, self.costs[s]))
         return [self.judged[s] for s in structures]
 
-    def seek(self, structure):
-        self.sought[structure] = self.sought.get(structure, 0) + 1
+    def seek(self, structure, fields):
+        self.sought[structure] = self.sought.get(structure, 0) + fields
         found = self.everywhere.get(structure, np.inf)
         if self.sought[structure] < self.succeeds or self.judged[structure].cost <= found:
             return False
@@ -167,14 +167,14 @@ def test_before_a_further_mass_is_called_for_the_shorter_ladder_is_sought_from_e
     assert Costs(known).minimal()[0] == ["four_mass+coulomb"]
     yardstick = Costs(known, everywhere={"three_mass+coulomb": ratio(-1.0)})
     assert yardstick.minimal()[0] == ["three_mass+coulomb"]
-    assert {str(s): n for s, n in yardstick.bench.sought.items()} == {"three_mass+coulomb": 1, "two_mass+coulomb": 1}
+    assert {str(s): n for s, n in yardstick.bench.sought.items()} == {"three_mass+coulomb": 4, "two_mass+coulomb": 2}
 
 
 @pytest.mark.parametrize(("between", "found"), [(60.0, "three_mass+coulomb"), (150.0, "four_mass+coulomb")])
 def test_it_is_sought_more_often_where_little_is_between_them(between, found):
     least = {"four_mass+coulomb": ratio(0.0), "three_mass+coulomb": ratio(between)}
     yardstick = Costs(costs(least, ratio(300.0)), everywhere={"three_mass+coulomb": ratio(-1.0)})
-    yardstick.bench.succeeds = 2  # the first time in vain
+    yardstick.bench.succeeds = 4  # the first fields in vain
     assert yardstick.minimal()[0] == [found]
 
 

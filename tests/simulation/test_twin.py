@@ -57,6 +57,20 @@ def test_so_it_does_with_dead_time_in_a_tiny_gap_that_rattles(level: str, hold: 
     same(structure, values | {"T_1": 2e-4, "T_d": T_d}, u, level, hold)
 
 
+@pytest.mark.parametrize(("level", "ticks"), [("accurate", 128), ("fast", 32)])
+@pytest.mark.parametrize("times", [9.0, 20.0, 40.0])
+def test_so_it_does_where_it_begins_elsewhere(level: str, ticks: int, times: float) -> None:
+    """The position in the gap fades to what it follows, some `times` of the damper's per tick, and meets a limit."""
+    structure, rng = PAPER.parse("two_mass+backlash"), np.random.default_rng(5)
+    for _ in range(10):
+        c, alpha = 10.0 ** rng.uniform(1.0, 3.0), 10.0 ** rng.uniform(-4.0, -2.0)
+        d = c * PAPER_EXPERIMENT.dt / (ticks * times)
+        values = {"J1": 0.01, "J2": 0.004, "c1": c, "d1": d, "alpha": alpha}
+        gap = -2.0 * alpha * rng.random()
+        x0 = np.array([gap + 2.0 * alpha * rng.normal(), 0.0, rng.normal(), 0.0, gap])
+        same(structure, values, np.full(4, 0.3), level, "linear", x0)
+
+
 @pytest.mark.parametrize("level", LEVELS)
 def test_so_it_does_far_from_the_origin(level: str) -> None:
     """After 16 turns rounding of positions is as large as a millionth of a millionth of the gap."""
@@ -80,11 +94,26 @@ def test_gap_that_opens_at_rest_with_three_masses_behind(level: str) -> None:
     same(PAPER.parse("four_mass+coulomb+backlash+current_control"), values, -0.1 * np.arange(20.0), level, "linear")
 
 
-def same(structure: Structure, values: Mapping[str, float], u: NDArray[np.float64], level: str, hold: str) -> None:
+@pytest.mark.parametrize("off", [1e-10, 1e-9, 1.1e-9])
+def test_knot_beside_a_tick(off: float) -> None:
+    """Within a billionth of a tick it is on it, or just after: never a tick off."""
+    T_d = PAPER_EXPERIMENT.dt * (2.0 + off) / 128.0
+    u = 3.0 * np.random.default_rng(0).normal(size=12)
+    same(PAPER.parse("one_mass+coulomb+delay"), {"J1": 0.01, "M_C": 0.1, "T_d": T_d}, u, "accurate", "zoh")
+
+
+def same(
+    structure: Structure,
+    values: Mapping[str, float],
+    u: NDArray[np.float64],
+    level: str,
+    hold: str,
+    x0: NDArray[np.float64] | None = None,
+) -> None:
     experiment = PAPER_EXPERIMENT
     system = assemble(structure, values, experiment.f_tanh, OUTPUTS)
     how = Settings(experiment.f_tanh, experiment.speed, level, hold)  # type: ignore[arg-type]
-    x0 = system.rest(u=u[0])
+    x0 = system.rest(u=u[0]) if x0 is None else x0
     fast = response(system, u, experiment.dt, x0, how).y[:, :, 0]
     plain = plain_response(system, u, experiment.dt, x0, how)
     # Same steps, other exponentials and root finders: what remains is rounding, carried on by stiff friction.

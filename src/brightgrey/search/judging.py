@@ -16,12 +16,14 @@ from brightgrey.search.fitting import Fitted, Options, from_everywhere
 from brightgrey.search.handing import exchanged, growing_from_zero, handed_down, information
 from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import contains
+from brightgrey.search.work import in_order
 
 __all__ = ["Bench", "last_descent"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
 _IMPROVED = 0.999  # of the cost: what counts as better
+_OWN_STARTS = 1000  # seeds from there on are not those of fields that the search has had
 _RELATIVES = 6  # starts that are taken over from relatives
 _SETTLED = 1e-5  # of the cost, far less than chance: N of it is 1 in a hundred thousand samples
 _NEAR = 2.0  # times the rival's cost: beyond it, digits do not matter
@@ -153,7 +155,7 @@ class Bench:
     tried : set of (Structure, Structure, float)
         What was refitted from which larger structure, with the cost of that.
     sought : dict of Structure to int
-        What was refitted from everywhere, and how often.
+        What was refitted from everywhere, and in how many fields of starts.
     """
 
     task: Identification
@@ -203,12 +205,16 @@ class Bench:
         self.judged[structure] = _judged(self.task, structure, end)
         return True
 
-    def seek(self, structure: Structure) -> bool:
-        """Refit from everywhere, with other starts in every call; whether it has helped."""
-        own, fitted, count = self.judged[structure], self.fitted[structure], self.sought.get(structure, 0)
-        self.sought[structure] = count + 1
-        seed = self.seed + count
-        end = self.executor.submit(_refit_from_everywhere, self.task, structure, seed, [fitted]).result()
+    def seek(self, structure: Structure, fields: int) -> bool:
+        """Refit from everywhere in `fields` fields of starts that neither the search nor a call before had.
+
+        Returns whether it has helped.
+        """
+        own, known, had = self.judged[structure], [self.fitted[structure]], self.sought.get(structure, 0)
+        self.sought[structure] = had + fields
+        first = self.seed + _OWN_STARTS + had
+        calls = [(self.task, structure, seed, known) for seed in range(first, first + fields)]
+        end = min(in_order(self.executor, _refit_from_everywhere, calls), key=lambda e: e.cost)
         if end.cost >= _IMPROVED * own.cost:
             return False
         self.judged[structure] = _judged(self.task, structure, end)

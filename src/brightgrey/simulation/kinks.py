@@ -57,7 +57,7 @@ def _response(shape: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any,
     """Effect p of a ramp of unit slope (held input: a unit jump) on the state, `span` seconds after its begin."""
     n = shape.n
     width = n + 4 + 2 * shape.channels
-    whole = int(span / tick + _SAME)
+    whole = int(span / tick + 2.0 * _SAME)  # twice: what is a whole tick to `_begins` is one here, too
     rest = max(span - whole * tick, 0.0)
     _begin(n, rest, lane, begins, p)
     time = rest

@@ -61,9 +61,10 @@ def drive_all(shape: Any, plant: Any, call: Any, k: Any, start: Any, size: Any, 
         for lane in range(LANES):
             drive_lane(shape, plant, u, k, float(start), float(size), per_sample, dt, work, lane)
         return
-    slope = (real(u, k + 1) - real(u, k)) / dt if shape.hold == 1 else 0.0
-    put(work.drive, 0, None, splat(real(u, k) + slope * (start * dt / per_sample), None))
-    put(work.drive, 1, None, splat(slope, None))
+    here = real(u, k)
+    change = real(u, k + 1) - here if shape.hold == 1 else 0.0  # to the bit as a lane without dead time beside others
+    put(work.drive, 0, None, splat(here + change * (start / per_sample), None))
+    put(work.drive, 1, None, splat(change / dt, None))
     put(work.drive, 2, None, splat(0.0, None))
 
 
