@@ -13,6 +13,16 @@ __all__ = ["drive_all", "drive_lane", "mode_bits", "set_force", "set_mode", "use
 
 
 @inner
+def _drive_now(shape: Any, u: Any, k: Any, start: Any, per_sample: Any, dt: Any, work: Any, who: Any) -> None:
+    """Input without dead time from the tick `start` after sample k on: to the same bit beside lanes that have one."""
+    here, after = real(u, k), real(u, min(k + 1, shape.samples - 1))
+    slope = (after - here) / dt if shape.hold == 1 else 0.0
+    put(work.drive, 0, who, splat(here + slope * (start * dt / per_sample), who))
+    put(work.drive, 1, who, splat(slope, who))
+    put(work.drive, 2, who, splat(0.0, who))
+
+
+@inner
 def drive_lane(
     shape: Any,
     plant: Any,
@@ -31,6 +41,9 @@ def drive_lane(
     """
     last = shape.samples - 1
     shift = get(plant.delay, 1, lane)
+    if get(plant.delay, 0, lane) + shift == 0.0:
+        _drive_now(shape, u, k, start, per_sample, dt, work, lane)
+        return
     index = k - int(get(plant.delay, 0, lane))
     part = start / per_sample - shift
     inside = False
@@ -61,11 +74,7 @@ def drive_all(shape: Any, plant: Any, call: Any, k: Any, start: Any, size: Any, 
         for lane in range(LANES):
             drive_lane(shape, plant, u, k, float(start), float(size), per_sample, dt, work, lane)
         return
-    here = real(u, k)
-    change = real(u, k + 1) - here if shape.hold == 1 else 0.0  # to the bit as a lane without dead time beside others
-    put(work.drive, 0, None, splat(here + change * (start / per_sample), None))
-    put(work.drive, 1, None, splat(change / dt, None))
-    put(work.drive, 2, None, splat(0.0, None))
+    _drive_now(shape, u, k, start, per_sample, dt, work, None)
 
 
 @inner
