@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
+from brightgrey.estimation.spent import Spent
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
@@ -181,6 +182,27 @@ def test_the_best_optimum_with_an_effect_more_is_a_start_unless_it_is_little_bet
     begun = [[str(f.structure) for f in known] for *_, known in asked.calls]
     assert begun[::2] == [["two_mass", "two_mass+backlash"], ["two_mass", "two_mass+viscous"], ["two_mass"]]
     assert begun[1::2] == 3 * [["two_mass+coulomb"]]
+
+
+def test_each_optimum_with_a_gap_is_followed_once(task, monkeypatch):
+    costs = {"two_mass+backlash": 100.0, "two_mass+coulomb+backlash": 95.0, "two_mass+viscous+backlash": 60.0}
+    small, little, better = map(PAPER.parse, costs)
+    fits, followed = Fits(task, [small, little, better]), []
+
+    def in_vain(task, own, larger, options):
+        followed.append((own.structure, larger.structure))
+        return None, Spent()
+
+    monkeypatch.setattr("brightgrey.search.fits.tracked_from_above", in_vain)
+    monkeypatch.setattr("brightgrey.search.fits.from_above", lambda *_: (None, Spent()))
+    fits.done.update({s: Fitted(s, {}, c, size(s)) for s, c in zip(fits.structures, costs.values(), strict=True)})
+    with pool(None) as workers:
+        for _ in range(2):
+            assert not fits.follow(workers)
+        fits.done[little] = replace(fits.done[little], cost=50.0)
+        for _ in range(2):
+            fits.follow(workers)
+    assert followed == [(small, better), (small, little)]
 
 
 def test_what_lacks_one_effect_of_a_lonely_leader_comes_after_it(task):

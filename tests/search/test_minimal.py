@@ -167,15 +167,16 @@ def test_before_a_further_mass_is_called_for_the_shorter_ladder_is_sought_from_e
     assert Costs(known).minimal()[0] == ["four_mass+coulomb"]
     yardstick = Costs(known, everywhere={"three_mass+coulomb": ratio(-1.0)})
     assert yardstick.minimal()[0] == ["three_mass+coulomb"]
-    assert {str(s): n for s, n in yardstick.bench.sought.items()} == {"three_mass+coulomb": 4, "two_mass+coulomb": 2}
+    assert {str(s): n for s, n in yardstick.bench.sought.items()} == {"three_mass+coulomb": 2, "two_mass+coulomb": 2}
 
 
 @pytest.mark.parametrize(("between", "found"), [(60.0, "three_mass+coulomb"), (150.0, "four_mass+coulomb")])
 def test_it_is_sought_more_often_where_little_is_between_them(between, found):
     least = {"four_mass+coulomb": ratio(0.0), "three_mass+coulomb": ratio(between)}
     yardstick = Costs(costs(least, ratio(300.0)), everywhere={"three_mass+coulomb": ratio(-1.0)})
-    yardstick.bench.succeeds = 4  # the first fields in vain
+    yardstick.bench.succeeds = 7  # the first fields in vain
     assert yardstick.minimal()[0] == [found]
+    assert yardstick.bench.sought[PAPER.parse("three_mass+coulomb")] == (8 if between < 100.0 else 2)
 
 
 @pytest.mark.parametrize(("between", "found"), [(60.0, "one_mass+coulomb"), (150.0, "one_mass+coulomb+delay")])
@@ -185,10 +186,14 @@ def test_before_an_effect_is_called_for_that_adds_little_it_is_sought_too(betwee
     assert yardstick.minimal()[0] == [found]
 
 
-def test_with_a_gap_nothing_is_sought_from_everywhere():
-    least = {"three_mass+backlash": ratio(0.0), "two_mass+backlash": ratio(60.0)}
-    yardstick = Costs(costs(least, ratio(200.0)), everywhere={"two_mass+backlash": ratio(-1.0)})
-    assert yardstick.minimal()[0] == ["three_mass+backlash"]
+@pytest.mark.parametrize(("between", "found"), [(60.0, "two_mass+backlash"), (150.0, "three_mass+backlash")])
+def test_with_a_gap_that_is_done_where_little_is_between_them_and_takes_few_fields(between, found):
+    least = {"three_mass+backlash": ratio(0.0), "two_mass+backlash": ratio(between)}
+    yardstick = Costs(costs(least, ratio(300.0)), everywhere={"two_mass+backlash": ratio(-1.0)})
+    assert yardstick.minimal()[0] == [found]
+    yardstick = Costs(costs(least, ratio(300.0)))
+    yardstick.minimal()
+    assert yardstick.bench.sought == ({PAPER.parse("two_mass+backlash"): 2} if between < 100.0 else {})
 
 
 def test_what_is_no_longer_adequate_is_thrown_out():

@@ -19,7 +19,7 @@ from brightgrey.search.fitting import Fitted, Options, from_above, from_everywhe
 from brightgrey.search.genetic import GeneticSettings, search
 from brightgrey.search.genetic.relatives import Relatives
 from brightgrey.search.genetic.settings import OURS
-from brightgrey.search.lattice import contains
+from brightgrey.search.lattice import contains, size
 from brightgrey.search.work import pool
 from brightgrey.simulation import response, squares
 
@@ -173,6 +173,55 @@ def test_gaps_are_sought_among_what_a_genetic_search_has_identified(loose):
     assert relatives.fits.done[truth].cost <= 1.01 * exact < 0.5 * before
     assert truth in relatives.better
     assert spent.sets > 0
+
+
+def test_gaps_are_sought_with_all_effects_though_nothing_of_that_was_bred(loose):
+    task, values = loose
+    grammar = Grammar("loose", dict.fromkeys(("two_mass", "viscous", "backlash", "delay"), (1,)))
+    structures = list(grammar.structures())
+    top = max(structures, key=size)
+    with pool(None) as executor:
+        relatives = Relatives(Fits(task, structures), executor)
+        relatives.identify([s for s in structures if "backlash" not in s.names])
+        relatives.seek_missed()
+        found = relatives.evaluated(top)
+    without = {**values, "f_v": 0.0}
+    exact = task.problem(top).costs({name: np.array([without[name]]) for name in top.parameters}, task.settings)[0]
+    assert relatives.fits.done[top].cost <= 1.01 * exact
+    assert top in relatives.better
+    assert dict(found.values).keys() == set(top.parameters)
+
+
+def test_what_is_identified_beside_the_individuals_has_a_tree(loose):
+    task, _ = loose
+    grammar = Grammar("loose", dict.fromkeys(("two_mass", "viscous", "backlash", "delay"), (1,)))
+    settings = replace(OURS, population=2, generations=0)
+    for seed in range(8):
+        fits = Fits(task, list(grammar.structures()))
+        run = search(None, task.draw, settings, fits=fits, grammar=grammar, seed=seed)
+        bred = {e.job.structure for e in run.evaluations if e.operator != "relatives"}
+        beside = [e for e in run.evaluations if e.job.structure not in bred]
+        assert all(e.tree.parameters == dict(e.result.values) for e in beside)
+        assert all(e.tree.structure == e.job.structure for e in run.evaluations)
+        if beside:
+            return
+    pytest.fail("the largest structure was bred from every seed")
+
+
+def test_gaps_are_handed_down_in_every_generation(task, monkeypatch):
+    structures = [PAPER.parse(f"{name}+backlash") for name in ("two_mass", "two_mass+coulomb", "two_mass+viscous")]
+    fits, asked = Fits(task, structures), []
+    monkeypatch.setattr(fits, "follow", lambda workers: asked.append(tuple(fits.done)) or {structures[0]})
+    with pool(None) as executor:
+        relatives = Relatives(fits, executor)
+        relatives.identify(structures[:1])
+        assert relatives.better == ()  # they are of this generation
+        relatives.identify(structures[:2])
+        assert relatives.better == ()
+        relatives.identify(structures[1:])
+        assert relatives.better == (structures[0],)
+        relatives.identify(structures)
+    assert list(map(len, asked)) == [1, 2, 3]
 
 
 def test_so_they_are_where_gaps_are_sought(given):

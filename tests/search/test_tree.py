@@ -3,8 +3,8 @@
 import pytest
 
 from brightgrey.errors import StructureError
-from brightgrey.kit import Placed
-from brightgrey.search.genetic.tree import Node, attach, drop, graft, prune, relabel, with_values
+from brightgrey.kit import PAPER, Placed
+from brightgrey.search.genetic.tree import Node, attach, drop, graft, prune, relabel, tree_of, with_values
 
 
 def node(name, *children, **values):
@@ -73,3 +73,12 @@ def test_estimates_go_to_their_nodes():
     tree = node("two_mass", node("coulomb", M_C=1.0), J1=2.0, J2=3.0)
     changed = with_values(tree, {"M_C": 5.0, "J2": 6.0, "unknown": 7.0})
     assert changed.parameters == {"J1": 2.0, "J2": 6.0, "M_C": 5.0}
+
+
+def test_a_structure_that_was_not_bred_has_a_tree():
+    structure = PAPER.parse("two_mass+coulomb+delay")
+    values = {name: float(k) for k, name in enumerate(structure.parameters)}
+    tree = tree_of(structure, values)
+    assert tree.structure == structure
+    assert tree.parameters == values
+    assert tree.size == len(structure.placed)

@@ -68,6 +68,7 @@ class Fits:
         self._first = _hubs(structures)
         self._sought: set[Structure] = set()
         self._fields = 0  # calls of `anew`, each with starts of its own
+        self._followed: set[tuple[Structure, Structure, float]] = set()
         self._offered: set[tuple[Structure, Structure, float]] = set()
 
     def add(
@@ -154,7 +155,17 @@ class Fits:
         if better:
             everything = tuple(self.done)
             self._settled(everything, sorted(better, key=size), workers)
-            self._settled(everything, self._follow(workers), workers)
+            self.follow(workers)
+
+    def follow(self, workers: Executor) -> set[Structure]:
+        """Hand optima with laws of two ports down on growing beginnings, each one once; returns what got better."""
+        better = self._follow(workers)
+        return {*better, *self._settled(tuple(self.done), better, workers)}
+
+    @property
+    def structures(self) -> tuple[Structure, ...]:
+        """All that may be asked for, fitted or not."""
+        return tuple(self._order)
 
     def leader(self) -> Fitted:
         """Best fit of a structure that needs all its effects for it."""
@@ -259,7 +270,11 @@ class Fits:
             own = self.done[s]
             larger = min((self.done[t] for t in around if not self.done[t].idle), key=lambda f: f.cost, default=own)
             telling = larger.cost < min(TELLING * own.cost, near)
-            return (tracked_from_above, self.task, own, larger, self._how) if telling else None
+            trail = s, larger.structure, larger.cost
+            if not telling or trail in self._followed:
+                return None
+            self._followed.add(trail)
+            return tracked_from_above, self.task, own, larger, self._how
 
         return self._falling(list(filter(two_ports, self.done)), call, workers)
 

@@ -18,10 +18,11 @@ __all__ = ["minimal_structures"]
 
 Rivals = dict[Structure, dict[Structure, int]]
 _SLACK = 1.02  # ratio of costs within which a structure is always looked at
-_FIELDS = 4  # of starts, from which an optimum is sought everywhere: one of them finds hardly half of what is missed
+_FIELDS = 8  # of starts, from which an optimum is sought everywhere: one of them finds hardly half of what is missed
+_FEW = 2  # the same where a further mass takes much off, or a law of two ports makes it take long
 _LITTLE = 1.1  # ratio of what is left; where it is more, another optimum is hardly the reason
 _MOST = 24  # structures that are examined
-_AT_ONCE = 2  # larger structures refitted side by side: what an inadequate one does not need is in vain
+_AT_ONCE = 2  # refitted side by side: what is not needed after one of them is in vain
 _RARE = 1e-3
 
 
@@ -98,21 +99,16 @@ def _loses(yardstick: Yardstick, small: Structure, big: Structure) -> bool:
         fields = _fields(yardstick, small, big) - bench.sought.get(small, 0)
         if fields <= 0:
             return True
-        bench.seek(small, fields)
+        bench.seek(small, min(fields, _AT_ONCE))
     return False
 
 
 def _fields(yardstick: Yardstick, small: Structure, big: Structure) -> int:
-    """From how many fields of starts an optimum is sought: where much is between the two, for masses alone and half.
-
-    Not with laws of two ports, where it would take long.
-    """
-    if two_ports(small):
-        return 0
+    """From how many fields of starts an optimum is sought; if much is between the two, only for masses without gaps."""
     left, least = (yardstick.left(yardstick.bench.judge(s)) for s in (small, big))
     if left <= _LITTLE * least:
-        return _FIELDS
-    return _FIELDS // 2 if small.masses < big.masses else 0
+        return _FEW if two_ports(small) else _FIELDS
+    return _FEW if small.masses < big.masses and not two_ports(small) else 0
 
 
 def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collection[Structure]) -> Structure | None:

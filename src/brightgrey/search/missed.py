@@ -36,15 +36,15 @@ _Seeking = Callable[[Structure], None]
 def seek_missed(fits: Fits, workers: Executor, seeking: _Seeking | None = None) -> None:
     """Fit structures from everywhere until the best residual is white, or that seems to be in vain.
 
-    Those without laws of two ports that lead; then the largest structure with such laws of every number of masses, the
-    fewest first: the next one begins where it has ended. Where that brings something, and the law takes off a good part
-    of what is left without it, more is looked for. Then in those with such laws that lead; they have no more effects
-    than they need.
+    Those without laws of two ports that lead; then the largest structure with such laws of every number of masses,
+    fitted before or not, the fewest first: the next one begins where it has ended. Where that brings something, and
+    the law takes off a good part of what is left without it, more is looked for. Then in those with such laws that
+    lead; they have no more effects than they need.
 
     Parameters
     ----------
     fits : Fits
-        Of all structures that count; better ones are kept there.
+        Better ones are kept there, and those of the largest structures.
     workers : concurrent.futures.Executor
     seeking : callable, optional
         Called with every structure before it is searched for.
@@ -53,16 +53,19 @@ def seek_missed(fits: Fits, workers: Executor, seeking: _Seeking | None = None) 
         return
     seeking = seeking or (lambda structure: None)
     better = _seek_smooth(fits, workers, seeking)
-    tops = _tops(fits.done)
+    tops = _tops(fits.structures)
     for number, top in enumerate(tops):
         if _explained(fits):
             break
+        if top not in fits.done:
+            better |= fits.add([top], workers)
         seeking(top)
         found = fits.anew([top], 1, workers)
         if found and _tells(fits, top) and not _explained(fits):
             fits.anew([top], 2, workers)
         if found:
-            better |= {top, *fits.up(tops[number + 1 :], [top], workers)}
+            larger = [t for t in tops[number + 1 :] if t in fits.done]
+            better |= {top, *fits.up(larger, [top], workers)}
     fits.spread(better, workers)
     _seek_gaps(fits, workers, seeking)
 

@@ -21,7 +21,7 @@ from brightgrey.search.genetic.record import Evaluation, Progress, Run
 from brightgrey.search.genetic.relatives import Relatives
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.search.genetic.settings import GeneticSettings
-from brightgrey.search.genetic.tree import Node, with_values
+from brightgrey.search.genetic.tree import Node, tree_of, with_values
 from brightgrey.search.work import Stopped, in_order, pool
 
 __all__ = ["search"]
@@ -97,7 +97,7 @@ def search(
                 done += current
                 if relatives:
                     spent = relatives.seek(Run(tuple(done)).best.job.structure)
-                    if generation in (settings.generations // 2, settings.generations):
+                    if generation in (settings.generations // 4, settings.generations // 2, settings.generations):
                         spent += relatives.seek_missed()
                     done += _improved(done, relatives, judge)
                     done[-1] = _charged(done[-1], spent + relatives.listen())
@@ -164,19 +164,21 @@ def _evaluate(
 
 
 def _improved(done: Sequence[Evaluation], relatives: Relatives, judge: Criterion) -> list[Evaluation]:
-    """Individuals that have been identified better than before, numbered on behind the latest generation."""
-    latest, known = done[-1], {e.job.structure: e for e in done}
+    """Individuals of structures that are identified better than before, or were never bred, behind the latest ones."""
+    latest, known = done[-1], {e.job.structure: e.tree for e in done}
     out = []
     for number, structure in enumerate(relatives.better, latest.individual + 1):
         result = relatives.evaluated(structure)
+        values = dict(result.values)
+        bred = structure in known
         out.append(
-            replace(
-                known[structure],
+            Evaluation(
                 generation=latest.generation,
                 individual=number,
                 parents=(),
                 operator="relatives",
-                tree=with_values(known[structure].tree, dict(result.values)),
+                tree=with_values(known[structure], values) if bred else tree_of(structure, values),
+                job=Job(structure, ()),
                 result=result,
                 value=judge.value(result.misfit, result.n_parameters),
                 repeated=False,

@@ -29,7 +29,7 @@ class Relatives:
     ----------
     fits : Fits
     better : tuple of Structure
-        Of earlier generations, which the latest one has improved.
+        Of earlier generations, which the latest one has improved; and what was identified beside its individuals.
     share : float
         Of the samples, how many are independent by the residuals of the best fit so far.
     """
@@ -41,11 +41,14 @@ class Relatives:
         self._seen: dict[tuple[Structure, float], tuple[Fitted, Misfit]] = {}
 
     def identify(self, structures: Sequence[Structure]) -> list[tuple[Evaluated, bool]]:
-        """Results in the order of `structures`, each with whether it had been there before."""
+        """Results in the order of `structures`, each with whether it had been there before.
+
+        Optima with laws of two ports are handed down in every generation: it breeds what leads by then.
+        """
         fits = self.fits
         fresh = [s for s in dict.fromkeys(structures) if s not in fits.done]
         counted = len(fits.spent)
-        better = fits.add(fresh, self._executor) if fresh else set()
+        better = fits.add(fresh, self._executor) | fits.follow(self._executor) if fresh else set()
         self.better = tuple(s for s in fits.done if s in better and s not in structures)
         spent = self._spent(counted)  # by the first of them: hubs serve them all
         out, first = [], set(fresh)
@@ -65,7 +68,7 @@ class Relatives:
         """Look for optima that have been missed, those with gaps above all; returns what was simulated."""
         counted, before = len(self.fits.spent), dict(self.fits.done)
         seek_missed(self.fits, self._executor)
-        self._improved({s for s, fitted in self.fits.done.items() if fitted is not before[s]})
+        self._improved({s for s, fitted in self.fits.done.items() if fitted is not before.get(s)})
         return self._spent(counted)
 
     def _improved(self, better: Collection[Structure]) -> None:

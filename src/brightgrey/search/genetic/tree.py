@@ -9,7 +9,7 @@ from functools import cached_property
 
 from brightgrey.kit import Placed, Structure
 
-__all__ = ["Node", "Values", "attach", "drop", "graft", "prune", "relabel", "with_values"]
+__all__ = ["Node", "Values", "attach", "drop", "graft", "prune", "relabel", "tree_of", "with_values"]
 
 Values = tuple[tuple[str, float], ...]
 
@@ -69,6 +69,14 @@ class Node:
         if not self.children:
             return str(self.type)
         return f"{self.type}({', '.join(str(child) for child in self.children)})"
+
+
+def tree_of(structure: Structure, named: Mapping[str, float]) -> Node:
+    """Tree of a structure that is not bred: all else originates from its first submodel."""
+    root, *others = (
+        Node(p, tuple((q.symbol, named[p.parameter(q.symbol)]) for q in p.effect.parameters)) for p in structure.placed
+    )
+    return replace(root, children=tuple(others))
 
 
 def attach(tree: Node | None, index: int, branch: Node) -> Node:
