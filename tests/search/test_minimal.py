@@ -39,10 +39,11 @@ class Known(Bench):
 
     def seek(self, structure, fields):
         self.sought[structure] = self.sought.get(structure, 0) + fields
+        self.vain += fields
         found = self.everywhere.get(structure, np.inf)
         if self.sought[structure] < self.succeeds or self.judged[structure].cost <= found:
             return False
-        self.judged[structure] = self.made(structure, found)
+        self.judged[structure], self.vain = self.made(structure, found), 0
         return True
 
     def improve(self, structure):
@@ -194,6 +195,20 @@ def test_with_a_gap_that_is_done_where_little_is_between_them_and_takes_few_fiel
     yardstick = Costs(costs(least, ratio(300.0)))
     yardstick.minimal()
     assert yardstick.bench.sought == ({PAPER.parse("two_mass+backlash"): 2} if between < 100.0 else {})
+
+
+def test_after_much_in_vain_nothing_more_is_sought():
+    whole = "two_mass+coulomb+viscous+gravity+delay"
+    smaller = [whole.replace(f"+{name}", "") for name in ("coulomb", "viscous", "gravity", "delay")]
+    known = costs({whole: ratio(0.0)} | dict.fromkeys(smaller, ratio(60.0)), ratio(300.0))
+    yardstick = Costs(known)
+    assert yardstick.minimal()[0] == [whole]
+    assert sum(yardstick.bench.sought.values()) == 16
+    first, second = yardstick.bench.sought
+    for place in (first, second):  # what has helped once may help again
+        yardstick = Costs(known, everywhere={str(place): ratio(50.0)})
+        yardstick.minimal()
+        assert sum(yardstick.bench.sought.values()) > 16
 
 
 def test_what_is_no_longer_adequate_is_thrown_out():

@@ -156,6 +156,8 @@ class Bench:
         What was refitted from which larger structure, with the cost of that.
     sought : dict of Structure to int
         What was refitted from everywhere, and in how many fields of starts.
+    vain : int
+        Such fields since one has helped.
     """
 
     task: Identification
@@ -165,6 +167,7 @@ class Bench:
     judged: dict[Structure, Judged] = field(default_factory=dict)
     tried: set[tuple[Structure, Structure, float]] = field(default_factory=set)
     sought: dict[Structure, int] = field(default_factory=dict)
+    vain: int = 0
 
     def judge(self, structure: Structure) -> Judged:
         """Refit `structure`."""
@@ -212,11 +215,13 @@ class Bench:
         """
         own, known, had = self.judged[structure], [self.fitted[structure]], self.sought.get(structure, 0)
         self.sought[structure] = had + fields
+        self.vain += fields
         first = self.seed + _OWN_STARTS + had
         calls = [(self.task, structure, seed, known) for seed in range(first, first + fields)]
         end = min(in_order(self.executor, _refit_from_everywhere, calls), key=lambda e: e.cost)
         if end.cost >= _IMPROVED * own.cost:
             return False
+        self.vain = 0
         self.judged[structure] = _judged(self.task, structure, end)
         return True
 

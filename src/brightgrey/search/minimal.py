@@ -20,6 +20,7 @@ Rivals = dict[Structure, dict[Structure, int]]
 _SLACK = 1.02  # ratio of costs within which a structure is always looked at
 _FIELDS = 8  # of starts, from which an optimum is sought everywhere: one of them finds hardly half of what is missed
 _FEW = 2  # the same where a further mass takes much off, or a law of two ports makes it take long
+_IN_VAIN = 16  # such fields, of whatever structures: then the search has missed little in this recording
 _LITTLE = 1.1  # ratio of what is left; where it is more, another optimum is hardly the reason
 _MOST = 24  # structures that are examined
 _AT_ONCE = 2  # refitted side by side: what is not needed after one of them is in vain
@@ -97,7 +98,7 @@ def _loses(yardstick: Yardstick, small: Structure, big: Structure) -> bool:
     bench, tests = yardstick.bench, len(extensions(small, yardstick.known))  # a short cut: more are compared later
     while yardstick.better(bench.judge(big), bench.judge(small), tests):
         fields = _fields(yardstick, small, big) - bench.sought.get(small, 0)
-        if fields <= 0:
+        if fields <= 0 or bench.vain >= _IN_VAIN:
             return True
         bench.seek(small, min(fields, _AT_ONCE))
     return False
