@@ -202,7 +202,31 @@ def test_each_optimum_with_a_gap_is_followed_once(task, monkeypatch):
         fits.done[little] = replace(fits.done[little], cost=50.0)
         for _ in range(2):
             fits.follow(workers)
-    assert followed == [(small, better), (small, little)]
+        fits.done[better] = replace(fits.done[better], cost=40.0)
+        fits.follow(workers)
+        fits.done[better] = replace(fits.done[better], cost=30.0)
+        fits.follow(workers)
+    assert followed == [(small, better), (small, little), (small, better), (small, better)]
+
+
+def test_what_is_followed_is_handed_on(task, monkeypatch):
+    costs = {"two_mass+backlash": 100.0, "two_mass+coulomb+backlash": 60.0, "two_mass+gravity+backlash": 90.0}
+    small, larger, other = map(PAPER.parse, costs)
+    fits = Fits(task, [small, larger, other])
+    found, asked = Fitted(small, {}, 70.0, size(small)), []
+
+    def handed_on(task, structure, parents, *rest):
+        asked.append((structure, [f.cost for f in parents]))
+        return Fitted(structure, {}, 65.0, size(structure))
+
+    monkeypatch.setattr("brightgrey.search.fits.tracked_from_above", lambda *_: (found, Spent()))
+    monkeypatch.setattr("brightgrey.search.fits.from_above", lambda *_: (None, Spent()))
+    monkeypatch.setattr("brightgrey.search.fits.fit_one", handed_on)
+    fits.done.update({s: Fitted(s, {}, c, size(s)) for s, c in zip(fits.structures, costs.values(), strict=True)})
+    with pool(None) as workers:
+        assert fits.follow(workers) == {small, other}
+    assert asked == [(other, [70.0])]
+    assert fits.done[small] is found
 
 
 def test_what_lacks_one_effect_of_a_lonely_leader_comes_after_it(task):

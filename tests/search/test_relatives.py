@@ -20,6 +20,7 @@ from brightgrey.search.genetic import GeneticSettings, search
 from brightgrey.search.genetic.relatives import Relatives
 from brightgrey.search.genetic.settings import OURS
 from brightgrey.search.lattice import contains, size
+from brightgrey.search.missed import seek_missed
 from brightgrey.search.work import pool
 from brightgrey.simulation import response, squares
 
@@ -190,6 +191,28 @@ def test_gaps_are_sought_with_all_effects_though_nothing_of_that_was_bred(loose)
     assert relatives.fits.done[top].cost <= 1.01 * exact
     assert top in relatives.better
     assert dict(found.values).keys() == set(top.parameters)
+
+
+def test_of_larger_structures_with_gaps_there_may_be_no_fit_yet(loose):
+    """What is found with two masses is offered to those that are there, not to what comes after it."""
+    task, _ = loose
+    names = ("one_mass", "two_mass", "two_mass+backlash", "three_mass", "three_mass+backlash")
+    structures = list(map(PAPER.parse, names))
+    with pool(None) as executor:
+        fits = Fits(task, structures)
+        fits.add(structures[:2], executor)
+        seek_missed(fits, executor)
+    assert structures[2] in fits.done
+
+
+@pytest.mark.parametrize(("generations", "after"), [(0, {0}), (2, {1, 2}), (3, {1, 3}), (8, {2, 4, 8})])
+def test_gaps_are_sought_after_a_quarter_a_half_and_all_generations(task, monkeypatch, generations, after):
+    seen, sought = [], set()
+    monkeypatch.setattr(Relatives, "seek_missed", lambda self: sought.add(len(seen)) or Spent())
+    settings = replace(OURS, population=2, generations=generations, near=1, fresh=1)
+    fits = Fits(task, ALL)
+    search(None, task.draw, settings, fits=fits, grammar=FEW, seed=1, progress=seen.append)
+    assert sought == after
 
 
 def test_what_is_identified_beside_the_individuals_has_a_tree(loose):

@@ -3,7 +3,7 @@
 import pytest
 
 from brightgrey.errors import StructureError
-from brightgrey.kit import PAPER, Placed
+from brightgrey.kit import Placed, Structure
 from brightgrey.search.genetic.tree import Node, attach, drop, graft, prune, relabel, tree_of, with_values
 
 
@@ -76,7 +76,7 @@ def test_estimates_go_to_their_nodes():
 
 
 def test_a_structure_that_was_not_bred_has_a_tree():
-    structure = PAPER.parse("two_mass+coulomb+delay")
+    structure = Structure((Placed("two_mass"), Placed("coulomb"), Placed("coulomb", 2), Placed("delay")))
     values = {name: float(k) for k, name in enumerate(structure.parameters)}
     tree = tree_of(structure, values)
     assert tree.structure == structure

@@ -57,7 +57,7 @@ def history_chart(run: Run | None) -> tuple[Chart, ...]:
 def parents(run: Run, e: Evaluation) -> tuple[Evaluation, ...]:
     """Where an individual comes from: its parents, or what it is kept from."""
     before = [other for other in run.evaluations if other.generation < e.generation]
-    if not e.parents:  # kept as it was, or there from the beginning
+    if not e.parents:  # kept as it was, there from the beginning, or identified beside the others
         same = [other for other in before if other.job.structure == e.job.structure and e.operator == "elite"]
         return (max(same, key=lambda other: (other.value, other.generation)),) if same else ()
     return tuple(o for o in before if o.generation == e.generation - 1 and o.individual in e.parents)

@@ -48,6 +48,8 @@ class Fits:
     Attributes
     ----------
     task : Identification
+    structures : tuple of Structure
+        All that may be asked for, fitted or not.
     done : dict of Structure to Fitted
         In the order in which they were fitted for the first time.
     hubs : dict of Structure to Fitted
@@ -64,6 +66,7 @@ class Fits:
         self.log: list[tuple[bool, Fitted]] = []
         self.spent: list[Spent] = []
         self._how, self._seed = options or Options(), seed
+        self.structures = tuple(structures)
         self._order = {s: i for i, s in enumerate(structures)}
         self._first = _hubs(structures)
         self._sought: set[Structure] = set()
@@ -161,11 +164,6 @@ class Fits:
         """Hand optima with laws of two ports down on growing beginnings, each one once; returns what got better."""
         better = self._follow(workers)
         return {*better, *self._settled(tuple(self.done), better, workers)}
-
-    @property
-    def structures(self) -> tuple[Structure, ...]:
-        """All that may be asked for, fitted or not."""
-        return tuple(self._order)
 
     def leader(self) -> Fitted:
         """Best fit of a structure that needs all its effects for it."""

@@ -57,9 +57,9 @@ def seek_missed(fits: Fits, workers: Executor, seeking: _Seeking | None = None) 
     for number, top in enumerate(tops):
         if _explained(fits):
             break
+        seeking(top)
         if top not in fits.done:
             better |= fits.add([top], workers)
-        seeking(top)
         found = fits.anew([top], 1, workers)
         if found and _tells(fits, top) and not _explained(fits):
             fits.anew([top], 2, workers)

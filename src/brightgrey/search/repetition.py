@@ -68,7 +68,7 @@ class Summary:
     last_true : int
         Best individual of the last generation has the true structure.
     seen : int
-        The true structure was in some population.
+        The true structure was in some population, or identified beside one.
     first : float or None
         Median generation in which it first was; None if it was not in at least half of the runs.
     simulations, passes : float

@@ -85,6 +85,8 @@ def search(
     start = _start(settings, standard, fits)
     rules, rng = Rules(grammar), np.random.default_rng(seed)
     judge = criterion(settings.criterion, settings.k_p)
+    last = settings.generations
+    seeking = {max(1, last // 4), last // 2, last}  # generations after which optima that were missed are sought
     began = time.monotonic()
     done: list[Evaluation] = []
     born: Sequence[Born] = [Born(tree, (), "initial") for tree in initial(settings.population, rules, draw, rng)]
@@ -97,7 +99,7 @@ def search(
                 done += current
                 if relatives:
                     spent = relatives.seek(Run(tuple(done)).best.job.structure)
-                    if generation in (settings.generations // 4, settings.generations // 2, settings.generations):
+                    if generation in seeking:
                         spent += relatives.seek_missed()
                     done += _improved(done, relatives, judge)
                     done[-1] = _charged(done[-1], spent + relatives.listen())

@@ -43,7 +43,7 @@ class Relatives:
     def identify(self, structures: Sequence[Structure]) -> list[tuple[Evaluated, bool]]:
         """Results in the order of `structures`, each with whether it had been there before.
 
-        Optima with laws of two ports are handed down in every generation: it breeds what leads by then.
+        Where some are new, optima with laws of two ports are handed down: what leads by then is bred next.
         """
         fits = self.fits
         fresh = [s for s in dict.fromkeys(structures) if s not in fits.done]
