@@ -88,6 +88,27 @@ def test_cards_say_what_would_have_shown(friction):
     assert reasons["delay"].startswith("T_d of 0.0004 s would have shown, but it explains ")
 
 
+def test_cards_say_from_which_size_on_it_would_have_shown():
+    """What a linear drive shows is in proportion to its noise, and doubled until it shows."""
+    told = []
+    for noise in (4.0, 8.0, 16.0):
+        task = task_of("one_mass+viscous", {"J1": 0.02, "f_v": 0.03}, reversing(), noise)
+        (card,) = (c for c in evidence(task, ("viscous", "gravity")).cards if c.effect == "gravity")
+        assert card.verdict == "not decidable"
+        before, size = card.reason.split("; it would from M_G of ")
+        assert before == "at a size that matters (M_G of 0.03 N m) this recording would not have shown it"
+        told.append(float(size.removesuffix(" N m on")))
+    assert told[1:] == pytest.approx([2.0 * told[0], 4.0 * told[0]])
+
+
+def test_no_size_is_told_from_which_on_where_none_is_allowed():
+    task = task_of("one_mass+viscous", {"J1": 0.02, "f_v": 0.03}, reversing(), 16.0)
+    bounded = replace(task, bounds={"M_G": (-0.04, 0.04)})
+    (card,) = (c for c in evidence(bounded, ("viscous", "gravity")).cards if c.effect == "gravity")
+    assert card.verdict == "not decidable"
+    assert "it would from" not in card.reason
+
+
 def test_all_numbers_of_a_size_are_told_in_the_recording_s_units():
     """Stribeck friction is held with its width: a narrower one need not have shown."""
     values = {"J1": 20.0, "M_C": 500.0, "f_v": 30.0}

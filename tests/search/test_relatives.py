@@ -205,6 +205,18 @@ def test_of_larger_structures_with_gaps_there_may_be_no_fit_yet(loose):
     assert structures[2] in fits.done
 
 
+def test_with_gaps_is_compared_with_all_other_effects_without(loose):
+    """Beside a bare mass whatever was bred with a gap tells something, and is sought for nothing."""
+    task, _ = loose
+    names = ("one_mass", "two_mass", "two_mass+backlash", "two_mass+viscous", "two_mass+viscous+backlash")
+    structures = list(map(PAPER.parse, names))
+    with pool(None) as executor:
+        fits = Fits(task, structures)
+        fits.add(structures[:2], executor)
+        seek_missed(fits, executor)
+    assert structures[3] in fits.done
+
+
 @pytest.mark.parametrize(("generations", "after"), [(0, {0}), (2, {1, 2}), (3, {1, 3}), (8, {2, 4, 8})])
 def test_gaps_are_sought_after_a_quarter_a_half_and_all_generations(task, monkeypatch, generations, after):
     seen, sought = [], set()

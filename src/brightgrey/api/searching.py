@@ -27,7 +27,7 @@ from brightgrey.search.work import pool
 __all__ = ["Found", "Wish", "find"]
 
 T = TypeVar("T")
-AFFORDABLE = 448 * 20_000  # structures times samples: some minutes
+AFFORDABLE = 448 * 50_000  # structures times samples: up to half an hour
 
 
 @dataclass(frozen=True)

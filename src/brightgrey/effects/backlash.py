@@ -122,9 +122,9 @@ EFFECT = Effect(
             fault=Fault("backlash"),
         ),
     ),
-    # A gap as wide as a tenth of the shaft's twist under full torque, or two ten-thousandths of the way: positions are
-    # held to about as much. (Gaps of a tenth of that raised the error on other motions by a quarter.)
-    noticeable=lambda s, values: {"alpha": min(0.05 * s.torque / values["c1"], 1e-4 * s.travel)},
+    # A gap as wide as a tenth of the shaft's twist under full torque, or 2e-5 of the way: robots and gantries repeat
+    # positions to that, and on three turns it is 1.3 minutes of arc, the gap of a precision gear.
+    noticeable=lambda s, values: {"alpha": min(0.05 * s.torque / values["c1"], 1e-5 * s.travel)},
     stamp=stamp,
     law=LAW,
     memory=True,

@@ -190,12 +190,21 @@ def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]
         if by is not None:
             size = _size(yardstick, effect, [least])
             text = f"at a size that matters{f' ({size})' if size else ''} this recording would not have shown it"
-            return text + (f" if {by[0]} was there, too" if by else "")
+            return text + (f" if {by[0]} was there, too" if by else _shows_from(yardstick, effect, asked))
     if asked:
         return "it fits no worse with it held at a size that matters"
     if all(yardstick.with_effect(s, effect) is None for s in unseen):
         return "it was not asked: it takes a further effect as well"
     return "it was not asked: it declares no size that matters"
+
+
+def _shows_from(yardstick: Yardstick, effect: str, asked: Sequence[tuple[Structure, Mapping[str, float]]]) -> str:
+    """From which size on the recording would have shown an effect beside all structures; nothing if from none."""
+    found = [yardstick.shows_from(structure, effect, least) for structure, least in asked]
+    sizes = [{name: abs(value) for name, value in size.items()} for size in found if size]
+    if len(sizes) < len(found):
+        return ""
+    return f"; it would from {_size(yardstick, effect, [max(sizes, key=lambda size: list(size.values()))])} on"
 
 
 def _largest(yardstick: Yardstick, effect: str, found: Sequence[Structure]) -> str:

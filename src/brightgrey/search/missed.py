@@ -58,8 +58,9 @@ def seek_missed(fits: Fits, workers: Executor, seeking: _Seeking | None = None) 
         if _explained(fits):
             break
         seeking(top)
-        if top not in fits.done:
-            better |= fits.add([top], workers)
+        fresh = [s for s in (*_without_gaps(fits, top), top) if s not in fits.done]
+        if fresh:
+            better |= fits.add(fresh, workers)
         found = fits.anew([top], 1, workers)
         if found and _tells(fits, top) and not _explained(fits):
             fits.anew([top], 2, workers)
@@ -144,6 +145,12 @@ def _tells(fits: Fits, top: Structure) -> bool:
     """Whether laws of two ports take off a good part of what is left without them, with as many masses."""
     without = (f.cost for s, f in fits.done.items() if ladder_of(s) == ladder_of(top) and not two_ports(s))
     return fits.done[top].cost < TELLING * min(without, default=np.inf)
+
+
+def _without_gaps(fits: Fits, top: Structure) -> list[Structure]:
+    """The largest structure without laws of two ports that has as many masses as `top`: what that is compared with."""
+    smooth = (s for s in fits.structures if ladder_of(s) == ladder_of(top) and not two_ports(s))
+    return sorted(smooth, key=size)[-1:]
 
 
 def _explained(fits: Fits) -> bool:

@@ -151,6 +151,24 @@ class Yardstick:
         veil = self.veil(structure, effect, change)
         return None if veil is None else (veil,)
 
+    def shows_from(self, structure: Structure, effect: str, least: Mapping[str, float]) -> Mapping[str, float] | None:
+        """Size of `effect` that would be found beside `structure` by its power: `least`, doubled until it is.
+
+        None if that is beyond its bounds, or if nothing is its size.
+        """
+        placed, task = Placed.parse(effect), self.bench.task
+        size = next((q for q in placed.effect.parameters if q.size), None)
+        if size is None or self.with_effect(structure, effect) is None:
+            return None
+        name = placed.parameter(size.symbol)
+        low, high = task.bounds.get(name) or size.bounds(task.scales)
+        grown = dict(least)
+        while name not in task.fixed and low <= grown[name] <= high:
+            if self.hidden(structure, effect, grown) is None:
+                return grown
+            grown[name] *= 2.0
+        return None
+
     def visible(self, structure: Structure, effect: str, size: float) -> bool:
         """Whether a change of that squared size, made by `effect`, would be found beside `structure`."""
         big = self.with_effect(structure, effect)
