@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from brightgrey.estimation.leastsquares import Descent
 from brightgrey.kit import PAPER
-from brightgrey.search.comparison import Judged, Whitening, power, significance, threshold
+from brightgrey.search.comparison import Judged, Whitening, chance_of, power, significance, threshold
 
 SAMPLES = 600
 LEVEL = 0.02
@@ -65,6 +65,24 @@ def test_power_is_what_is_promised(pole):
         hits += found(rng, pole, size)[0] > threshold(2, LEVEL)
     assert np.mean(promised) == pytest.approx(0.8, abs=0.05)
     assert hits / 150 == pytest.approx(0.8, abs=0.15)
+
+
+@pytest.mark.parametrize("samples", [9, 40, 400])
+def test_chance_of_few_samples_is_right(samples):
+    """Three useless parameters beside five, as many times as it takes: each chance comes as often as it says."""
+    rng = np.random.default_rng(3)
+    A = rng.normal(size=(samples, 8))
+    chances = []
+    for _ in range(2000):
+        e = rng.normal(size=samples)
+        small, big = (np.linalg.lstsq(A[:, :k], e, rcond=None)[1][0] for k in (5, 8))
+        chances.append(chance_of(small / big, 3, samples - 8))
+    for level in (0.5, 0.1, 0.01):  # four standard deviations of a count
+        assert np.mean(np.array(chances) < level) == pytest.approx(level, abs=4.0 * np.sqrt(level * (1 - level) / 2000))
+
+
+def test_without_independent_samples_all_is_chance():
+    assert chance_of(1e6, 3, 0.0) == chance_of(1e6, 3, -5.0) == 1.0
 
 
 def test_whitened_noise_is_white():

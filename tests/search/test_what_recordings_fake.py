@@ -108,9 +108,13 @@ def test_backlash_is_not_decidable_without_reversal():
 
 def test_backlash_that_is_crossed_is_decided():
     values = {"J1": 0.012, "J2": 0.012, "c1": 30.0, "d1": 0.05, "f_v": 0.06}
-    y = speed(values, REVERSING, "two_mass+viscous", noise=0.01)
+    y = speed(values, REVERSING, "two_mass+viscous", noise=0.003)
     found, _ = cards(y, REVERSING, ("viscous", "backlash"), ("one_mass", "two_mass"))
     assert found["backlash"].verdict == "not needed"
+    y = speed(values, REVERSING, "two_mass+viscous", noise=0.01)  # hides a gap of a hundred-thousandth of the way
+    found, _ = cards(y, REVERSING, ("viscous", "backlash"), ("one_mass", "two_mass"))
+    assert found["backlash"].verdict == "not decidable"
+    assert "it would from alpha of " in found["backlash"].reason
     y = speed(values | {"alpha": 0.02}, REVERSING, "two_mass+viscous+backlash", noise=0.01)
     found, _ = cards(y, REVERSING, ("viscous", "backlash"), ("one_mass", "two_mass"))
     assert found["backlash"].verdict == "needed"

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
-from scipy.stats import chi2, ncx2
+from scipy.stats import chi2, f, ncx2
 
 from brightgrey.estimation.coloured import Autoregression, levinson
 from brightgrey.estimation.leastsquares import Descent
 from brightgrey.estimation.uncertainty import noise_models
 from brightgrey.kit import Structure
 
-__all__ = ["Judged", "Whitening", "power", "significance", "threshold"]
+__all__ = ["Judged", "Whitening", "chance_of", "power", "significance", "threshold"]
 
 Array = NDArray[np.float64]
 _RANK = 1e-9
@@ -153,6 +153,16 @@ def significance(small: float, big: float, samples: int) -> float:
 def threshold(parameters: int, level: float) -> float:
     """What twice the log-likelihood ratio exceeds by chance with probability `level` (Wilks)."""
     return float(chi2.isf(level, max(parameters, 1)))
+
+
+def chance_of(ratio: float, parameters: int, left: float) -> float:
+    """Probability that useless `parameters` lower a sum of squares by that `ratio`, `left` independent samples beyond.
+
+    By Fisher's F distribution, which needs no number of samples to be large; 1 if none is left.
+    """
+    if not left > 0.0:
+        return 1.0
+    return float(f.sf((ratio - 1.0) * left / max(parameters, 1), max(parameters, 1), left))
 
 
 def power(noncentrality: float, parameters: int, level: float) -> float:

@@ -63,7 +63,7 @@ class Evidence:
     Attributes
     ----------
     minimal : tuple of Judged
-        Best criterion first.
+        Fewest masses first, then best criterion.
     optional : tuple of str
         Effects that beside any of the minimal structures this recording could not have shown at a size that matters, or
         that explain too little to matter but more than chance.

@@ -30,6 +30,8 @@ _RARE = 1e-3
 def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], None] | None) -> list[Judged]:
     """Adequate structures that contain no other adequate one: hopeful ones first, until none is left to be examined.
 
+    They fit equally well, so that the fewest masses come first, and of these the best criterion.
+
     A refit may show that what was accepted is not adequate, or what was rejected is: all is asked again then, and what
     contains a structure that was driven out is looked at.
     """
@@ -56,7 +58,8 @@ def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], Non
         for s in accepted:
             looked += [small for small in _without_loss(yardstick, s, rivals) if small not in looked]
         if before == (len(looked), {s: j.cost for s, j in bench.judged.items()}):
-            return sorted(map(bench.judge, minimal(accepted)), key=yardstick.criterion)
+            found = map(bench.judge, minimal(accepted))
+            return sorted(found, key=lambda j: (j.structure.masses, yardstick.criterion(j)))
 
 
 def _accepted(

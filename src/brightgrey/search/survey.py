@@ -78,7 +78,7 @@ class Survey:
 
     @property
     def best(self) -> Judged | Fitted:
-        """The minimal structure with the best criterion; the one with the best criterion if there is no evidence."""
+        """The first minimal structure; the one with the best criterion if there is no evidence."""
         return self.evidence.minimal[0] if self.evidence else self.fitted[self.ranking[0].structure]
 
 

@@ -8,13 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.kit import Placed, Structure
-from brightgrey.search.comparison import Judged, Whitening, power, significance, threshold
+from brightgrey.search.comparison import Judged, Whitening, chance_of, power, significance, threshold
 from brightgrey.search.fitting import Fitted
+from brightgrey.search.handing import two_ports
 from brightgrey.search.identification import ACCURACY, Identification
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import effects_of, extensions, simpler
@@ -76,16 +78,24 @@ class Yardstick:
         n = self.whitening.samples
         return n * float(np.log(self.misfit(judged) / n)) + judged.free * float(np.log(n))
 
-    @property
+    @cached_property
     def independent(self) -> float:
         """Number of samples that tell a variance as well as the coloured residuals do."""
         w = self.whitening
         return sum(m.telling(n) for m, n in zip(w.models, w.lengths, strict=True))
 
     def better(self, big: Judged, small: Judged, tests: int) -> bool:
-        """Whether `big` fits significantly and materially better; `tests` structures are compared with `small`."""
+        """Whether `big` fits significantly and materially better; `tests` structures are compared with `small`.
+
+        What swings or hangs loose can follow any drift. Where residuals are slow, a noise model takes their quick part
+        for evidence, and a drift has none: a further mass or gap has to show in the independent samples, too.
+        """
         if self.left(small) <= _MATERIAL * self.left(big):
             return False
+        if _has_own_motion(big.structure, small.structure):
+            ratio, more = self.left(small) / self.left(big), big.free - small.free
+            if chance_of(ratio, more, self.independent - big.free) > _level(tests, mass=True):
+                return False
         return self.surely(big, small, tests)
 
     def surely(self, big: Judged, small: Judged, tests: int) -> bool:
@@ -259,6 +269,11 @@ class Yardstick:
             return None
         here = self.left(self.bench.judge(structure))
         return float(np.sqrt(self.left(self.bench.judge(without)) / here) - 1.0)
+
+
+def _has_own_motion(big: Structure, small: Structure) -> bool:
+    """Whether `big` has more masses than `small`, or a gap that `small` does not have."""
+    return big.masses > small.masses or (two_ports(big) and not two_ports(small))
 
 
 def _level(tests: int, mass: bool) -> float:
