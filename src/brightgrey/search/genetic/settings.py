@@ -189,7 +189,7 @@ PAPER_SETTINGS = GeneticSettings()
 
 OURS = GeneticSettings(
     population=8,
-    generations=16,
+    generations=10,
     estimator="least-squares",
     iterations=30,
     criterion="bic",
