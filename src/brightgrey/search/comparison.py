@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +88,11 @@ class Whitening:
     def samples(self) -> int:
         """Number of residuals."""
         return sum(self.lengths)
+
+    @cached_property
+    def independent(self) -> float:
+        """Number of samples that tell a variance as well as the coloured residuals do."""
+        return sum(model.telling(n) for model, n in zip(self.models, self.lengths, strict=True))
 
     def white(self, x: Array) -> Array:
         """Whitened residuals or derivatives, shape (residuals, ...)."""

@@ -175,9 +175,12 @@ def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]
     """Why an effect that is in no minimal structure cannot be called needless beside those `unseen`."""
     most = max(yardstick.gain(s, effect) for s in unseen)
     if most > _NOTABLE:
+        told = f"it explains {_number(100.0 * most)} % of the residual"
+        if Placed.parse(effect).effect.masses and any(_has_no_inertia(yardstick, s, effect) for s in unseen):
+            return f"{told}, but with an inertia at its bound: a lag, or a spring to a wall, looks like that"
         slow = yardstick.independent < _SLOW * yardstick.whitening.samples
         few = "residuals as slow as these" if slow else "as few samples as these"
-        return f"it explains {_number(100.0 * most)} % of the residual, which may be chance with {few}"
+        return f"{told}, which may be chance with {few}"
     if any(yardstick.tells(s, effect) for s in unseen):
         if all(yardstick.trusted(yardstick.bench.judge(s)) for s in unseen):
             return "what it explains is less than simulation and sensor are trusted in"
@@ -196,6 +199,12 @@ def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]
     if all(yardstick.with_effect(s, effect) is None for s in unseen):
         return "it was not asked: it takes a further effect as well"
     return "it was not asked: it declares no size that matters"
+
+
+def _has_no_inertia(yardstick: Yardstick, structure: Structure, ladder: str) -> bool:
+    """Whether a further mass beside `structure` makes an inertia run to its bound."""
+    big = yardstick.with_effect(structure, ladder)
+    return big is not None and yardstick.has_no_inertia(yardstick.bench.judge(big))
 
 
 def _shows_from(yardstick: Yardstick, effect: str, asked: Sequence[tuple[Structure, Mapping[str, float]]]) -> str:

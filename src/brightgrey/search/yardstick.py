@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from brightgrey.search.fitting import Fitted
 from brightgrey.search.handing import two_ports
 from brightgrey.search.identification import ACCURACY, Identification
 from brightgrey.search.judging import Bench
-from brightgrey.search.lattice import effects_of, extensions, simpler
+from brightgrey.search.lattice import effects_of, extensions, ladder_of, simpler
 
 __all__ = ["Yardstick"]
 
@@ -39,6 +38,7 @@ class Yardstick:
     whitening: Whitening
     known: Mapping[Structure, Fitted]
     misfits: dict[Structure, tuple[Judged, float]] = field(default_factory=dict)  # of the last refit of each
+    fews: dict[Structure, tuple[Judged, float]] = field(default_factory=dict)  # independent samples of its residuals
 
     @classmethod
     def of(cls, task: Identification, fitted: Mapping[Structure, Fitted], executor: Executor, seed: int) -> Yardstick:
@@ -78,25 +78,43 @@ class Yardstick:
         n = self.whitening.samples
         return n * float(np.log(self.misfit(judged) / n)) + judged.free * float(np.log(n))
 
-    @cached_property
+    @property
     def independent(self) -> float:
-        """Number of samples that tell a variance as well as the coloured residuals do."""
-        w = self.whitening
-        return sum(m.telling(n) for m, n in zip(w.models, w.lengths, strict=True))
+        """Number of samples that tell a variance as well as the coloured residuals of the best fit do."""
+        return self.whitening.independent
 
     def better(self, big: Judged, small: Judged, tests: int) -> bool:
         """Whether `big` fits significantly and materially better; `tests` structures are compared with `small`.
 
         What swings or hangs loose can follow any drift. Where residuals are slow, a noise model takes their quick part
-        for evidence, and a drift has none: a further mass or gap has to show in the independent samples, too.
+        for evidence, and a drift has none: a further mass or gap has to show in the independent samples, too. And no
+        mass is needed to fit as well as one does whose inertia has run to a bound of ours: that is a lag, or a wall.
         """
         if self.left(small) <= _MATERIAL * self.left(big):
             return False
-        if _has_own_motion(big.structure, small.structure):
-            ratio, more = self.left(small) / self.left(big), big.free - small.free
-            if chance_of(ratio, more, self.independent - big.free) > _level(tests, mass=True):
-                return False
-        return self.surely(big, small, tests)
+        if not self.surely(big, small, tests):
+            return False
+        if big.structure.masses > small.structure.masses and self.has_no_inertia(big):
+            return False
+        return not _has_own_motion(big.structure, small.structure) or self.shows_in_few(big, small)
+
+    def has_no_inertia(self, judged: Judged) -> bool:
+        """Whether one of several masses has run to a bound that the user did not set."""
+        ladder, bounds = ladder_of(judged.structure), self.bench.task.bounds
+        of_mass = ladder.effect.parameters[0].dimension
+        masses = {ladder.parameter(q.symbol) for q in ladder.effect.parameters if q.dimension == of_mass}
+        names = self.bench.task.space(judged.structure, initial=True).names
+        ran = (name for column, name in enumerate(names) if column not in judged.inside)
+        return any(name in masses and name not in bounds for name in ran)
+
+    def shows_in_few(self, big: Judged, small: Judged) -> bool:
+        """Whether `big` fits significantly better by no more samples than are independent in what itself leaves."""
+        known = self.fews.get(big.structure)
+        if known is None or known[0] is not big:
+            own = Whitening.of(big, self.whitening.lengths, self.whitening.doubt)
+            known = self.fews[big.structure] = big, own.independent
+        ratio, more = self.left(small) / self.left(big), big.free - small.free
+        return chance_of(ratio, more, known[1] - big.free) <= _LEVEL
 
     def surely(self, big: Judged, small: Judged, tests: int) -> bool:
         """Whether `big` fits significantly better, be it ever so little."""
