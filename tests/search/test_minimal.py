@@ -10,7 +10,7 @@ from brightgrey.kit import PAPER
 from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.judging import Bench
-from brightgrey.search.lattice import contains, size
+from brightgrey.search.lattice import contains, ladder_of, size
 from brightgrey.search.minimal import minimal_structures
 from brightgrey.search.yardstick import Yardstick
 
@@ -57,11 +57,12 @@ class Known(Bench):
 class Costs(Yardstick):
     """Yardstick of residuals that are white, so that their sums of squares are all there is to compare."""
 
-    def __init__(self, costs, *, fast=None, second=(), everywhere=(), doubt=0.0, white=()):
+    def __init__(self, costs, *, fast=None, second=(), everywhere=(), doubt=0.0, white=(), few=300.0, walls=()):
         fitted = {s: Fitted(s, {}, (fast or costs)[s], size(s)) for s in ALL}
         second, everywhere = ({PAPER.parse(name): c for name, c in dict(more).items()} for more in (second, everywhere))
         super().__init__(Known(costs, fitted, second, everywhere), SimpleNamespace(samples=SAMPLES), fitted)
         self.trust, self.white = doubt, {PAPER.parse(name): cost for name, cost in dict(white).items()}
+        self.few, self.walls = few, walls
 
     @property
     def doubt(self):
@@ -70,6 +71,12 @@ class Costs(Yardstick):
     @property
     def independent(self):
         return 300.0
+
+    def independent_in(self, judged):
+        return self.few
+
+    def has_no_inertia(self, judged):
+        return ladder_of(judged.structure).name in self.walls
 
     def left(self, judged):
         return max(judged.cost, self.trust)
@@ -288,6 +295,23 @@ def test_a_further_mass_is_better_by_chance_more_often(more, by_chance):
     less = "one_mass+coulomb"
     found, _ = Costs(costs({less: ratio(0.0), more: ratio(-12.5)}, ratio(200.0))).minimal()
     assert found == [less if by_chance else more]
+
+
+@pytest.mark.parametrize(
+    ("more", "few", "walls", "called"),
+    [
+        ("two_mass+coulomb+viscous", 20.0, (), True),  # it follows no drift
+        ("two_mass+coulomb+backlash", 20.0, (), False),
+        ("two_mass+coulomb+backlash", 300.0, (), True),
+        ("three_mass+coulomb", 20.0, (), False),
+        ("three_mass+coulomb", 300.0, (), True),
+        ("three_mass+coulomb", 300.0, ("three_mass", "four_mass"), False),
+    ],
+)
+def test_what_can_follow_a_drift_has_to_show_in_few_samples_and_a_mass_off_its_bounds(more, few, walls, called):
+    less = "two_mass+coulomb"
+    known = costs({less: ratio(0.0), more: ratio(-60.0)}, ratio(5000.0))
+    assert Costs(known, few=few, walls=walls).minimal()[0] == [more if called else less]
 
 
 def test_one_of_many_others_is_better_by_chance():

@@ -109,12 +109,16 @@ class Yardstick:
 
     def shows_in_few(self, big: Judged, small: Judged) -> bool:
         """Whether `big` fits significantly better by no more samples than are independent in what itself leaves."""
-        known = self.fews.get(big.structure)
-        if known is None or known[0] is not big:
-            own = Whitening.of(big, self.whitening.lengths, self.whitening.doubt)
-            known = self.fews[big.structure] = big, own.independent
         ratio, more = self.left(small) / self.left(big), big.free - small.free
-        return chance_of(ratio, more, known[1] - big.free) <= _LEVEL
+        return chance_of(ratio, more, self.independent_in(big) - big.free) <= _LEVEL
+
+    def independent_in(self, judged: Judged) -> float:
+        """Number of samples that tell a variance as well as what `judged` leaves does."""
+        last, found = self.fews.get(judged.structure, (None, 0.0))
+        if last is not judged:
+            found = Whitening.of(judged, self.whitening.lengths, self.whitening.doubt).independent
+            self.fews[judged.structure] = judged, found
+        return found
 
     def surely(self, big: Judged, small: Judged, tests: int) -> bool:
         """Whether `big` fits significantly better, be it ever so little."""
