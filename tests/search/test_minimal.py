@@ -57,12 +57,12 @@ class Known(Bench):
 class Costs(Yardstick):
     """Yardstick of residuals that are white, so that their sums of squares are all there is to compare."""
 
-    def __init__(self, costs, *, fast=None, second=(), everywhere=(), doubt=0.0, white=(), few=300.0, walls=()):
+    def __init__(self, costs, *, fast=None, second=(), everywhere=(), doubt=0.0, white=(), few=lambda s: 300.0, ran=()):
         fitted = {s: Fitted(s, {}, (fast or costs)[s], size(s)) for s in ALL}
         second, everywhere = ({PAPER.parse(name): c for name, c in dict(more).items()} for more in (second, everywhere))
         super().__init__(Known(costs, fitted, second, everywhere), SimpleNamespace(samples=SAMPLES), fitted)
         self.trust, self.white = doubt, {PAPER.parse(name): cost for name, cost in dict(white).items()}
-        self.few, self.walls = few, walls
+        self.few, self.at_bounds = few, ran
 
     @property
     def doubt(self):
@@ -73,10 +73,10 @@ class Costs(Yardstick):
         return 300.0
 
     def independent_in(self, judged):
-        return self.few
+        return self.few(judged.structure)
 
-    def has_no_inertia(self, judged):
-        return ladder_of(judged.structure).name in self.walls
+    def ran(self, judged):
+        return {"c1"} if ladder_of(judged.structure).name in self.at_bounds else set()
 
     def left(self, judged):
         return max(judged.cost, self.trust)
@@ -298,20 +298,35 @@ def test_a_further_mass_is_better_by_chance_more_often(more, by_chance):
 
 
 @pytest.mark.parametrize(
-    ("more", "few", "walls", "called"),
+    ("more", "own", "other", "ran", "called"),
     [
-        ("two_mass+coulomb+viscous", 20.0, (), True),  # it follows no drift
-        ("two_mass+coulomb+backlash", 20.0, (), False),
-        ("two_mass+coulomb+backlash", 300.0, (), True),
-        ("three_mass+coulomb", 20.0, (), False),
-        ("three_mass+coulomb", 300.0, (), True),
-        ("three_mass+coulomb", 300.0, ("three_mass", "four_mass"), False),
+        ("two_mass+coulomb+viscous", 20.0, 20.0, (), True),  # it follows no drift
+        ("two_mass+coulomb+backlash", 20.0, 300.0, (), False),
+        ("two_mass+coulomb+backlash", 300.0, 20.0, (), True),
+        ("two_mass+coulomb+backlash", 300.0, 20.0, ("two_mass", "three_mass", "four_mass"), False),
+        ("three_mass+coulomb", 20.0, 300.0, (), False),
+        ("three_mass+coulomb", 300.0, 20.0, (), True),
+        ("three_mass+coulomb", 300.0, 20.0, ("three_mass", "four_mass"), False),
+        ("three_mass+coulomb", 300.0, 300.0, ("three_mass", "four_mass"), True),
     ],
 )
-def test_what_can_follow_a_drift_has_to_show_in_few_samples_and_a_mass_off_its_bounds(more, few, walls, called):
+def test_what_can_follow_a_drift_has_to_show_in_few_samples(more, own, other, ran, called):
+    """In those that are independent in what it leaves; if it ran to bounds, also in what is left without it."""
     less = "two_mass+coulomb"
     known = costs({less: ratio(0.0), more: ratio(-60.0)}, ratio(5000.0))
-    assert Costs(known, few=few, walls=walls).minimal()[0] == [more if called else less]
+    yardstick = Costs(known, few=lambda s: other if str(s) == less else own, ran=ran)
+    assert yardstick.minimal()[0] == [more if called else less]
+
+
+def test_what_could_do_without_a_mass_but_not_without_another_effect_is_looked_at():
+    """It is far behind, and no search would call it hopeful; but that mass follows a drift."""
+    least = {"two_mass+coulomb": ratio(0.0), "one_mass+coulomb+viscous": ratio(1500.0), "one_mass+coulomb": ratio(2e3)}
+    yardstick = Costs(
+        costs(least, ratio(5000.0)),
+        few=lambda s: 5.0 if s.masses == 1 else 300.0,
+        ran=("two_mass", "three_mass", "four_mass"),
+    )
+    assert sorted(yardstick.minimal()[0]) == ["one_mass+coulomb+viscous", "two_mass+coulomb"]
 
 
 def test_one_of_many_others_is_better_by_chance():

@@ -27,6 +27,7 @@ __all__ = ["Card", "Evidence", "has", "weigh"]
 Verdict = Literal["needed", "not needed", "not decidable"]
 _SAME = 0.005  # part of the residual's RMS by which it grows at least where that is worth a number
 _SLOW = 0.5  # of all samples: residuals that are worth fewer independent ones are slow
+_AT_BOUND = "with an inertia at its bound: a lag, or a spring to a wall, looks like that"
 _NOTABLE = 0.02  # part of the residual's RMS that an effect explains from which it is not called needless
 
 
@@ -148,9 +149,9 @@ def _card(yardstick: Yardstick, effect: str, found: Sequence[Structure], unseen:
     loss = yardstick.loss(best, effect) if has(best, effect) else None
     gain = None if has(best, effect) else yardstick.gain(best, effect)
     if len(having) == len(found):
-        late = _sampling(yardstick, best, effect)
-        if late is not None:
-            return Card(effect, "not decidable", loss, gain, late)
+        doubt = _sampling(yardstick, best, effect) or _without_inertia(yardstick, found, effect, loss)
+        if doubt is not None:
+            return Card(effect, "not decidable", loss, gain, doubt)
         return Card(effect, "needed", loss, gain, _why_needed(loss))
     if having:
         others = next(s for s in found if s not in having)
@@ -177,7 +178,7 @@ def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]
     if most > _NOTABLE:
         told = f"it explains {_number(100.0 * most)} % of the residual"
         if Placed.parse(effect).effect.masses and any(_has_no_inertia(yardstick, s, effect) for s in unseen):
-            return f"{told}, but with an inertia at its bound: a lag, or a spring to a wall, looks like that"
+            return f"{told}, but {_AT_BOUND}"
         slow = yardstick.independent < _SLOW * yardstick.whitening.samples
         few = "residuals as slow as these" if slow else "as few samples as these"
         return f"{told}, which may be chance with {few}"
@@ -204,7 +205,15 @@ def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]
 def _has_no_inertia(yardstick: Yardstick, structure: Structure, ladder: str) -> bool:
     """Whether a further mass beside `structure` makes an inertia run to its bound."""
     big = yardstick.with_effect(structure, ladder)
-    return big is not None and yardstick.has_no_inertia(yardstick.bench.judge(big))
+    return big is not None and yardstick.inertias(yardstick.bench.judge(big)) < big.masses
+
+
+def _without_inertia(yardstick: Yardstick, found: Sequence[Structure], effect: str, loss: float | None) -> str | None:
+    """What to say of a mass without which nothing fits, but of which no inertia is left in some of those `found`."""
+    masses = Placed.parse(effect).effect.masses
+    if not masses or all(yardstick.inertias(yardstick.bench.judge(s)) >= masses for s in found):
+        return None
+    return f"{_why_needed(loss)}, but it fits {_AT_BOUND}"
 
 
 def _shows_from(yardstick: Yardstick, effect: str, asked: Sequence[tuple[Structure, Mapping[str, float]]]) -> str:

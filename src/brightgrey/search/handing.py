@@ -12,7 +12,7 @@ from brightgrey.estimation.bounds import Search
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.lattice import ladder_of
 
-__all__ = ["exchanged", "growing_from_zero", "handed_down", "information", "two_ports"]
+__all__ = ["exchanged", "growing_from_zero", "handed_down", "has_two_ports", "information", "two_ports"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
@@ -21,10 +21,11 @@ _SEEN = 1e-6  # of the largest: derivatives are good to a thousandth, and what l
 
 def two_ports(structure: Structure) -> bool:
     """Whether it has a law of two ports, which takes several times as long to simulate."""
-    return any(map(_has_two_ports, structure.placed))
+    return any(map(has_two_ports, structure.placed))
 
 
-def _has_two_ports(placed: Placed) -> bool:
+def has_two_ports(placed: Placed) -> bool:
+    """Whether it is such a law."""
     return placed.effect.law is not None and placed.effect.law.ports > 1
 
 
@@ -118,7 +119,7 @@ def exchanged(values: Values, structure: Structure, held: Collection[str]) -> li
 
 def _sizes(structure: Structure) -> list[str]:
     """Parameters at whose zero an effect beside the masses, and no law of two ports, is not there."""
-    beside = [p for p in structure.placed if not (p.effect.masses or _has_two_ports(p))]
+    beside = [p for p in structure.placed if not (p.effect.masses or has_two_ports(p))]
     return [p.parameter(q.symbol) for p in beside for q in p.effect.parameters if q.size]
 
 

@@ -81,13 +81,19 @@ def _beaten(yardstick: Yardstick, structure: Structure, others: Iterable[Structu
 
 
 def _without_loss(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> list[Structure]:
-    """Adequate structures that lack one effect, or one mass, of an adequate one; they are refitted from there."""
+    """Adequate structures that lack one effect, or one mass, of an adequate one; they are refitted from there.
+
+    Of one that would do without what it lacks, but not without another effect, what has that one.
+    """
     found, bench = [], yardstick.bench
     smaller = simpler(structure, yardstick.known)
     bench.judge_all(smaller)
     for s in smaller:
         bench.improve(s)
-        if not _loses(yardstick, s, structure) and _adequate(yardstick, s, rivals):
+        more: Structure | None = s
+        while more is not None and not contains(more, structure) and not _loses(yardstick, more, structure):
+            s, more = more, _better_than(yardstick, more, rivals)
+        if more is None:
             found.append(s)
     return found
 
@@ -149,7 +155,12 @@ def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collectio
 
 
 def _adequate(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> bool:
-    """Whether nothing that contains the structure fits significantly better.
+    """Whether nothing that contains the structure fits significantly better."""
+    return _better_than(yardstick, structure, rivals) is None
+
+
+def _better_than(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> Structure | None:
+    """What contains the structure and fits significantly better; None if nothing does.
 
     Whom it was compared with stays the same when it is asked again: that takes no further refits. What else has been
     refitted meanwhile counts, too.
@@ -163,7 +174,8 @@ def _adequate(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> boo
         tests[best] = _chances(yardstick, structure)
     compared = sorted(tests, key=lambda s: (bench.cost(s), str(s)))
     pairs = (bench.judge_all(compared[i : i + _AT_ONCE]) for i in range(0, len(compared), _AT_ONCE))
-    return not any(yardstick.better(j, own, tests[j.structure]) for pair in pairs for j in pair)
+    better = (j.structure for pair in pairs for j in pair if yardstick.better(j, own, tests[j.structure]))
+    return next(better, None)
 
 
 def _compared(yardstick: Yardstick, structure: Structure) -> dict[Structure, int]:

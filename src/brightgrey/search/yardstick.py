@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.comparison import Judged, Whitening, chance_of, power, significance, threshold
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.handing import two_ports
+from brightgrey.search.handing import has_two_ports, two_ports
 from brightgrey.search.identification import ACCURACY, Identification
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import effects_of, extensions, ladder_of, simpler
@@ -87,30 +87,39 @@ class Yardstick:
         """Whether `big` fits significantly and materially better; `tests` structures are compared with `small`.
 
         What swings or hangs loose can follow any drift. Where residuals are slow, a noise model takes their quick part
-        for evidence, and a drift has none: a further mass or gap has to show in the independent samples, too. And no
-        mass is needed to fit as well as one does whose inertia has run to a bound of ours: that is a lag, or a wall.
+        for evidence, and a drift has none: a further mass or gap has to show in the independent samples, too.
         """
         if self.left(small) <= _MATERIAL * self.left(big):
             return False
         if not self.surely(big, small, tests):
             return False
-        if big.structure.masses > small.structure.masses and self.has_no_inertia(big):
-            return False
         return not _has_own_motion(big.structure, small.structure) or self.shows_in_few(big, small)
 
-    def has_no_inertia(self, judged: Judged) -> bool:
-        """Whether one of several masses has run to a bound that the user did not set."""
-        ladder, bounds = ladder_of(judged.structure), self.bench.task.bounds
+    def shows_in_few(self, big: Judged, small: Judged) -> bool:
+        """Whether `big` fits significantly better by no more samples than are independent in what itself leaves.
+
+        Nor than in what `small` leaves, which is the noise if `small` is right, where a mass or gap has run to a bound
+        of ours: one that swings without damping, a lag or a wall fits whatever is slow.
+        """
+        ratio, more = self.left(small) / self.left(big), big.free - small.free
+        samples = self.independent_in(big)
+        if self.ran(big):
+            samples = min(samples, self.independent_in(small))
+        return chance_of(ratio, more, samples - big.free) <= _LEVEL
+
+    def ran(self, judged: Judged) -> set[str]:
+        """Parameters of masses and gaps that have run to a bound which the user did not set."""
+        names, bounds = self.bench.task.space(judged.structure, initial=True).names, self.bench.task.bounds
+        ran = {name for column, name in enumerate(names) if column not in judged.inside and name not in bounds}
+        moving = [ladder_of(judged.structure), *filter(has_two_ports, judged.structure.placed)]
+        return ran & {p.parameter(q.symbol) for p in moving for q in p.effect.parameters}
+
+    def inertias(self, judged: Judged) -> int:
+        """Number of masses whose inertia has not run to a bound which the user did not set."""
+        ladder = ladder_of(judged.structure)
         of_mass = ladder.effect.parameters[0].dimension
         masses = {ladder.parameter(q.symbol) for q in ladder.effect.parameters if q.dimension == of_mass}
-        names = self.bench.task.space(judged.structure, initial=True).names
-        ran = (name for column, name in enumerate(names) if column not in judged.inside)
-        return any(name in masses and name not in bounds for name in ran)
-
-    def shows_in_few(self, big: Judged, small: Judged) -> bool:
-        """Whether `big` fits significantly better by no more samples than are independent in what itself leaves."""
-        ratio, more = self.left(small) / self.left(big), big.free - small.free
-        return chance_of(ratio, more, self.independent_in(big) - big.free) <= _LEVEL
+        return judged.structure.masses - len(masses & self.ran(judged))
 
     def independent_in(self, judged: Judged) -> float:
         """Number of samples that tell a variance as well as what `judged` leaves does."""
