@@ -125,7 +125,7 @@ def test_errors_of_the_simulation_are_no_evidence():
     more = PAPER.parse(f"{truth}+gravity")
     exact = task_of(reference_recording(truth, {n: PAPER_EXPERIMENT.values[n] for n in truth.parameters}))
     with pool(None) as executor:
-        relatives = Relatives(Fits(exact, [truth, more]), executor)
+        relatives = Relatives(Fits(exact, [truth, more]), executor, criterion("bic"))
         (own, _), (large, _) = relatives.identify([truth, more])
         again = relatives.evaluated(truth)
     assert own.misfit.rss[0] < 1.1 * own.misfit.least[0]
@@ -166,7 +166,7 @@ def test_gaps_are_sought_among_what_a_genetic_search_has_identified(loose):
     kept = {"two_mass", "coulomb", "viscous", "backlash", "delay"}
     structures = [s for s in PAPER.structures() if set(s.names) <= kept and s.masses == 2]
     with pool(None) as executor:
-        relatives = Relatives(Fits(task, structures), executor)
+        relatives = Relatives(Fits(task, structures), executor, criterion("bic"))
         relatives.identify(structures)
         before = relatives.fits.done[truth].cost
         spent = relatives.seek_missed()
@@ -182,7 +182,7 @@ def test_gaps_are_sought_with_all_effects_though_nothing_of_that_was_bred(loose)
     structures = list(grammar.structures())
     top = max(structures, key=size)
     with pool(None) as executor:
-        relatives = Relatives(Fits(task, structures), executor)
+        relatives = Relatives(Fits(task, structures), executor, criterion("bic"))
         relatives.identify([s for s in structures if "backlash" not in s.names])
         relatives.seek_missed()
         found = relatives.evaluated(top)
@@ -243,12 +243,47 @@ def test_what_is_identified_beside_the_individuals_has_a_tree(loose):
     pytest.fail("the largest structure was bred from every seed")
 
 
+def test_what_has_more_parameters_than_its_gain_is_worth_has_lost(task, monkeypatch):
+    """By the criterion, if it left no less than the best fit of all, or than it may leave."""
+    names = ("one_mass", "one_mass+coulomb", "two_mass+coulomb", "two_mass+coulomb+viscous", "one_mass+coulomb+viscous")
+    plain, friction, truth, more, other = map(PAPER.parse, names)
+    fits = Fits(task, list(ALL))
+    fits.done |= {s: Fitted(s, {}, cost, len(s.parameters)) for s, cost in ((truth, 100.0), (more, 99.9), (plain, 1e4))}
+    monkeypatch.setattr("brightgrey.search.genetic.relatives.seek_missed", lambda fits, workers: None)
+    with pool(None) as executor:
+        relatives = Relatives(fits, executor, criterion("bic"))
+        assert relatives.hopeless() == set()  # what was missed has not been sought
+        relatives.seek_missed()
+        lost = relatives.hopeless()
+    assert more in lost
+    assert not {plain, friction, truth, other} & lost
+    assert all(len(s.parameters) > len(truth.parameters) for s in lost)
+    assert relatives.may_win(friction, 100.0)
+    assert not relatives.may_win(friction, 1e4)
+
+
+def test_only_what_may_win_is_fitted_once_more(task):
+    """A relative's optimum that is better is not worth another fit otherwise."""
+    simple, truth = PAPER.parse("two_mass"), PAPER.parse("two_mass+coulomb")
+    for worthwhile in (True, False):
+        fits = Fits(task, [simple, truth])
+        fits.worthwhile = lambda structure, cost, worthwhile=worthwhile: worthwhile
+        with pool(None) as executor:
+            fits.add([truth], executor)
+            fits.done[truth] = replace(fits.done[truth], cost=1e9)
+            before = len(fits.log)
+            fits.add([simple], executor)
+        again = [f.structure for _, f in fits.log[before:]]
+        assert again.count(truth) == worthwhile
+        assert fits.done[truth].cost <= fits.done[simple].cost
+
+
 def test_gaps_are_handed_down_in_every_generation(task, monkeypatch):
     structures = [PAPER.parse(f"{name}+backlash") for name in ("two_mass", "two_mass+coulomb", "two_mass+viscous")]
     fits, asked = Fits(task, structures), []
     monkeypatch.setattr(fits, "follow", lambda workers: asked.append(tuple(fits.done)) or {structures[0]})
     with pool(None) as executor:
-        relatives = Relatives(fits, executor)
+        relatives = Relatives(fits, executor, criterion("bic"))
         relatives.identify(structures[:1])
         assert relatives.better == ()  # they are of this generation
         relatives.identify(structures[:2])

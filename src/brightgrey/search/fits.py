@@ -57,6 +57,9 @@ class Fits:
         All fits in their order, whether each is a hub's; those made once more, from a relative's optimum, too.
     spent : list of Spent
         What they have simulated, with looks at a relative's optimum that promised nothing.
+    worthwhile : callable
+        ``worthwhile(structure, cost)``: whether a structure is worth another fit from a relative's optimum if it may
+        leave that cost, but no less; always by default.
     """
 
     def __init__(
@@ -65,6 +68,7 @@ class Fits:
         self.task, self.done, self.hubs = task, dict[Structure, Fitted](), dict[Structure, Fitted]()
         self.log: list[tuple[bool, Fitted]] = []
         self.spent: list[Spent] = []
+        self.worthwhile: Callable[[Structure, float], bool] = lambda structure, cost: True
         self._how, self._seed = options or Options(), seed
         self.structures = tuple(structures)
         self._order = {s: i for i, s in enumerate(structures)}
@@ -197,7 +201,8 @@ class Fits:
 
     def _settled(self, before: Sequence[Structure], latest: Sequence[Structure], workers: Executor) -> set[Structure]:
         """Fit relatives of the `latest` fits once more where that helps; returns those that got better."""
-        better = {*self.up(before, latest, workers), *self._down(workers)}
+        hopeful = [s for s in before if self.worthwhile(s, 0.0)]
+        better = {*self.up(hopeful, latest, workers), *self._down(workers)}
         for s in sorted(self.done, key=size):
             within = [self.done[t] for t in largest_within(s, self.done)]
             self.done[s] = at_least_as_good(self.done[s], within)
@@ -250,6 +255,7 @@ class Fits:
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
             better = [t for t in around if self.done[t].cost < own.cost and not self.done[t].idle]
+            better = [t for t in better if self.worthwhile(s, self.done[t].cost)]
             offers = [self.done[t] for t in self._fresh(s, better)]
             telling = min((f.cost for f in offers), default=np.inf) < min(TELLING * own.cost, near)
             anyway = telling and not two_ports(s)
@@ -267,7 +273,7 @@ class Fits:
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
             larger = min((self.done[t] for t in around if not self.done[t].idle), key=lambda f: f.cost, default=own)
-            telling = larger.cost < min(TELLING * own.cost, near)
+            telling = larger.cost < min(TELLING * own.cost, near) and self.worthwhile(s, larger.cost)
             trail = s, larger.structure, larger.cost
             if not telling or trail in self._followed:
                 return None

@@ -92,7 +92,7 @@ def search(
     born: Sequence[Born] = [Born(tree, (), "initial") for tree in initial(settings.population, rules, draw, rng)]
     with pool(executor, workers) as workforce:
         bench = _Bench(estimator, workforce)
-        relatives = Relatives(fits, workforce) if fits is not None and settings.begin == "relatives" else None
+        relatives = Relatives(fits, workforce, judge) if fits is not None and settings.begin == "relatives" else None
         for generation in range(settings.generations + 1):
             try:
                 current = _evaluate(generation, born, start, relatives or bench, judge)
@@ -116,7 +116,7 @@ def search(
             trees = [e.tree for e in current]
             chances = judge.chances([e.value for e in current], current[0].result.misfit.independent)
             children = offspring(trees, chances, settings, rules, draw, rng)
-            tried = {e.job.structure for e in done}
+            tried = {e.job.structure for e in done} | (relatives.hopeless() if relatives else set())
             best = [e.tree for e in Run(tuple(done)).structures() if not e.result.idle]
             close = near(best, tried, settings, rules, draw, rng)
             children = renewed(children, tried | {b.tree.structure for b in close}, settings, rules, draw, rng)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from brightgrey.estimation.coloured import autoregression
 from brightgrey.estimation.spent import Spent
 from brightgrey.kit import Structure
-from brightgrey.search.criteria import Misfit
+from brightgrey.search.criteria import Criterion, Misfit
 from brightgrey.search.evaluation import Evaluated
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted
@@ -22,8 +22,20 @@ from brightgrey.search.missed import seek_missed
 __all__ = ["Relatives"]
 
 
+@dataclass(frozen=True)
+class _Bar:
+    """What a structure is measured by, after so many fits: the least cost, and the best value of the criterion."""
+
+    fits: int
+    share: float
+    least: float
+    best: float
+
+
 class Relatives:
     """Has structures identified, each one once, and once more where a relative's optimum helps.
+
+    What cannot win by the criterion is not identified once more, as soon as optima that were missed have been sought.
 
     Attributes
     ----------
@@ -34,9 +46,14 @@ class Relatives:
         Of the samples, how many are independent by the residuals of the best fit so far.
     """
 
-    def __init__(self, fits: Fits, executor: Executor) -> None:
+    def __init__(self, fits: Fits, executor: Executor, judge: Criterion) -> None:
         self.fits, self.better, self.share = fits, tuple[Structure, ...](), 1.0
-        self._executor, task = executor, fits.task
+        self._executor, self._judge, task = executor, judge, fits.task
+        self._samples = sum(r.y.size for r in task.recordings)
+        self._doubt = float(task.doubt(task.problem(fits.structures[0]).weights, ROUGH).sum())
+        self._free: dict[Structure, int] = {}
+        self._bar: _Bar | None = None
+        fits.worthwhile, self._sought = self.may_win, False
         self._accurate = replace(task, settings=replace(task.settings, level="accurate"))
         self._seen: dict[tuple[Structure, float], tuple[Fitted, Misfit]] = {}
 
@@ -58,6 +75,27 @@ class Relatives:
             first.discard(s)
         return out
 
+    def may_win(self, structure: Structure, cost: float = 0.0) -> bool:
+        """Whether a structure could be as good as the best one, by the criterion, if it left no more than `cost`.
+
+        Nothing leaves less than the best fit of all, though: what needs more parameters than that is worth has lost,
+        fitted or not. Before missed optima have been sought that is not known, and all may win.
+        """
+        if not self._sought:
+            return True
+        bar = self._bar
+        if bar is None or (bar.fits, bar.share) != (len(self.fits.log), self.share):
+            done = [f for f in self.fits.done.values() if not f.idle]
+            best = max(self._value(f.cost, f.free) for f in done)
+            bar = self._bar = _Bar(len(self.fits.log), self.share, min(f.cost for f in done), best)
+        if structure not in self._free:
+            self._free[structure] = len(self.fits.task.space(structure, initial=True).names)
+        return self._value(max(cost, bar.least), self._free[structure]) >= bar.best
+
+    def hopeless(self) -> set[Structure]:
+        """Structures that have lost, fitted or not."""
+        return {s for s in self.fits.structures if not self.may_win(s)}
+
     def seek(self, structure: Structure) -> Spent:
         """Identify a structure once more, from everywhere, if that has not been done; returns what was simulated."""
         counted = len(self.fits.spent)
@@ -67,9 +105,14 @@ class Relatives:
     def seek_missed(self) -> Spent:
         """Look for optima that have been missed, those with gaps above all; returns what was simulated."""
         counted, before = len(self.fits.spent), dict(self.fits.done)
+        self._sought = True
         seek_missed(self.fits, self._executor)
         self._improved({s for s, fitted in self.fits.done.items() if fitted is not before.get(s)})
         return self._spent(counted)
+
+    def _value(self, cost: float, free: int) -> float:
+        """Criterion of a fit by its cost, all outputs as one."""
+        return self._judge.value(Misfit((cost + self._doubt,), (0.0,), self._samples, (1.0,), self.share), free)
 
     def _improved(self, better: Collection[Structure]) -> None:
         self.better = tuple(s for s in self.fits.done if s in better or s in self.better)
