@@ -218,10 +218,11 @@ def structures(exclude: tuple[str, ...]) -> None:
 def left_out() -> None:
     """Each MTE360 recording with a second mass predicted from the two others, by what was found from them alone.
 
-    One-mass structures are judged in hindsight: the one that predicts best counts, not the one that fits best.
+    All structures are tried, as `identify` does. One-mass structures are judged in hindsight: the one that predicts
+    best counts, not the one that fits best.
     """
     recordings = two_mass_recordings()
-    asked = candidates(exclude=("three_mass", "backlash"))
+    asked = candidates()
     rows = []
     for name, test in recordings.items():
         train = tuple(r for other, r in recordings.items() if other != name)
@@ -238,11 +239,11 @@ def left_out() -> None:
         ones = {s: unseen(s, f.values) for s, f in found.fitted.items() if s.masses == 1}
         one = max(ones, key=ones.__getitem__)
         card = next(c for c in found.evidence.cards if c.effect == "two_mass")
-        loss = f"{100 * card.loss:.0f} %" if card.loss is not None else ""
-        for best in found.evidence.minimal[:2]:
-            percent = f"{unseen(best.structure, best.values):.2f}"
-            rows.append([name, f"`{best.structure}`", card.verdict, loss, percent, f"`{one}`", f"{ones[one]:.2f}"])
-    header = ["left out", "found", "second mass", "residual without it", "fit to what was left out in %"]
+        predicted = [unseen(j.structure, j.values) for j in found.evidence.minimal]
+        first, percent = f"`{found.evidence.minimal[0].structure}`", f"{predicted[0]:.1f}"
+        others = f"{min(predicted):.1f} to {max(predicted):.1f} ({len(predicted)})"
+        rows.append([name, first, f"{card.verdict}: {card.reason}", percent, others, f"`{one}`", f"{ones[one]:.1f}"])
+    header = ["left out", "found", "second mass", "fit to what was left out in %", "of all minimal ones (how many)"]
     table([*header, "one-mass structure that predicts best", "its fit in %"], rows)
 
 
