@@ -11,6 +11,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search import Identification, fitting
+from brightgrey.search.comparison import Judged
 from brightgrey.search.evidence import weigh
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted
@@ -326,22 +327,61 @@ def test_a_drifting_load_is_no_second_mass(seed, size):
     assert found.minimal[0].structure.masses == 1
 
 
-def test_a_mass_at_its_bound_is_no_mass():
-    """A spring to the wall is fitted as one to the largest mass there may be: no second mass is called for by that."""
-    values = {"J1": 0.02, "J2": 20.0, "c1": 1.0, "d1": 0.001, "f_v": 0.03}
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "minimal", "told"),
+    [(1.0, 0.001, "one_mass+viscous", "it explains 7"), (100.0, 0.3, "two_mass", "without it the residual is 17")],
+)
+def test_a_mass_at_its_bound_is_no_mass(stiffness, damping, minimal, told):
+    """A spring to the wall is fitted as one to the largest mass there may be, needed for the fit or not."""
+    values = {"J1": 0.02, "J2": 20.0, "c1": stiffness, "d1": damping, "f_v": 0.03}
     task = task_of("two_mass+viscous", values, reversing(), 0.05)
-    two = PAPER.parse("two_mass+viscous")
     known = fit_all(task, structures(("viscous",), ("one_mass", "two_mass")))
-    card = next(c for c in weigh(task, known).cards if c.effect == "two_mass")
+    found = weigh(task, known)
+    card = next(c for c in found.cards if c.effect == "two_mass")
+    assert [str(j.structure) for j in found.minimal] == [minimal]
     assert card.verdict == "not decidable"
+    assert card.reason.startswith(told)
     assert "an inertia at its bound: a lag, or a spring to a wall," in card.reason
-    asked = replace(task, bounds={"J2": (0.001, known[two].values["J2"])})  # what the user has set is no such bound
-    with pool(None) as workers:
-        for posed, ran, masses in ((task, True, 1), (asked, False, 2)):
-            yardstick = Yardstick.of(posed, known, workers, 0)
-            big = yardstick.bench.judge(two)
-            assert ("J2" in yardstick.ran(big)) == ran
-            assert yardstick.inertias(big) == masses
+
+
+def drives(structure, values, task):
+    """A yardstick that knows `task`, and a drive as it is, nothing at a bound."""
+    free = len(task.space(structure, initial=True).names)
+    return Yardstick(Bench(task, {}, None), None, {}), Judged(structure, values, None, free, tuple(range(free)))
+
+
+def test_what_has_run_to_a_bound_follows_drifts_but_not_to_one_of_the_user_s():
+    values = {"J1": 0.02, "J2": 0.01, "c1": 20.0, "d1": 0.05}
+    task = task_of("two_mass", values, reversing(), 0.05)
+    one, two = map(PAPER.parse, ("one_mass", "two_mass"))
+    second = task.space(two, initial=True).names.index("J2")
+    yardstick, big = drives(two, values, task)
+    small = drives(one, values, task)[1]
+    assert not yardstick.follows_drifts(big, small)
+    at_bound = replace(big, inside=tuple(i for i in big.inside if i != second))
+    assert yardstick.follows_drifts(at_bound, small)
+    assert (yardstick.ran(at_bound), yardstick.inertias(at_bound)) == ({"J2"}, 1)
+    gap = PAPER.parse("two_mass+backlash")
+    with_gap = replace(at_bound, structure=gap, values=values | {"alpha": 0.01}, inside=(*at_bound.inside, 4))
+    assert not yardstick.follows_drifts(with_gap, at_bound)  # it was so without the gap
+    own = Yardstick(Bench(replace(task, bounds={"J2": (0.001, 0.01)}), {}, None), None, {})
+    assert not own.follows_drifts(at_bound, small)
+    assert (own.ran(at_bound), own.inertias(at_bound)) == (set(), 2)
+
+
+@pytest.mark.parametrize(("damping", "digits"), [(1e-4, range(12)), (0.05, (0,)), (50.0, (0,))])
+def test_what_swings_less_than_once_follows_drifts(damping, digits):
+    """By its springs and masses alone: with no more digits nor damping than that anything may be a slow oscillation."""
+    task = task_of("two_mass", {"J1": 0.02, "J2": 0.01, "c1": 20.0, "d1": 0.05}, reversing(), 0.05)
+    duration = task.recordings[0].t[-1]
+    one, two = map(PAPER.parse, ("one_mass", "two_mass"))
+    for swings in (0.9, 1.1, 200.0):
+        for digit in digits:
+            values = {"J1": 0.02, "J2": 0.01 * (1.0 + digit * np.finfo(float).eps), "d1": damping}
+            values["c1"] = (2.0 * np.pi * swings / duration) ** 2 / (1.0 / values["J1"] + 1.0 / values["J2"])
+            yardstick, big = drives(two, values, task)
+            assert yardstick.swings(big) == pytest.approx(swings)
+            assert yardstick.follows_drifts(big, drives(one, values, task)[1]) == (swings < 1.0)
 
 
 def test_slow_residuals_are_told_of_only_where_they_are_slow():

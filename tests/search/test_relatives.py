@@ -243,39 +243,89 @@ def test_what_is_identified_beside_the_individuals_has_a_tree(loose):
     pytest.fail("the largest structure was bred from every seed")
 
 
-def test_what_has_more_parameters_than_its_gain_is_worth_has_lost(task, monkeypatch):
-    """By the criterion, if it left no less than the best fit of all, or than it may leave."""
-    names = ("one_mass", "one_mass+coulomb", "two_mass+coulomb", "two_mass+coulomb+viscous", "one_mass+coulomb+viscous")
-    plain, friction, truth, more, other = map(PAPER.parse, names)
-    fits = Fits(task, list(ALL))
-    fits.done |= {s: Fitted(s, {}, cost, len(s.parameters)) for s, cost in ((truth, 100.0), (more, 99.9), (plain, 1e4))}
+@pytest.fixture
+def sought(task, monkeypatch):
+    """Relatives of fits by hand, after missed optima have been sought in vain."""
     monkeypatch.setattr("brightgrey.search.genetic.relatives.seek_missed", lambda fits, workers: None)
-    with pool(None) as executor:
-        relatives = Relatives(fits, executor, criterion("bic"))
-        assert relatives.hopeless() == set()  # what was missed has not been sought
-        relatives.seek_missed()
-        lost = relatives.hopeless()
-    assert more in lost
-    assert not {plain, friction, truth, other} & lost
-    assert all(len(s.parameters) > len(truth.parameters) for s in lost)
-    assert relatives.may_win(friction, 100.0)
-    assert not relatives.may_win(friction, 1e4)
 
-
-def test_only_what_may_win_is_fitted_once_more(task):
-    """A relative's optimum that is better is not worth another fit otherwise."""
-    simple, truth = PAPER.parse("two_mass"), PAPER.parse("two_mass+coulomb")
-    for worthwhile in (True, False):
-        fits = Fits(task, [simple, truth])
-        fits.worthwhile = lambda structure, cost, worthwhile=worthwhile: worthwhile
+    def made(costs, task=task, name="bic"):
+        fits = Fits(task, ALL)
+        fits.done |= {s: Fitted(s, {}, cost, len(s.parameters)) for s, cost in costs.items()}
         with pool(None) as executor:
-            fits.add([truth], executor)
-            fits.done[truth] = replace(fits.done[truth], cost=1e9)
-            before = len(fits.log)
-            fits.add([simple], executor)
-        again = [f.structure for _, f in fits.log[before:]]
-        assert again.count(truth) == worthwhile
-        assert fits.done[truth].cost <= fits.done[simple].cost
+            relatives = Relatives(fits, executor, criterion(name))
+            assert relatives.hopeless() == set()  # what was missed has not been sought yet
+            relatives.seek_missed()
+        return relatives
+
+    return made
+
+
+PLAIN, FRICTION, TRUTH, MORE, TOP = map(
+    PAPER.parse,
+    (
+        "one_mass",
+        "one_mass+coulomb",
+        "two_mass+coulomb",
+        "two_mass+coulomb+viscous",
+        "two_mass+coulomb+viscous+gravity",
+    ),
+)
+
+
+@pytest.mark.parametrize("name", ["bic", "fitness"])
+def test_what_has_more_parameters_than_its_gain_is_worth_has_lost(sought, name):
+    """By the criterion, if it left no less than the best fit that contains it, or than what it is offered."""
+    relatives = sought({TOP: 99.8, TRUTH: 100.0, PLAIN: 1e4}, name=name)
+    lost = relatives.hopeless()
+    assert MORE in lost
+    assert not {PLAIN, FRICTION, TRUTH} & lost
+    assert all(len(s.parameters) > len(TRUTH.parameters) for s in lost)
+    assert relatives.may_win(FRICTION, 100.0)
+    assert not relatives.may_win(FRICTION, 1e6)
+
+
+def test_what_no_fit_contains_has_not_lost(sought):
+    """Nobody knows what it leaves, and growing is how it is found."""
+    relatives = sought({PLAIN: 1e4, FRICTION: 9e3})
+    assert relatives.hopeless() == set()
+    assert sought({}).hopeless() == set()
+
+
+def test_of_several_outputs_none_has_lost(sought, task):
+    """The criterion weighs them against each other, and the sum of both says little."""
+    (r,) = task.recordings
+    twice = replace(r, y=np.vstack([r.y, r.y]), outputs=(r.outputs[0], replace(r.outputs[0], name="again")))
+    assert sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, recordings=(twice,))).hopeless() == set()
+
+
+def test_what_is_lost_in_the_sensor_s_steps_is_no_gain(sought, task):
+    """Below what rounding leaves a fit is no better: the smaller one wins, and may win."""
+    (r,) = task.recordings
+    coarse = replace(task, recordings=(replace(r, resolution=np.array([float(r.y.std())])),))
+    floor = r.samples * float(coarse.problem(TRUTH).weights[0] * r.y.std()) ** 2 / 12.0
+    relatives = sought({TOP: 0.9 * floor, FRICTION: floor}, task=coarse)
+    assert relatives.may_win(FRICTION, floor)
+    assert TRUTH in relatives.hopeless()
+
+
+@pytest.mark.parametrize("worthwhile", [True, False])
+@pytest.mark.parametrize("worse", ["two_mass", "two_mass+coulomb"])
+def test_only_what_may_win_is_fitted_once_more(task, worse, worthwhile):
+    """A relative's optimum that is better, a larger one's or a smaller one's, is not worth another fit otherwise."""
+    simple, worse, truth = map(PAPER.parse, ("one_mass", worse, "two_mass+coulomb"))
+    fits = Fits(task, [simple, PAPER.parse("two_mass"), truth])
+    asked = []
+    fits.worthwhile = lambda structure, cost: asked.append((structure, cost)) or worthwhile
+    with pool(None) as executor:
+        fits.add([PAPER.parse("two_mass"), truth], executor)
+        fits.done[worse] = replace(fits.done[worse], cost=1e9)
+        before = len(fits.log)
+        fits.add([simple], executor)
+    again = [f.structure for _, f in fits.log[before:] if f.structure == worse]
+    assert len(again) == worthwhile
+    assert {s for s, _ in asked} >= {worse}
+    larger = [cost for s, cost in asked if s == worse and cost > 0.0]
+    assert larger == [fits.done[truth].cost] * len(larger)  # what it would be handed
 
 
 def test_gaps_are_handed_down_in_every_generation(task, monkeypatch):

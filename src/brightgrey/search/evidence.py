@@ -179,6 +179,10 @@ def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]
         told = f"it explains {_number(100.0 * most)} % of the residual"
         if Placed.parse(effect).effect.masses and any(_has_no_inertia(yardstick, s, effect) for s in unseen):
             return f"{told}, but {_AT_BOUND}"
+        pairs = ((yardstick.with_effect(s, effect), s) for s in unseen)
+        judge = yardstick.bench.judge
+        if any(big and yardstick.follows_drifts(judge(big), judge(s)) for big, s in pairs):
+            return f"{told}, but at a bound, or swinging less than once, it would follow any drift"
         slow = yardstick.independent < _SLOW * yardstick.whitening.samples
         few = "residuals as slow as these" if slow else "as few samples as these"
         return f"{told}, which may be chance with {few}"

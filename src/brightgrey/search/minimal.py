@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -83,19 +83,29 @@ def _beaten(yardstick: Yardstick, structure: Structure, others: Iterable[Structu
 def _without_loss(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> list[Structure]:
     """Adequate structures that lack one effect, or one mass, of an adequate one; they are refitted from there.
 
-    Of one that would do without what it lacks, but not without another effect, what has that one.
+    Of one that could do without what it lacks, but not without another effect, the one that has that.
     """
     found, bench = [], yardstick.bench
     smaller = simpler(structure, yardstick.known)
     bench.judge_all(smaller)
     for s in smaller:
         bench.improve(s)
-        more: Structure | None = s
-        while more is not None and not contains(more, structure) and not _loses(yardstick, more, structure):
-            s, more = more, _better_than(yardstick, more, rivals)
-        if more is None:
-            found.append(s)
+        if not _loses(yardstick, s, structure):
+            found += _adequate_beside(yardstick, s, structure, rivals)
     return found
+
+
+def _adequate_beside(yardstick: Yardstick, small: Structure, big: Structure, rivals: Rivals) -> list[Structure]:
+    """`small` if it is adequate; else what it is beaten by, and that is adequate and does not contain `big`, if any."""
+    while True:
+        beaten = False
+        for s in _better_than(yardstick, small, rivals):
+            beaten = True
+            if not contains(s, big):
+                small = s
+                break
+        else:
+            return [] if beaten else [small]
 
 
 def _loses(yardstick: Yardstick, small: Structure, big: Structure) -> bool:
@@ -156,11 +166,11 @@ def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collectio
 
 def _adequate(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> bool:
     """Whether nothing that contains the structure fits significantly better."""
-    return _better_than(yardstick, structure, rivals) is None
+    return next(_better_than(yardstick, structure, rivals), None) is None
 
 
-def _better_than(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> Structure | None:
-    """What contains the structure and fits significantly better; None if nothing does.
+def _better_than(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> Iterator[Structure]:
+    """What contains the structure and fits significantly better, the best first, refitted as it is asked for.
 
     Whom it was compared with stays the same when it is asked again: that takes no further refits. What else has been
     refitted meanwhile counts, too.
@@ -173,9 +183,10 @@ def _better_than(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> 
         best = min(late, key=lambda s: (bench.judged[s].cost, bench.judged[s].free, str(s)))
         tests[best] = _chances(yardstick, structure)
     compared = sorted(tests, key=lambda s: (bench.cost(s), str(s)))
-    pairs = (bench.judge_all(compared[i : i + _AT_ONCE]) for i in range(0, len(compared), _AT_ONCE))
-    better = (j.structure for pair in pairs for j in pair if yardstick.better(j, own, tests[j.structure]))
-    return next(better, None)
+    for i in range(0, len(compared), _AT_ONCE):
+        for j in bench.judge_all(compared[i : i + _AT_ONCE]):
+            if yardstick.better(j, own, tests[j.structure]):
+                yield j.structure
 
 
 def _compared(yardstick: Yardstick, structure: Structure) -> dict[Structure, int]:

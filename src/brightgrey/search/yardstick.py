@@ -96,28 +96,38 @@ class Yardstick:
         return not _has_own_motion(big.structure, small.structure) or self.shows_in_few(big, small)
 
     def shows_in_few(self, big: Judged, small: Judged) -> bool:
-        """Whether `big` fits significantly better by no more samples than are independent in what itself leaves.
+        """Whether `big` fits significantly better by no more samples than are independent.
 
-        Nor than in what `small` leaves, which is the noise if `small` is right, where `big` fits whatever is slow.
+        In what `big` leaves; nor than in what `small` leaves, which is the noise if `small` is right, where `big` fits
+        whatever is slow.
         """
         ratio, more = self.left(small) / self.left(big), big.free - small.free
         samples = self.independent_in(big)
-        if self.follows_drifts(big):
+        if self.follows_drifts(big, small):
             samples = min(samples, self.independent_in(small))
         return chance_of(ratio, more, samples - big.free) <= _LEVEL
 
-    def follows_drifts(self, judged: Judged) -> bool:
-        """Whether a mass or gap has run to a bound of ours, or a mass swings less than once while it is recorded.
+    def follows_drifts(self, big: Judged, small: Judged) -> bool:
+        """Whether `big` has a mass or gap more that has run to a bound of ours, or swings less than once.
 
-        Without damping, beside a wall or on a shaft as soft as that it is no part of a drive that anyone has built.
+        Without damping, as a wall, or on a shaft so soft that it does not come back while it is recorded. What `small`
+        has like that as well does not count.
         """
-        if self.ran(judged):
-            return True
+        if not _has_own_motion(big.structure, small.structure):
+            return False
+        return bool(self.ran(big) - self.ran(small)) or self.swings(big) < 1.0 <= self.swings(small)
+
+    def swings(self, judged: Judged) -> float:
+        """How often the masses swing against each other in the longest recording, undamped, the slowest ones."""
         task, structure = self.bench.task, judged.structure
+        n = structure.masses
+        if n < 2:
+            return np.inf
         values = {name: judged.values[name] for name in structure.parameters}
-        poles = np.linalg.eigvals(assemble(structure, values, task.settings.f_tanh).A)
+        rates = -assemble(structure, values, task.settings.f_tanh).A[n : 2 * n, :n]  # states are q, q', ...
+        square = np.sort(np.linalg.eigvals(rates).real)[1]  # the first is the motion of all together
         longest = max(float(r.t[-1] - r.t[0]) for r in task.recordings)
-        return bool(np.any(np.abs(poles[poles.imag > 0.0]) * longest < 2.0 * np.pi))
+        return float(np.sqrt(max(square, 0.0)) * longest / (2.0 * np.pi))
 
     def ran(self, judged: Judged) -> set[str]:
         """Parameters of masses and gaps that have run to a bound which the user did not set."""

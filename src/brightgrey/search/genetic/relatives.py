@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.judging import last_descent
+from brightgrey.search.lattice import contains
 from brightgrey.search.missed import seek_missed
 
 __all__ = ["Relatives"]
@@ -24,18 +25,22 @@ __all__ = ["Relatives"]
 
 @dataclass(frozen=True)
 class _Bar:
-    """What a structure is measured by, after so many fits: the least cost, and the best value of the criterion."""
+    """What a structure is measured by after so many fits, and if that share of the samples is independent.
+
+    `best` is the best value of the criterion; `least` the least cost of what contains a structure, as far as asked.
+    """
 
     fits: int
     share: float
-    least: float
     best: float
+    least: dict[Structure, float] = field(default_factory=dict)
 
 
 class Relatives:
     """Has structures identified, each one once, and once more where a relative's optimum helps.
 
-    What cannot win by the criterion is not identified once more, as soon as optima that were missed have been sought.
+    What has lost by the criterion is not handed its relatives' optima any more, from the first search for missed optima
+    on: `fits` are told so.
 
     Attributes
     ----------
@@ -49,8 +54,8 @@ class Relatives:
     def __init__(self, fits: Fits, executor: Executor, judge: Criterion) -> None:
         self.fits, self.better, self.share = fits, tuple[Structure, ...](), 1.0
         self._executor, self._judge, task = executor, judge, fits.task
-        self._samples = sum(r.y.size for r in task.recordings)
-        self._doubt = float(task.doubt(task.problem(fits.structures[0]).weights, ROUGH).sum())
+        self._weights = task.problem(fits.structures[0]).weights
+        self._doubt = float(task.doubt(self._weights, ROUGH).sum())
         self._free: dict[Structure, int] = {}
         self._bar: _Bar | None = None
         fits.worthwhile, self._sought = self.may_win, False
@@ -76,21 +81,26 @@ class Relatives:
         return out
 
     def may_win(self, structure: Structure, cost: float = 0.0) -> bool:
-        """Whether a structure could be as good as the best one, by the criterion, if it left no more than `cost`.
+        """Whether a structure could be as good as the best one, by the criterion, if it left `cost`, or what others do.
 
-        Nothing leaves less than the best fit of all, though: what needs more parameters than that is worth has lost,
-        fitted or not. Before missed optima have been sought that is not known, and all may win.
+        It leaves no less than the best fit that contains it: what has more parameters than that is worth has lost,
+        fitted or not. Where no fit contains it, several outputs are weighed against each other, or missed optima have
+        not been sought yet, all may win.
         """
-        if not self._sought:
+        fits = self.fits
+        if not self._sought or len(self._weights) > 1:
             return True
         bar = self._bar
-        if bar is None or (bar.fits, bar.share) != (len(self.fits.log), self.share):
-            done = [f for f in self.fits.done.values() if not f.idle]
-            best = max(self._value(f.cost, f.free) for f in done)
-            bar = self._bar = _Bar(len(self.fits.log), self.share, min(f.cost for f in done), best)
+        if bar is None or (bar.fits, bar.share) != (len(fits.log), self.share):
+            values = (self._value(f.cost, f.free) for f in fits.done.values() if not f.idle)
+            bar = self._bar = _Bar(len(fits.log), self.share, max(values, default=-np.inf))
+        if structure not in bar.least:
+            around = (f.cost for t, f in fits.done.items() if contains(t, structure))
+            bar.least[structure] = min(around, default=0.0)
         if structure not in self._free:
-            self._free[structure] = len(self.fits.task.space(structure, initial=True).names)
-        return self._value(max(cost, bar.least), self._free[structure]) >= bar.best
+            self._free[structure] = len(fits.task.space(structure, initial=True).names)
+        least = bar.least[structure]
+        return least == 0.0 or self._value(max(cost, least), self._free[structure]) >= bar.best
 
     def hopeless(self) -> set[Structure]:
         """Structures that have lost, fitted or not."""
@@ -111,8 +121,11 @@ class Relatives:
         return self._spent(counted)
 
     def _value(self, cost: float, free: int) -> float:
-        """Criterion of a fit by its cost, all outputs as one."""
-        return self._judge.value(Misfit((cost + self._doubt,), (0.0,), self._samples, (1.0,), self.share), free)
+        """Criterion of a fit by its cost; differences within the simulation's own error hardly count."""
+        task = self.fits.task
+        samples = sum(r.samples for r in task.recordings)
+        least = sum(r.samples * float(r.resolution[0] * self._weights[0]) ** 2 / 12.0 for r in task.recordings)
+        return self._judge.value(Misfit((cost + self._doubt,), (least,), samples, (1.0,), self.share), free)
 
     def _improved(self, better: Collection[Structure]) -> None:
         self.better = tuple(s for s in self.fits.done if s in better or s in self.better)
