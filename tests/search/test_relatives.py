@@ -291,6 +291,12 @@ def test_what_no_fit_contains_has_not_lost(sought):
     assert sought({}).hopeless() == set()
 
 
+@pytest.mark.parametrize("given", [{"bounds": {"f_v": (0.1, 1.0)}}, {"fixed": {"f_v": 0.1}}])
+def test_what_cannot_fade_away_bounds_nothing(sought, task, given):
+    """A structure that contains another may leave more then, as in the paper's experiment."""
+    assert sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, **given)).hopeless() == set()
+
+
 def test_of_several_outputs_none_has_lost(sought, task):
     """The criterion weighs them against each other, and the sum of both says little."""
     (r,) = task.recordings

@@ -84,11 +84,11 @@ class Relatives:
         """Whether a structure could be as good as the best one, by the criterion, if it left `cost`, or what others do.
 
         It leaves no less than the best fit that contains it: what has more parameters than that is worth has lost,
-        fitted or not. Where no fit contains it, several outputs are weighed against each other, or missed optima have
-        not been sought yet, all may win.
+        fitted or not. Where no fit contains it, several outputs are weighed against each other, what a user has bounded
+        or fixed cannot fade away, or missed optima have not been sought yet, all may win.
         """
-        fits = self.fits
-        if not self._sought or len(self._weights) > 1:
+        fits, task = self.fits, self.fits.task
+        if not self._sought or len(self._weights) > 1 or task.bounds or task.fixed:
             return True
         bar = self._bar
         if bar is None or (bar.fits, bar.share) != (len(fits.log), self.share):
@@ -98,7 +98,7 @@ class Relatives:
             around = (f.cost for t, f in fits.done.items() if contains(t, structure))
             bar.least[structure] = min(around, default=0.0)
         if structure not in self._free:
-            self._free[structure] = len(fits.task.space(structure, initial=True).names)
+            self._free[structure] = len(task.space(structure, initial=True).names)
         least = bar.least[structure]
         return least == 0.0 or self._value(max(cost, least), self._free[structure]) >= bar.best
 
