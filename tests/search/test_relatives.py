@@ -217,11 +217,18 @@ def test_with_gaps_is_compared_with_all_other_effects_without(loose):
     assert structures[3] in fits.done
 
 
-@pytest.mark.parametrize(("generations", "after"), [(0, {0}), (2, {1, 2}), (3, {1, 3}), (8, {2, 4, 8})])
-def test_gaps_are_sought_after_a_quarter_a_half_and_all_generations(task, monkeypatch, generations, after):
+@pytest.mark.parametrize(
+    ("generations", "narrow", "after"),
+    [(0, False, {0}), (2, False, {1, 2}), (3, False, {1, 3}), (8, False, {1, 2, 8}), (8, True, {8})],
+)
+def test_gaps_are_sought_early_and_in_the_end(task, true_values, monkeypatch, generations, narrow, after):
+    """Within narrow ranges in the end only."""
     seen, sought = [], set()
     monkeypatch.setattr(Relatives, "seek_missed", lambda self: sought.add(len(seen)) or Spent())
     settings = replace(OURS, population=2, generations=generations, near=1, fresh=1)
+    if narrow:
+        values = dict.fromkeys(("f_v", "M_G"), 0.1) | true_values
+        task = replace(task, bounds={name: (0.5 * v, 2.0 * v) for name, v in values.items()})
     fits = Fits(task, ALL)
     search(None, task.draw, settings, fits=fits, grammar=FEW, seed=1, progress=seen.append)
     assert sought == after

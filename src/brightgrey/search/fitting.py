@@ -28,6 +28,7 @@ __all__ = [
     "fit_one",
     "from_above",
     "from_everywhere",
+    "is_narrow",
     "tracked_from_above",
 ]
 
@@ -194,6 +195,11 @@ def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
     return replace(own, values={**own.values, **best.values}, cost=best.cost, idle=idle, information=None)
 
 
+def is_narrow(space: Search) -> bool:
+    """Whether all ranges of positive parameters are within a decade, as those that a user gives."""
+    return bool(space.log.any() and np.all(space.high[space.log] <= _DECADE * space.low[space.log]))
+
+
 def from_everywhere(
     task: Identification, structure: Structure, options: Options, seed: int, known: Sequence[Fitted] = ()
 ) -> Fitted:
@@ -202,8 +208,7 @@ def from_everywhere(
     Starts begin there, too.
     """
     problem, space = task.posed(structure)
-    wide = not space.log.any() or np.any(space.high[space.log] > _DECADE * space.low[space.log])
-    starts = options.fresh if wide else options.narrow
+    starts = options.narrow if is_narrow(space) else options.fresh
     given = _given(space, structure, known)
     found = explore(problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed)
     end = min(found.ends, key=lambda e: e.cost)

@@ -85,14 +85,13 @@ def search(
     start = _start(settings, standard, fits)
     rules, rng = Rules(grammar), np.random.default_rng(seed)
     judge = criterion(settings.criterion, settings.k_p)
-    last = settings.generations
-    seeking = {max(1, last // 4), last // 2, last}  # generations after which optima that were missed are sought
     began = time.monotonic()
     done: list[Evaluation] = []
     born: Sequence[Born] = [Born(tree, (), "initial") for tree in initial(settings.population, rules, draw, rng)]
     with pool(executor, workers) as workforce:
         bench = _Bench(estimator, workforce)
         relatives = Relatives(fits, workforce, judge) if fits is not None and settings.begin == "relatives" else None
+        seeking = _seeking(settings.generations, relatives)
         for generation in range(settings.generations + 1):
             try:
                 current = _evaluate(generation, born, start, relatives or bench, judge)
@@ -137,6 +136,16 @@ def _start(
     if standard is None:
         raise SettingsError("begin is 'standard', but no standard start was given")
     return lambda tree: Job.of(tree.structure, standard(tree.structure))
+
+
+def _seeking(last: int, relatives: Relatives | None) -> set[int]:
+    """Generations after which optima that were missed are sought: early, since they say what has lost.
+
+    Within narrow ranges little is missed, and it is done in the end only.
+    """
+    if relatives is None or relatives.narrow:
+        return {last}
+    return {max(1, last // 8), max(1, last // 3), last}
 
 
 def _evaluate(

@@ -14,7 +14,7 @@ from brightgrey.kit import Structure
 from brightgrey.search.criteria import Criterion, Misfit
 from brightgrey.search.evaluation import Evaluated
 from brightgrey.search.fits import Fits
-from brightgrey.search.fitting import Fitted
+from brightgrey.search.fitting import Fitted, is_narrow
 from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.judging import last_descent
 from brightgrey.search.lattice import contains
@@ -79,6 +79,12 @@ class Relatives:
             spent = Spent() if s in first else spent
             first.discard(s)
         return out
+
+    @property
+    def narrow(self) -> bool:
+        """Whether all ranges are, as those that a user gives."""
+        task = self.fits.task
+        return all(is_narrow(task.space(s, initial=True)) for s in self.fits.structures)
 
     def may_win(self, structure: Structure, cost: float = 0.0) -> bool:
         """Whether a structure could be as good as the best one, by the criterion, if it left `cost`, or what others do.

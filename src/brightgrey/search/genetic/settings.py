@@ -189,7 +189,7 @@ PAPER_SETTINGS = GeneticSettings()
 
 OURS = GeneticSettings(
     population=8,
-    generations=10,
+    generations=16,
     estimator="least-squares",
     iterations=30,
     criterion="bic",
