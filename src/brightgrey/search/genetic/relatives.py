@@ -91,7 +91,7 @@ class Relatives:
 
         It leaves no less than the best fit that contains it: what has more parameters than that is worth has lost,
         fitted or not. Where no fit contains it, several outputs are weighed against each other, what a user has bounded
-        or fixed cannot fade away, or missed optima have not been sought yet, all may win.
+        or fixed cannot fade away, or the first search for missed optima has not begun, all may win.
         """
         fits, task = self.fits, self.fits.task
         if not self._sought or len(self._weights) > 1 or task.bounds or task.fixed:
