@@ -62,9 +62,7 @@ def many(structure):
 class Costs(Yardstick):
     """Yardstick of residuals that are white, so that their sums of squares are all there is to compare."""
 
-    def __init__(
-        self, costs, *, fast=None, second=(), everywhere=(), doubt=0.0, white=(), few=lambda s: 300.0, loose=()
-    ):
+    def __init__(self, costs, *, fast=None, second=(), everywhere=(), doubt=0.0, white=(), few=many, loose=()):
         fitted = {s: Fitted(s, {}, (fast or costs)[s], size(s)) for s in ALL}
         second, everywhere = ({PAPER.parse(name): c for name, c in dict(more).items()} for more in (second, everywhere))
         super().__init__(Known(costs, fitted, second, everywhere), SimpleNamespace(samples=SAMPLES), fitted)
