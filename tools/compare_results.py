@@ -170,7 +170,9 @@ def compare(before: Path, after: Path, rtol: float, words: bool) -> int:
             bad += 1
         if numbers:
             worst = max(numbers, key=lambda k: numbers[k])
-            print(f"{file}: {len(numbers)} of {len(old)} numbers differ, at most by {numbers[worst]:.2g} ({worst}: {old[worst]} was, {new[worst]} is)")  # noqa: E501
+            print(
+                f"{file}: {len(numbers)} of {len(old)} numbers differ, at most by {numbers[worst]:.2g} ({worst}: {old[worst]} was, {new[worst]} is)"
+            )  # noqa: E501
         if missing:
             print(f"{file}: {len(missing)} entries stand on one side only, such as {missing[:4]}")
         if text:

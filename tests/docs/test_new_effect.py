@@ -42,10 +42,10 @@ def extended(tmp_path_factory):
     package = folder / "brightgrey"
     shutil.copytree(Path(brightgrey.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
     text = (ROOT / "docs" / "add-effect.md").read_text(encoding="utf-8")
-    (name,) = re.findall(r"^`src/brightgrey/effects/(\w+\.py)`:$", text, re.MULTILINE)
+    (name,) = re.findall(r"^`src/brightgrey/effects/library/(\w+\.py)`:$", text, re.MULTILINE)
     (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    assert not (package / "effects" / name).exists()
-    (package / "effects" / name).write_text(code, encoding="utf-8")
+    assert not (package / "effects" / "library" / name).exists()
+    (package / "effects" / "library" / name).write_text(code, encoding="utf-8")
     (folder / "a.csv").write_text(recorded(), encoding="utf-8")
 
     def run(*arguments):

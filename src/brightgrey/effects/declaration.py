@@ -14,8 +14,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.effects.drawing import Modelica, force_on_mass
 from brightgrey.effects.law import Law, friction_law
+from brightgrey.effects.modelica import Modelica, force_on_mass
 
 __all__ = [
     "Caution",

@@ -1,5 +1,5 @@
 """Drive train of four inert masses."""
 
-from brightgrey.effects.ladder import ladder
+from brightgrey.effects.mass_chain import ladder
 
 EFFECT = ladder("four_mass", masses=4)

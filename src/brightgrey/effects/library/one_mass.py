@@ -1,5 +1,5 @@
 """Drive train of one inert mass."""
 
-from brightgrey.effects.ladder import ladder
+from brightgrey.effects.mass_chain import ladder
 
 EFFECT = ladder("one_mass", masses=1)

@@ -1,5 +1,5 @@
 """Drive train of three inert masses."""
 
-from brightgrey.effects.ladder import ladder
+from brightgrey.effects.mass_chain import ladder
 
 EFFECT = ladder("three_mass", masses=3)
