@@ -10,8 +10,8 @@ from test_page import read
 
 from brightgrey import Recording, Result
 from brightgrey.errors import SettingsError
+from brightgrey.notebook_html import sparkline, table
 from brightgrey.recordings import Signal
-from brightgrey.tables import sparkline, table
 
 
 @pytest.fixture(scope="module")

@@ -27,11 +27,11 @@ from brightgrey.export.parts import (
     Verdict,
 )
 from brightgrey.kit import Structure, function_set
+from brightgrey.notebook_html import table
 from brightgrey.recordings import Signal
 from brightgrey.recordings.unit_text import parse_unit
 from brightgrey.recordings.units import Units, motion_unit
 from brightgrey.simulation import Settings
-from brightgrey.tables import table
 
 if TYPE_CHECKING:
     from brightgrey.export.exporter import Export

@@ -2,7 +2,7 @@
 
 from brightgrey.kit.assembly import OUTPUTS, assemble
 from brightgrey.kit.grammar import PAPER, Grammar, function_set
-from brightgrey.kit.statespace import Linear, StateSpace
+from brightgrey.kit.state_space import Linear, StateSpace
 from brightgrey.kit.structure import Placed, Structure
 
 __all__ = ["OUTPUTS", "PAPER", "Grammar", "Linear", "Placed", "StateSpace", "Structure", "assemble", "function_set"]

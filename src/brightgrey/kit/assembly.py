@@ -12,7 +12,7 @@ import numpy as np
 from brightgrey.effects import Draft
 from brightgrey.effects.declaration import Stage
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.kit.statespace import StateSpace
+from brightgrey.kit.state_space import StateSpace
 from brightgrey.kit.structure import Placed, Structure
 
 __all__ = ["OUTPUTS", "assemble"]

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brightgrey.errors import RecordingError, SettingsError, unknown_name
+from brightgrey.notebook_html import sparkline, table
 from brightgrey.recordings.checks import resolution
 from brightgrey.recordings.unit_text import parse_unit
 from brightgrey.recordings.units import Units, check_kind, motion_unit
-from brightgrey.tables import sparkline, table
 
 __all__ = ["FEWEST_SAMPLES", "HOLDS", "Hold", "Recording", "Signal", "check_hold", "interval"]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import html
 
+from brightgrey.notebook_html import table
 from brightgrey.report.content import Content
 from brightgrey.report.figure import draw, picture
 from brightgrey.report.tables import fit_rows, parameter_rows, remarks, verdict
-from brightgrey.tables import table
 
 __all__ = ["result_html"]
 
