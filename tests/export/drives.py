@@ -6,7 +6,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.plants import random_values
 from brightgrey.export.model import Model
 from brightgrey.kit import PAPER
-from brightgrey.recordings.units import Units
+from brightgrey.recordings.units.signals import Units
 
 KINDS = {
     "position": ("rad", "mm"),

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from brightgrey.errors import BrightgreyError
 from brightgrey.recordings import Recording, Signal, decimate, window
 from brightgrey.recordings.checks import resolution
-from brightgrey.recordings.cut import coarse_input
+from brightgrey.recordings.window import coarse_input
 
 N = 1001
 DT = 1e-3

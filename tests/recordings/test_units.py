@@ -8,8 +8,8 @@ import pytest
 
 from brightgrey.effects import registry
 from brightgrey.errors import RecordingError
-from brightgrey.recordings.unit_text import COMMON_UNITS, parse_unit
-from brightgrey.recordings.units import KINDS, Units, assumed_unit, base_of, kind_of, motion_unit
+from brightgrey.recordings.units.parser import COMMON_UNITS, parse_unit
+from brightgrey.recordings.units.signals import KINDS, Units, assumed_unit, base_of, kind_of, motion_unit
 
 SPELLINGS = {
     ("N m", 1.0): ["N m", "Nm", "N*m", "N·m", "N⋅m", "N.m", "N-m", " N  m ", "newton meter", "newton_meter"],

@@ -5,7 +5,7 @@ import numpy as np
 from brightgrey.export.model import Model
 from brightgrey.export.trace import Trace
 from brightgrey.kit import PAPER, assemble
-from brightgrey.recordings.units import Units
+from brightgrey.recordings.units.signals import Units
 from brightgrey.simulation import response
 
 DT, F_TANH, TOP = 1e-3, 10.0, 40.0

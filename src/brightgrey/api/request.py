@@ -9,8 +9,8 @@ from brightgrey.errors import RecordingError, SettingsError, unknown_name
 from brightgrey.export.model import PER_SPEED, Model
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording, Signal
-from brightgrey.recordings.unit_text import parse_unit
-from brightgrey.recordings.units import Units
+from brightgrey.recordings.units.parser import parse_unit
+from brightgrey.recordings.units.signals import Units
 
 __all__ = ["Range", "bounds_si", "check_alike", "f_tanh_si", "fixed_si", "listed", "start_si"]
 

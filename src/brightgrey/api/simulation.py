@@ -15,7 +15,7 @@ from brightgrey.export.model import Model
 from brightgrey.export.parts import OutputFitPart
 from brightgrey.export.trace import Trace, pooled_fit
 from brightgrey.recordings import Recording, Signal, read_recording
-from brightgrey.recordings.unit_text import parse_unit
+from brightgrey.recordings.units.parser import parse_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,7 +14,7 @@ def effects(json: Json = False) -> None:
     """
     from brightgrey.cli import show
     from brightgrey.effects import registry
-    from brightgrey.recordings.units import Units
+    from brightgrey.recordings.units.signals import Units
 
     units = Units()
     rows = [

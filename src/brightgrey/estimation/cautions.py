@@ -12,7 +12,7 @@ from brightgrey.estimation.finding import Finding
 from brightgrey.estimation.scales import speed_of
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
-from brightgrey.recordings.unit_text import parse_unit
+from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.simulation import Settings
 
 __all__ = ["cautions", "reverses"]

@@ -18,7 +18,7 @@ from brightgrey.effects import Effect, Scales, registry
 from brightgrey.estimation.problem import Problem, predict_many
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording, Signal
-from brightgrey.recordings.units import KINDS
+from brightgrey.recordings.units.signals import KINDS
 from brightgrey.simulation import Settings
 
 __all__ = ["DRIFT", "LATE", "SWING", "Motion", "Suspect", "motions", "suspects"]

@@ -20,7 +20,7 @@ from brightgrey.export.languages import number
 from brightgrey.export.scheme import Scheme
 from brightgrey.export.tools import ExportError, MissingToolError, library, program, run
 from brightgrey.export.trial import Trial
-from brightgrey.recordings.unit_text import parse_unit
+from brightgrey.recordings.units.parser import parse_unit
 
 __all__ = ["EXPORTER"]
 

@@ -29,8 +29,8 @@ from brightgrey.export.parts import (
 from brightgrey.kit import Structure, function_set
 from brightgrey.notebook_html import table
 from brightgrey.recordings import Signal
-from brightgrey.recordings.unit_text import parse_unit
-from brightgrey.recordings.units import Units, motion_unit
+from brightgrey.recordings.units.parser import parse_unit
+from brightgrey.recordings.units.signals import Units, motion_unit
 from brightgrey.simulation import Settings
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from brightgrey.export.symbols import Expression, symbol, traced
 from brightgrey.export.tools import ExportError, library
 from brightgrey.export.trial import Trial
 from brightgrey.kit.structure import Placed
-from brightgrey.recordings.unit_text import parse_unit
+from brightgrey.recordings.units.parser import parse_unit
 
 __all__ = ["EXPORTER"]
 

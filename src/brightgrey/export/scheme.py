@@ -16,8 +16,8 @@ from scipy.linalg import expm
 from brightgrey.effects import Dimension, Element
 from brightgrey.export.model import Model
 from brightgrey.kit import StateSpace, assemble
-from brightgrey.recordings.unit_text import parse_unit
-from brightgrey.recordings.units import Units
+from brightgrey.recordings.units.parser import parse_unit
+from brightgrey.recordings.units.signals import Units
 from brightgrey.simulation import Settings
 from brightgrey.simulation.batch import parts_per_sample
 from brightgrey.simulation.lowering import Lowered, lower

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from brightgrey.errors import RecordingError, nearest
 from brightgrey.recordings.checks import is_constant
-from brightgrey.recordings.choice import Output, choose
-from brightgrey.recordings.cut import Window, check_decimate, check_window, decimate
-from brightgrey.recordings.delimited import read_delimited
-from brightgrey.recordings.mat import is_mat, read_mat
+from brightgrey.recordings.columns import Output, choose
+from brightgrey.recordings.formats.delimited import read_delimited
+from brightgrey.recordings.formats.mat import is_mat, read_mat
+from brightgrey.recordings.formats.table import Column, Table
 from brightgrey.recordings.recording import Recording, Signal, check_hold
-from brightgrey.recordings.sampling import Samples, sample
-from brightgrey.recordings.table import Column, Table
+from brightgrey.recordings.samples import Samples, sample
+from brightgrey.recordings.window import Window, check_decimate, check_window, decimate
 
 __all__ = ["read_recording", "recording_from"]
 

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from brightgrey.errors import RecordingError, SettingsError, unknown_name
 from brightgrey.notebook_html import sparkline, table
 from brightgrey.recordings.checks import resolution
-from brightgrey.recordings.unit_text import parse_unit
-from brightgrey.recordings.units import Units, check_kind, motion_unit
+from brightgrey.recordings.units.parser import parse_unit
+from brightgrey.recordings.units.signals import Units, check_kind, motion_unit
 
 __all__ = ["FEWEST_SAMPLES", "HOLDS", "Hold", "Recording", "Signal", "check_hold", "interval"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from brightgrey.effects import Effect, registry
-from brightgrey.recordings.units import Units
+from brightgrey.recordings.units.signals import Units
 
 __all__ = ["catalogue"]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from brightgrey.effects import Dimension
 from brightgrey.export.model import SPEED, Model
 from brightgrey.kit import assemble
-from brightgrey.recordings.unit_text import parse_unit
+from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.report.frequency import linearised
 from brightgrey.report.friction import TORQUE, friction_at, friction_of
 from brightgrey.report.gap import MOTION

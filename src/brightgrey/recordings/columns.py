@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from brightgrey.errors import RecordingError, SettingsError
+from brightgrey.recordings.formats.table import Table
 from brightgrey.recordings.recording import Signal
-from brightgrey.recordings.table import Table
-from brightgrey.recordings.unit_text import Unit, is_unit, parse_unit
-from brightgrey.recordings.units import assumed_unit, base_of, check_kind, fits, kind_of
+from brightgrey.recordings.units.parser import Unit, is_unit, parse_unit
+from brightgrey.recordings.units.signals import assumed_unit, base_of, check_kind, fits, kind_of
 
 __all__ = ["Choice", "Output", "choose"]
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.recordings.checks import fill_single, resolution, trim
-from brightgrey.recordings.choice import Choice
-from brightgrey.recordings.cut import Window, inside
+from brightgrey.recordings.columns import Choice
+from brightgrey.recordings.formats.table import Table, tell_rows
 from brightgrey.recordings.recording import check_samples
-from brightgrey.recordings.table import Table, tell_rows
-from brightgrey.recordings.timebase import Grid, Stamps, repairs_allowed, uniform
+from brightgrey.recordings.time_base import Grid, Stamps, repairs_allowed, uniform
+from brightgrey.recordings.window import Window, inside
 
 __all__ = ["Samples", "sample"]
 

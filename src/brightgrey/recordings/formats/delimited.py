@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.errors import RecordingError
-from brightgrey.recordings.dialect import MISSING, Dialect, dialects, find_dialect
-from brightgrey.recordings.table import Column, Table, tell_rows
-from brightgrey.recordings.unit_text import is_unit
+from brightgrey.recordings.formats.dialect import MISSING, Dialect, dialects, find_dialect
+from brightgrey.recordings.formats.table import Column, Table, tell_rows
+from brightgrey.recordings.units.parser import is_unit
 
 __all__ = ["read_delimited"]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.errors import RecordingError
-from brightgrey.recordings.table import Column, Table
+from brightgrey.recordings.formats.table import Column, Table
 
 __all__ = ["is_mat", "read_mat"]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.errors import RecordingError
+from brightgrey.recordings.formats.table import Table, tell_rows
 from brightgrey.recordings.recording import interval
-from brightgrey.recordings.table import Table, tell_rows
 
 __all__ = ["JITTER", "REPAIRED", "Grid", "Stamps", "repairs_allowed", "uniform"]
 

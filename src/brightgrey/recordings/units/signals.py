@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from brightgrey.errors import RecordingError, unknown_name
-from brightgrey.recordings.unit_text import Unit, parse_unit, write_factors
+from brightgrey.recordings.units.parser import Unit, parse_unit, write_factors
 
 __all__ = ["KINDS", "Units", "assumed_unit", "check_kind", "motion_unit"]
 

@@ -1,0 +1,1 @@
+"""Units: parsing of their texts, and their conversion at the edge."""
