@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure, assemble
 from brightgrey.simulation import Settings, response
 from brightgrey.simulation.reference import UnsettledError, agreement

@@ -31,7 +31,7 @@ from brightgrey.control.unscented import unscented
 from brightgrey.control.watching import noise_levels, see
 from brightgrey.errors import BrightgreyError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings, response

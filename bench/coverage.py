@@ -22,7 +22,7 @@ from brightgrey.estimation.leastsquares import descend
 from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings

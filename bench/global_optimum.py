@@ -1,7 +1,7 @@
 """Does the fit of the true structure reach the true optimum? Random drives, from bounds found in the data only.
 
 True structures are drawn from all of the paper's grammar, their parameters over two decades
-(`brightgrey.excitation.plants`), the recording comes from the reference solver with white noise and rounding to a
+(`brightgrey.excitation.random_drives`), the recording comes from the reference solver with white noise and rounding to a
 quarter of it. A fit succeeds if its residual sum of squares is at most 1.02 times that of the true parameters.
 Errors of parameters are medians over runs in which the recording shows the parameter: the standard deviation
 by the fit is below the goal.
@@ -20,7 +20,7 @@ import numpy as np
 
 from brightgrey.estimation import fit, predict
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.runs.blas import settle

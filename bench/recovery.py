@@ -5,7 +5,7 @@
     python bench/recovery.py table --out recovery.jsonl
 
 A drive is known by its number: true structure (of the candidates), values over wide ranges
-(`brightgrey.excitation.plants`), motion (reversing, chirp, multisine, in turn), colour of the noise, encoder
+(`brightgrey.excitation.random_drives`), motion (reversing, chirp, multisine, in turn), colour of the noise, encoder
 or not. Data come from the reference solver. `--noise` is the standard deviation over the peak speed. `run` skips what
 the file already holds, so that several may add to one file; rows that docs/results.md tells of are kept in
 bench/recovery-18.jsonl. Held-out error is that on another motion of the same drive with the same noise. An effect
@@ -32,7 +32,7 @@ from brightgrey import __version__
 from brightgrey.estimation.problem import Problem
 from brightgrey.estimation.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording, Signal
 from brightgrey.runs.blas import settle

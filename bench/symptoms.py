@@ -17,7 +17,7 @@ import numpy as np
 
 from brightgrey.estimation import fit
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search.repetition import wilson

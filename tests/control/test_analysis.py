@@ -11,7 +11,7 @@ from brightgrey.control.loops import Compensator, frequency_response, margins
 from brightgrey.control.pieces import CONTACTS, piece, steady
 from brightgrey.control.reach import controllability, minimal, observability
 from brightgrey.errors import SettingsError
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Linear, assemble
 
 control = pytest.importorskip("control", reason="python-control is not installed")

@@ -6,7 +6,7 @@ import pytest
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation import demo_recording
-from brightgrey.excitation.plants import modes
+from brightgrey.excitation.random_drives import modes
 from brightgrey.kit import PAPER
 from brightgrey.simulation.reference import reference
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.export.model import Model
 from brightgrey.kit import PAPER
 from brightgrey.recordings.units.signals import Units

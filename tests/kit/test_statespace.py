@@ -5,7 +5,7 @@ import pytest
 
 from brightgrey.effects import registry
 from brightgrey.errors import SettingsError
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import OUTPUTS, PAPER, Structure, assemble
 
 ALL = list(PAPER.structures())

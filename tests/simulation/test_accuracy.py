@@ -5,7 +5,7 @@ import pytest
 
 from brightgrey.effects import registry
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, assemble
 from brightgrey.simulation import Settings, response
 from brightgrey.simulation.reference import UnsettledError, agreement

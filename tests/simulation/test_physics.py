@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from brightgrey.effects import registry
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure, assemble
 from brightgrey.simulation import Settings, response
 from brightgrey.simulation.batch import squares

@@ -5,7 +5,7 @@ import pytest
 
 from brightgrey.errors import BrightgreyError, SettingsError, StructureError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure, assemble
 from brightgrey.simulation.reference import UnsettledError, agreement, reference
 from brightgrey.simulation.reference.events import _Drive, _Phase

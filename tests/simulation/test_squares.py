@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, assemble
 from brightgrey.simulation import Settings, response, squares
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.excitation.plants import random_values
+from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure, assemble
 from brightgrey.simulation import Settings, response
 from brightgrey.simulation.plain import plain_response
