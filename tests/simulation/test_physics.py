@@ -15,8 +15,8 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure, assemble
 from brightgrey.simulation import Settings, response
-from brightgrey.simulation.batch import squares
 from brightgrey.simulation.reference import UnsettledError, reference
+from brightgrey.simulation.response import squares
 
 ALL = list(PAPER.structures())
 TORQUE = E.torque()

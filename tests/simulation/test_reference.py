@@ -8,7 +8,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure, assemble
 from brightgrey.simulation.reference import UnsettledError, agreement, reference
-from brightgrey.simulation.reference.events import _Drive, _Phase
+from brightgrey.simulation.reference.adaptive import _Drive, _Phase
 from brightgrey.simulation.reference.plant import Plant
 
 DT = 1e-3

@@ -2,7 +2,7 @@
 
 A law is one Python function that has to run on floats and arrays (plain) and, compiled, on floats and on
 vector registers. It may use ``+ - * /`` and the functions below; the compiled kernel overloads them with
-implementations of its own (:mod:`brightgrey.simulation.lanes`).
+implementations of its own (:mod:`brightgrey.simulation.kernel.simd`).
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.simulation.compiled import cached
+from brightgrey.simulation.kernel.compilation import cached
 
 __all__ = ["LARGEST", "add_products", "add_squares"]
 

@@ -1,6 +1,6 @@
 """All numbers that simulating a model needs, lowered as for the kernel: what the exports to other languages write down.
 
-The scheme is that of :mod:`brightgrey.simulation.step` at level ``accurate``. The matrix exponentials are worked out
+The scheme is that of :mod:`brightgrey.simulation.kernel.radau_step` at level ``accurate``. The matrix exponentials are worked out
 here, once, so that the target needs none.
 """
 
@@ -19,8 +19,8 @@ from brightgrey.kit import StateSpace, assemble
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units
 from brightgrey.simulation import Settings
-from brightgrey.simulation.batch import parts_per_sample
-from brightgrey.simulation.lowering import Lowered, lower
+from brightgrey.simulation.kernel.lowering import Lowered, lower
+from brightgrey.simulation.response import parts_per_sample
 from brightgrey.simulation.settings import Hold, Tolerances, tolerances
 
 __all__ = ["Output", "Scheme", "Tables", "scheme_of", "tables"]

@@ -15,8 +15,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from brightgrey.kit import StateSpace
-from brightgrey.simulation.batch import parts_per_sample
-from brightgrey.simulation.lowering import Lowered, lower
+from brightgrey.simulation.kernel.lowering import Lowered, lower
+from brightgrey.simulation.response import parts_per_sample
 from brightgrey.simulation.settings import Settings, Tolerances, stepping_of, tolerances
 
 __all__ = ["plain_response"]

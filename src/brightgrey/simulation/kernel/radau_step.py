@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import inlined, inner
-from brightgrey.simulation.lanes import choose_lanes, choose_less, get, lanes_not_less, put, real, splat, whole
-from brightgrey.simulation.laws import channel_forces
-from brightgrey.simulation.layout import end_rows
+from brightgrey.simulation.kernel.compilation import inlined, inner
+from brightgrey.simulation.kernel.law_dispatch import channel_forces
+from brightgrey.simulation.kernel.memory_layout import end_rows
+from brightgrey.simulation.kernel.simd import choose_lanes, choose_less, get, lanes_not_less, put, real, splat, whole
 
 __all__ = ["estimate", "leaves", "solve", "step", "take_all", "take_lane", "take_some", "watch"]
 

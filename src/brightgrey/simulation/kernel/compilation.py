@@ -40,7 +40,7 @@ stack would cost as much as the arithmetic."""
 @cache
 def cache_folder() -> Path:
     """Folder of the disk cache, named by the kernel's and all effects' sources."""
-    package = Path(__file__).parent.parent
+    package = Path(__file__).parents[2]
     digest = hashlib.sha256(numba.__version__.encode())
     for room in ("effects", "simulation"):
         for file in sorted((package / room).glob("*.py")):

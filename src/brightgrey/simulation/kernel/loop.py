@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import cached, inlined, inner
-from brightgrey.simulation.lanes import (
+from brightgrey.simulation.kernel.compilation import cached, inlined, inner
+from brightgrey.simulation.kernel.contact_modes import drive_all, drive_lane, set_mode, use_table_of
+from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, shape_of, use_batch, work_of
+from brightgrey.simulation.kernel.radau_step import leaves, step, take_all, watch
+from brightgrey.simulation.kernel.radau_step_scalar import forget
+from brightgrey.simulation.kernel.simd import (
     LANES,
     choose_less,
     get,
@@ -17,11 +21,7 @@ from brightgrey.simulation.lanes import (
     store,
     whole,
 )
-from brightgrey.simulation.lanes import call as invoke
-from brightgrey.simulation.layout import call_of, plant_of, shape_of, use_batch, work_of
-from brightgrey.simulation.modes import drive_all, drive_lane, set_mode, use_table_of
-from brightgrey.simulation.solo import forget
-from brightgrey.simulation.step import leaves, step, take_all, watch
+from brightgrey.simulation.kernel.simd import call as invoke
 
 __all__ = ["run"]
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import Entry
-from brightgrey.simulation.lanes import LANES, get, put, real, whole
-from brightgrey.simulation.layout import call_of, plant_of, shape_of, work_of
-from brightgrey.simulation.modes import drive_lane, set_force, set_mode, use_table
-from brightgrey.simulation.step import watch
+from brightgrey.simulation.kernel.compilation import Entry
+from brightgrey.simulation.kernel.contact_modes import drive_lane, set_force, set_mode, use_table
+from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, shape_of, work_of
+from brightgrey.simulation.kernel.radau_step import watch
+from brightgrey.simulation.kernel.simd import LANES, get, put, real, whole
 
 __all__ = ["start"]
 

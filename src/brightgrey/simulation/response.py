@@ -12,18 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
-from brightgrey.simulation.creep import creep
-from brightgrey.simulation.euler import euler
-from brightgrey.simulation.events import refine, sort, together
-from brightgrey.simulation.kernel import run
-from brightgrey.simulation.kinks import kinks
-from brightgrey.simulation.lanes import LANES
-from brightgrey.simulation.layout import Call, Shape
-from brightgrey.simulation.lowering import Lowered, Rows, fill, is_sound, lower, tabulate, turning_rate
-from brightgrey.simulation.memory import address, aligned, block_for, work_for
-from brightgrey.simulation.propagators import tables
+from brightgrey.simulation.kernel.buffers import address, aligned, block_for, work_for
+from brightgrey.simulation.kernel.euler_step import euler
+from brightgrey.simulation.kernel.event_location import creep
+from brightgrey.simulation.kernel.exponentials import tables
+from brightgrey.simulation.kernel.initial_state import start
+from brightgrey.simulation.kernel.input_knots import kinks
+from brightgrey.simulation.kernel.loop import run
+from brightgrey.simulation.kernel.lowering import Lowered, Rows, fill, is_sound, lower, tabulate, turning_rate
+from brightgrey.simulation.kernel.memory_layout import Call, Shape
+from brightgrey.simulation.kernel.simd import LANES
+from brightgrey.simulation.kernel.step_control import refine, sort, together
 from brightgrey.simulation.settings import Settings, stepping_of, tolerances
-from brightgrey.simulation.start import start
 
 __all__ = ["Response", "parts_per_sample", "response", "squares"]
 

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.simulation.lanes import LANES
-from brightgrey.simulation.layout import SERIES_TERMS, Call, Plant, Shape, Work, solo_rows, table_rows
+from brightgrey.simulation.kernel.memory_layout import SERIES_TERMS, Call, Plant, Shape, Work, solo_rows, table_rows
+from brightgrey.simulation.kernel.simd import LANES
 
 __all__ = ["Plants", "address", "aligned", "block_for", "plants_for", "work_for"]
 

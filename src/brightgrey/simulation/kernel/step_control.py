@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import Entry, inlined
-from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, whole
-from brightgrey.simulation.lanes import call as invoke
-from brightgrey.simulation.layout import call_of, plant_of, points_of, shape_of, table_rows, work_of
-from brightgrey.simulation.modes import drive_all, drive_lane, mode_bits, use_table, use_table_of
-from brightgrey.simulation.solo import step_lane
-from brightgrey.simulation.step import leaves, step, take_lane, take_some, watch
+from brightgrey.simulation.kernel.compilation import Entry, inlined
+from brightgrey.simulation.kernel.contact_modes import drive_all, drive_lane, mode_bits, use_table, use_table_of
+from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, points_of, shape_of, table_rows, work_of
+from brightgrey.simulation.kernel.radau_step import leaves, step, take_lane, take_some, watch
+from brightgrey.simulation.kernel.radau_step_scalar import step_lane
+from brightgrey.simulation.kernel.simd import LANES, get, put, real, set_whole, skip, whole
+from brightgrey.simulation.kernel.simd import call as invoke
 
 __all__ = ["refine", "sort", "together"]
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import inner
-from brightgrey.simulation.lanes import LANES, choose_less, get, lanes_not_less, put, real, splat
-from brightgrey.simulation.layout import SERIES_TERMS
+from brightgrey.simulation.kernel.compilation import inner
+from brightgrey.simulation.kernel.memory_layout import SERIES_TERMS
+from brightgrey.simulation.kernel.simd import LANES, choose_less, get, lanes_not_less, put, real, splat
 
 __all__ = ["expand", "mode_columns", "value_at"]
 

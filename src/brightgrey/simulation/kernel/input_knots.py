@@ -5,10 +5,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from brightgrey.simulation.compiled import Entry, inner
-from brightgrey.simulation.lanes import LANES, get, put, real, skip, whole
-from brightgrey.simulation.layout import call_of, end_rows, plant_of, points_of, shape_of, table_rows, work_of
-from brightgrey.simulation.propagators import mode_matrix, propagate
+from brightgrey.simulation.kernel.compilation import Entry, inner
+from brightgrey.simulation.kernel.exponentials import mode_matrix, propagate
+from brightgrey.simulation.kernel.memory_layout import (
+    call_of,
+    end_rows,
+    plant_of,
+    points_of,
+    shape_of,
+    table_rows,
+    work_of,
+)
+from brightgrey.simulation.kernel.simd import LANES, get, put, real, skip, whole
 
 __all__ = ["kinks"]
 

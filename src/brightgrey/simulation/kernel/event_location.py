@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from brightgrey.simulation.compiled import Entry, inner
-from brightgrey.simulation.lanes import LANES, get, put, real, splat, whole
-from brightgrey.simulation.laws import channel_force
-from brightgrey.simulation.layout import call_of, plant_of, shape_of, work_of
-from brightgrey.simulation.modes import mode_bits, set_force, set_mode
-from brightgrey.simulation.taylor import expand, mode_columns, value_at
+from brightgrey.simulation.kernel.compilation import Entry, inner
+from brightgrey.simulation.kernel.contact_modes import mode_bits, set_force, set_mode
+from brightgrey.simulation.kernel.law_dispatch import channel_force
+from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, shape_of, work_of
+from brightgrey.simulation.kernel.simd import LANES, get, put, real, splat, whole
+from brightgrey.simulation.kernel.taylor_series import expand, mode_columns, value_at
 
 __all__ = ["creep"]
 

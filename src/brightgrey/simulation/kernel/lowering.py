@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from brightgrey.effects import Element
 from brightgrey.kit import StateSpace
-from brightgrey.simulation.laws import smooth_laws
-from brightgrey.simulation.memory import Plants, plants_for
+from brightgrey.simulation.kernel.buffers import Plants, plants_for
+from brightgrey.simulation.kernel.law_dispatch import smooth_laws
 
 __all__ = ["Lowered", "Rows", "fill", "is_sound", "lower", "tabulate", "turning_rate"]
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from brightgrey.effects import Law, registry
 from brightgrey.effects.arithmetic import tanh
-from brightgrey.simulation.compiled import inlined, inner
-from brightgrey.simulation.lanes import get, splat, whole
+from brightgrey.simulation.kernel.compilation import inlined, inner
+from brightgrey.simulation.kernel.simd import get, splat, whole
 
 __all__ = ["channel_force", "channel_forces", "smooth_laws"]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import Entry, inner
-from brightgrey.simulation.lanes import choose_less, get, put, real, splat, whole
-from brightgrey.simulation.laws import channel_force
-from brightgrey.simulation.layout import call_of, plant_of, shape_of, work_of
+from brightgrey.simulation.kernel.compilation import Entry, inner
+from brightgrey.simulation.kernel.law_dispatch import channel_force
+from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, shape_of, work_of
+from brightgrey.simulation.kernel.simd import choose_less, get, put, real, splat, whole
 
 __all__ = ["euler"]
 

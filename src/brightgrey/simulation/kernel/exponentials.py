@@ -9,9 +9,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import Entry, inner
-from brightgrey.simulation.lanes import LANES, choose_less, get, put, real, skip, splat, whole
-from brightgrey.simulation.layout import call_of, end_rows, plant_of, points_of, shape_of, table_rows, work_of
+from brightgrey.simulation.kernel.compilation import Entry, inner
+from brightgrey.simulation.kernel.memory_layout import (
+    call_of,
+    end_rows,
+    plant_of,
+    points_of,
+    shape_of,
+    table_rows,
+    work_of,
+)
+from brightgrey.simulation.kernel.simd import LANES, choose_less, get, put, real, skip, splat, whole
 
 __all__ = ["mode_matrix", "propagate", "tables"]
 

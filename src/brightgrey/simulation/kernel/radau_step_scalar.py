@@ -1,6 +1,6 @@
 """A step of one lane alone: its weights column by column, its states side by side in a register.
 
-The same arithmetic as :func:`brightgrey.simulation.step.step`. There one lane's weights lie far apart, each in a cache
+The same arithmetic as :func:`brightgrey.simulation.kernel.radau_step.step`. There one lane's weights lie far apart, each in a cache
 line of its own; here they are copied out at their first use.
 """
 
@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.compiled import inlined, inner
-from brightgrey.simulation.lanes import LANES, get, put, real, set_whole, skip, whole
-from brightgrey.simulation.layout import end_rows, points_of, solo_rows, table_rows
-from brightgrey.simulation.step import estimate, solve
+from brightgrey.simulation.kernel.compilation import inlined, inner
+from brightgrey.simulation.kernel.memory_layout import end_rows, points_of, solo_rows, table_rows
+from brightgrey.simulation.kernel.radau_step import estimate, solve
+from brightgrey.simulation.kernel.simd import LANES, get, put, real, set_whole, skip, whole
 
 __all__ = ["forget", "step_lane"]
 

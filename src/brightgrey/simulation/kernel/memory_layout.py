@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from brightgrey.simulation.lanes import LANES, group, real, register_jitable, set_whole, whole
+from brightgrey.simulation.kernel.simd import LANES, group, real, register_jitable, set_whole, whole
 
 __all__ = [
     "Call",

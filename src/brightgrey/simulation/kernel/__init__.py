@@ -1,0 +1,1 @@
+"""The compiled simulator: exponential Radau steps for many parameter sets side by side."""
