@@ -19,16 +19,16 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
 from brightgrey import identify
-from brightgrey.control.analysis import analyse
-from brightgrey.control.closed_loop import closed_loop
-from brightgrey.control.controllers import OutputFeedback
-from brightgrey.control.faults import Case, Finding, faults, groups
-from brightgrey.control.harmonic import limit_cycles
-from brightgrey.control.kalman import Noise, extended
-from brightgrey.control.loops import Compensator
-from brightgrey.control.mixture import mixture
-from brightgrey.control.unscented import unscented
-from brightgrey.control.watching import noise_levels, see
+from brightgrey.control.design.closed_loop import closed_loop
+from brightgrey.control.design.controllers import OutputFeedback
+from brightgrey.control.faults.detection import Case, Finding, faults, groups
+from brightgrey.control.filters.extended_kalman import Noise, extended
+from brightgrey.control.filters.gaussian_sum import mixture
+from brightgrey.control.filters.setup import noise_levels, see
+from brightgrey.control.filters.unscented_kalman import unscented
+from brightgrey.control.limit_cycles.describing_function import limit_cycles
+from brightgrey.control.linear.analysis import analyse
+from brightgrey.control.linear.margins import Compensator
 from brightgrey.errors import BrightgreyError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.random_drives import random_values

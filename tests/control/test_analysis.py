@@ -5,11 +5,11 @@ import pytest
 from control_drives import VALUES, system_of
 from numpy.testing import assert_allclose
 
-from brightgrey.control.analysis import analyse, zeros
-from brightgrey.control.coordinates import twisted
-from brightgrey.control.loops import Compensator, frequency_response, margins
-from brightgrey.control.pieces import CONTACTS, piece, steady
-from brightgrey.control.reach import controllability, minimal, observability
+from brightgrey.control.linear.analysis import analyse, zeros
+from brightgrey.control.linear.controllability import controllability, minimal, observability
+from brightgrey.control.linear.margins import Compensator, frequency_response, margins
+from brightgrey.control.linear.operating_point import CONTACTS, piece, steady
+from brightgrey.control.linear.twist_coordinates import twisted
 from brightgrey.errors import SettingsError
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Linear, assemble

@@ -6,14 +6,14 @@ from control_drives import SETTINGS, VALUES, system_of
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
-from brightgrey.control.analysis import analyse
-from brightgrey.control.cascade import Goal, cascade
-from brightgrey.control.closed_loop import closed_loop, standstill
-from brightgrey.control.controllers import CascadeControl, OutputFeedback, StateFeedback, feedforward
-from brightgrey.control.coordinates import twisted
-from brightgrey.control.feedback import lqr, place, state_control
-from brightgrey.control.loops import Compensator
-from brightgrey.control.pieces import piece
+from brightgrey.control.design.cascade import Goal, cascade
+from brightgrey.control.design.closed_loop import closed_loop, standstill
+from brightgrey.control.design.controllers import CascadeControl, OutputFeedback, StateFeedback, feedforward
+from brightgrey.control.design.state_feedback import lqr, place, state_control
+from brightgrey.control.linear.analysis import analyse
+from brightgrey.control.linear.margins import Compensator
+from brightgrey.control.linear.operating_point import piece
+from brightgrey.control.linear.twist_coordinates import twisted
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import Limits, reversing
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from control_drives import system_of, values_of
 
-from brightgrey.control.differences import Band, band, numbers
+from brightgrey.control.linear.model_differences import Band, band, numbers
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 
 SPEED = 0.5 * E.speed

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from control_drives import SETTINGS, recorded, values_of
 
-from brightgrey.control.faults import Case, faults, groups
-from brightgrey.control.kalman import Noise
+from brightgrey.control.faults.detection import Case, faults, groups
+from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.effects import registry
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Structure

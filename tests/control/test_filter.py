@@ -9,13 +9,13 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from scipy.stats import chi2
 
-from brightgrey.control.coordinates import twisted
-from brightgrey.control.course import Course
-from brightgrey.control.flow import Lanes, ahead, exponential
-from brightgrey.control.kalman import Noise, extended
-from brightgrey.control.mixture import mixture
-from brightgrey.control.unscented import unscented
-from brightgrey.control.watching import noise_levels, see, shaft_torque
+from brightgrey.control.filters.discretisation import Lanes, ahead, exponential
+from brightgrey.control.filters.extended_kalman import Noise, extended
+from brightgrey.control.filters.gaussian_sum import mixture
+from brightgrey.control.filters.setup import noise_levels, see, shaft_torque
+from brightgrey.control.filters.state_transition import Course
+from brightgrey.control.filters.unscented_kalman import unscented
+from brightgrey.control.linear.twist_coordinates import twisted
 from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import response

@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from control_drives import system_of
 
-from brightgrey.control.closed_loop import closed_loop
-from brightgrey.control.controllers import OutputFeedback
-from brightgrey.control.harmonic import _gap_gain, describing_function, limit_cycles, saturation_gain
-from brightgrey.control.loops import Compensator
+from brightgrey.control.design.closed_loop import closed_loop
+from brightgrey.control.design.controllers import OutputFeedback
+from brightgrey.control.limit_cycles.describing_function import (
+    _gap_gain,
+    describing_function,
+    limit_cycles,
+    saturation_gain,
+)
+from brightgrey.control.linear.margins import Compensator
 from brightgrey.errors import SettingsError
 from brightgrey.simulation import Settings
 

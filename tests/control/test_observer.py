@@ -5,15 +5,15 @@ import pytest
 from control_drives import SETTINGS, system_of
 from numpy.testing import assert_allclose
 
-from brightgrey.control.analysis import analyse
-from brightgrey.control.closed_loop import closed_loop, standstill
-from brightgrey.control.controllers import OutputFeedback, StateFeedback, feedforward
-from brightgrey.control.coordinates import twisted
-from brightgrey.control.feedback import state_control
-from brightgrey.control.kalman import Noise
-from brightgrey.control.loops import closed_poles
-from brightgrey.control.observer import ObservedFeedback, kalman_gain, observed
-from brightgrey.control.pieces import piece
+from brightgrey.control.design.closed_loop import closed_loop, standstill
+from brightgrey.control.design.controllers import OutputFeedback, StateFeedback, feedforward
+from brightgrey.control.design.lqg import ObservedFeedback, kalman_gain, observed
+from brightgrey.control.design.state_feedback import state_control
+from brightgrey.control.filters.extended_kalman import Noise
+from brightgrey.control.linear.analysis import analyse
+from brightgrey.control.linear.margins import closed_poles
+from brightgrey.control.linear.operating_point import piece
+from brightgrey.control.linear.twist_coordinates import twisted
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import Limits, reversing
 from brightgrey.kit import Linear

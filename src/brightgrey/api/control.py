@@ -7,19 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.analysis import Analysis
-from brightgrey.control.analysis import analyse as analyse_system
-from brightgrey.control.cascade import Cascade
-from brightgrey.control.cascade import cascade as suggest_cascade
-from brightgrey.control.faults import Case, Finding, faults
-from brightgrey.control.feedback import StateControl, state_control
-from brightgrey.control.kalman import Filtered, Noise
-from brightgrey.control.loops import Margins
-from brightgrey.control.mixture import mixture
-from brightgrey.control.observer import kalman_gain
-from brightgrey.control.observer import observed as with_observer
-from brightgrey.control.pieces import CONTACTS, steady
-from brightgrey.control.watching import Seen, noise_levels, see
+from brightgrey.control.design.cascade import Cascade
+from brightgrey.control.design.cascade import cascade as suggest_cascade
+from brightgrey.control.design.lqg import kalman_gain
+from brightgrey.control.design.lqg import observed as with_observer
+from brightgrey.control.design.state_feedback import StateControl, state_control
+from brightgrey.control.faults.detection import Case, Finding, faults
+from brightgrey.control.filters.extended_kalman import Filtered, Noise
+from brightgrey.control.filters.gaussian_sum import mixture
+from brightgrey.control.filters.setup import Seen, noise_levels, see
+from brightgrey.control.linear.analysis import Analysis
+from brightgrey.control.linear.analysis import analyse as analyse_system
+from brightgrey.control.linear.margins import Margins
+from brightgrey.control.linear.operating_point import CONTACTS, steady
 from brightgrey.effects import Dimension
 from brightgrey.errors import SettingsError
 from brightgrey.export.model import SPEED, Model

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from brightgrey.control.differences import Band, Numbers, band, numbers
+from brightgrey.control.linear.model_differences import Band, Numbers, band, numbers
 from brightgrey.effects import Dimension
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace, Structure, assemble

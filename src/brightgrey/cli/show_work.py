@@ -12,9 +12,9 @@ from brightgrey.cli.show import as_json, plain_table, screen
 
 if TYPE_CHECKING:
     from brightgrey.api.control import Design, Watch
-    from brightgrey.control.analysis import Analysis
-    from brightgrey.control.loops import Margins
-    from brightgrey.control.reach import Reach
+    from brightgrey.control.linear.analysis import Analysis
+    from brightgrey.control.linear.controllability import Reach
+    from brightgrey.control.linear.margins import Margins
 
 __all__ = ["analysis", "design", "watched"]
 

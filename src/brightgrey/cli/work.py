@@ -43,7 +43,7 @@ def analyse(
 
     loaded = Model.load(model)
     from brightgrey.api.control import analyse as run
-    from brightgrey.control.loops import Compensator
+    from brightgrey.control.linear.margins import Compensator
 
     found = run(loaded, speed=speed, contact=contact)
     margins = found.margins(Compensator.of(*coefficients)) if coefficients else None

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import csd
 
-from brightgrey.control.analysis import Analysis, analyse
+from brightgrey.control.linear.analysis import Analysis, analyse
 from brightgrey.errors import SettingsError
 from brightgrey.export.model import SPEED, Model
 from brightgrey.export.trace import Trace

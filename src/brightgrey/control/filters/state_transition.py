@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.flow import Lanes, Spans, ahead, spans
+from brightgrey.control.filters.discretisation import Lanes, Spans, ahead, spans
 from brightgrey.kit import StateSpace
 
 __all__ = ["Course", "Moved", "Watched"]

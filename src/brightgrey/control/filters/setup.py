@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brightgrey.control.coordinates import Twisted, twisted
-from brightgrey.control.course import Watched
-from brightgrey.control.kalman import Noise, extended
+from brightgrey.control.filters.extended_kalman import Noise, extended
+from brightgrey.control.filters.state_transition import Watched
+from brightgrey.control.linear.twist_coordinates import Twisted, twisted
 from brightgrey.effects import Element
 from brightgrey.errors import RecordingError
 from brightgrey.estimation.onset import initial_state, noise_of

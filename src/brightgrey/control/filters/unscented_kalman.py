@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.course import Course, Watched
-from brightgrey.control.kalman import Filtered, Noise, Record, begin, updated
+from brightgrey.control.filters.extended_kalman import Filtered, Noise, Record, begin, updated
+from brightgrey.control.filters.state_transition import Course, Watched
 
 __all__ = ["unscented"]
 

@@ -14,7 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.coordinates import Twisted
+from brightgrey.control.linear.twist_coordinates import Twisted
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.kit import Linear, StateSpace

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.analysis import Swing, analyse
-from brightgrey.control.coordinates import Twisted, twisted
-from brightgrey.control.loops import frequency_response
-from brightgrey.control.pieces import piece, steady
+from brightgrey.control.linear.analysis import Swing, analyse
+from brightgrey.control.linear.margins import frequency_response
+from brightgrey.control.linear.operating_point import piece, steady
+from brightgrey.control.linear.twist_coordinates import Twisted, twisted
 from brightgrey.kit import StateSpace
 
 __all__ = ["Band", "Numbers", "band", "numbers"]

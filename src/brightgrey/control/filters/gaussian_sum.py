@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
-from brightgrey.control.course import Course, Watched
-from brightgrey.control.kalman import Filtered, Noise, Record, begin, extended, predicted, updated
+from brightgrey.control.filters.extended_kalman import Filtered, Noise, Record, begin, extended, predicted, updated
+from brightgrey.control.filters.state_transition import Course, Watched
 
 __all__ = ["mixture"]
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.course import Course, Watched
+from brightgrey.control.filters.state_transition import Course, Watched
 
 __all__ = ["Filtered", "Noise", "Record", "Updated", "Watched", "begin", "extended", "predicted", "updated"]
 
@@ -123,8 +123,8 @@ def extended(watched: Watched, noise: Noise) -> Filtered:
     Notes
     -----
     A contact is decided at the expected state; where contacts are uncertain within the state's spread, use
-    :func:`brightgrey.control.mixture.mixture`, and where friction is hard within it, compare with
-    :func:`brightgrey.control.unscented.unscented`.
+    :func:`brightgrey.control.filters.gaussian_sum.mixture`, and where friction is hard within it, compare with
+    :func:`brightgrey.control.filters.unscented_kalman.unscented`.
     """
     samples, K = watched.u.shape
     course = Course.of(watched)

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from brightgrey.control.changes import Point, Trial, estimated
-from brightgrey.control.kalman import Noise
+from brightgrey.control.faults.parameter_changes import Point, Trial, estimated
+from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.effects import Fault
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.changed import Change, Changed, changed
@@ -85,7 +85,7 @@ class Case:
         The model's parameters, SI.
     recording : Recording
     noise : Noise
-        From a recording without fault, :func:`brightgrey.control.watching.noise_levels`.
+        From a recording without fault, :func:`brightgrey.control.filters.setup.noise_levels`.
     std : mapping of str to float
         Standard deviations of the model's parameters, SI: a fault must stand out from them, too.
     """

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.analysis import Analysis
-from brightgrey.control.loops import Compensator, Margins, frequencies, frequency_response, margins
-from brightgrey.control.reach import minimal
+from brightgrey.control.linear.analysis import Analysis
+from brightgrey.control.linear.controllability import minimal
+from brightgrey.control.linear.margins import Compensator, Margins, frequencies, frequency_response, margins
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear
 

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
-from brightgrey.control.balance import Gapped, balanced
-from brightgrey.control.coordinates import twisted
-from brightgrey.control.loops import Compensator
+from brightgrey.control.limit_cycles.harmonic_balance import Gapped, balanced
+from brightgrey.control.linear.margins import Compensator
+from brightgrey.control.linear.twist_coordinates import twisted
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_continuous_are
 from scipy.signal import place_poles
 
-from brightgrey.control.analysis import Analysis
-from brightgrey.control.loops import Compensator, Margins, margins
+from brightgrey.control.linear.analysis import Analysis
+from brightgrey.control.linear.margins import Compensator, Margins, margins
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear
 

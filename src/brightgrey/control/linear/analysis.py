@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eig
 
-from brightgrey.control.coordinates import Twisted, twisted
-from brightgrey.control.loops import Compensator, Margins, frequencies, frequency_response, margins
-from brightgrey.control.objects import state_space
-from brightgrey.control.pieces import OperatingPoint, piece, steady
-from brightgrey.control.reach import Reach, controllability, minimal, observability
+from brightgrey.control.linear.controllability import Reach, controllability, minimal, observability
+from brightgrey.control.linear.margins import Compensator, Margins, frequencies, frequency_response, margins
+from brightgrey.control.linear.operating_point import OperatingPoint, piece, steady
+from brightgrey.control.linear.python_control import state_space
+from brightgrey.control.linear.twist_coordinates import Twisted, twisted
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear, StateSpace
 

@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.cascade import Cascade
-from brightgrey.control.closed_loop import Reference
-from brightgrey.control.feedback import StateControl
-from brightgrey.control.loops import Compensator
-from brightgrey.control.pieces import Piece, steady
+from brightgrey.control.design.cascade import Cascade
+from brightgrey.control.design.closed_loop import Reference
+from brightgrey.control.design.state_feedback import StateControl
+from brightgrey.control.linear.margins import Compensator
+from brightgrey.control.linear.operating_point import Piece, steady
 from brightgrey.excitation import Motion
 
 __all__ = ["CascadeControl", "OutputFeedback", "StateFeedback", "feedforward"]

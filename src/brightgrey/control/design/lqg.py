@@ -13,14 +13,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.controllers import StateFeedback
-from brightgrey.control.coordinates import Twisted, twisted
-from brightgrey.control.course import Course, Watched
-from brightgrey.control.feedback import StateControl, lqr
-from brightgrey.control.flow import Spans
-from brightgrey.control.kalman import Noise, begin, predicted, updated
-from brightgrey.control.loops import Compensator
-from brightgrey.control.watching import first_state
+from brightgrey.control.design.controllers import StateFeedback
+from brightgrey.control.design.state_feedback import StateControl, lqr
+from brightgrey.control.filters.discretisation import Spans
+from brightgrey.control.filters.extended_kalman import Noise, begin, predicted, updated
+from brightgrey.control.filters.setup import first_state
+from brightgrey.control.filters.state_transition import Course, Watched
+from brightgrey.control.linear.margins import Compensator
+from brightgrey.control.linear.twist_coordinates import Twisted, twisted
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear, StateSpace
 

@@ -1,0 +1,1 @@
+"""Control design and simulation of the closed loop."""

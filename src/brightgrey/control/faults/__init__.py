@@ -1,0 +1,1 @@
+"""Fault detection: parameters that have changed since the model was made."""

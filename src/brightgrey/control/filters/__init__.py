@@ -1,0 +1,1 @@
+"""Kalman filters for drives with friction and backlash."""

@@ -1,0 +1,1 @@
+"""Limit cycles by describing functions and harmonic balance."""

@@ -1,0 +1,1 @@
+"""Linear analysis at an operating point: poles, margins, controllability."""
