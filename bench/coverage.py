@@ -16,11 +16,11 @@ import collections
 import numpy as np
 from scipy.signal import lfilter
 
-from brightgrey.estimation.bounds import search_space
-from brightgrey.estimation.estimates import estimates_of
-from brightgrey.estimation.leastsquares import descend
-from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.scales import scales
+from brightgrey.estimation.optimisation.least_squares import descend
+from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.problem.scales import scales
+from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.uncertainty.estimates import estimates_of
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER

@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from brightgrey.effects import registry
-from brightgrey.estimation.scales import scales
+from brightgrey.estimation.problem.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.runs.blas import settle

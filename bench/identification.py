@@ -24,8 +24,8 @@ from scipy.optimize import least_squares
 
 from brightgrey import read_recording
 from brightgrey.estimation import fit, scales
-from brightgrey.estimation.bounds import Search, search_space
-from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.problem.parameter_space import Search, search_space
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
 from brightgrey.runs.blas import settle

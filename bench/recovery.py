@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from brightgrey import __version__
-from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.scales import scales
+from brightgrey.estimation.problem.scales import scales
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure

@@ -5,7 +5,7 @@ import pytest
 
 from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.bounds import search_space
+from brightgrey.estimation.problem.parameter_space import search_space
 from brightgrey.kit import PAPER
 
 SCALES = Scales(8.0, 40.0, 600.0, 14.0, 1e-3, 1.8, 0.02, 1.1, 0.007, 0.1)

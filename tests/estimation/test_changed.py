@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from brightgrey.estimation.changed import Change, changed
+from brightgrey.control.faults.simulated_changes import Change, changed
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording, Signal

@@ -9,12 +9,12 @@ from scipy.signal import lfilter
 
 from brightgrey.effects import Scales, registry
 from brightgrey.estimation import scales
-from brightgrey.estimation.bounds import search_space
-from brightgrey.estimation.explore import _agreeing, _Part, explore, is_white
-from brightgrey.estimation.leastsquares import SAME, End, descend_many
-from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.spent import Spent
-from brightgrey.estimation.starts import best_of, offspring, retuned, ringing
+from brightgrey.estimation.optimisation.least_squares import SAME, End, descend_many
+from brightgrey.estimation.optimisation.multistart import _agreeing, _Part, explore, is_white
+from brightgrey.estimation.optimisation.start_points import best_of, offspring, retuned, ringing
+from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.kit import PAPER, assemble
 from brightgrey.recordings import read_recording
 from brightgrey.simulation import Settings

@@ -7,7 +7,7 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit, predict
-from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal, read_recording

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
-from brightgrey.estimation.bounds import search_space
-from brightgrey.estimation.explore import explore
-from brightgrey.estimation.held import held_back, measured_speed
-from brightgrey.estimation.problem import Problem, predict_many, system_for
+from brightgrey.estimation.optimisation.multistart import explore
+from brightgrey.estimation.problem.output_feedback import held_back, measured_speed
+from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.problem.simulation_error import Problem, predict_many, system_for
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal

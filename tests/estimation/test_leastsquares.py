@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from brightgrey.estimation import scales
-from brightgrey.estimation.bounds import search_space
-from brightgrey.estimation.leastsquares import descend, descend_many, evaluate, normal
-from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.optimisation.least_squares import descend, descend_many, evaluate, normal
+from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.kit import PAPER
 from brightgrey.recordings import read_recording
 from brightgrey.simulation import Settings

@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit, predict
-from brightgrey.estimation.onset import Onset, check_initial, noise_of
-from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.problem.initial_state import Onset, check_initial, noise_of
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings

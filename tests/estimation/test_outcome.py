@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import fit, predict
-from brightgrey.estimation.bounds import search_space
-from brightgrey.estimation.combinations import power_product
-from brightgrey.estimation.finding import Finding
-from brightgrey.estimation.informative import why_uninformative
-from brightgrey.estimation.leastsquares import descend
-from brightgrey.estimation.outcome import Outcome
-from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.rattling import rattling
-from brightgrey.estimation.scales import scales
-from brightgrey.estimation.twins import untwin
+from brightgrey.estimation.diagnostics.chaos import rattling
+from brightgrey.estimation.diagnostics.equivalent_models import untwin
+from brightgrey.estimation.diagnostics.finding import Finding
+from brightgrey.estimation.diagnostics.informativity import why_uninformative
+from brightgrey.estimation.diagnostics.outcome import Outcome
+from brightgrey.estimation.optimisation.least_squares import descend
+from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.problem.scales import scales
+from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.uncertainty.identifiability import power_product
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal

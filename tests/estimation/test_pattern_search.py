@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.pattern_search import pattern_search
+from brightgrey.estimation.optimisation.pattern_search import pattern_search
 
 TARGET = np.array([0.3, -1.2, 2.0])
 LOW, HIGH = np.full(3, -3.0), np.full(3, 3.0)

@@ -5,10 +5,10 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit
-from brightgrey.estimation.bounds import search_space
-from brightgrey.estimation.costs import cost_function
-from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.scales import scales
+from brightgrey.estimation.optimisation.costs import cost_function
+from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.problem.scales import scales
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import predict, scales
-from brightgrey.estimation.bounds import search_space
-from brightgrey.estimation.leastsquares import evaluate
-from brightgrey.estimation.problem import Problem, predict_many, systems
+from brightgrey.estimation.optimisation.least_squares import evaluate
+from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.problem.simulation_error import Problem, predict_many, systems
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings, response

@@ -5,7 +5,7 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit
-from brightgrey.estimation.profile import profile
+from brightgrey.estimation.profile_likelihood import profile
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal

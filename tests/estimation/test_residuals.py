@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.residuals import residual_analysis
+from brightgrey.estimation.noise.residual_analysis import residual_analysis
 
 SAMPLES = 2000
 

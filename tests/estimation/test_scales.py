@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
-from brightgrey.estimation.bounds import search_space
-from brightgrey.estimation.scales import speed_of
+from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.problem.scales import speed_of
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal, read_recording

@@ -8,11 +8,11 @@ from scipy.signal import lfilter
 
 from brightgrey.effects import registry
 from brightgrey.estimation import fit
-from brightgrey.estimation.estimates import Estimate
-from brightgrey.estimation.following import Question, followed
-from brightgrey.estimation.peaks import peak
-from brightgrey.estimation.scales import scales
-from brightgrey.estimation.symptoms import symptoms
+from brightgrey.estimation.diagnostics.residual_tests import Question, followed
+from brightgrey.estimation.diagnostics.spectral_peaks import peak
+from brightgrey.estimation.diagnostics.symptoms import symptoms
+from brightgrey.estimation.problem.scales import scales
+from brightgrey.estimation.uncertainty.estimates import Estimate
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from brightgrey.estimation.coloured import autoregression
-from brightgrey.estimation.uncertainty import noise_models, spread, weakest
+from brightgrey.estimation.noise.autoregression import autoregression
+from brightgrey.estimation.uncertainty.covariance import noise_models, spread, weakest
 
 SAMPLES, RUNS = 1500, 120
 T = np.linspace(0.0, 1.0, SAMPLES)

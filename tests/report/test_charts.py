@@ -11,7 +11,7 @@ import pytest
 from report_drives import DT, F_TANH, FULL, TOP, VALUES, independent, model_of, trace_of
 from scipy.signal import lfilter
 
-from brightgrey.estimation.spent import Spent
+from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.export.ranking import Row, front
 from brightgrey.export.trace import Trace
 from brightgrey.kit import assemble

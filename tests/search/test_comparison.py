@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from brightgrey.estimation.leastsquares import Descent
+from brightgrey.estimation.optimisation.least_squares import Descent
 from brightgrey.kit import PAPER
 from brightgrey.search.comparison import Judged, Whitening, chance_of, power, significance, threshold
 

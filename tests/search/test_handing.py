@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
-from brightgrey.estimation.bounds import search_space
-from brightgrey.estimation.leastsquares import Descent, evaluate, normal
+from brightgrey.estimation.optimisation.least_squares import Descent, evaluate, normal
+from brightgrey.estimation.problem.parameter_space import search_space
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search import Identification

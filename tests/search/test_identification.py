@@ -9,7 +9,7 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import scales
-from brightgrey.estimation.leastsquares import finish
+from brightgrey.estimation.optimisation.least_squares import finish
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Placed
 from brightgrey.recordings import Recording, Signal

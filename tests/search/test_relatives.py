@@ -8,8 +8,8 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import problem
-from brightgrey.estimation.explore import explore
-from brightgrey.estimation.spent import Spent
+from brightgrey.estimation.optimisation.multistart import explore
+from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar
 from brightgrey.search import criterion

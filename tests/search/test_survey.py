@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.scales import scales
+from brightgrey.estimation.problem.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording, Signal

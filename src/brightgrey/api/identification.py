@@ -16,8 +16,8 @@ from brightgrey.api.result import Result
 from brightgrey.api.searching import Found, Wish, find
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import Fit, Profile
-from brightgrey.estimation.onset import check_initial
-from brightgrey.estimation.patterns import check_estimator
+from brightgrey.estimation.optimisation.pattern_fit import check_estimator
+from brightgrey.estimation.problem.initial_state import check_initial
 from brightgrey.export.build import model_of
 from brightgrey.export.criterion import bic
 from brightgrey.export.model import Model

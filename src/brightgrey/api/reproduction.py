@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.problem import predict_many
+from brightgrey.estimation.problem.simulation_error import predict_many
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.export.files import check_folder, write_files
 from brightgrey.kit import PAPER, Structure

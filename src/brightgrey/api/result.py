@@ -13,8 +13,8 @@ import numpy as np
 from brightgrey.api.differences import Difference
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation import Fit, Profile
-from brightgrey.estimation.residuals import LAGS, Residuals, residual_analysis
-from brightgrey.estimation.symptoms import Symptom
+from brightgrey.estimation.diagnostics.symptoms import Symptom
+from brightgrey.estimation.noise.residual_analysis import LAGS, Residuals, residual_analysis
 from brightgrey.export.files import check_folder, write_files
 from brightgrey.export.model import Model
 from brightgrey.export.ranking import Row, front, ranking_csv

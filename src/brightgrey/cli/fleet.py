@@ -107,7 +107,7 @@ def fleet(
     )
     from brightgrey.api.fleet import fleet as run
     from brightgrey.cli.stopping import signals
-    from brightgrey.estimation.onset import check_initial
+    from brightgrey.estimation.problem.initial_state import check_initial
     from brightgrey.runs import Budget, Workforce
 
     workforce, budget = Workforce(workers, processes, dask), Budget(max_evaluations, max_seconds)

@@ -206,8 +206,8 @@ def identify(
     from brightgrey import api
     from brightgrey.api.runs import identify_into
     from brightgrey.cli.stopping import signals
-    from brightgrey.estimation.onset import check_initial
-    from brightgrey.estimation.patterns import check_estimator
+    from brightgrey.estimation.optimisation.pattern_fit import check_estimator
+    from brightgrey.estimation.problem.initial_state import check_initial
     from brightgrey.runs import Budget, Workforce
 
     method = check_estimator(estimator or "least-squares") if structure else "least-squares"

@@ -1,12 +1,12 @@
 """Estimation: parameters of a given structure from recordings, with uncertainty and an outcome."""
 
-from brightgrey.estimation.finding import Finding
+from brightgrey.estimation.diagnostics.finding import Finding
 from brightgrey.estimation.fit import Estimate, Fit, Outcome, OutputFit, Start, fit, predict, settings_for
-from brightgrey.estimation.leastsquares import descend_many
-from brightgrey.estimation.pattern_search import PatternEnd, pattern_search
-from brightgrey.estimation.profile import Profile, profile
-from brightgrey.estimation.residuals import Residuals, residual_analysis
-from brightgrey.estimation.scales import scales
+from brightgrey.estimation.noise.residual_analysis import Residuals, residual_analysis
+from brightgrey.estimation.optimisation.least_squares import descend_many
+from brightgrey.estimation.optimisation.pattern_search import PatternEnd, pattern_search
+from brightgrey.estimation.problem.scales import scales
+from brightgrey.estimation.profile_likelihood import Profile, profile
 
 __all__ = [
     "Estimate",

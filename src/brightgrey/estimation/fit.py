@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 
 from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.bounds import Search, search_space
-from brightgrey.estimation.cautions import cautions
-from brightgrey.estimation.estimates import Estimate, estimates_of
-from brightgrey.estimation.explore import Found, explore, first_field
-from brightgrey.estimation.finding import Finding
-from brightgrey.estimation.informative import recording_findings
-from brightgrey.estimation.leastsquares import Descent, End, descend, descend_many
-from brightgrey.estimation.onset import Initial
-from brightgrey.estimation.outcome import Ended, Outcome, outcome_of, unmoved
-from brightgrey.estimation.patterns import Estimator, check_estimator, pattern_descent, pattern_searches
-from brightgrey.estimation.problem import Problem, predict_many
-from brightgrey.estimation.rattling import rattling
-from brightgrey.estimation.scales import scales
-from brightgrey.estimation.symptoms import Symptom, symptoms
-from brightgrey.estimation.twins import untwin
+from brightgrey.estimation.diagnostics.cautions import cautions
+from brightgrey.estimation.diagnostics.chaos import rattling
+from brightgrey.estimation.diagnostics.equivalent_models import untwin
+from brightgrey.estimation.diagnostics.finding import Finding
+from brightgrey.estimation.diagnostics.informativity import recording_findings
+from brightgrey.estimation.diagnostics.outcome import Ended, Outcome, outcome_of, unmoved
+from brightgrey.estimation.diagnostics.symptoms import Symptom, symptoms
+from brightgrey.estimation.optimisation.least_squares import Descent, End, descend, descend_many
+from brightgrey.estimation.optimisation.multistart import Found, explore, first_field
+from brightgrey.estimation.optimisation.pattern_fit import Estimator, check_estimator, pattern_descent, pattern_searches
+from brightgrey.estimation.problem.initial_state import Initial
+from brightgrey.estimation.problem.parameter_space import Search, search_space
+from brightgrey.estimation.problem.scales import scales
+from brightgrey.estimation.problem.simulation_error import Problem, predict_many
+from brightgrey.estimation.uncertainty.estimates import Estimate, estimates_of
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings

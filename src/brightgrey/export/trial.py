@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.onset import initial_state
+from brightgrey.estimation.problem.initial_state import initial_state
 from brightgrey.export.scheme import Scheme
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response

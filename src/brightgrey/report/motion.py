@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from brightgrey.estimation.residuals import LAGS, residual_analysis
+from brightgrey.estimation.noise.residual_analysis import LAGS, residual_analysis
 from brightgrey.export.trace import Trace
 from brightgrey.report.chart import MOST_POINTS, Chart, Line, Panel, thin
 

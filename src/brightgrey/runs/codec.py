@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from brightgrey.estimation.leastsquares import End
-from brightgrey.estimation.spent import Spent
+from brightgrey.estimation.optimisation.least_squares import End
+from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.search import Evaluated, Misfit

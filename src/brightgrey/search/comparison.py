@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import chi2, f, ncx2
 
-from brightgrey.estimation.coloured import Autoregression, levinson
-from brightgrey.estimation.leastsquares import Descent
-from brightgrey.estimation.uncertainty import noise_models
+from brightgrey.estimation.noise.autoregression import Autoregression, levinson
+from brightgrey.estimation.optimisation.least_squares import Descent
+from brightgrey.estimation.uncertainty.covariance import noise_models
 from brightgrey.kit import Structure
 
 __all__ = ["Judged", "Whitening", "chance_of", "power", "significance", "threshold"]

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.costs import cost_function
-from brightgrey.estimation.leastsquares import descend
-from brightgrey.estimation.pattern_search import pattern_search
-from brightgrey.estimation.patterns import check_estimator
+from brightgrey.estimation.optimisation.costs import cost_function
+from brightgrey.estimation.optimisation.least_squares import descend
+from brightgrey.estimation.optimisation.pattern_fit import check_estimator
+from brightgrey.estimation.optimisation.pattern_search import pattern_search
 from brightgrey.kit import Structure
 from brightgrey.search.evaluation import Estimator, Evaluated, Values
 from brightgrey.search.identification import Identification

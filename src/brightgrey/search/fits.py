@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from brightgrey.estimation.spent import Spent
+from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting import (
     IMPROVED,

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.explore import FIRST_BEGINNING, FURTHER_ROUNDS, explore, growing
-from brightgrey.estimation.leastsquares import End, descend_many
-from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.spent import Spent
+from brightgrey.estimation.optimisation.least_squares import End, descend_many
+from brightgrey.estimation.optimisation.multistart import FIRST_BEGINNING, FURTHER_ROUNDS, explore, growing
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.kit import Structure
 from brightgrey.search.handing import handed_down, information, two_ports
 from brightgrey.search.identification import ROUGH, Identification

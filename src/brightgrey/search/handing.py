@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from brightgrey.estimation.bounds import Search
+from brightgrey.estimation.problem.parameter_space import Search
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.lattice import ladder_of
 

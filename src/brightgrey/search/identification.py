@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from brightgrey.effects import Parameter, Scales
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.bounds import Search, search_space
-from brightgrey.estimation.onset import Unknown
-from brightgrey.estimation.problem import Problem, predict_many
+from brightgrey.estimation.problem.initial_state import Unknown
+from brightgrey.estimation.problem.parameter_space import Search, search_space
+from brightgrey.estimation.problem.simulation_error import Problem, predict_many
 from brightgrey.kit import Grammar, Placed, Structure
 from brightgrey.recordings import Recording
 from brightgrey.search.criteria import Misfit

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.leastsquares import Descent, End, descend_many, evaluate, finish
+from brightgrey.estimation.optimisation.least_squares import Descent, End, descend_many, evaluate, finish
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted, Options, from_everywhere

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from brightgrey.estimation.explore import is_white
+from brightgrey.estimation.optimisation.multistart import is_white
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fits import TELLING, Fits
 from brightgrey.search.fitting import IMPROVED, Fitted

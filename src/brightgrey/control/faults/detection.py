@@ -4,7 +4,7 @@ The declarations say which parameters belong to one fault. The innovations of a 
 long as the drive is the model's; a fault makes them follow their derivative by the size of the fault. That size is
 estimated from them (Fisher's scoring), with a covariance that allows for innovations which are not quite white (Newey,
 West 1987, doi:10.2307/1913610). Through a gap no filter with one state follows the contacts; there the model is
-simulated instead (:mod:`brightgrey.estimation.changed`). A fault is reported when it is larger than what matters, at
+simulated instead (:mod:`brightgrey.control.faults.simulated_changes`). A fault is reported when it is larger than what matters, at
 the confidence asked for.
 """
 
@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from brightgrey.control.faults.parameter_changes import Point, Trial, estimated
+from brightgrey.control.faults.simulated_changes import Change, Changed, changed
 from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.effects import Fault
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.changed import Change, Changed, changed
-from brightgrey.estimation.problem import limited_states
+from brightgrey.estimation.problem.simulation_error import limited_states
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings

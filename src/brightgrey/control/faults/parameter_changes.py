@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.control.faults.simulated_changes import Change
 from brightgrey.control.filters.extended_kalman import Noise, extended
 from brightgrey.control.filters.setup import see
-from brightgrey.estimation.changed import Change
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings

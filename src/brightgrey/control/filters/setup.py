@@ -13,7 +13,7 @@ from brightgrey.control.filters.state_transition import Watched
 from brightgrey.control.linear.twist_coordinates import Twisted, twisted
 from brightgrey.effects import Element
 from brightgrey.errors import RecordingError
-from brightgrey.estimation.onset import initial_state, noise_of
+from brightgrey.estimation.problem.initial_state import initial_state, noise_of
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings

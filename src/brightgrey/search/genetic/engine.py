@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.spent import Spent
+from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.criteria import Criterion, criterion
 from brightgrey.search.evaluation import Estimator, Evaluated, Job

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from brightgrey.estimation.spent import Spent
+from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.search.evaluation import Evaluated, Job
 from brightgrey.search.genetic.tree import Node
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from brightgrey.estimation.coloured import autoregression
-from brightgrey.estimation.spent import Spent
+from brightgrey.estimation.noise.autoregression import autoregression
+from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Criterion, Misfit
 from brightgrey.search.evaluation import Evaluated

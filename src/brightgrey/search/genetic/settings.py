@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Literal, get_args
 
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.patterns import Estimator, check_estimator
+from brightgrey.estimation.optimisation.pattern_fit import Estimator, check_estimator
 from brightgrey.search.criteria import CRITERIA
 from brightgrey.search.fitting import Options
 from brightgrey.search.genetic.mutation import MUTATIONS

@@ -10,10 +10,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.held import held_back, measured_speed
-from brightgrey.estimation.normal import LARGEST, add_products, add_squares
-from brightgrey.estimation.onset import Initial, Onset, Unknown, noise_of
-from brightgrey.estimation.spent import Spent
+from brightgrey.estimation.problem.initial_state import Initial, Onset, Unknown, noise_of
+from brightgrey.estimation.problem.normal_equations import LARGEST, add_products, add_squares
+from brightgrey.estimation.problem.output_feedback import held_back, measured_speed
+from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response, squares

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.costs import cost_function
-from brightgrey.estimation.leastsquares import Descent, evaluate
-from brightgrey.estimation.pattern_search import PatternEnd, pattern_search
-from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.optimisation.costs import cost_function
+from brightgrey.estimation.optimisation.least_squares import Descent, evaluate
+from brightgrey.estimation.optimisation.pattern_search import PatternEnd, pattern_search
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.simulation import Settings
 
 __all__ = ["Estimator", "check_estimator", "pattern_descent", "pattern_searches"]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.pattern_search import CostMany
-from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.optimisation.pattern_search import CostMany
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.simulation import Settings
 
 __all__ = ["cost_function"]

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.combinations import open_directions
-from brightgrey.estimation.leastsquares import Descent, descend
-from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.uncertainty import spread
+from brightgrey.estimation.optimisation.least_squares import Descent, descend
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.uncertainty.covariance import spread
+from brightgrey.estimation.uncertainty.identifiability import open_directions
 from brightgrey.simulation import Settings
 
 __all__ = ["Agreement", "agreement"]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.scales import ORDER, speed_of
+from brightgrey.estimation.problem.scales import ORDER, speed_of
 from brightgrey.kit import Placed, StateSpace
 from brightgrey.recordings import Recording
 

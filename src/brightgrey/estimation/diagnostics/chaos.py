@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.finding import Finding
-from brightgrey.estimation.leastsquares import Descent, neighbours
-from brightgrey.estimation.problem import Problem, systems
+from brightgrey.estimation.diagnostics.finding import Finding
+from brightgrey.estimation.optimisation.least_squares import Descent, neighbours
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.simulation_error import Problem, systems
 from brightgrey.simulation import Settings, response
 
 __all__ = ["rattling"]

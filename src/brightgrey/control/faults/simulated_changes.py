@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.explore import explore
-from brightgrey.estimation.leastsquares import descend, descend_many
-from brightgrey.estimation.onset import noise_of
-from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.scales import scales
-from brightgrey.estimation.uncertainty import noise_models, scattered
+from brightgrey.estimation.optimisation.least_squares import descend, descend_many
+from brightgrey.estimation.optimisation.multistart import explore
+from brightgrey.estimation.problem.initial_state import noise_of
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.scales import scales
+from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.uncertainty.covariance import noise_models, scattered
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
@@ -98,7 +98,7 @@ def changed(
     Returns
     -------
     Changed
-        The standard deviations allow for autocorrelated residuals, as in :mod:`brightgrey.estimation.uncertainty`.
+        The standard deviations allow for autocorrelated residuals, as in :mod:`brightgrey.estimation.uncertainty.covariance`.
     """
     problem = _Informed.of(structure, [recording])
     search = _space(values, changes, recording, problem)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.effects import Parameter
-from brightgrey.estimation.bounds import Search
+from brightgrey.estimation.problem.parameter_space import Search
 
 __all__ = ["Open", "open_directions", "power_product", "written"]
 

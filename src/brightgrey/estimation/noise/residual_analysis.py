@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import chi2, norm
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.coloured import autoregression, lag_sums
+from brightgrey.estimation.noise.autoregression import autoregression, lag_sums
 
 __all__ = ["LAGS", "Residuals", "residual_analysis"]
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.effects import Dimension, Effect, Scales, registry
-from brightgrey.estimation.following import Followed, Question, followed
-from brightgrey.estimation.outcome import Ended
-from brightgrey.estimation.peaks import peak
-from brightgrey.estimation.suspects import DRIFT, LATE, SWING, Motion, motions, suspects
+from brightgrey.estimation.diagnostics.outcome import Ended
+from brightgrey.estimation.diagnostics.residual_regressors import DRIFT, LATE, SWING, Motion, motions, suspects
+from brightgrey.estimation.diagnostics.residual_tests import Followed, Question, followed
+from brightgrey.estimation.diagnostics.spectral_peaks import peak
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 

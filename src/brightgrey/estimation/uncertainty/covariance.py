@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from brightgrey.estimation.coloured import (
+from brightgrey.estimation.noise.autoregression import (
     Autoregression,
     autoregression,
     lag_sums,

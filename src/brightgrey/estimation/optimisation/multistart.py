@@ -3,7 +3,7 @@
 The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Six
 things help against them. Descents begin on the beginning of the recording, where few periods have passed and
 the valleys are wide; where limits make the cost rugged, the beginning grows step by step. Other fields begin with
-simulations that are held to the measured motion, less and less (:mod:`brightgrey.estimation.held`): with limits every
+simulations that are held to the measured motion, less and less (:mod:`brightgrey.estimation.problem.output_feedback`): with limits every
 second one. Later fields hold offspring of the best ends so far, with some parameters drawn anew (iterated local
 search), and some that ring where the residual of the best end does. Where fields bring nothing new, resonances are
 looked for line by line. Every field holds fresh starts, so that no optimum is final.
@@ -22,11 +22,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.leastsquares import SAME, End, descend_many
-from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.spent import Spent
-from brightgrey.estimation.starts import best_of, given_starts, offspring, retuned, ringing
+from brightgrey.estimation.optimisation.least_squares import SAME, End, descend_many
+from brightgrey.estimation.optimisation.start_points import best_of, given_starts, offspring, retuned, ringing
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.simulation import Settings
 
 __all__ = ["FIRST_BEGINNING", "FURTHER_ROUNDS", "Found", "explore", "first_field", "growing", "is_white"]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
-from brightgrey.estimation.finding import Finding
+from brightgrey.estimation.diagnostics.finding import Finding
 from brightgrey.recordings import Recording
 
 __all__ = ["recording_findings", "why_uninformative"]

@@ -13,7 +13,7 @@ from scipy.stats import qmc
 
 from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.onset import Unknown
+from brightgrey.estimation.problem.initial_state import Unknown
 from brightgrey.kit import Structure
 
 __all__ = ["Search", "search_space"]

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.marquardt import Normal, step
-from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.optimisation.levenberg_marquardt import Normal, step
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.simulation import Settings
 
 __all__ = ["SAME", "Descent", "End", "descend", "descend_many", "evaluate", "finish", "neighbours", "normal"]

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from brightgrey.effects import Circumstances, Scales
-from brightgrey.estimation.estimates import Estimate
-from brightgrey.estimation.finding import Finding
-from brightgrey.estimation.scales import speed_of
+from brightgrey.estimation.diagnostics.finding import Finding
+from brightgrey.estimation.problem.scales import speed_of
+from brightgrey.estimation.uncertainty.estimates import Estimate
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.recordings.units.parser import parse_unit

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from brightgrey.effects import Effect, Scales, registry
-from brightgrey.estimation.problem import Problem, predict_many
+from brightgrey.estimation.problem.simulation_error import Problem, predict_many
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording, Signal
 from brightgrey.recordings.units.signals import KINDS

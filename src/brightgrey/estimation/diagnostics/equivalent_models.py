@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.combinations import power_product
-from brightgrey.estimation.finding import Finding
-from brightgrey.estimation.leastsquares import Descent, descend
-from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.diagnostics.finding import Finding
+from brightgrey.estimation.optimisation.least_squares import Descent, descend
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.uncertainty.identifiability import power_product
 from brightgrey.kit import Structure, assemble
 from brightgrey.kit.structure import Placed
 from brightgrey.simulation import Settings

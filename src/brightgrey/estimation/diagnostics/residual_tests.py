@@ -12,8 +12,8 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 
-from brightgrey.estimation.coloured import Autoregression, autoregression
-from brightgrey.estimation.uncertainty import noise_models
+from brightgrey.estimation.noise.autoregression import Autoregression, autoregression
+from brightgrey.estimation.uncertainty.covariance import noise_models
 
 __all__ = ["Followed", "Question", "followed"]
 

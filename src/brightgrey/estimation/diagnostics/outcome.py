@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.combinations import written
-from brightgrey.estimation.estimates import Estimates
-from brightgrey.estimation.finding import Finding, Kind
-from brightgrey.estimation.leastsquares import Descent
-from brightgrey.estimation.problem import Problem, predict_many
-from brightgrey.estimation.uncertainty import noise_models
+from brightgrey.estimation.diagnostics.finding import Finding, Kind
+from brightgrey.estimation.optimisation.least_squares import Descent
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.simulation_error import Problem, predict_many
+from brightgrey.estimation.uncertainty.covariance import noise_models
+from brightgrey.estimation.uncertainty.estimates import Estimates
+from brightgrey.estimation.uncertainty.identifiability import written
 from brightgrey.simulation import Settings
 
 __all__ = ["Ended", "Outcome", "outcome_of", "unmoved"]

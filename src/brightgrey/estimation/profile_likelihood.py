@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.bounds import Search, search_space
 from brightgrey.estimation.fit import Fit
-from brightgrey.estimation.leastsquares import Descent, descend
-from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.scales import scales
-from brightgrey.estimation.uncertainty import spread
+from brightgrey.estimation.optimisation.least_squares import Descent, descend
+from brightgrey.estimation.problem.parameter_space import Search, search_space
+from brightgrey.estimation.problem.scales import scales
+from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.uncertainty.covariance import spread
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 

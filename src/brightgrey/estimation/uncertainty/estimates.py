@@ -8,12 +8,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.agreement import agreement
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.combinations import Open, open_directions
-from brightgrey.estimation.leastsquares import Descent
-from brightgrey.estimation.problem import Problem
-from brightgrey.estimation.uncertainty import Spread, spread
+from brightgrey.estimation.optimisation.least_squares import Descent
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.uncertainty.covariance import Spread, spread
+from brightgrey.estimation.uncertainty.heterogeneity import agreement
+from brightgrey.estimation.uncertainty.identifiability import Open, open_directions
 from brightgrey.simulation import Settings
 
 __all__ = ["Estimate", "Estimates", "estimates_of"]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft, rfftfreq
 
-from brightgrey.estimation.bounds import Search
-from brightgrey.estimation.problem import Problem
+from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.simulation import Settings
 
 __all__ = ["best_of", "given_starts", "offspring", "retuned", "ringing"]

@@ -1,0 +1,1 @@
+"""Models of coloured residuals, whitening, and tests for whiteness."""

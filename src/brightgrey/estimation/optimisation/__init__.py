@@ -1,0 +1,1 @@
+"""Optimisation algorithms: Levenberg-Marquardt, multistart, pattern search."""

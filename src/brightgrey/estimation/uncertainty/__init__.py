@@ -1,0 +1,1 @@
+"""Covariance, intervals and identifiability of estimates."""
