@@ -32,17 +32,17 @@ from brightgrey.effects import registry
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar, Structure
+from brightgrey.paper.experiment import reference_recording, task_of
+from brightgrey.paper.repetitions import Repetition, repetition, repetitions_csv, run, summary, wilson
 from brightgrey.runs.blas import settle
 from brightgrey.search import estimator
 from brightgrey.search.criteria import Misfit, criterion
-from brightgrey.search.experiment import reference_recording, task_of
 from brightgrey.search.fits import Fits
 from brightgrey.search.genetic.engine import search
 from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES
-from brightgrey.search.identification import Identification
 from brightgrey.search.missed import seek_missed
-from brightgrey.search.repetition import Repetition, repetition, repetitions_csv, run, summary, wilson
-from brightgrey.search.work import pool
+from brightgrey.search.parallel import pool
+from brightgrey.search.task import Identification
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import UnsettledError
 from recovery import Drive, effective

@@ -34,14 +34,14 @@ from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure
+from brightgrey.paper.repetitions import wilson
 from brightgrey.recordings import Recording, Signal
 from brightgrey.runs.blas import settle
 from brightgrey.search.evidence import Evidence, has, weigh
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import contains, effects_of, simpler
-from brightgrey.search.repetition import wilson
+from brightgrey.search.task import Identification
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import UnsettledError, reference
 

@@ -19,8 +19,8 @@ from brightgrey.estimation import fit
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
+from brightgrey.paper.repetitions import wilson
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search.repetition import wilson
 from brightgrey.simulation.reference import UnsettledError, reference
 from recovery import coloured, torque
 

@@ -15,10 +15,10 @@ from brightgrey.search.comparison import Judged
 from brightgrey.search.evidence import weigh
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.identification import ACCURACY, ROUGH
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import contains
-from brightgrey.search.work import pool
+from brightgrey.search.parallel import pool
+from brightgrey.search.task import ACCURACY, ROUGH
 from brightgrey.search.yardstick import Yardstick
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference

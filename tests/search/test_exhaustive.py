@@ -15,10 +15,10 @@ from brightgrey.search import Identification
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, best_begins
-from brightgrey.search.identification import ACCURACY, ROUGH
 from brightgrey.search.lattice import contains, size
 from brightgrey.search.missed import _leaders, seek_missed
-from brightgrey.search.work import pool
+from brightgrey.search.parallel import pool
+from brightgrey.search.task import ACCURACY, ROUGH
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 

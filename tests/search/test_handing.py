@@ -15,8 +15,8 @@ from brightgrey.search import Identification
 from brightgrey.search.comparison import Judged
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted, Options, from_above
-from brightgrey.search.handing import exchanged, handed_down, information
 from brightgrey.search.judging import Bench
+from brightgrey.search.warm_start import exchanged, handed_down, information
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 

@@ -12,12 +12,12 @@ from brightgrey.estimation import scales
 from brightgrey.estimation.optimisation.least_squares import finish
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Placed
+from brightgrey.paper.experiment import assumed_bounds, first_appearance, reference_recording, task_of, verdict
+from brightgrey.paper.repetitions import Repetition, repetition, run, summary, wilson
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search import Identification, LeastSquares, PatternSearch
-from brightgrey.search.experiment import assumed_bounds, first_appearance, reference_recording, task_of, verdict
 from brightgrey.search.genetic import GeneticSettings, history_csv, search
 from brightgrey.search.genetic.settings import ASSUMED
-from brightgrey.search.repetition import Repetition, repetition, run, summary, wilson
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 
@@ -100,7 +100,7 @@ import sys
 sys.path.insert(0, {folder!r})
 from test_identification import SHORT, small_task
 from brightgrey.search.genetic import history_csv
-from brightgrey.search.repetition import run
+from brightgrey.paper.repetitions import run
 sys.stdout.write(history_csv(run(small_task(), SHORT, 11, workers=2)))
 """
 

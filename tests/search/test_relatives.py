@@ -12,16 +12,16 @@ from brightgrey.estimation.optimisation.multistart import explore
 from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar
+from brightgrey.paper.experiment import reference_recording, task_of
 from brightgrey.search import criterion
-from brightgrey.search.experiment import reference_recording, task_of
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, Options, from_above, from_everywhere
 from brightgrey.search.genetic import GeneticSettings, search
-from brightgrey.search.genetic.relatives import Relatives
+from brightgrey.search.genetic.lattice_evaluator import Relatives
 from brightgrey.search.genetic.settings import OURS
 from brightgrey.search.lattice import contains, size
 from brightgrey.search.missed import seek_missed
-from brightgrey.search.work import pool
+from brightgrey.search.parallel import pool
 from brightgrey.simulation import response, squares
 
 FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})
@@ -253,7 +253,7 @@ def test_what_is_identified_beside_the_individuals_has_a_tree(loose):
 @pytest.fixture
 def sought(task, monkeypatch):
     """Relatives of fits by hand, after missed optima have been sought in vain."""
-    monkeypatch.setattr("brightgrey.search.genetic.relatives.seek_missed", lambda fits, workers: None)
+    monkeypatch.setattr("brightgrey.search.genetic.lattice_evaluator.seek_missed", lambda fits, workers: None)
 
     def made(costs, task=task, name="bic"):
         fits = Fits(task, ALL)

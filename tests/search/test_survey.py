@@ -10,9 +10,9 @@ from brightgrey.estimation.problem.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import contains
 from brightgrey.search.survey import candidates, survey
+from brightgrey.search.task import Identification
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 

@@ -16,10 +16,10 @@ from brightgrey.estimation.problem.simulation_error import predict_many
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.export.files import check_folder, write_files
 from brightgrey.kit import PAPER, Structure
+from brightgrey.paper.experiment import reference_recording, task_of
+from brightgrey.paper.repetitions import Repetition, Summary, repetition, repetitions_csv, run, summary
 from brightgrey.search import Identification
-from brightgrey.search.experiment import reference_recording, task_of
 from brightgrey.search.genetic import Evaluation, GeneticSettings, Progress, Run, history_csv
-from brightgrey.search.repetition import Repetition, Summary, repetition, repetitions_csv, run, summary
 
 __all__ = ["Reproduction", "reproduce"]
 

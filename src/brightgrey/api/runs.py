@@ -26,8 +26,8 @@ from brightgrey.runs import Budget, Glance, Memory, RunError, Stop, Store, glanc
 from brightgrey.runs.codec import canonical, code, digest
 from brightgrey.runs.store import FILE
 from brightgrey.search.genetic import GeneticSettings, Progress
+from brightgrey.search.parallel import Stopped, pool
 from brightgrey.search.survey import Stage
-from brightgrey.search.work import Stopped, pool
 
 __all__ = ["Kept", "found_in", "identify_into", "request_of"]
 

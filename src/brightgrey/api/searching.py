@@ -15,14 +15,14 @@ from brightgrey.estimation import scales, settings_for
 from brightgrey.export.parts import CriterionPart
 from brightgrey.export.ranking import Row
 from brightgrey.kit import Structure, function_set
+from brightgrey.paper.repetitions import run
 from brightgrey.recordings import Recording
 from brightgrey.search import Identification
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import GeneticSettings, Progress, Run, history_csv
 from brightgrey.search.genetic.settings import OURS
-from brightgrey.search.repetition import run
+from brightgrey.search.parallel import pool
 from brightgrey.search.survey import Stage, Survey, candidates, survey
-from brightgrey.search.work import pool
 
 __all__ = ["Found", "Wish", "find"]
 

@@ -18,7 +18,7 @@ from brightgrey.errors import SettingsError
 from brightgrey.kit import Structure
 from brightgrey.runs.codec import call_text, digest, name_of, text_of, value_of
 from brightgrey.runs.store import RunError, Store
-from brightgrey.search.work import Stopped
+from brightgrey.search.parallel import Stopped
 
 __all__ = ["Budget", "Memory", "Stop"]
 

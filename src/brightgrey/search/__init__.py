@@ -3,7 +3,7 @@
 from brightgrey.search.criteria import CRITERIA, Criterion, Misfit, criterion
 from brightgrey.search.estimators import LeastSquares, PatternSearch, estimator
 from brightgrey.search.evaluation import Estimator, Evaluated, Job
-from brightgrey.search.identification import Identification
+from brightgrey.search.task import Identification
 
 __all__ = [
     "CRITERIA",

@@ -14,7 +14,7 @@ from brightgrey.estimation.optimisation.pattern_fit import check_estimator
 from brightgrey.estimation.optimisation.pattern_search import pattern_search
 from brightgrey.kit import Structure
 from brightgrey.search.evaluation import Estimator, Evaluated, Values
-from brightgrey.search.identification import Identification
+from brightgrey.search.task import Identification
 
 __all__ = ["LeastSquares", "PatternSearch", "estimator"]
 

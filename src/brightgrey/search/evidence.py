@@ -16,10 +16,10 @@ from typing import Literal
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import ladder_of
 from brightgrey.search.minimal import minimal_structures
-from brightgrey.search.work import pool
+from brightgrey.search.parallel import pool
+from brightgrey.search.task import Identification
 from brightgrey.search.yardstick import Yardstick
 
 __all__ = ["Card", "Evidence", "has", "weigh"]

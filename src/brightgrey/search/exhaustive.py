@@ -8,9 +8,9 @@ from concurrent.futures import Executor
 from brightgrey.kit import Structure
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, Options
-from brightgrey.search.identification import Identification
 from brightgrey.search.missed import seek_missed
-from brightgrey.search.work import pool
+from brightgrey.search.parallel import pool
+from brightgrey.search.task import Identification
 
 __all__ = ["fit_all"]
 

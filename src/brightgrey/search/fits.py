@@ -29,10 +29,10 @@ from brightgrey.search.fitting import (
     from_everywhere,
     tracked_from_above,
 )
-from brightgrey.search.handing import two_ports
-from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import contains, ladder_of, largest_within, size, smallest_around
-from brightgrey.search.work import in_order, in_turn
+from brightgrey.search.parallel import in_order, in_turn
+from brightgrey.search.task import ROUGH, Identification
+from brightgrey.search.warm_start import two_ports
 
 __all__ = ["TELLING", "Fits"]
 

@@ -14,9 +14,9 @@ from brightgrey.estimation.problem.parameter_space import Search
 from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.kit import Structure
-from brightgrey.search.handing import handed_down, information, two_ports
-from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import effects_of
+from brightgrey.search.task import ROUGH, Identification
+from brightgrey.search.warm_start import handed_down, information, two_ports
 
 __all__ = [
     "IMPROVED",

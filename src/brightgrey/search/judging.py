@@ -13,10 +13,10 @@ from brightgrey.estimation.optimisation.least_squares import Descent, End, desce
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted, Options, from_everywhere
-from brightgrey.search.handing import exchanged, growing_from_zero, handed_down, information
-from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.lattice import contains
-from brightgrey.search.work import in_order
+from brightgrey.search.parallel import in_order
+from brightgrey.search.task import ROUGH, Identification
+from brightgrey.search.warm_start import exchanged, growing_from_zero, handed_down, information
 
 __all__ = ["Bench", "last_descent"]
 

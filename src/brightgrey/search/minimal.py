@@ -9,9 +9,9 @@ import numpy as np
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged, threshold
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.handing import two_ports
-from brightgrey.search.identification import ACCURACY, ROUGH
 from brightgrey.search.lattice import contains, extensions, minimal, simpler
+from brightgrey.search.task import ACCURACY, ROUGH
+from brightgrey.search.warm_start import two_ports
 from brightgrey.search.yardstick import Yardstick
 
 __all__ = ["minimal_structures"]

@@ -20,9 +20,9 @@ from brightgrey.estimation.optimisation.multistart import is_white
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fits import TELLING, Fits
 from brightgrey.search.fitting import IMPROVED, Fitted
-from brightgrey.search.handing import two_ports
-from brightgrey.search.identification import ACCURACY
 from brightgrey.search.lattice import ladder_of, simpler, size
+from brightgrey.search.task import ACCURACY
+from brightgrey.search.warm_start import two_ports
 
 __all__ = ["seek_missed"]
 

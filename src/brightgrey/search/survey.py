@@ -16,9 +16,9 @@ from brightgrey.search.criteria import Misfit
 from brightgrey.search.evidence import Evidence, has, weigh
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted, Options
-from brightgrey.search.identification import Identification
 from brightgrey.search.lattice import contains, extensions
-from brightgrey.search.work import Stopped, pool
+from brightgrey.search.parallel import Stopped, pool
+from brightgrey.search.task import Identification
 
 __all__ = ["Ranked", "Stage", "Survey", "candidates", "survey"]
 

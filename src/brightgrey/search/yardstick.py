@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from brightgrey.kit import Placed, Structure, assemble
 from brightgrey.search.comparison import Judged, Whitening, chance_of, power, significance, threshold
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.handing import has_two_ports, two_ports
-from brightgrey.search.identification import ACCURACY, Identification
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import effects_of, extensions, ladder_of, simpler
+from brightgrey.search.task import ACCURACY, Identification
+from brightgrey.search.warm_start import has_two_ports, two_ports
 
 __all__ = ["Yardstick"]
 

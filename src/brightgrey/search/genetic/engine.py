@@ -15,14 +15,14 @@ from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.criteria import Criterion, criterion
 from brightgrey.search.evaluation import Estimator, Evaluated, Job
 from brightgrey.search.fits import Fits
+from brightgrey.search.genetic.history import Evaluation, Progress, Run
+from brightgrey.search.genetic.lattice_evaluator import Relatives
 from brightgrey.search.genetic.offspring import Born, near, offspring, renewed
 from brightgrey.search.genetic.population import Draw, initial
-from brightgrey.search.genetic.record import Evaluation, Progress, Run
-from brightgrey.search.genetic.relatives import Relatives
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.search.genetic.settings import GeneticSettings
 from brightgrey.search.genetic.tree import Node, tree_of, with_values
-from brightgrey.search.work import Stopped, in_order, pool
+from brightgrey.search.parallel import Stopped, in_order, pool
 
 __all__ = ["search"]
 

@@ -11,14 +11,14 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 
 from brightgrey.kit import PAPER, Grammar, Structure
+from brightgrey.paper.experiment import Verdict, first_appearance, verdict
 from brightgrey.search.estimators import estimator
 from brightgrey.search.evaluation import Estimator
-from brightgrey.search.experiment import Verdict, first_appearance, verdict
 from brightgrey.search.fits import Fits
 from brightgrey.search.genetic.engine import search
-from brightgrey.search.genetic.record import Progress, Run
+from brightgrey.search.genetic.history import Progress, Run
 from brightgrey.search.genetic.settings import GeneticSettings
-from brightgrey.search.identification import Identification
+from brightgrey.search.task import Identification
 
 __all__ = ["Repetition", "Summary", "repetition", "repetitions_csv", "run", "summary", "wilson"]
 
@@ -33,7 +33,7 @@ class Repetition:
     best, last : str
         Best structure of all generations, and of the last one.
     best_verdict, last_verdict : str
-        See :func:`brightgrey.search.experiment.verdict`.
+        See :func:`brightgrey.paper.experiment.verdict`.
     first : int or None
         Generation in which the true structure first is in the population.
     simulations, passes, identifications : int

@@ -15,10 +15,10 @@ from brightgrey.search.criteria import Criterion, Misfit
 from brightgrey.search.evaluation import Evaluated
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, is_narrow
-from brightgrey.search.identification import ROUGH, Identification
 from brightgrey.search.judging import last_descent
 from brightgrey.search.lattice import contains
 from brightgrey.search.missed import seek_missed
+from brightgrey.search.task import ROUGH, Identification
 
 __all__ = ["Relatives"]
 

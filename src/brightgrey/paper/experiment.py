@@ -11,9 +11,9 @@ from brightgrey.estimation import scales
 from brightgrey.excitation import PAPER_EXPERIMENT, Experiment
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search.genetic.record import Run
+from brightgrey.search.genetic.history import Run
 from brightgrey.search.genetic.settings import ASSUMED, RANGE, RESOLUTION
-from brightgrey.search.identification import Identification
+from brightgrey.search.task import Identification
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 

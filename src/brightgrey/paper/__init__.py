@@ -1,0 +1,1 @@
+"""Reproduction of section 4 of the paper: its experiment, repetitions and figures."""
