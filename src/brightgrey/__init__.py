@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from brightgrey.api import Result, Simulation, identify, simulate
     from brightgrey.errors import BrightgreyError
-    from brightgrey.export.model import Model
     from brightgrey.kit.structure import Structure
+    from brightgrey.model.model import Model
     from brightgrey.recordings import Recording, read_recording
 
 __all__ = [
@@ -29,7 +29,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "BrightgreyError": "brightgrey.errors",
-    "Model": "brightgrey.export.model",
+    "Model": "brightgrey.model.model",
     "Recording": "brightgrey.recordings",
     "Result": "brightgrey.api",
     "Simulation": "brightgrey.api",

@@ -4,8 +4,8 @@ import numpy as np
 
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
-from brightgrey.export.model import Model
 from brightgrey.kit import PAPER
+from brightgrey.model.model import Model
 from brightgrey.recordings.units.signals import Units
 
 KINDS = {

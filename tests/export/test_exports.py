@@ -18,10 +18,10 @@ from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.export import exporter as exporting
 from brightgrey.export import modelica, tools
-from brightgrey.export.exporter import EXPORTS, export, exporter
-from brightgrey.export.files import write_files
-from brightgrey.export.scheme import scheme_of
-from brightgrey.export.trial import deviation, made, native, trial_of
+from brightgrey.export.numeric_model import scheme_of
+from brightgrey.export.registry import EXPORTS, export, exporter
+from brightgrey.export.verification import deviation, made, native, trial_of
+from brightgrey.model.files import write_files
 from brightgrey.recordings import Recording
 from brightgrey.simulation.plain import plain_response
 

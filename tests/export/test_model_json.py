@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from brightgrey.errors import BrightgreyError, SettingsError
-from brightgrey.export.model import Model
+from brightgrey.model.model import Model
 
 DOC = Path(__file__).parents[2] / "docs" / "model-json.md"
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from brightgrey.export.criterion import bic
-from brightgrey.export.ranking import Row, front, ranking_csv
-from brightgrey.export.trace import Trace, pooled_fit
+from brightgrey.model.criterion import bic
+from brightgrey.model.ranking import Row, front, ranking_csv
+from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Signal
 
 TORQUE = Signal("torque", "input", "N m")

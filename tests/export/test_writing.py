@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from brightgrey.errors import SettingsError
-from brightgrey.export.files import check_file, check_folder, write_file, write_files
+from brightgrey.model.files import check_file, check_folder, write_file, write_files
 
 
 def test_checks_create_nothing(tmp_path):

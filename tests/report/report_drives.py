@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from brightgrey.export.model import Model
-from brightgrey.export.trace import Trace
 from brightgrey.kit import PAPER, assemble
+from brightgrey.model.model import Model
+from brightgrey.model.trace import Trace
 from brightgrey.recordings.units.signals import Units
 from brightgrey.simulation import response
 

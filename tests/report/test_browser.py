@@ -12,8 +12,8 @@ from report_drives import independent, model_of, trace_of
 from test_charts import small_run
 
 from brightgrey import api
-from brightgrey.export.parts import TiesPart
-from brightgrey.export.ranking import Row
+from brightgrey.model.ranking import Row
+from brightgrey.model.schema import TiesPart
 from brightgrey.report.content import Content
 from brightgrey.report.page import page
 from brightgrey.search.evidence import Card, Evidence

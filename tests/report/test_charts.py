@@ -12,9 +12,9 @@ from report_drives import DT, F_TANH, FULL, TOP, VALUES, independent, model_of, 
 from scipy.signal import lfilter
 
 from brightgrey.estimation.problem.simulation_count import Spent
-from brightgrey.export.ranking import Row, front
-from brightgrey.export.trace import Trace
 from brightgrey.kit import assemble
+from brightgrey.model.ranking import Row, front
+from brightgrey.model.trace import Trace
 from brightgrey.report.chart import MOST_POINTS
 from brightgrey.report.content import Content
 from brightgrey.report.figure import draw, picture

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from brightgrey.export.trace import Trace
+from brightgrey.model.trace import Trace
 from brightgrey.recordings import Signal
 from brightgrey.report.figure import MEASURED, MOST_POINTS, RESIDUAL, SIMULATED, comparison, picture, thin
 

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from brightgrey.export.model import Model
-from brightgrey.export.ranking import Row
-from brightgrey.export.trace import Trace
+from brightgrey.model.model import Model
+from brightgrey.model.ranking import Row
+from brightgrey.model.trace import Trace
 from brightgrey.recordings import Signal
 from brightgrey.report.content import Content
 from brightgrey.report.page import page

@@ -7,8 +7,8 @@ from brightgrey.api.demo import demo
 from brightgrey.api.identification import identify
 from brightgrey.api.result import Result
 from brightgrey.api.simulation import Simulation, read_for, simulate
-from brightgrey.export.exporter import Export, export
-from brightgrey.export.model import Model
+from brightgrey.export.registry import Export, export
+from brightgrey.model.model import Model
 from brightgrey.recordings import Recording, read_recording
 
 __all__ = [

@@ -22,8 +22,8 @@ from brightgrey.control.linear.margins import Margins
 from brightgrey.control.linear.operating_point import CONTACTS, steady
 from brightgrey.effects import Dimension
 from brightgrey.errors import SettingsError
-from brightgrey.export.model import SPEED, Model
 from brightgrey.kit import assemble
+from brightgrey.model.model import SPEED, Model
 from brightgrey.recordings import Recording
 
 __all__ = ["Design", "Watch", "analyse", "design", "inertia", "watch", "whiteness"]

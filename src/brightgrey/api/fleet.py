@@ -18,9 +18,9 @@ from brightgrey.api.manifest import Axis
 from brightgrey.api.result import Result
 from brightgrey.api.runs import identify_into
 from brightgrey.errors import BrightgreyError
-from brightgrey.export.files import check_folder, write_file
-from brightgrey.export.model import Model
 from brightgrey.kit import function_set
+from brightgrey.model.files import check_folder, write_file
+from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 from brightgrey.runs import Budget, Stop
 from brightgrey.runs.siblings import Compared, compare

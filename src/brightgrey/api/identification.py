@@ -18,13 +18,13 @@ from brightgrey.errors import SettingsError
 from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.optimisation.pattern_fit import check_estimator
 from brightgrey.estimation.problem.initial_state import check_initial
-from brightgrey.export.build import model_of
-from brightgrey.export.criterion import bic
-from brightgrey.export.model import Model
-from brightgrey.export.parts import CriterionPart
-from brightgrey.export.ranking import Row
-from brightgrey.export.trace import Trace, pooled_fit
 from brightgrey.kit import Structure, function_set
+from brightgrey.model.criterion import bic
+from brightgrey.model.from_fit import model_of
+from brightgrey.model.model import Model
+from brightgrey.model.ranking import Row
+from brightgrey.model.schema import CriterionPart
+from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas import one_blas_thread
 from brightgrey.search.genetic import GeneticSettings, Progress

@@ -14,8 +14,8 @@ import numpy as np
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.problem.simulation_error import predict_many
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.export.files import check_folder, write_files
 from brightgrey.kit import PAPER, Structure
+from brightgrey.model.files import check_folder, write_files
 from brightgrey.paper.experiment import reference_recording, task_of
 from brightgrey.paper.repetitions import Repetition, Summary, repetition, repetitions_csv, run, summary
 from brightgrey.search import Identification

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from brightgrey.errors import RecordingError, SettingsError, unknown_name
-from brightgrey.export.model import PER_SPEED, Model
 from brightgrey.kit import Structure
+from brightgrey.model.model import PER_SPEED, Model
 from brightgrey.recordings import Recording, Signal
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units

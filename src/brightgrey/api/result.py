@@ -15,10 +15,10 @@ from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.diagnostics.symptoms import Symptom
 from brightgrey.estimation.noise.residual_analysis import LAGS, Residuals, residual_analysis
-from brightgrey.export.files import check_folder, write_files
-from brightgrey.export.model import Model
-from brightgrey.export.ranking import Row, front, ranking_csv
-from brightgrey.export.trace import Trace
+from brightgrey.model.files import check_folder, write_files
+from brightgrey.model.model import Model
+from brightgrey.model.ranking import Row, front, ranking_csv
+from brightgrey.model.trace import Trace
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import Run
 

@@ -18,9 +18,9 @@ from brightgrey import __version__
 from brightgrey.api.identification import identify
 from brightgrey.api.result import Result
 from brightgrey.errors import BrightgreyError
-from brightgrey.export.files import check_folder, write_files
-from brightgrey.export.model import Model
 from brightgrey.kit import function_set
+from brightgrey.model.files import check_folder, write_files
+from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 from brightgrey.runs import Budget, Glance, Memory, RunError, Stop, Store, glance
 from brightgrey.runs.codec import canonical, code, digest

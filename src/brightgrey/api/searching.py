@@ -12,9 +12,9 @@ import numpy as np
 from brightgrey.api.request import Range, bounds_si, f_tanh_si, fixed_si
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import scales, settings_for
-from brightgrey.export.parts import CriterionPart
-from brightgrey.export.ranking import Row
 from brightgrey.kit import Structure, function_set
+from brightgrey.model.ranking import Row
+from brightgrey.model.schema import CriterionPart
 from brightgrey.paper.repetitions import run
 from brightgrey.recordings import Recording
 from brightgrey.search import Identification

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from brightgrey import estimation
 from brightgrey.api.request import listed
 from brightgrey.errors import RecordingError
-from brightgrey.export.model import Model
-from brightgrey.export.parts import OutputFitPart
-from brightgrey.export.trace import Trace, pooled_fit
+from brightgrey.model.model import Model
+from brightgrey.model.schema import OutputFitPart
+from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Recording, Signal, read_recording
 from brightgrey.recordings.units.parser import parse_unit
 

@@ -27,7 +27,7 @@ def demo(
     Writes report.html, model.json, ranking.csv, fit.png and recording.csv to DIR.
     """
     from brightgrey.cli import live, show
-    from brightgrey.export.files import check_folder
+    from brightgrey.model.files import check_folder
 
     check_folder(out)
     from brightgrey import api

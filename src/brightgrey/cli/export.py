@@ -40,9 +40,9 @@ def export(
     """
     given = units(unit or ())
     from brightgrey.cli import show
-    from brightgrey.export.exporter import exporter
-    from brightgrey.export.files import check_folder
-    from brightgrey.export.model import Model
+    from brightgrey.export.registry import exporter
+    from brightgrey.model.files import check_folder
+    from brightgrey.model.model import Model
 
     check_folder(out)
     for name in to:

@@ -85,7 +85,7 @@ def fleet(
     """
     from brightgrey.api.manifest import read_manifest
     from brightgrey.cli import show
-    from brightgrey.export.files import check_folder
+    from brightgrey.model.files import check_folder
 
     axes = read_manifest(manifest)
     check_folder(out)

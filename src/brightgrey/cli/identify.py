@@ -183,7 +183,7 @@ def identify(
     ranges, constants = options.bounds(bound or ()), options.fixed(fix or ())
     units, part = options.units(unit or ()), options.window(window)
     from brightgrey.cli import show
-    from brightgrey.export.files import check_folder
+    from brightgrey.model.files import check_folder
     from brightgrey.recordings.recording import check_hold
 
     check_folder(out)

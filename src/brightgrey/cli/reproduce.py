@@ -53,7 +53,7 @@ def reproduce(
         near=near,
     )
     from brightgrey.cli import live, show
-    from brightgrey.export.files import check_folder
+    from brightgrey.model.files import check_folder
 
     check_folder(out)
     from brightgrey.api.reproduction import reproduce as repeat

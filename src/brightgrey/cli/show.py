@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from brightgrey.api.differences import Difference
     from brightgrey.api.reproduction import Reproduction
     from brightgrey.api.runs import Kept
-    from brightgrey.export.ranking import Row
+    from brightgrey.model.ranking import Row
     from brightgrey.report.tables import FitRow
     from brightgrey.search.evidence import Evidence
 

@@ -31,8 +31,8 @@ def simulate(
     """
     given = units(unit or ())
     from brightgrey.cli import show
-    from brightgrey.export.files import check_file, write_file
-    from brightgrey.export.model import Model
+    from brightgrey.model.files import check_file, write_file
+    from brightgrey.model.model import Model
 
     if out:
         check_file(out)

@@ -39,7 +39,7 @@ def analyse(
     """
     coefficients = _controller(controller) if controller else None
     from brightgrey.cli import show_work
-    from brightgrey.export.model import Model
+    from brightgrey.model.model import Model
 
     loaded = Model.load(model)
     from brightgrey.api.control import analyse as run
@@ -68,7 +68,7 @@ def control(
     Gains are in SI units: N m, rad (N, m; or the input's unit) and s.
     """
     from brightgrey.cli import show, show_work
-    from brightgrey.export.model import Model
+    from brightgrey.model.model import Model
 
     loaded = Model.load(model)
     from brightgrey.api.control import design
@@ -98,7 +98,7 @@ def watch(
     """Look for faults in a new recording: friction or backlash that have grown, a load that has changed."""
     given = units(unit or ())
     from brightgrey.cli import show, show_work
-    from brightgrey.export.model import Model
+    from brightgrey.model.model import Model
 
     loaded = Model.load(model)
     from brightgrey import api

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from brightgrey.export.model import Model
-from brightgrey.export.ranking import Row
-from brightgrey.export.trace import Trace
+from brightgrey.model.model import Model
+from brightgrey.model.ranking import Row
+from brightgrey.model.trace import Trace
 from brightgrey.report.chart import Chart
 from brightgrey.report.frequency import response_chart
 from brightgrey.report.friction import friction_charts

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from brightgrey.export.trace import Trace
+from brightgrey.model.trace import Trace
 from brightgrey.report.chart import MOST_POINTS, Chart, Line, Panel, thin
 from brightgrey.report.motion import comparisons, quantity
 

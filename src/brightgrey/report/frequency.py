@@ -11,9 +11,9 @@ from scipy.signal import csd
 
 from brightgrey.control.linear.analysis import Analysis, analyse
 from brightgrey.errors import SettingsError
-from brightgrey.export.model import SPEED, Model
-from brightgrey.export.trace import Trace
 from brightgrey.kit import assemble
+from brightgrey.model.model import SPEED, Model
+from brightgrey.model.trace import Trace
 from brightgrey.report.chart import Chart, Line, Mark, Panel
 from brightgrey.report.numbers import significant
 

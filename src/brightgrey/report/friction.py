@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from brightgrey.effects import Element
 from brightgrey.effects.declaration import Dimension
-from brightgrey.export.model import SPEED, Model
 from brightgrey.kit import StateSpace, assemble
+from brightgrey.model.model import SPEED, Model
 from brightgrey.report.chart import Chart, Line, Panel
 from brightgrey.report.spread import Correlation, draws
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from brightgrey.effects import Element
 from brightgrey.effects.declaration import Dimension
-from brightgrey.export.model import Model
-from brightgrey.export.trace import Trace
 from brightgrey.kit import StateSpace, assemble
+from brightgrey.model.model import Model
+from brightgrey.model.trace import Trace
 from brightgrey.report.chart import Chart, Line, Mark, Panel, thin
 from brightgrey.report.friction import TORQUE
 from brightgrey.simulation import response

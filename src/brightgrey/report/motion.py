@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from brightgrey.estimation.noise.residual_analysis import LAGS, residual_analysis
-from brightgrey.export.trace import Trace
+from brightgrey.model.trace import Trace
 from brightgrey.report.chart import MOST_POINTS, Chart, Line, Panel, thin
 
 __all__ = ["comparisons", "correlations", "quantity"]

@@ -9,8 +9,8 @@ from platform import python_version
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from brightgrey.export.model import Model
-from brightgrey.export.ranking import Row
+from brightgrey.model.model import Model
+from brightgrey.model.ranking import Row
 from brightgrey.report import svg
 from brightgrey.report.content import Content
 from brightgrey.report.interactive import library, plot, script

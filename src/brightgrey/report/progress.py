@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from brightgrey.export.ranking import Row, front
+from brightgrey.model.ranking import Row, front
 from brightgrey.report.chart import Chart, Line, Panel
 from brightgrey.search.genetic import Evaluation, Run
 

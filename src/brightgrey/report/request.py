@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 
-from brightgrey.export.model import Model
+from brightgrey.model.model import Model
 from brightgrey.report.content import Content
 
 __all__ = ["command"]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.effects import Dimension
-from brightgrey.export.model import SPEED, Model
 from brightgrey.kit import assemble
+from brightgrey.model.model import SPEED, Model
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.report.frequency import linearised
 from brightgrey.report.friction import TORQUE, friction_at, friction_of

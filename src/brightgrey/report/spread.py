@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.export.model import Model
+from brightgrey.model.model import Model
 
 __all__ = ["Correlation", "draws", "intervals"]
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from brightgrey.export.parts import ParameterPart
+from brightgrey.model.schema import ParameterPart
 from brightgrey.report.progress import ancestors, parents
 from brightgrey.report.trees import edges, positions
 from brightgrey.search.genetic import Evaluation, Node, Run

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from brightgrey.export.model import Model
-from brightgrey.export.parts import OutputFitPart
+from brightgrey.model.model import Model
+from brightgrey.model.schema import OutputFitPart
 from brightgrey.report.numbers import significant, with_uncertainty
 
 __all__ = [

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from brightgrey.export.trace import Trace
+from brightgrey.model.trace import Trace
 
 __all__ = ["bic"]
 

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from brightgrey.effects import Element
-from brightgrey.export.c_code import NAME, engine, filled, header_words
-from brightgrey.export.exporter import Exporter, Verified
-from brightgrey.export.fmu import names_of
-from brightgrey.export.languages import PYTHON, assignments, number
-from brightgrey.export.scheme import Scheme
-from brightgrey.export.symbols import traced
-from brightgrey.export.tools import library
-from brightgrey.export.trial import Trial
+from brightgrey.export.expressions.languages import PYTHON, assignments, number
+from brightgrey.export.expressions.trace import traced
+from brightgrey.export.external_tools import library
+from brightgrey.export.numeric_model import Scheme
+from brightgrey.export.registry import Exporter, Verified
+from brightgrey.export.targets.c99 import NAME, engine, filled, header_words
+from brightgrey.export.targets.fmu import names_of
+from brightgrey.export.verification import Trial
 
 __all__ = ["EXPORTER"]
 

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.effects import Element
-from brightgrey.export.exporter import Exporter, Verified
-from brightgrey.export.languages import C, assignments, number
-from brightgrey.export.scheme import Scheme, Tables, tables
-from brightgrey.export.symbols import traced
-from brightgrey.export.tools import program, run
-from brightgrey.export.trial import Trial
+from brightgrey.export.expressions.languages import C, assignments, number
+from brightgrey.export.expressions.trace import traced
+from brightgrey.export.external_tools import program, run
+from brightgrey.export.numeric_model import Scheme, Tables, tables
+from brightgrey.export.registry import Exporter, Verified
+from brightgrey.export.verification import Trial
 
 __all__ = ["EXPORTER", "NAME", "engine", "filled", "header_words", "sources"]
 
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 def engine(name: str) -> str:
     """Text of a file that is written by hand: the part of an export that no model changes."""
-    return files("brightgrey.export").joinpath("engines", name).read_text(encoding="utf-8")
+    return files("brightgrey.export").joinpath("templates", name).read_text(encoding="utf-8")
 
 
 def sources(scheme: Scheme) -> dict[str, str]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.export.parts import OutputFitPart
+from brightgrey.model.schema import OutputFitPart
 from brightgrey.recordings import Recording, Signal
 
 __all__ = ["Trace", "pooled_fit"]

@@ -10,13 +10,13 @@ import numpy as np
 from scipy.io import loadmat, savemat
 
 from brightgrey.effects import Element
-from brightgrey.export.c_code import NAME, engine, filled, header_words
-from brightgrey.export.exporter import Exporter, Verified
-from brightgrey.export.languages import MATLAB, assignments, number
-from brightgrey.export.scheme import Scheme, tables
-from brightgrey.export.symbols import traced
-from brightgrey.export.tools import program, run
-from brightgrey.export.trial import Trial
+from brightgrey.export.expressions.languages import MATLAB, assignments, number
+from brightgrey.export.expressions.trace import traced
+from brightgrey.export.external_tools import program, run
+from brightgrey.export.numeric_model import Scheme, tables
+from brightgrey.export.registry import Exporter, Verified
+from brightgrey.export.targets.c99 import NAME, engine, filled, header_words
+from brightgrey.export.verification import Trial
 
 __all__ = ["EXPORTER"]
 

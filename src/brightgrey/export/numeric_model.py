@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from brightgrey.effects import Dimension, Element
-from brightgrey.export.model import Model
 from brightgrey.kit import StateSpace, assemble
+from brightgrey.model.model import Model
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units
 from brightgrey.simulation import Settings

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from brightgrey.effects import Element
-from brightgrey.export.exporter import Exporter, Verified
-from brightgrey.export.languages import LATEX, latex_name, latex_number, written
-from brightgrey.export.scheme import Scheme, scheme_of
-from brightgrey.export.symbols import Expression, symbol, traced
-from brightgrey.export.tools import MissingToolError, program, run
-from brightgrey.export.trial import Trial, native
+from brightgrey.export.expressions.languages import LATEX, latex_name, latex_number, written
+from brightgrey.export.expressions.trace import Expression, symbol, traced
+from brightgrey.export.external_tools import MissingToolError, program, run
+from brightgrey.export.numeric_model import Scheme, scheme_of
+from brightgrey.export.registry import Exporter, Verified
+from brightgrey.export.verification import Trial, native
 
 __all__ = ["EXPORTER"]
 

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.export.files import check_folder, write_files
-from brightgrey.export.model import Model
-from brightgrey.export.scheme import Scheme, scheme_of
-from brightgrey.export.tools import ExportError, MissingToolError
-from brightgrey.export.trial import Trial, deviation, trial_of
+from brightgrey.export.external_tools import ExportError, MissingToolError
+from brightgrey.export.numeric_model import Scheme, scheme_of
+from brightgrey.export.verification import Trial, deviation, trial_of
+from brightgrey.model.files import check_folder, write_files
+from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 
 __all__ = ["EXPORTS", "Export", "Exporter", "Verified", "export"]

@@ -13,13 +13,13 @@ import numpy as np
 
 from brightgrey.effects import Element
 from brightgrey.effects.declaration import Stage
-from brightgrey.export.c_code import engine, filled, header_words
-from brightgrey.export.exporter import Exporter, Verified
-from brightgrey.export.languages import MODELICA, number, written
-from brightgrey.export.scheme import Scheme
-from brightgrey.export.symbols import Expression, symbol, traced
-from brightgrey.export.tools import ExportError, library
-from brightgrey.export.trial import Trial
+from brightgrey.export.expressions.languages import MODELICA, number, written
+from brightgrey.export.expressions.trace import Expression, symbol, traced
+from brightgrey.export.external_tools import ExportError, library
+from brightgrey.export.numeric_model import Scheme
+from brightgrey.export.registry import Exporter, Verified
+from brightgrey.export.targets.c99 import engine, filled, header_words
+from brightgrey.export.verification import Trial
 from brightgrey.kit.structure import Placed
 from brightgrey.recordings.units.parser import parse_unit
 

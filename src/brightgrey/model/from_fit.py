@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from brightgrey.estimation import Estimate, Fit, Profile
-from brightgrey.export.model import PER_SPEED, SCHEMA, SPEED, Model
-from brightgrey.export.parts import (
+from brightgrey.kit import assemble
+from brightgrey.model.model import PER_SPEED, SCHEMA, SPEED, Model
+from brightgrey.model.schema import (
     CriterionPart,
     FindingPart,
     FitPart,
@@ -21,7 +22,6 @@ from brightgrey.export.parts import (
     TiesPart,
     ValuePart,
 )
-from brightgrey.kit import assemble
 from brightgrey.recordings import Recording, Units
 from brightgrey.search.evidence import Evidence
 

@@ -13,8 +13,9 @@ from pydantic import ConfigDict, Field, ValidationError
 
 from brightgrey.effects import Dimension
 from brightgrey.errors import BrightgreyError, SettingsError, nearest, unknown_name
-from brightgrey.export.files import write_file
-from brightgrey.export.parts import (
+from brightgrey.kit import Structure, function_set
+from brightgrey.model.files import write_file
+from brightgrey.model.schema import (
     CriterionPart,
     FitPart,
     InitialPart,
@@ -26,7 +27,6 @@ from brightgrey.export.parts import (
     TiesPart,
     Verdict,
 )
-from brightgrey.kit import Structure, function_set
 from brightgrey.notebook_html import table
 from brightgrey.recordings import Signal
 from brightgrey.recordings.units.parser import parse_unit
@@ -34,7 +34,7 @@ from brightgrey.recordings.units.signals import Units, motion_unit
 from brightgrey.simulation import Settings
 
 if TYPE_CHECKING:
-    from brightgrey.export.exporter import Export
+    from brightgrey.export.registry import Export
     from brightgrey.recordings import Recording
 
 __all__ = ["PER_SPEED", "SCHEMA", "SPEED", "Model"]
@@ -139,8 +139,8 @@ class Model(Part):
         write_file(path, self.text().encode())
 
     def export(self, to: str, folder: str | Path, recording: Recording | None = None) -> Export:
-        """Write the model in another tool's form and compare it there: :func:`brightgrey.export.exporter.export`."""
-        from brightgrey.export.exporter import export
+        """Write the model in another tool's form and compare it there: :func:`brightgrey.export.registry.export`."""
+        from brightgrey.export.registry import export
 
         return export(self, to, folder, recording)
 

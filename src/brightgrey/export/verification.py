@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.problem.initial_state import initial_state
-from brightgrey.export.scheme import Scheme
+from brightgrey.export.numeric_model import Scheme
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 

@@ -14,12 +14,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from brightgrey.export.c_code import NAME, engine, filled, sources
-from brightgrey.export.exporter import Exporter, Verified
-from brightgrey.export.languages import number
-from brightgrey.export.scheme import Scheme
-from brightgrey.export.tools import ExportError, MissingToolError, library, program, run
-from brightgrey.export.trial import Trial
+from brightgrey.export.expressions.languages import number
+from brightgrey.export.external_tools import ExportError, MissingToolError, library, program, run
+from brightgrey.export.numeric_model import Scheme
+from brightgrey.export.registry import Exporter, Verified
+from brightgrey.export.targets.c99 import NAME, engine, filled, sources
+from brightgrey.export.verification import Trial
 from brightgrey.recordings.units.parser import parse_unit
 
 __all__ = ["EXPORTER"]

@@ -1,0 +1,1 @@
+"""Effect laws as expressions, and their text in other languages."""

@@ -1,0 +1,1 @@
+"""The identified model as data."""
