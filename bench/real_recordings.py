@@ -21,7 +21,7 @@ import numpy as np
 from brightgrey import Recording, Result, identify, read_recording
 from brightgrey.estimation import scales, settings_for
 from brightgrey.kit import Structure
-from brightgrey.report.numbers import significant, with_uncertainty
+from brightgrey.report.quantities.number_format import significant, with_uncertainty
 from brightgrey.runs.blas import settle
 from brightgrey.search import Identification
 from brightgrey.search.survey import candidates, survey

@@ -1,7 +1,7 @@
 """Sphinx: strict, with examples that are executed when the pages are built."""
 
 from brightgrey import __version__
-from brightgrey.report.catalogue import catalogue
+from brightgrey.report.effect_catalogue import catalogue
 
 project = "brightgrey"
 author = "the brightgrey developers"

@@ -76,7 +76,7 @@ def test_command_line_and_documentation_list_it(extended):
         "dimension": 0,
         "about": "drag coefficient",
     }
-    page = extended("-c", "from brightgrey.report.catalogue import catalogue; print(catalogue())")
+    page = extended("-c", "from brightgrey.report.effect_catalogue import catalogue; print(catalogue())")
     assert "## 12 · Drag" in page
     assert "| `k_D` | N m s²/rad² | N s²/m² | drag coefficient (positive) |" in page
     assert "file" not in page

@@ -10,7 +10,7 @@ import pytest
 import brightgrey
 from brightgrey.cli import main
 from brightgrey.effects import registry
-from brightgrey.report.catalogue import catalogue
+from brightgrey.report.effect_catalogue import catalogue
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted(DOCS.glob("*.md"))

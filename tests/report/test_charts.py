@@ -15,17 +15,17 @@ from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.kit import assemble
 from brightgrey.model.ranking import Row, front
 from brightgrey.model.trace import Trace
-from brightgrey.report.chart import MOST_POINTS
+from brightgrey.report.charts.backlash import gap_charts, loop
+from brightgrey.report.charts.chart import MOST_POINTS
+from brightgrey.report.charts.comparison import ALL_POINTS, comparisons, correlations
+from brightgrey.report.charts.frequency_response import linearised, measured_response, response_chart
+from brightgrey.report.charts.friction import friction_charts
+from brightgrey.report.charts.search_progress import ancestors, front_chart, history_chart
 from brightgrey.report.content import Content
-from brightgrey.report.figure import draw, picture
-from brightgrey.report.frequency import linearised, measured_response, response_chart
-from brightgrey.report.friction import friction_charts
-from brightgrey.report.gap import gap_charts, loop
-from brightgrey.report.interactive import plot, script
-from brightgrey.report.motion import ALL_POINTS, comparisons, correlations
+from brightgrey.report.drawing.matplotlib_figure import draw, picture
+from brightgrey.report.drawing.plotly_figure import plot, script
+from brightgrey.report.drawing.svg import family, range_bar, tree
 from brightgrey.report.page import page
-from brightgrey.report.progress import ancestors, front_chart, history_chart
-from brightgrey.report.svg import family, range_bar, tree
 from brightgrey.search.genetic import Node, Run
 from brightgrey.simulation import response
 

@@ -9,7 +9,15 @@ import pytest
 
 from brightgrey.model.trace import Trace
 from brightgrey.recordings import Signal
-from brightgrey.report.figure import MEASURED, MOST_POINTS, RESIDUAL, SIMULATED, comparison, picture, thin
+from brightgrey.report.drawing.matplotlib_figure import (
+    MEASURED,
+    MOST_POINTS,
+    RESIDUAL,
+    SIMULATED,
+    comparison,
+    picture,
+    thin,
+)
 
 TORQUE = Signal("torque", "input", "N m")
 OUTPUTS = (Signal("q $_1$", "position", "mm"), Signal("v", "velocity-differenced", "mm/s"))

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from brightgrey.report.numbers import significant, with_uncertainty
+from brightgrey.report.quantities.number_format import significant, with_uncertainty
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from brightgrey.model.trace import Trace
 from brightgrey.recordings import Signal
 from brightgrey.report.content import Content
 from brightgrey.report.page import page
-from brightgrey.report.sheet import sheet
-from brightgrey.report.tables import parameter_rows, remarks, verdict
+from brightgrey.report.text.commissioning_sheet import sheet
+from brightgrey.report.text.tables import parameter_rows, remarks, verdict
 from brightgrey.search.evidence import Card, Evidence
 
 DOC = Path(__file__).parents[2] / "docs" / "model-json.md"

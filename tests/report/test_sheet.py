@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from report_drives import TOP, VALUES, independent, model_of
 
-from brightgrey.report.sheet import sheet
-from brightgrey.report.spread import draws, intervals
+from brightgrey.report.quantities.propagation import draws, intervals
+from brightgrey.report.text.commissioning_sheet import sheet
 
 
 def entries(model, correlation=None):

@@ -3,8 +3,8 @@
 import itertools
 
 from brightgrey.kit import Placed
-from brightgrey.report.figure import picture
-from brightgrey.report.trees import positions, trees
+from brightgrey.report.drawing.matplotlib_figure import picture
+from brightgrey.report.drawing.trees import positions, trees
 from brightgrey.search.genetic import Node
 
 

@@ -61,9 +61,9 @@ class Reproduction:
 
     def figures(self) -> dict[str, bytes]:
         """Figures that correspond to the paper's 6 to 9, of the first seed, as PNG by file name."""
-        from brightgrey.report.figure import picture
-        from brightgrey.report.population import outputs
-        from brightgrey.report.trees import trees
+        from brightgrey.paper.figures import outputs
+        from brightgrey.report.drawing.matplotlib_figure import picture
+        from brightgrey.report.drawing.trees import trees
 
         first, later = self.runs[0].generation(0), self.runs[0].generation(self.later)
         recording = self.task.recordings[0]

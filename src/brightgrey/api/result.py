@@ -134,7 +134,7 @@ class Result:
         SettingsError
             If this result has no such figure; the message names those it has.
         """
-        from brightgrey.report.figure import draw
+        from brightgrey.report.drawing.matplotlib_figure import draw
 
         drawn = self.content.charts
         if what not in drawn:
@@ -164,7 +164,7 @@ class Result:
 
     def contents(self) -> dict[str, bytes]:
         """Contents of the files that :meth:`write` writes, by name."""
-        from brightgrey.report.figure import picture
+        from brightgrey.report.drawing.matplotlib_figure import picture
         from brightgrey.report.page import page
 
         return {

@@ -48,7 +48,7 @@ class Simulation:
 
     def plot(self) -> Figure:
         """Measured against simulated, residual below."""
-        from brightgrey.report.figure import comparison
+        from brightgrey.report.drawing.matplotlib_figure import comparison
 
         return comparison([self.trace])
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from brightgrey.api.reproduction import Reproduction
     from brightgrey.api.runs import Kept
     from brightgrey.model.ranking import Row
-    from brightgrey.report.tables import FitRow
+    from brightgrey.report.text.tables import FitRow
     from brightgrey.search.evidence import Evidence
 
 __all__ = [
@@ -98,7 +98,7 @@ def result(found: Result, folder: Path, *, quiet: bool, json: bool) -> None:
 
 
 def _result(console: Console, found: Result, folder: Path) -> None:
-    from brightgrey.report.tables import FIXED, fit_rows, parameter_rows, remarks, sentence
+    from brightgrey.report.text.tables import FIXED, fit_rows, parameter_rows, remarks, sentence
 
     console.print(Text(str(found.model.structure), style="bold"))
     table = plain_table("parameter", "estimate >", "unit")
@@ -128,7 +128,7 @@ def simulation(done: Simulation, file: Path | None, *, quiet: bool, json: bool) 
     if json:
         as_json({name: fit.model_dump() for name, fit in done.fit.items()})
         return
-    from brightgrey.report.tables import fit_row
+    from brightgrey.report.text.tables import fit_row
 
     console = screen()
     console.print(Text(f"{done.model.structure} on {done.trace.name}", style="bold"))

@@ -10,12 +10,12 @@ from typing import Any
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
 from brightgrey.model.trace import Trace
-from brightgrey.report.chart import Chart
-from brightgrey.report.frequency import response_chart
-from brightgrey.report.friction import friction_charts
-from brightgrey.report.gap import gap_charts
-from brightgrey.report.motion import comparisons, correlations
-from brightgrey.report.progress import front_chart, history_chart
+from brightgrey.report.charts.backlash import gap_charts
+from brightgrey.report.charts.chart import Chart
+from brightgrey.report.charts.comparison import comparisons, correlations
+from brightgrey.report.charts.frequency_response import response_chart
+from brightgrey.report.charts.friction import friction_charts
+from brightgrey.report.charts.search_progress import front_chart, history_chart
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import Run
 

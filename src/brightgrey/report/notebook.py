@@ -6,8 +6,8 @@ import html
 
 from brightgrey.notebook_html import table
 from brightgrey.report.content import Content
-from brightgrey.report.figure import draw, picture
-from brightgrey.report.tables import fit_rows, parameter_rows, remarks, verdict
+from brightgrey.report.drawing.matplotlib_figure import draw, picture
+from brightgrey.report.text.tables import fit_rows, parameter_rows, remarks, verdict
 
 __all__ = ["result_html"]
 

@@ -12,12 +12,12 @@ from markupsafe import Markup, escape
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
 from brightgrey.report import svg
+from brightgrey.report.command import command
 from brightgrey.report.content import Content
-from brightgrey.report.interactive import library, plot, script
-from brightgrey.report.numbers import significant
-from brightgrey.report.request import command
-from brightgrey.report.sheet import sheet
-from brightgrey.report.tables import fit_rows, parameter_rows, remarks, verdict
+from brightgrey.report.drawing.plotly_figure import library, plot, script
+from brightgrey.report.quantities.number_format import significant
+from brightgrey.report.text.commissioning_sheet import sheet
+from brightgrey.report.text.tables import fit_rows, parameter_rows, remarks, verdict
 from brightgrey.search.genetic import Run
 
 __all__ = ["page"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from brightgrey.model.model import Model
 from brightgrey.model.schema import OutputFitPart
-from brightgrey.report.numbers import significant, with_uncertainty
+from brightgrey.report.quantities.number_format import significant, with_uncertainty
 
 __all__ = [
     "FitRow",

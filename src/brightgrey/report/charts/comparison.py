@@ -8,7 +8,7 @@ import numpy as np
 
 from brightgrey.estimation.noise.residual_analysis import LAGS, residual_analysis
 from brightgrey.model.trace import Trace
-from brightgrey.report.chart import MOST_POINTS, Chart, Line, Panel, thin
+from brightgrey.report.charts.chart import MOST_POINTS, Chart, Line, Panel, thin
 
 __all__ = ["comparisons", "correlations", "quantity"]
 

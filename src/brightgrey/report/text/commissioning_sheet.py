@@ -12,12 +12,12 @@ from brightgrey.effects import Dimension
 from brightgrey.kit import assemble
 from brightgrey.model.model import SPEED, Model
 from brightgrey.recordings.units.parser import parse_unit
-from brightgrey.report.frequency import linearised
-from brightgrey.report.friction import TORQUE, friction_at, friction_of
-from brightgrey.report.gap import MOTION
-from brightgrey.report.numbers import significant, with_uncertainty
-from brightgrey.report.spread import Correlation, intervals
-from brightgrey.report.tables import interval_text
+from brightgrey.report.charts.backlash import MOTION
+from brightgrey.report.charts.frequency_response import linearised
+from brightgrey.report.charts.friction import TORQUE, friction_at, friction_of
+from brightgrey.report.quantities.number_format import significant, with_uncertainty
+from brightgrey.report.quantities.propagation import Correlation, intervals
+from brightgrey.report.text.tables import interval_text
 
 __all__ = ["Entry", "sheet"]
 

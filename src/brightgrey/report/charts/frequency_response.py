@@ -14,8 +14,8 @@ from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
 from brightgrey.model.model import SPEED, Model
 from brightgrey.model.trace import Trace
-from brightgrey.report.chart import Chart, Line, Mark, Panel
-from brightgrey.report.numbers import significant
+from brightgrey.report.charts.chart import Chart, Line, Mark, Panel
+from brightgrey.report.quantities.number_format import significant
 
 __all__ = ["Measured", "linearised", "measured_response", "response_chart"]
 

@@ -10,8 +10,8 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from brightgrey.model.trace import Trace
-from brightgrey.report.chart import MOST_POINTS, Chart, Line, Panel, thin
-from brightgrey.report.motion import comparisons, quantity
+from brightgrey.report.charts.chart import MOST_POINTS, Chart, Line, Panel, thin
+from brightgrey.report.charts.comparison import comparisons, quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

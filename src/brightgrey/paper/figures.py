@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from brightgrey.recordings import Recording
-from brightgrey.report.figure import STYLE, quantity, thin
+from brightgrey.report.drawing.matplotlib_figure import STYLE, quantity, thin
 
 __all__ = ["outputs"]
 

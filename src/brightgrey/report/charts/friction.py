@@ -9,8 +9,8 @@ from brightgrey.effects import Element
 from brightgrey.effects.declaration import Dimension
 from brightgrey.kit import StateSpace, assemble
 from brightgrey.model.model import SPEED, Model
-from brightgrey.report.chart import Chart, Line, Panel
-from brightgrey.report.spread import Correlation, draws
+from brightgrey.report.charts.chart import Chart, Line, Panel
+from brightgrey.report.quantities.propagation import Correlation, draws
 
 __all__ = ["TORQUE", "friction_at", "friction_charts", "friction_of"]
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.report.chart import Chart, Line, Panel
+from brightgrey.report.charts.chart import Chart, Line, Panel
 
 __all__ = ["library", "plot", "script"]
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from brightgrey.model.schema import ParameterPart
-from brightgrey.report.progress import ancestors, parents
-from brightgrey.report.trees import edges, positions
+from brightgrey.report.charts.search_progress import ancestors, parents
+from brightgrey.report.drawing.trees import edges, positions
 from brightgrey.search.genetic import Evaluation, Node, Run
 
 __all__ = ["family", "range_bar", "tree"]

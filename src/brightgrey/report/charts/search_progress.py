@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from brightgrey.model.ranking import Row, front
-from brightgrey.report.chart import Chart, Line, Panel
+from brightgrey.report.charts.chart import Chart, Line, Panel
 from brightgrey.search.genetic import Evaluation, Run
 
 __all__ = ["ancestors", "front_chart", "history_chart", "parents"]

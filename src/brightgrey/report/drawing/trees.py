@@ -9,7 +9,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from brightgrey.effects import registry
-from brightgrey.report.figure import STYLE
+from brightgrey.report.drawing.matplotlib_figure import STYLE
 from brightgrey.search.genetic import Node
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from brightgrey.effects.declaration import Dimension
 from brightgrey.kit import StateSpace, assemble
 from brightgrey.model.model import Model
 from brightgrey.model.trace import Trace
-from brightgrey.report.chart import Chart, Line, Mark, Panel, thin
-from brightgrey.report.friction import TORQUE
+from brightgrey.report.charts.chart import Chart, Line, Mark, Panel, thin
+from brightgrey.report.charts.friction import TORQUE
 from brightgrey.simulation import response
 
 __all__ = ["gap_charts", "loop"]
