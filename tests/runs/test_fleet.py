@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_runs import STRUCTURE, VALUES, call, recording_csv
 
-from brightgrey.api.manifest import read_manifest
+from brightgrey.api.fleet.manifest import read_manifest
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 

@@ -9,7 +9,7 @@ import pytest
 from small_runs import results
 
 from brightgrey.api import read_recording
-from brightgrey.api.runs import identify_into
+from brightgrey.api.resumable import identify_into
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.runs import RunError, Workforce

@@ -11,9 +11,9 @@ import numpy as np
 
 from brightgrey import __version__, estimation
 from brightgrey.api.differences import differences
-from brightgrey.api.request import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
 from brightgrey.api.result import Result
-from brightgrey.api.searching import Found, Wish, find
+from brightgrey.api.structure_search import Found, Wish, find
+from brightgrey.api.to_si import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.optimisation.pattern_fit import check_estimator

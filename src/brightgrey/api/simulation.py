@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from brightgrey import estimation
-from brightgrey.api.request import listed
+from brightgrey.api.to_si import listed
 from brightgrey.errors import RecordingError
 from brightgrey.model.model import Model
 from brightgrey.model.schema import OutputFitPart

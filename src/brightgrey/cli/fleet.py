@@ -28,7 +28,7 @@ from brightgrey.cli.options import (
 from brightgrey.errors import SettingsError
 
 if TYPE_CHECKING:
-    from brightgrey.api.fleet import Fleet, Member
+    from brightgrey.api.fleet.fleet import Fleet, Member
     from brightgrey.recordings import Recording
 
 __all__ = ["fleet"]
@@ -83,7 +83,7 @@ def fleet(
     before the options here. A recording that cannot be used stops nothing; the same command goes on after an
     interruption. Budgets are those of each axis.
     """
-    from brightgrey.api.manifest import read_manifest
+    from brightgrey.api.fleet.manifest import read_manifest
     from brightgrey.cli import show
     from brightgrey.model.files import check_folder
 
@@ -105,7 +105,7 @@ def fleet(
             "hold": hold,
         }
     )
-    from brightgrey.api.fleet import fleet as run
+    from brightgrey.api.fleet.fleet import fleet as run
     from brightgrey.cli.stopping import signals
     from brightgrey.estimation.problem.initial_state import check_initial
     from brightgrey.runs import Budget, Workforce

@@ -204,7 +204,7 @@ def identify(
     )
     held = check_hold(hold)
     from brightgrey import api
-    from brightgrey.api.runs import identify_into
+    from brightgrey.api.resumable import identify_into
     from brightgrey.cli.stopping import signals
     from brightgrey.estimation.optimisation.pattern_fit import check_estimator
     from brightgrey.estimation.problem.initial_state import check_initial

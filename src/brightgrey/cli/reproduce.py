@@ -56,7 +56,7 @@ def reproduce(
     from brightgrey.model.files import check_folder
 
     check_folder(out)
-    from brightgrey.api.reproduction import reproduce as repeat
+    from brightgrey.paper.reproduction import reproduce as repeat
 
     with live.steps("reference drive", silent=quiet or json) as display:
         done = repeat(

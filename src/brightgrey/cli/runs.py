@@ -19,7 +19,7 @@ def runs(
     """List the runs in a folder: what was asked for, whether it is finished, how much is done, the best so far."""
     from rich.text import Text
 
-    from brightgrey.api.runs import found_in
+    from brightgrey.api.resumable import found_in
     from brightgrey.cli.show import as_json, plain_table, screen
     from brightgrey.runs import Glance
 

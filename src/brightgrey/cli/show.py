@@ -20,9 +20,9 @@ from rich.text import Text
 if TYPE_CHECKING:
     from brightgrey.api import Result, Simulation
     from brightgrey.api.differences import Difference
-    from brightgrey.api.reproduction import Reproduction
-    from brightgrey.api.runs import Kept
+    from brightgrey.api.resumable import Kept
     from brightgrey.model.ranking import Row
+    from brightgrey.paper.reproduction import Reproduction
     from brightgrey.report.text.tables import FitRow
     from brightgrey.search.evidence import Evidence
 

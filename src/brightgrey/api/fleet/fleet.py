@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from brightgrey.api.manifest import Axis
+from brightgrey.api.fleet.manifest import Axis
 from brightgrey.api.result import Result
-from brightgrey.api.runs import identify_into
+from brightgrey.api.resumable import identify_into
 from brightgrey.errors import BrightgreyError
 from brightgrey.kit import function_set
 from brightgrey.model.files import check_folder, write_file
@@ -132,7 +132,7 @@ def fleet(
         ``read(path, options of the axis)`` gives a recording.
     structure : str, optional
     executor, budget, stop, restart
-        See :func:`brightgrey.api.runs.identify_into`; the budget is that of each axis.
+        See :func:`brightgrey.api.resumable.identify_into`; the budget is that of each axis.
     done : callable
         Called with every axis that has come to its end.
     printed : callable

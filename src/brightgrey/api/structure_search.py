@@ -9,7 +9,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from brightgrey.api.request import Range, bounds_si, f_tanh_si, fixed_si
+from brightgrey.api.to_si import Range, bounds_si, f_tanh_si, fixed_si
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import scales, settings_for
 from brightgrey.kit import Structure, function_set

@@ -1,0 +1,1 @@
+"""Identification of many axes, and comparison of each with its siblings."""
