@@ -34,7 +34,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.paper.experiment import reference_recording, task_of
 from brightgrey.paper.repetitions import Repetition, repetition, repetitions_csv, run, summary, wilson
-from brightgrey.runs.blas import settle
+from brightgrey.runs.blas_threads import settle
 from brightgrey.search import estimator
 from brightgrey.search.criteria import Misfit, criterion
 from brightgrey.search.fits import Fits

@@ -23,7 +23,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
-from brightgrey.runs.blas import settle
+from brightgrey.runs.blas_threads import settle
 from brightgrey.simulation.reference import UnsettledError, reference
 
 ENOUGH = 1.02

@@ -28,7 +28,7 @@ from brightgrey.estimation.problem.parameter_space import Search, search_space
 from brightgrey.estimation.problem.simulation_error import Problem
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
-from brightgrey.runs.blas import settle
+from brightgrey.runs.blas_threads import settle
 from brightgrey.simulation import Settings
 
 ENOUGH = 1.02

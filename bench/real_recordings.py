@@ -22,7 +22,7 @@ from brightgrey import Recording, Result, identify, read_recording
 from brightgrey.estimation import scales, settings_for
 from brightgrey.kit import Structure
 from brightgrey.report.quantities.number_format import significant, with_uncertainty
-from brightgrey.runs.blas import settle
+from brightgrey.runs.blas_threads import settle
 from brightgrey.search import Identification
 from brightgrey.search.survey import candidates, survey
 

@@ -36,7 +36,7 @@ from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure
 from brightgrey.paper.repetitions import wilson
 from brightgrey.recordings import Recording, Signal
-from brightgrey.runs.blas import settle
+from brightgrey.runs.blas_threads import settle
 from brightgrey.search.evidence import Evidence, has, weigh
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted

@@ -23,7 +23,7 @@ from brightgrey.api import read_recording
 from brightgrey.estimation import scales, settings_for
 from brightgrey.excitation import demo_recording
 from brightgrey.runs import Memory, Store, Workforce
-from brightgrey.runs.blas import one_blas_thread
+from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search import Identification
 from brightgrey.search.survey import candidates, survey
 

@@ -11,7 +11,7 @@ from small_runs import call
 
 from brightgrey.errors import BrightgreyError
 from brightgrey.runs import RunError, Store
-from brightgrey.runs.codec import text_of, value_of
+from brightgrey.runs.serialisation import text_of, value_of
 from brightgrey.runs.store import FILE
 
 REQUEST = {"recording": "a", "seed": 0}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from brightgrey.runs.siblings import CHANCE, compare
+from brightgrey.api.fleet.outliers import CHANCE, compare
 
 FAMILIES = 30
 

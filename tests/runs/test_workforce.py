@@ -111,6 +111,6 @@ def test_wrong_workforces_are_refused():
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_is_not_there_is_named(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("brightgrey.runs.workforce._PATIENCE", 1)
+    monkeypatch.setattr("brightgrey.runs.executors._PATIENCE", 1)
     with pytest.raises(RunError, match=r"127\.0\.0\.1:9"), Workforce(dask="127.0.0.1:9").executor():
         pass

@@ -26,7 +26,7 @@ from brightgrey.model.ranking import Row
 from brightgrey.model.schema import CriterionPart
 from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Recording
-from brightgrey.runs.blas import one_blas_thread
+from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search.genetic import GeneticSettings, Progress
 from brightgrey.search.survey import Stage
 

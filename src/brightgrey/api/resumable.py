@@ -23,7 +23,7 @@ from brightgrey.model.files import check_folder, write_files
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 from brightgrey.runs import Budget, Glance, Memory, RunError, Stop, Store, glance
-from brightgrey.runs.codec import canonical, code, digest
+from brightgrey.runs.serialisation import canonical, code, digest
 from brightgrey.runs.store import FILE
 from brightgrey.search.genetic import GeneticSettings, Progress
 from brightgrey.search.parallel import Stopped, pool

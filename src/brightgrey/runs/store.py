@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from brightgrey.errors import BrightgreyError
-from brightgrey.runs.codec import canonical, digest
+from brightgrey.runs.serialisation import canonical, digest
 
 __all__ = ["FILE", "LOCK", "RunError", "Store", "checked", "connect", "damaged", "held"]
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from brightgrey.api.fleet.manifest import Axis
+from brightgrey.api.fleet.outliers import Compared, compare
 from brightgrey.api.result import Result
 from brightgrey.api.resumable import identify_into
 from brightgrey.errors import BrightgreyError
@@ -23,7 +24,6 @@ from brightgrey.model.files import check_folder, write_file
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 from brightgrey.runs import Budget, Stop
-from brightgrey.runs.siblings import Compared, compare
 from brightgrey.runs.store import held
 
 __all__ = ["SUMMARY", "Fleet", "Member", "fleet"]

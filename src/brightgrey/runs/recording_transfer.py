@@ -10,8 +10,8 @@ from concurrent.futures import CancelledError, Executor, Future
 from typing import Any
 
 from brightgrey.recordings import Recording
-from brightgrey.runs.blas import settle
-from brightgrey.runs.codec import code
+from brightgrey.runs.blas_threads import settle
+from brightgrey.runs.serialisation import code
 
 __all__ = ["Parcels"]
 

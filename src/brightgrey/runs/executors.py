@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from brightgrey.errors import SettingsError
-from brightgrey.runs.parcel import Parcels
+from brightgrey.runs.recording_transfer import Parcels
 from brightgrey.runs.store import RunError
 
 __all__ = ["Workforce"]

@@ -16,7 +16,7 @@ from typing import Any
 
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Structure
-from brightgrey.runs.codec import call_text, digest, name_of, text_of, value_of
+from brightgrey.runs.serialisation import call_text, digest, name_of, text_of, value_of
 from brightgrey.runs.store import RunError, Store
 from brightgrey.search.parallel import Stopped
 
