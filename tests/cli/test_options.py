@@ -2,7 +2,7 @@
 
 import pytest
 
-from brightgrey.cli.options import bounds
+from brightgrey.cli.options.common import bounds
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from brightgrey.api import identify
-from brightgrey.cli.show import result as show
+from brightgrey.cli.terminal.results import result as show
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation.reference import reference
 

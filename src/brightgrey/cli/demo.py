@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from brightgrey.cli.options import CORES, Json, Quiet, Seed, Workers
-from brightgrey.cli.request import given
+from brightgrey.cli.options.common import CORES, Json, Quiet, Seed, Workers
+from brightgrey.cli.options.given_command import given
 
 __all__ = ["demo"]
 

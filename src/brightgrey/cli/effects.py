@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from brightgrey.cli.options import Json
+from brightgrey.cli.options.common import Json
 
 __all__ = ["effects"]
 

@@ -10,7 +10,7 @@ import typer
 
 from brightgrey.cli import identify as one
 from brightgrey.cli import options
-from brightgrey.cli.options import (
+from brightgrey.cli.options.common import (
     CORES,
     Dask,
     Json,
@@ -106,7 +106,7 @@ def fleet(
         }
     )
     from brightgrey.api.fleet.fleet import fleet as run
-    from brightgrey.cli.stopping import signals
+    from brightgrey.cli.terminal.signals import signals
     from brightgrey.estimation.problem.initial_state import check_initial
     from brightgrey.runs import Budget, Workforce
 
@@ -167,7 +167,7 @@ def _reader(given: Mapping[str, Any]) -> Callable[[Path, Mapping[str, Any]], Rec
 
 def _teller(count: int, *, silent: bool) -> Callable[[Member], None]:
     """Says on a terminal's stderr which axis is done."""
-    from brightgrey.cli.show import screen
+    from brightgrey.cli.terminal.results import screen
 
     console, number = screen(stderr=True), 0
 
@@ -182,7 +182,7 @@ def _teller(count: int, *, silent: bool) -> Callable[[Member], None]:
 
 
 def _show(found: Fleet, folder: Path, *, quiet: bool, json: bool) -> None:
-    from brightgrey.cli.show import as_json, plain_table, screen
+    from brightgrey.cli.terminal.results import as_json, plain_table, screen
 
     rows = [
         {

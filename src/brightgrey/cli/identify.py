@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from brightgrey.cli import genetic, options
-from brightgrey.cli.options import (
+from brightgrey.cli.options.common import (
     CORES,
     Dask,
     Json,
@@ -25,7 +25,7 @@ from brightgrey.cli.options import (
     Unit,
     Workers,
 )
-from brightgrey.cli.request import given
+from brightgrey.cli.options.given_command import given
 from brightgrey.errors import SettingsError, unknown_name
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ def identify(
     held = check_hold(hold)
     from brightgrey import api
     from brightgrey.api.resumable import identify_into
-    from brightgrey.cli.stopping import signals
+    from brightgrey.cli.terminal.signals import signals
     from brightgrey.estimation.optimisation.pattern_fit import check_estimator
     from brightgrey.estimation.problem.initial_state import check_initial
     from brightgrey.runs import Budget, Workforce

@@ -12,6 +12,7 @@ from typing import Annotated, cast
 import typer
 
 from brightgrey import __version__
+from brightgrey.cli.control import analyse, control, watch
 from brightgrey.cli.demo import demo
 from brightgrey.cli.effects import effects
 from brightgrey.cli.export import export
@@ -20,7 +21,6 @@ from brightgrey.cli.identify import identify
 from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.runs import runs
 from brightgrey.cli.simulate import simulate
-from brightgrey.cli.work import analyse, control, watch
 from brightgrey.errors import BrightgreyError
 
 __all__ = ["app", "main"]

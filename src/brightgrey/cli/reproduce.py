@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from brightgrey.cli import genetic
-from brightgrey.cli.options import CORES, Json, Quiet, Seed, Workers
+from brightgrey.cli.options.common import CORES, Json, Quiet, Seed, Workers
 
 __all__ = ["reproduce"]
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from brightgrey.cli.options import Json
+from brightgrey.cli.options.common import Json
 
 __all__ = ["runs"]
 
@@ -20,7 +20,7 @@ def runs(
     from rich.text import Text
 
     from brightgrey.api.resumable import found_in
-    from brightgrey.cli.show import as_json, plain_table, screen
+    from brightgrey.cli.terminal.results import as_json, plain_table, screen
     from brightgrey.runs import Glance
 
     found = found_in(folder)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from brightgrey.cli.options import Json, Quiet, Step, Time, Unit, units
+from brightgrey.cli.options.common import Json, Quiet, Step, Time, Unit, units
 
 __all__ = ["simulate"]
 

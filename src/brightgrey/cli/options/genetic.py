@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from brightgrey.cli.options import number, pairs
+from brightgrey.cli.options.common import number, pairs
 
 if TYPE_CHECKING:
     from brightgrey.search.genetic import GeneticSettings

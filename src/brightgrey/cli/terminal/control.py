@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.text import Text
 
-from brightgrey.cli.show import as_json, plain_table, screen
+from brightgrey.cli.terminal.results import as_json, plain_table, screen
 
 if TYPE_CHECKING:
     from brightgrey.api.control import Design, Watch
