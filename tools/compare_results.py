@@ -172,7 +172,7 @@ def compare(before: Path, after: Path, rtol: float, words: bool) -> int:
             worst = max(numbers, key=lambda k: numbers[k])
             print(
                 f"{file}: {len(numbers)} of {len(old)} numbers differ, at most by {numbers[worst]:.2g} ({worst}: {old[worst]} was, {new[worst]} is)"
-            )  # noqa: E501
+            )
         if missing:
             print(f"{file}: {len(missing)} entries stand on one side only, such as {missing[:4]}")
         if text:

@@ -8,7 +8,6 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from report_drives import independent, model_of, trace_of
 from test_charts import small_run
 
 from brightgrey import api
@@ -17,6 +16,7 @@ from brightgrey.model.schema import TiesPart
 from brightgrey.report.content import Content
 from brightgrey.report.page import page
 from brightgrey.search.evidence import Card, Evidence
+from support.report_models import independent, model_of, trace_of
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 CARDS = (Card("coulomb", "needed", 0.4, None, "why"), Card("delay", "not decidable", None, 0.0, "why not"))

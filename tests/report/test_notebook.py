@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from report_drives import DT, independent, model_of, trace_of
 from test_page import read
 
 from brightgrey import Recording, Result
 from brightgrey.errors import SettingsError
 from brightgrey.notebook_html import sparkline, table
 from brightgrey.recordings import Signal
+from support.report_models import DT, independent, model_of, trace_of
 
 
 @pytest.fixture(scope="module")

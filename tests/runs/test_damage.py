@@ -7,12 +7,12 @@ import subprocess
 import sys
 
 import pytest
-from small_runs import call
 
 from brightgrey.errors import BrightgreyError
 from brightgrey.runs import RunError, Store
 from brightgrey.runs.serialisation import text_of, value_of
 from brightgrey.runs.store import FILE
+from support.small_runs import call
 
 REQUEST = {"recording": "a", "seed": 0}
 PAGE = 4096

@@ -8,10 +8,10 @@ import time
 from functools import partial
 
 import pytest
-from small_runs import call, results, start
 
 from brightgrey.runs import glance
 from brightgrey.runs.store import FILE
+from support.small_runs import call, results, start
 
 MOST = 60.0  # s until a test has failed
 

@@ -182,7 +182,7 @@ def test_methods_agree_on_every_structure(part):
 
 def test_implicit_solver_agrees_on_a_stiff_drive():
     """Radau against both: a light motor whose friction is as steep as 6e4 1/s."""
-    from brightgrey.simulation.reference import events
+    from brightgrey.simulation.reference import adaptive as events
     from brightgrey.simulation.reference.plant import cut
 
     name = "two_mass+coulomb+stribeck"

@@ -38,7 +38,7 @@ def analyse(
     Poles in 1/s, margins for a controller in SI units of the model.
     """
     coefficients = _controller(controller) if controller else None
-    from brightgrey.cli import show_work
+    from brightgrey.cli.terminal import control as show_work
     from brightgrey.model.model import Model
 
     loaded = Model.load(model)
@@ -67,7 +67,8 @@ def control(
 
     Gains are in SI units: N m, rad (N, m; or the input's unit) and s.
     """
-    from brightgrey.cli import show, show_work
+    from brightgrey.cli.terminal import control as show_work
+    from brightgrey.cli.terminal import results as show
     from brightgrey.model.model import Model
 
     loaded = Model.load(model)
@@ -97,7 +98,8 @@ def watch(
 ) -> None:
     """Look for faults in a new recording: friction or backlash that have grown, a load that has changed."""
     given = units(unit or ())
-    from brightgrey.cli import show, show_work
+    from brightgrey.cli.terminal import control as show_work
+    from brightgrey.cli.terminal import results as show
     from brightgrey.model.model import Model
 
     loaded = Model.load(model)

@@ -26,7 +26,8 @@ def demo(
 
     Writes report.html, model.json, ranking.csv, fit.png and recording.csv to DIR.
     """
-    from brightgrey.cli import live, show
+    from brightgrey.cli.terminal import progress as live
+    from brightgrey.cli.terminal import results as show
     from brightgrey.model.files import check_folder
 
     check_folder(out)

@@ -12,7 +12,7 @@ def effects(json: Json = False) -> None:
 
     Units are those of a rotary drive with torque in N m; those of a result follow from its recording.
     """
-    from brightgrey.cli import show
+    from brightgrey.cli.terminal import results as show
     from brightgrey.effects import registry
     from brightgrey.recordings.units.signals import Units
 

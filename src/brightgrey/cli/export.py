@@ -39,7 +39,7 @@ def export(
     Without a recording both are run on a test input. The exit code is 1 where an export deviates more than it should.
     """
     given = units(unit or ())
-    from brightgrey.cli import show
+    from brightgrey.cli.terminal import results as show
     from brightgrey.export.registry import exporter
     from brightgrey.model.files import check_folder
     from brightgrey.model.model import Model

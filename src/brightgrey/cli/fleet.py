@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from brightgrey.cli import identify as one
-from brightgrey.cli import options
+from brightgrey.cli.options import common as options
 from brightgrey.cli.options.common import (
     CORES,
     Dask,
@@ -84,7 +84,7 @@ def fleet(
     interruption. Budgets are those of each axis.
     """
     from brightgrey.api.fleet.manifest import read_manifest
-    from brightgrey.cli import show
+    from brightgrey.cli.terminal import results as show
     from brightgrey.model.files import check_folder
 
     axes = read_manifest(manifest)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from brightgrey.cli import genetic, options
+from brightgrey.cli.options import common as options
+from brightgrey.cli.options import genetic
 from brightgrey.cli.options.common import (
     CORES,
     Dask,
@@ -182,7 +183,7 @@ def identify(
     """
     ranges, constants = options.bounds(bound or ()), options.fixed(fix or ())
     units, part = options.units(unit or ()), options.window(window)
-    from brightgrey.cli import show
+    from brightgrey.cli.terminal import results as show
     from brightgrey.model.files import check_folder
     from brightgrey.recordings.recording import check_hold
 
@@ -267,7 +268,8 @@ def identify(
 @contextmanager
 def _display(structure: str | None, *, silent: bool) -> Iterator[Callable[[Stage | Progress], None] | None]:
     """Say on the terminal what is going on; gives what a search reports its steps to."""
-    from brightgrey.cli import live, show
+    from brightgrey.cli.terminal import progress as live
+    from brightgrey.cli.terminal import results as show
 
     if structure is not None:
         with show.working(f"estimating the parameters of {structure}", silent=silent):

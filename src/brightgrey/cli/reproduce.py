@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from brightgrey.cli import genetic
+from brightgrey.cli.options import genetic
 from brightgrey.cli.options.common import CORES, Json, Quiet, Seed, Workers
 
 __all__ = ["reproduce"]
@@ -52,7 +52,8 @@ def reproduce(
         fresh=fresh,
         near=near,
     )
-    from brightgrey.cli import live, show
+    from brightgrey.cli.terminal import progress as live
+    from brightgrey.cli.terminal import results as show
     from brightgrey.model.files import check_folder
 
     check_folder(out)

@@ -30,7 +30,7 @@ def simulate(
     Names, kinds, units and gain of the columns are the model's.
     """
     given = units(unit or ())
-    from brightgrey.cli import show
+    from brightgrey.cli.terminal import results as show
     from brightgrey.model.files import check_file, write_file
     from brightgrey.model.model import Model
 

@@ -89,7 +89,7 @@ class Export:
 
 # Module of this package that defines EXPORTER, by target.
 EXPORTS: Mapping[str, str] = {
-    "c": "c_code",
+    "c": "c99",
     "fmu": "fmu",
     "matlab": "matlab",
     "control": "python_control",
@@ -108,7 +108,7 @@ def exporter(to: str) -> Exporter:
     """
     if to not in EXPORTS:
         raise SettingsError(unknown_name("export", to, EXPORTS))
-    found = importlib.import_module(f"brightgrey.export.{EXPORTS[to]}").EXPORTER
+    found = importlib.import_module(f"brightgrey.export.targets.{EXPORTS[to]}").EXPORTER
     assert isinstance(found, Exporter)
     return found
 

@@ -11,9 +11,9 @@ from markupsafe import Markup, escape
 
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
-from brightgrey.report import svg
 from brightgrey.report.command import command
 from brightgrey.report.content import Content
+from brightgrey.report.drawing import svg
 from brightgrey.report.drawing.plotly_figure import library, plot, script
 from brightgrey.report.quantities.number_format import significant
 from brightgrey.report.text.commissioning_sheet import sheet

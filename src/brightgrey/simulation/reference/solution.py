@@ -10,7 +10,8 @@ import numpy as np
 
 from brightgrey.errors import BrightgreyError, SettingsError, unknown_name
 from brightgrey.kit import Structure
-from brightgrey.simulation.reference import events, fixed
+from brightgrey.simulation.reference import adaptive as events
+from brightgrey.simulation.reference import fixed_step as fixed
 from brightgrey.simulation.reference.plant import Array, Hold, Plant, Trajectory, cut, difference
 
 __all__ = ["Agreement", "Method", "UnsettledError", "agreement", "reference"]

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control_drives import SETTINGS, VALUES, E, recorded, system_of, values_of
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from scipy.stats import chi2
@@ -20,6 +19,7 @@ from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import response
 from brightgrey.simulation.reference import reference
+from support.control_drives import SETTINGS, VALUES, E, recorded, system_of, values_of
 
 FULL = "two_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from control_drives import system_of, values_of
 
 from brightgrey.control.linear.model_differences import Band, band, numbers
 from brightgrey.excitation import PAPER_EXPERIMENT as E
+from support.control_drives import system_of, values_of
 
 SPEED = 0.5 * E.speed
 OVER = Band(0.5, 40.0)

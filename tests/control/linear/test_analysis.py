@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from control_drives import VALUES, system_of
 from numpy.testing import assert_allclose
 
 from brightgrey.control.linear.analysis import analyse, zeros
@@ -13,6 +12,7 @@ from brightgrey.control.linear.twist_coordinates import twisted
 from brightgrey.errors import SettingsError
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Linear, assemble
+from support.control_drives import VALUES, system_of
 
 control = pytest.importorskip("control", reason="python-control is not installed")
 

@@ -4,9 +4,9 @@ import json
 import shutil
 
 import numpy as np
-from small_runs import call, results
 
 from brightgrey.runs import glance
+from support.small_runs import call, results
 
 
 def copied(small, tmp_path, name="exhaustive"):

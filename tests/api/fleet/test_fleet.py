@@ -5,11 +5,11 @@ import json
 
 import numpy as np
 import pytest
-from small_runs import STRUCTURE, VALUES, call, recording_csv
 
 from brightgrey.api.fleet.manifest import read_manifest
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
+from support.small_runs import STRUCTURE, VALUES, call, recording_csv
 
 SPREAD = 0.03  # of the siblings' parameters
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from brightgrey.excitation import plants
+from brightgrey.excitation import random_drives as plants
 from brightgrey.kit import PAPER
 
 EVERYTHING = PAPER.parse("four_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay")

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from control_drives import SETTINGS, system_of
 from numpy.testing import assert_allclose
 
 from brightgrey.control.design.closed_loop import closed_loop, standstill
@@ -17,6 +16,7 @@ from brightgrey.control.linear.twist_coordinates import twisted
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import Limits, reversing
 from brightgrey.kit import Linear
+from support.control_drives import SETTINGS, system_of
 
 DT = 1e-3
 NOISE = Noise(0.4, np.array([0.04]))

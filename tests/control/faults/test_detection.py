@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control_drives import SETTINGS, recorded, values_of
 
 from brightgrey.control.faults.detection import Case, faults, groups
 from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.effects import registry
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Structure
+from support.control_drives import SETTINGS, recorded, values_of
 
 PLAIN = "two_mass+coulomb+viscous"
 GAP = "two_mass+coulomb+viscous+backlash"

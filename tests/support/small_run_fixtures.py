@@ -3,9 +3,9 @@
 from types import SimpleNamespace
 
 import pytest
-from small_runs import call, recording_csv, results
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
+from support.small_runs import call, recording_csv, results
 
 
 @pytest.fixture(scope="session")

@@ -6,13 +6,13 @@ import signal
 
 import numpy as np
 import pytest
-from small_runs import results
 
 from brightgrey.api import read_recording
 from brightgrey.api.resumable import identify_into
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.runs import RunError, Workforce
+from support.small_runs import results
 
 EXCLUDE = ("two_mass", "current_control")
 
@@ -77,7 +77,7 @@ def test_a_process_that_dies_is_told_and_the_run_goes_on(small, whole, tmp_path)
 def test_a_recording_travels_once_per_worker(small):
     from concurrent.futures import Executor, Future
 
-    from brightgrey.runs import parcel
+    from brightgrey.runs import recording_transfer as parcel
 
     sent = []
 

@@ -10,20 +10,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drives import drawn, model, random_models, random_structures
 from scipy.io import loadmat
 
 from brightgrey.cli import main
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.export import exporter as exporting
-from brightgrey.export import modelica, tools
+from brightgrey.export import external_tools as tools
+from brightgrey.export import registry as exporting
 from brightgrey.export.numeric_model import scheme_of
 from brightgrey.export.registry import EXPORTS, export, exporter
+from brightgrey.export.targets import modelica
 from brightgrey.export.verification import deviation, made, native, trial_of
 from brightgrey.model.files import write_files
 from brightgrey.recordings import Recording
 from brightgrey.simulation.plain import plain_response
+from support.export_models import drawn, model, random_models, random_structures
 
 PROGRAMS = {"c": ("gcc",), "fmu": ("gcc",), "matlab": ("octave-cli",), "latex": ("pdflatex",)}
 PACKAGES = {"fmu": "fmpy", "control": "control", "modelica": "rumoca"}
@@ -120,7 +121,7 @@ def test_same_model_same_files(to):
 
 def test_tables_are_those_of_the_plain_twin(tmp_path):
     needs("c")
-    from brightgrey.export import c_code
+    from brightgrey.export.targets import c99 as c_code
 
     scheme = scheme_of(drawn("three_mass+coulomb+stribeck+backlash+delay", 2, kinds=ALL))
     trial = trial_of(scheme)
@@ -133,7 +134,7 @@ def test_tables_are_those_of_the_plain_twin(tmp_path):
 
 def test_c_starts_anywhere_and_needs_no_start(tmp_path):
     needs("c")
-    from brightgrey.export import c_code
+    from brightgrey.export.targets import c99 as c_code
 
     scheme = scheme_of(drawn("two_mass+coulomb+backlash+current_control", 4, kinds=ALL))
     files = c_code.EXPORTER.files(scheme)
@@ -226,7 +227,7 @@ def test_mat_file_has_matrices_parameters_and_settings():
 def test_control_objects(tmp_path):
     needs("control")
     scheme = scheme_of(drawn("two_mass+coulomb+viscous+current_control", 6, kinds=ALL))
-    from brightgrey.export import python_control
+    from brightgrey.export.targets import python_control
 
     space = {}
     exec(python_control.EXPORTER.files(scheme)["drive_control.py"], space)
@@ -280,7 +281,7 @@ def test_missing_package_is_said(tmp_path, monkeypatch):
 
 def test_an_export_that_is_off_is_not_good(tmp_path, monkeypatch):
     needs("c")
-    from brightgrey.export import c_code
+    from brightgrey.export.targets import c99 as c_code
 
     honest = c_code.sources
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from control_drives import SETTINGS, VALUES, system_of
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
@@ -16,6 +15,7 @@ from brightgrey.control.linear.operating_point import piece
 from brightgrey.control.linear.twist_coordinates import twisted
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import Limits, reversing
+from support.control_drives import SETTINGS, VALUES, system_of
 
 DT = 1e-3
 MOTION = reversing(1.5, Limits(20.0, 250.0, 15000.0), dt=DT, samples=400, before=0.02, between=0.02)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from report_drives import TOP, VALUES, independent, model_of
 
 from brightgrey.report.quantities.propagation import draws, intervals
 from brightgrey.report.text.commissioning_sheet import sheet
+from support.report_models import TOP, VALUES, independent, model_of
 
 
 def entries(model, correlation=None):

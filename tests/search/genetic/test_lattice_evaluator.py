@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation import problem
 from brightgrey.estimation.optimisation.multistart import explore
+from brightgrey.estimation.problem import simulation_error as problem
 from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar

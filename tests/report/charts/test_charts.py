@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import plotly.graph_objects as go
 import pytest
-from report_drives import DT, F_TANH, FULL, TOP, VALUES, independent, model_of, trace_of
 from scipy.signal import lfilter
 
 from brightgrey.estimation.problem.simulation_count import Spent
@@ -28,6 +27,7 @@ from brightgrey.report.drawing.svg import family, range_bar, tree
 from brightgrey.report.page import page
 from brightgrey.search.genetic import Node, Run
 from brightgrey.simulation import response
+from support.report_models import DT, F_TANH, FULL, TOP, VALUES, independent, model_of, trace_of
 
 
 @pytest.fixture(scope="module")

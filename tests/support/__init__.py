@@ -1,0 +1,1 @@
+"""Drives, models, recordings and programs that tests share."""
