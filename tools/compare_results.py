@@ -46,7 +46,7 @@ TARGETS = ("c", "fmu", "matlab", "control", "modelica", "latex")
 COMMANDS = {
     "analyse": ("analyse", "given/model.json", "--speed", "5", "--json"),
     "analyse-gap": ("analyse", "gap/model.json", "--speed", "5", "--json"),
-    "control": ("control", "given/model.json", "--json"),
+    "control": ("control", "given/model.json", "--torque", "8", "--json"),
     "watch": ("watch", "given/model.json", "demo/recording.csv", "--baseline", "demo/recording.csv", "--json"),
     "watch-gap": ("watch", "gap/model.json", "demo/recording.csv", "--baseline", "demo/recording.csv", "--json"),
     "simulate": ("simulate", "gap/model.json", "demo/recording.csv", "--out", "simulated.csv", "--json"),

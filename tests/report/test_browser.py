@@ -8,7 +8,6 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from test_charts import small_run
 
 from brightgrey import api
 from brightgrey.model.ranking import Row
@@ -16,6 +15,7 @@ from brightgrey.model.schema import TiesPart
 from brightgrey.report.content import Content
 from brightgrey.report.page import page
 from brightgrey.search.evidence import Card, Evidence
+from support.genetic_runs import small_run
 from support.report_models import independent, model_of, trace_of
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_page import read
 
 from brightgrey import Recording, Result
 from brightgrey.errors import SettingsError
 from brightgrey.notebook_html import sparkline, table
 from brightgrey.recordings import Signal
+from support.html_reader import read
 from support.report_models import DT, independent, model_of, trace_of
 
 

@@ -98,7 +98,7 @@ def test_bounds_of_unknown_parameters():
 PROGRAM = """
 import sys
 sys.path.insert(0, {folder!r})
-from test_identification import SHORT, small_task
+from test_task import SHORT, small_task
 from brightgrey.search.genetic import history_csv
 from brightgrey.paper.repetitions import run
 sys.stdout.write(history_csv(run(small_task(), SHORT, 11, workers=2)))

@@ -3,14 +3,12 @@
 import json
 import re
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import plotly.graph_objects as go
 import pytest
 from scipy.signal import lfilter
 
-from brightgrey.estimation.problem.simulation_count import Spent
 from brightgrey.kit import assemble
 from brightgrey.model.ranking import Row, front
 from brightgrey.model.trace import Trace
@@ -25,8 +23,8 @@ from brightgrey.report.drawing.matplotlib_figure import draw, picture
 from brightgrey.report.drawing.plotly_figure import plot, script
 from brightgrey.report.drawing.svg import family, range_bar, tree
 from brightgrey.report.page import page
-from brightgrey.search.genetic import Node, Run
 from brightgrey.simulation import response
+from support.genetic_runs import individual, small_run
 from support.report_models import DT, F_TANH, FULL, TOP, VALUES, independent, model_of, trace_of
 
 
@@ -35,39 +33,6 @@ def content():
     model = model_of()
     rows = [Row(f"one_mass{'+x' * k}", k + 1, 1.0, 99.0 + 0.1 * k, -1.0 * k, k == 2) for k in range(5)]
     return Content(model, [trace_of(model)], ranking=rows, correlation=independent(model), run=small_run())
-
-
-def individual(generation, number, value, parents=(), operator="recombination", structure="one_mass+coulomb"):
-    names = structure.split("+")
-    placed = model_of(structure).structure
-    leaf = tuple(Node(p) for p in placed.placed[1:])
-    misfit = SimpleNamespace(fit_percent=99.0)
-    return SimpleNamespace(
-        generation=generation,
-        individual=number,
-        parents=parents,
-        operator=operator,
-        tree=Node(placed.placed[0], (), leaf),
-        job=SimpleNamespace(structure=placed),
-        result=SimpleNamespace(n_parameters=len(names), simulations=7, spent=Spent(7, 700), misfit=misfit),
-        value=value,
-        repeated=False,
-    )
-
-
-def small_run():
-    """Three generations; the best comes from (1, 1), which was kept from (0, 0)."""
-    other = "two_mass+viscous"
-    return Run(
-        (
-            individual(0, 0, 2.0, operator="initial"),
-            individual(0, 1, 1.0, operator="initial", structure=other),
-            individual(1, 0, 0.5, (1, 1), structure=other),
-            individual(1, 1, 2.0, (), "elite"),
-            individual(2, 0, 3.0, (1, 1), "clone+insertion", "one_mass+coulomb+viscous"),
-            individual(2, 1, 0.1, (0, 1), structure=other),
-        )
-    )
 
 
 def test_every_figure_of_a_full_model_is_there(content):

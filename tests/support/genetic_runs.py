@@ -1,0 +1,40 @@
+"""A genetic search made by hand, without recordings."""
+
+from types import SimpleNamespace
+
+from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.search.genetic import Node, Run
+from support.report_models import model_of
+
+
+def individual(generation, number, value, parents=(), operator="recombination", structure="one_mass+coulomb"):
+    names = structure.split("+")
+    placed = model_of(structure).structure
+    leaf = tuple(Node(p) for p in placed.placed[1:])
+    misfit = SimpleNamespace(fit_percent=99.0)
+    return SimpleNamespace(
+        generation=generation,
+        individual=number,
+        parents=parents,
+        operator=operator,
+        tree=Node(placed.placed[0], (), leaf),
+        job=SimpleNamespace(structure=placed),
+        result=SimpleNamespace(n_parameters=len(names), simulations=7, spent=Spent(7, 700), misfit=misfit),
+        value=value,
+        repeated=False,
+    )
+
+
+def small_run():
+    """Three generations; the best comes from (1, 1), which was kept from (0, 0)."""
+    other = "two_mass+viscous"
+    return Run(
+        (
+            individual(0, 0, 2.0, operator="initial"),
+            individual(0, 1, 1.0, operator="initial", structure=other),
+            individual(1, 0, 0.5, (1, 1), structure=other),
+            individual(1, 1, 2.0, (), "elite"),
+            individual(2, 0, 3.0, (1, 1), "clone+insertion", "one_mass+coulomb+viscous"),
+            individual(2, 1, 0.1, (0, 1), structure=other),
+        )
+    )
