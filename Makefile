@@ -55,9 +55,9 @@ bench-long: setup  ## the statistics of docs/results.md
 	$(BIN)/python bench/symptoms.py false --runs 60 --seed 101
 	$(BIN)/python bench/symptoms.py missing --runs 8
 	$(BIN)/python bench/genetic.py rates paper reference 0 100
-	$(BIN)/python bench/genetic.py rates ours reference 0 100
+	$(BIN)/python bench/genetic.py rates tuned reference 0 100
 	$(BIN)/python bench/genetic.py rates paper others 0 20
-	$(BIN)/python bench/genetic.py rates ours others 0 100
+	$(BIN)/python bench/genetic.py rates tuned others 0 100
 	$(BIN)/python bench/genetic.py table
 
 clean:  ## remove what the targets above have made

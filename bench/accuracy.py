@@ -17,7 +17,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure, assemble
 from brightgrey.simulation import Settings, response
-from brightgrey.simulation.reference import UnsettledError, agreement
+from brightgrey.simulation.reference import UnsettledError, compare_solvers
 
 OUTPUTS = ("position", "velocity", "acceleration")
 TARGETS = {"accurate": 1e-4, "fast": 5e-3}
@@ -43,7 +43,7 @@ def examine(job: tuple[str, int, int, bool]) -> Result | str:
     experiment = PAPER_EXPERIMENT
     u, dt, f_tanh = experiment.torque(), experiment.dt, experiment.f_tanh
     try:
-        known = agreement(structure, values, u, dt, f_tanh=f_tanh, both=both)
+        known = compare_solvers(structure, values, u, dt, f_tanh=f_tanh, both=both)
     except UnsettledError as why:
         return str(why)
     speed = float(np.abs(known.y[1]).max())

@@ -21,13 +21,13 @@ from scipy.stats import chi2
 from brightgrey import identify
 from brightgrey.control.design.closed_loop import closed_loop
 from brightgrey.control.design.controllers import OutputFeedback
-from brightgrey.control.faults.detection import Case, Finding, faults, groups
+from brightgrey.control.faults.detection import Case, FaultFinding, detect_faults, groups
 from brightgrey.control.filters.extended_kalman import Noise, extended
-from brightgrey.control.filters.gaussian_sum import mixture
-from brightgrey.control.filters.setup import noise_levels, see
+from brightgrey.control.filters.gaussian_sum import gaussian_sum
+from brightgrey.control.filters.setup import noise_levels, prepare
 from brightgrey.control.filters.unscented_kalman import unscented
 from brightgrey.control.limit_cycles.describing_function import limit_cycles
-from brightgrey.control.linear.analysis import analyse
+from brightgrey.control.linear.analysis import linearise_at
 from brightgrey.control.linear.margins import Compensator
 from brightgrey.errors import BrightgreyError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
@@ -35,7 +35,7 @@ from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings, response
-from brightgrey.simulation.reference import UnsettledError, agreement, reference
+from brightgrey.simulation.reference import UnsettledError, compare_solvers, reference
 from real_recordings import emps_recording
 
 NOISE = 0.02  # rad/s
@@ -98,8 +98,8 @@ STRUCTURES = {
     "two_mass+coulomb+viscous": (extended, unscented),
     "three_mass+coulomb+viscous+stribeck": (extended,),
     "two_mass+coulomb+viscous+stribeck+gravity+current_control+delay": (extended,),
-    "two_mass+coulomb+viscous+backlash": (extended, mixture),
-    "two_mass+coulomb+viscous+stribeck+backlash+current_control+delay": (extended, mixture),
+    "two_mass+coulomb+viscous+backlash": (extended, gaussian_sum),
+    "two_mass+coulomb+viscous+stribeck+backlash+current_control+delay": (extended, gaussian_sum),
 }
 
 
@@ -124,7 +124,7 @@ def consistency(runs: int, seed: int, name: str, by_reference: bool) -> None:
                 continue
             drawn.append(values)
         arrays = {n: np.array([values[n] for values in drawn]) for n in structure.parameters}
-        watched = see(structure, arrays, recordings, SETTINGS).watched
+        watched = prepare(structure, arrays, recordings, SETTINGS).watched
         for run_filter in STRUCTURES[name]:
             begun = time.process_time()
             totals[run_filter.__name__] += list(run_filter(watched, noise).nis.sum(axis=0))
@@ -178,7 +178,7 @@ def cycle(structure: str, rng: np.random.Generator) -> tuple[float, float] | Non
     system = assemble(placed, values, E.f_tanh)
     # As much gain as makes the drive's most nervous piece unstable by 5 to 40 %.
     soft = Compensator.of([1.0, 5.0], [1.0, 0.0])
-    edge = min(analyse(system, speed=10.0, contact=c).margins(soft, delay=dt / 2).gain for c in ("forward", "gap"))
+    edge = min(linearise_at(system, speed=10.0, contact=c).margins(soft, delay=dt / 2).gain for c in ("forward", "gap"))
     gain = edge * float(rng.uniform(1.05, 1.4))
     controller = Compensator.of([gain, 5.0 * gain], [1.0, 0.0])
     limit = np.inf if "backlash" in placed.names else 3.0
@@ -223,7 +223,7 @@ def cases_of(structure: Structure, run: int, seed: int, by_reference: bool) -> l
     truth = random_values(structure.parameters, rng)
     u, dt = E.torque()[::2], 2 * E.dt
     options = {"f_tanh": E.f_tanh, "outputs": ("velocity", "position"), "both": False}
-    if "backlash" in structure.names and agreement(structure, truth, u, dt, **options).chaotic:
+    if "backlash" in structure.names and compare_solvers(structure, truth, u, dt, **options).chaotic:
         return None
     model = {n: v * float(np.exp(MODEL_STD * rng.normal())) for n, v in truth.items()}
     std = {n: MODEL_STD * abs(v) for n, v in model.items()}
@@ -243,7 +243,7 @@ def watch(name: str, runs: int, seed: int, by_reference: bool) -> None:
     """Detections and false alarms; counted anew after every twenty drives."""
     structure = Structure.parse(name)
     cases: list[tuple[str, Case]] = []
-    results: list[tuple[Finding, ...]] = []
+    results: list[tuple[FaultFinding, ...]] = []
     left_out = 0
     for first in range(0, runs, 20):
         drawn: list[tuple[str, Case]] = []
@@ -255,14 +255,14 @@ def watch(name: str, runs: int, seed: int, by_reference: bool) -> None:
             left_out += found is None
             drawn += found or []
         cases += drawn
-        results += faults(structure, SETTINGS, [case for _, case in drawn])
+        results += detect_faults(structure, SETTINGS, [case for _, case in drawn])
         last = first + 20 >= runs
         print(f"{name}: {min(first + 20, runs) - left_out} drives, seed {seed}, {left_out} chaotic ones left out")
         counted(structure, cases, results, every_miss=last)
 
 
 def counted(
-    structure: Structure, cases: list[tuple[str, Case]], results: list[tuple[Finding, ...]], *, every_miss: bool
+    structure: Structure, cases: list[tuple[str, Case]], results: list[tuple[FaultFinding, ...]], *, every_miss: bool
 ) -> None:
     """Print shares of detections and false alarms."""
     alarms = [any(f.verdict == "changed" for f in fs) for (b, _), fs in zip(cases, results, strict=True) if not b]
@@ -290,7 +290,7 @@ def emps() -> None:
     model = identify(recording, "one_mass+coulomb+viscous+gravity", starts=2, level="fast").model
     structure, values, settings = model.structure, model.values_si(), model.settings_si()
     noise = noise_levels(structure, values, recording, settings)
-    seen = see(structure, values, recording, settings)
+    seen = prepare(structure, values, recording, settings)
     found = extended(seen.watched, noise)
     white = found.white[100:, 0, 0]
     speed = found.z[100:, 0, 1]

@@ -16,10 +16,10 @@ import collections
 import numpy as np
 from scipy.signal import lfilter
 
-from brightgrey.estimation.optimisation.least_squares import descend
-from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
+from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.scales import scales
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.estimation.uncertainty.estimates import estimates_of
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
@@ -83,10 +83,10 @@ def tally(counts: dict, text: str, truth: dict[str, float], r: Recording, pole: 
     structure = PAPER.parse(text)
     wide = {n: (v / 100, v * 100) if structure.parameters[n].scale == "log" else (-8.0, 8.0) for n, v in truth.items()}
     wide |= {"T_d": (0.0, 0.18)} if "T_d" in truth else {}
-    search = search_space(structure, scales(r), wide, {})
+    search = parameter_space(structure, scales(r), wide, {})
     settings = Settings(PAPER_EXPERIMENT.f_tanh, PAPER_EXPERIMENT.speed)
-    problem = Problem.of(structure, [r])
-    found = descend(problem, search, settings, np.array([truth[n] for n in search.names]))
+    problem = SimulationErrorProblem.of(structure, [r])
+    found = fit_to_convergence(problem, search, settings, np.array([truth[n] for n in search.names]))
     estimates = estimates_of(problem, search, settings, found)
     hidden = {search.names[i] for h in estimates.hidden for i in h.indices}
     for family, names in FAMILIES.items():

@@ -2,7 +2,7 @@
 
     python bench/genetic.py speed                     one run of the paper's experiment
     python bench/genetic.py rates paper reference 0 100   setting, truth, first seed and the one after the last
-    python bench/genetic.py rates ours others 0 20
+    python bench/genetic.py rates tuned others 0 20
     python bench/genetic.py table                     all that was collected so far
     python bench/genetic.py exhaustive 0 10           against all 448 structures: drives 0 to 9 of bench/recovery.py
     python bench/genetic.py exhaustive 0 10 --masses 2 --without backlash
@@ -33,23 +33,30 @@ from brightgrey.estimation.problem.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.paper.experiment import reference_recording, task_of
-from brightgrey.paper.repetitions import Repetition, repetition, repetitions_csv, run, summary, wilson
-from brightgrey.runs.blas_threads import settle
+from brightgrey.paper.repetitions import (
+    RunSummary,
+    genetic_search,
+    repetitions_csv,
+    summarise_run,
+    summary,
+    wilson_interval,
+)
+from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search import estimator
 from brightgrey.search.criteria import Misfit, criterion
 from brightgrey.search.fits import Fits
-from brightgrey.search.genetic.engine import search
-from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS, PROBABILITIES
+from brightgrey.search.genetic.engine import evolve
+from brightgrey.search.genetic.settings import PAPER_SETTINGS, PROBABILITIES, TUNED_SETTINGS
 from brightgrey.search.missed import seek_missed
-from brightgrey.search.parallel import pool
-from brightgrey.search.task import Identification
+from brightgrey.search.parallel import thread_pool
+from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import UnsettledError
 from recovery import Drive, effective
 
 NOISE = 0.01
 # The paper's setting with identification that does not fail, so that only the search of structures is judged.
-EXACT = replace(PAPER_SETTINGS, estimator="least-squares", iterations=30, begin="standard")
+EXACT = replace(PAPER_SETTINGS, estimator="least-squares", iterations=30, start_from="standard")
 CHANGES = {
     "none": {},
     "k_p-0": {"k_p": 0.0},
@@ -64,12 +71,12 @@ CHANGES = {
     "12x9": {"population": 12, "generations": 9},
     "24x4": {"population": 24, "generations": 4},
     "generations-40": {"generations": 40},
-    "fresh": {"elite": 1, "fresh": 8},
+    "fresh": {"elite": 1, "max_remutations": 8},
 }
 SETTINGS = {
     "paper": PAPER_SETTINGS,
-    "ours": OURS,
-    "ours-19": replace(OURS, criterion="fitness"),
+    "tuned": TUNED_SETTINGS,
+    "tuned-19": replace(TUNED_SETTINGS, criterion="fitness"),
     "paper-50": replace(PAPER_SETTINGS, iterations=50),
     "paper-ls": replace(PAPER_SETTINGS, estimator="least-squares", iterations=30),
     "paper-elite": replace(PAPER_SETTINGS, elite=1),
@@ -113,10 +120,10 @@ def task(truth):
 
 def speed(workers: int) -> None:
     ready = task(PAPER_EXPERIMENT.structure)
-    run(ready, replace(PAPER_SETTINGS, generations=0, iterations=1), 0)  # compiles
+    genetic_search(ready, replace(PAPER_SETTINGS, generations=0, iterations=1), 0)  # compiles
     for seed in range(2):
         wall, cpu = time.perf_counter(), time.process_time()
-        done = run(ready, PAPER_SETTINGS, seed, workers=workers)
+        done = genetic_search(ready, PAPER_SETTINGS, seed, workers=workers)
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         print(
             f"one run of the paper's experiment, seed {seed}, {workers} workers: {wall:.1f} s (at most 10),"
@@ -148,10 +155,10 @@ def rates(setting: str, truths: tuple[str, ...], first: int, last: int) -> None:
         if not wanted:
             continue
         ready, how = task(truth), SETTINGS[setting]
-        identify = Remembering(estimator(how.estimator, ready, how.iterations, how.patience))
+        identify = Remembering(estimator(how.estimator, ready, how.iterations, how.stall_polls))
         for seed in wanted:
             began = time.process_time()
-            done = repetition(run(ready, how, seed, identify=identify), PAPER.parse(truth), seed)
+            done = summarise_run(genetic_search(ready, how, seed, identify=identify), PAPER.parse(truth), seed)
             rows.append(done)
             file.write_text(repetitions_csv(rows), encoding="utf-8")
             print(
@@ -201,22 +208,24 @@ def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[S
     """One drive: the best of all structures, and after how many fits the genetic search had one as good."""
     (recording, _), began, how = drive.recordings(NOISE), time.process_time(), SETTINGS[setting]
     known = scales([recording])
-    ready = Identification((recording,), known, Settings(PAPER_EXPERIMENT.f_tanh, known.speed, "fast"))
+    ready = IdentificationTask((recording,), known, Settings(PAPER_EXPERIMENT.f_tanh, known.speed, "fast"))
     every = Fits(ready, structures, seed=drive.seed)
-    with pool(None) as worker:
+    with thread_pool(None) as worker:
         every.add(structures, worker)
         seek_missed(every, worker)
     fitted = every.done
     middle = time.process_time()
     fits = Fits(ready, structures, options=how.options, seed=drive.number)
-    identify = estimator(how.estimator, ready, how.iterations, how.patience)
+    identify = estimator(how.estimator, ready, how.iterations, how.stall_polls)
     if not whole:
         how = replace(how, generations=len(every.log) // 4 // (how.population - how.elite) + 2)
-    done = search(identify, ready.draw, how, standard=ready.standard, fits=fits, grammar=grammar, seed=drive.number)
+    done = evolve(
+        identify, ready.draw, how, standard=ready.default_start, fits=fits, grammar=grammar, seed=drive.number
+    )
     ended = time.process_time()
     made = (
         [None if hub else (f.cost, f.free) for hub, f in fits.log]
-        if how.begin == "relatives"
+        if how.start_from == "neighbours"
         else [
             (sum(e.result.misfit.rss) * ready.problem(e.job.structure).weights[0] ** 2, e.result.n_parameters)
             for e in done.evaluations
@@ -244,7 +253,7 @@ def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[S
     return row
 
 
-def judges(task: Identification, fitted: dict) -> dict:
+def judges(task: IdentificationTask, fitted: dict) -> dict:
     """Criteria of cost and number of parameters, the larger the better.
 
     That of the genetic search, BIC with all samples, and that of the ranking, with the number of independent ones.
@@ -253,7 +262,7 @@ def judges(task: Identification, fitted: dict) -> dict:
     weight = task.problem(first).weights[0]
     floor = r.samples * float(r.resolution[0]) ** 2 / 12.0
     best = min(fitted.values(), key=lambda f: (f.cost, f.free))
-    values = {name: np.array([v]) for name, v in {**task.standard(best.structure), **best.values}.items()}
+    values = {name: np.array([v]) for name, v in {**task.default_start(best.structure), **best.values}.items()}
     independent = effective(task.problem(best.structure).residuals(values, task.settings)[:, 0])
 
     def bic(cost: float, free: int) -> float:
@@ -276,7 +285,7 @@ def compared(rows: list[dict], count: int) -> None:
         ):
             asked = [(r[f"{name} after"], part(r)) for r in rows if part(r)]
             hits = sum(k is not None and k <= most for k, most in asked)
-            low, high = wilson(hits, len(asked)) if asked else (0.0, 1.0)
+            low, high = wilson_interval(hits, len(asked)) if asked else (0.0, 1.0)
             print(f"{name}, {what}: optimum found in {hits} of {len(asked)} ({100 * low:.0f} to {100 * high:.0f} %)")
     rows = [r for r in rows if r["whole"]]
     if not rows:
@@ -286,14 +295,14 @@ def compared(rows: list[dict], count: int) -> None:
           f" {count}: median {np.median(shares):.2g}")  # fmt: skip
 
 
-def read(file: Path) -> list[Repetition]:
+def read(file: Path) -> list[RunSummary]:
     if not file.exists():
         return []
-    kinds = {f.name: f.type for f in fields(Repetition)}
+    kinds = {f.name: f.type for f in fields(RunSummary)}
     with file.open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     numbers = {name for name, kind in kinds.items() if "int" in str(kind)}
-    return [Repetition(**{k: (int(v) if v else None) if k in numbers else v for k, v in row.items()}) for row in rows]
+    return [RunSummary(**{k: (int(v) if v else None) if k in numbers else v for k, v in row.items()}) for row in rows]
 
 
 def table() -> None:
@@ -311,7 +320,7 @@ def table() -> None:
 
 
 def main() -> None:
-    settle()
+    limit_blas_threads()
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     tasks = parser.add_subparsers(dest="task", required=True)
     tasks.add_parser("speed").add_argument("--workers", type=int, default=2)
@@ -328,7 +337,7 @@ def main() -> None:
     against.add_argument("--quarter", action="store_true", help="end the genetic search after a quarter of the fits")
     against.add_argument("--masses", type=int, default=4, help="at most")
     against.add_argument("--without", nargs="*", default=[], help="effects that no structure has")
-    against.add_argument("--setting", choices=SETTINGS, default="ours")
+    against.add_argument("--preset", choices=SETTINGS, default="tuned")
     against.add_argument("--out", type=Path, default=Path("genetic.jsonl"))
     given = parser.parse_args()
     if given.task == "speed":

@@ -23,7 +23,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
-from brightgrey.runs.blas_threads import settle
+from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.simulation.reference import UnsettledError, reference
 
 ENOUGH = 1.02
@@ -144,7 +144,7 @@ def report(noise: float, runs: list[Run], lost: list[str]) -> None:
 
 
 def main() -> None:
-    settle()
+    limit_blas_threads()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=200, help="drives at each noise level")
     parser.add_argument("--seed", type=int, default=1)

@@ -24,11 +24,11 @@ from scipy.optimize import least_squares
 
 from brightgrey import read_recording
 from brightgrey.estimation import fit, scales
-from brightgrey.estimation.problem.parameter_space import Search, search_space
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
-from brightgrey.runs.blas_threads import settle
+from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.simulation import Settings
 
 ENOUGH = 1.02
@@ -41,7 +41,7 @@ class Task(NamedTuple):
     t: np.ndarray
     u: np.ndarray
     y: np.ndarray
-    search: Search
+    search: ParameterSpace
     low: np.ndarray
     high: np.ndarray
     enough: float
@@ -81,7 +81,7 @@ def by_scipy(task: Task, rng: np.random.Generator, clock: Clock) -> None:
     u, last = task.u.tolist(), len(task.u) - 2
 
     def residual(theta: np.ndarray) -> np.ndarray:
-        J1, J2, c, d, M_C, f_v, M_S, omega_S = task.search.outward(theta).tolist()
+        J1, J2, c, d, M_C, f_v, M_S, omega_S = task.search.from_scaled(theta).tolist()
 
         def rates(t: float, x: np.ndarray) -> list[float]:
             q1, q2, v1, v2 = x.tolist()
@@ -104,7 +104,7 @@ def by_cma(task: Task, rng: np.random.Generator, clock: Clock) -> None:
     """CMA-ES over our simulator, restarted with twice the population."""
     import cma
 
-    problem = Problem.of(STRUCTURE, [RECORDING])
+    problem = SimulationErrorProblem.of(STRUCTURE, [RECORDING])
     settings = Settings(f_tanh=E.f_tanh, speed_scale=E.speed, level="fast")
     population = 16
     while True:
@@ -119,7 +119,7 @@ def by_cma(task: Task, rng: np.random.Generator, clock: Clock) -> None:
         while not evolution.stop():
             shares = evolution.ask()
             theta = task.low[:, None] + np.transpose(shares) * (task.high - task.low)[:, None]
-            rss = problem.costs(task.search.named(task.search.outward(theta)), settings) / problem.weights[0] ** 2
+            rss = problem.costs(task.search.named(task.search.from_scaled(theta)), settings) / problem.weights[0] ** 2
             evolution.tell(shares, np.log(rss).tolist())
             clock.check(float(rss.min()))
         population *= 2
@@ -195,10 +195,10 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=5, help="seeds")
     parser.add_argument("--seconds", type=float, default=20.0, help="time that each run of the others is given")
     options = parser.parse_args()
-    settle()  # all on one core
+    limit_blas_threads()  # all on one core
     best = fit(STRUCTURE, [RECORDING], f_tanh=E.f_tanh)  # compiles, and gives the optimum
-    search = search_space(STRUCTURE, scales([RECORDING]), {}, {})
-    low, high = search.inward(search.low), search.inward(search.high)
+    search = parameter_space(STRUCTURE, scales([RECORDING]), {}, {})
+    low, high = search.to_scaled(search.low), search.to_scaled(search.high)
     enough = ENOUGH * best.train["velocity"].rss
     task = Task(RECORDING.t - RECORDING.t[0], RECORDING.u, RECORDING.y[0], search, low, high, enough, options.seconds)
     runs = [ours(enough, seed) for seed in range(max(options.runs, 10))]

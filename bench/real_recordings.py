@@ -22,9 +22,9 @@ from brightgrey import Recording, Result, identify, read_recording
 from brightgrey.estimation import scales, settings_for
 from brightgrey.kit import Structure
 from brightgrey.report.quantities.number_format import significant, with_uncertainty
-from brightgrey.runs.blas_threads import settle
-from brightgrey.search import Identification
-from brightgrey.search.survey import candidates, survey
+from brightgrey.runs.blas_threads import limit_blas_threads
+from brightgrey.search import IdentificationTask
+from brightgrey.search.survey import candidates, search_exhaustively
 
 DATA = Path(os.environ.get("BRIGHTGREY_DATA", Path(__file__).parents[2] / "shared" / "data"))
 EMPS = "one_mass+coulomb+viscous+gravity"
@@ -206,8 +206,8 @@ def structures(exclude: tuple[str, ...]) -> None:
         known = scales(recordings)
         began = time.process_time()
         with ThreadPoolExecutor(2) as workers:
-            task = Identification(recordings, known, settings_for(recordings, known, None))
-            found = survey(task, asked, executor=workers).evidence
+            task = IdentificationTask(recordings, known, settings_for(recordings, known, None))
+            found = search_exhaustively(task, asked, executor=workers).evidence
         card = next(c for c in found.cards if c.effect == "two_mass")
         minimal = ", ".join(f"`{j.structure}`" for j in found.minimal)
         rows.append([name, minimal, f"{card.verdict}: {card.reason}", f"{time.process_time() - began:.0f}"])
@@ -227,12 +227,12 @@ def left_out() -> None:
     for name, test in recordings.items():
         train = tuple(r for other, r in recordings.items() if other != name)
         known = scales(train)
-        task = Identification(train, known, settings_for(train, known, None))
+        task = IdentificationTask(train, known, settings_for(train, known, None))
         with ThreadPoolExecutor(2) as workers:
-            found = survey(task, asked, executor=workers)
-        judge = Identification((test,), known, task.settings)
+            found = search_exhaustively(task, asked, executor=workers)
+        judge = IdentificationTask((test,), known, task.settings)
 
-        def unseen(structure: Structure, values: Mapping[str, float], judge: Identification = judge) -> float:
+        def unseen(structure: Structure, values: Mapping[str, float], judge: IdentificationTask = judge) -> float:
             own = {n: np.array([values[n]]) for n in structure.parameters}
             return judge.misfits(structure, own)[0].fit_percent
 
@@ -248,7 +248,7 @@ def left_out() -> None:
 
 
 def main() -> int:
-    settle()
+    limit_blas_threads()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--starts", type=int, default=8, help="start points of each fit (default 8)")
     runs = {

@@ -30,18 +30,18 @@ from scipy.signal import lfilter
 
 from brightgrey import __version__
 from brightgrey.estimation.problem.scales import scales
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure
-from brightgrey.paper.repetitions import wilson
+from brightgrey.paper.repetitions import wilson_interval
 from brightgrey.recordings import Recording, Signal
-from brightgrey.runs.blas_threads import settle
-from brightgrey.search.evidence import Evidence, has, weigh
+from brightgrey.runs.blas_threads import limit_blas_threads
+from brightgrey.search.evidence import Evidence, assess_effects, has
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.lattice import contains, effects_of, simpler
-from brightgrey.search.task import Identification
+from brightgrey.search.lattice import added_effects, contains, one_smaller
+from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import UnsettledError, reference
 
@@ -110,14 +110,14 @@ class Drive:
         return made
 
 
-def held_out(task: Identification, fitted: Mapping[Structure, Fitted], test: Recording) -> dict[Structure, float]:
+def held_out(task: IdentificationTask, fitted: Mapping[Structure, Fitted], test: Recording) -> dict[Structure, float]:
     """Mean squared error of every structure on another recording, with the floor."""
-    other = Identification((test,), task.scales, task.settings)
+    other = IdentificationTask((test,), task.scales, task.settings)
     floor = (FLOOR * float(test.y.std())) ** 2
     found = {}
     for s, f in fitted.items():
-        values = {name: np.array([f.values.get(name, v)]) for name, v in {**task.standard(s), **f.values}.items()}
-        problem = Problem.of(s, other.recordings, initial="rest")
+        values = {name: np.array([f.values.get(name, v)]) for name, v in {**task.default_start(s), **f.values}.items()}
+        problem = SimulationErrorProblem.of(s, other.recordings, initial="rest")
         cost = float(problem.costs(values, other.settings)[0])
         found[s] = cost / problem.weights[0] ** 2 / test.samples + floor
     return found
@@ -134,13 +134,13 @@ def effective(residual: Array) -> float:
 
 
 def criteria(
-    task: Identification, fitted: Mapping[Structure, Fitted], error: Mapping[Structure, float]
+    task: IdentificationTask, fitted: Mapping[Structure, Fitted], error: Mapping[Structure, float]
 ) -> dict[str, dict[Structure, float]]:
     """All criteria of all structures; less is better."""
     (r,) = task.recordings
     best = min(fitted.values(), key=lambda f: (f.cost, f.free))
     problem = task.problem(best.structure)
-    values = {name: np.array([v]) for name, v in {**task.standard(best.structure), **best.values}.items()}
+    values = {name: np.array([v]) for name, v in {**task.default_start(best.structure), **best.values}.items()}
     n = r.samples
     m = effective(problem.residuals(values, task.settings)[:, 0])
     floor = float(r.resolution[0] * problem.weights[0]) ** 2 / 12.0
@@ -172,11 +172,11 @@ def examine(drive: Drive, noise: float, candidates: Sequence[Structure], pool: T
     train, test = drive.recordings(noise)
     known = scales([train])
     settings = Settings(f_tanh=PAPER_EXPERIMENT.f_tanh, speed_scale=known.speed, level="fast")
-    task = Identification((train,), known, settings)
+    task = IdentificationTask((train,), known, settings)
     begin = time.process_time()
     fitted = fit_all(task, candidates, seed=drive.seed, executor=pool)
     middle = time.process_time()
-    found = weigh(task, fitted, seed=drive.seed)
+    found = assess_effects(task, fitted, seed=drive.seed)
     seconds = [middle - begin, time.process_time() - middle]
     return row(drive, noise, task, fitted, found, test) | {"seconds": [round(s, 1) for s in seconds]}
 
@@ -184,7 +184,7 @@ def examine(drive: Drive, noise: float, candidates: Sequence[Structure], pool: T
 def row(
     drive: Drive,
     noise: float,
-    task: Identification,
+    task: IdentificationTask,
     fitted: Mapping[Structure, Fitted],
     found: Evidence,
     test: Recording,
@@ -200,11 +200,13 @@ def row(
         "truth" if structures[0] == truth else "visible" if visible(structures[0], truth, found.optional) else "other"
     )
     matters = {
-        name: float(np.sqrt(error[s] / error[truth])) for s in simpler(truth, fitted) for name in effects_of(truth, s)
+        name: float(np.sqrt(error[s] / error[truth]))
+        for s in one_smaller(truth, fitted)
+        for name in added_effects(truth, s)
     }
     problem = task.problem(truth)
     exact = {name: np.array([value]) for name, value in drive.values.items()}
-    exact |= {part.name: np.clip([0.0], part.low, part.high) for part in problem.unknown}
+    exact |= {part.name: np.clip([0.0], part.low, part.high) for part in problem.unknown_initial}
     return {
         "code": revision(),
         "seed": drive.seed,
@@ -260,7 +262,7 @@ def rate(hits: Sequence[bool], digits: int = 0) -> str:
     """Share with Wilson's 95 % interval."""
     if not hits:
         return "none"
-    low, high = wilson(sum(hits), len(hits))
+    low, high = wilson_interval(sum(hits), len(hits))
     return f"{sum(hits)} of {len(hits)} ({100 * low:.{digits}f} to {100 * high:.{digits}f} %)"
 
 
@@ -380,7 +382,7 @@ def read(path: Path) -> list[dict]:
 
 
 def main() -> None:
-    settle()
+    limit_blas_threads()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("run", "table"))
     parser.add_argument("first", type=int, nargs="?", default=0, help="number of the first drive")

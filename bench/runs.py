@@ -22,10 +22,10 @@ from pathlib import Path
 from brightgrey.api import read_recording
 from brightgrey.estimation import scales, settings_for
 from brightgrey.excitation import demo_recording
-from brightgrey.runs import Memory, Store, Workforce
+from brightgrey.runs import CachingExecutor, Store, Workforce
 from brightgrey.runs.blas_threads import one_blas_thread
-from brightgrey.search import Identification
-from brightgrey.search.survey import candidates, survey
+from brightgrey.search import IdentificationTask
+from brightgrey.search.survey import candidates, search_exhaustively
 
 
 class Noted(Executor):
@@ -79,31 +79,31 @@ def makespan(events: list[tuple[str, float, int]], workers: int) -> float:
     return now
 
 
-def the_task(decimate: int) -> Identification:
+def the_task(decimate: int) -> IdentificationTask:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "recording.csv"
         file.write_text(demo_recording())
         r = read_recording(file, input="torque", outputs=["velocity"], decimate=decimate)
     known = scales([r])
-    return Identification((r,), known, settings_for([r], known, None))
+    return IdentificationTask((r,), known, settings_for([r], known, None))
 
 
 def search(how: str, workers: int, decimate: int) -> dict[str, object]:
     """One search, timed."""
     task, structures = the_task(decimate), candidates()
-    survey(task, structures[:2])  # compile
+    search_exhaustively(task, structures[:2])  # compile
     noted = Noted()
     with tempfile.TemporaryDirectory() as folder, one_blas_thread():
         wall, cpu = time.perf_counter(), time.process_time()
         if how == "schedule":
-            found = survey(task, structures, executor=noted)
+            found = search_exhaustively(task, structures, executor=noted)
         else:
             with Workforce(workers, processes=how == "processes").executor() as executor:
                 if how == "kept":
-                    with Store.open(folder, {}) as store, Memory(executor, store) as memory:
-                        found = survey(task, structures, executor=memory)
+                    with Store.open(folder, {}) as store, CachingExecutor(executor, store) as memory:
+                        found = search_exhaustively(task, structures, executor=memory)
                 else:
-                    found = survey(task, structures, executor=executor)
+                    found = search_exhaustively(task, structures, executor=executor)
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     out = {"how": how, "workers": workers, "wall": wall, "cpu": cpu, "best": str(found.best.structure)}
     if how == "schedule":

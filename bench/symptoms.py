@@ -19,7 +19,7 @@ from brightgrey.estimation import fit
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
-from brightgrey.paper.repetitions import wilson
+from brightgrey.paper.repetitions import wilson_interval
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation.reference import UnsettledError, reference
 from recovery import coloured, torque
@@ -85,8 +85,8 @@ def false_alarms(runs: int, seed: int) -> None:
             hits = [t for t in told if t != "Peak in the residual"]
             patterns += bool(hits)
             what.update(hits[:1])
-        low, high = wilson(patterns, fits)
-        lower, upper = wilson(peaks, fits)
+        low, high = wilson_interval(patterns, fits)
+        lower, upper = wilson_interval(peaks, fits)
         print(
             f"| {pole:g} | {fits} ({lost}) | {patterns} ({100 * low:.1f} to {100 * high:.1f} %) | {peaks}"
             f" ({100 * lower:.1f} to {100 * upper:.1f} %) | {dict(what)} |",

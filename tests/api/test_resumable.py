@@ -5,7 +5,7 @@ import shutil
 
 import numpy as np
 
-from brightgrey.runs import glance
+from brightgrey.runs import read_status
 from support.small_runs import call, results
 
 
@@ -15,7 +15,7 @@ def copied(small, tmp_path, name="exhaustive"):
 
 def test_a_finished_run_prints_its_result_and_evaluates_nothing(small, tmp_path):
     folder = copied(small, tmp_path)
-    before = glance(folder)
+    before = read_status(folder)
     assert before.state == "finished"
     (folder / "model.json").unlink()
     (folder / "ranking.csv").write_text("changed")
@@ -24,7 +24,7 @@ def test_a_finished_run_prints_its_result_and_evaluates_nothing(small, tmp_path)
     assert "was finished before" in done.out
     assert "one_mass+coulomb+viscous" in done.out
     assert results(folder) == small.whole["exhaustive"]
-    assert glance(folder) == before
+    assert read_status(folder) == before
     done = call(*small.searches["exhaustive"], "--out", folder, "--json")
     assert done.out.encode() == small.whole["exhaustive"]["model.json"]
 

@@ -218,7 +218,7 @@ def test_reader_that_stops_early():
 
 
 def test_identify_searches_for_the_structure(drive, tmp_path, call):
-    search = ("--search", "genetic", "--setting", "ours", "--population", 6, "--generations", 4)
+    search = ("--search", "genetic", "--preset", "tuned", "--population", 6, "--generations", 4)
     options = [o for o in drive.options if o not in ("--structure", STRUCTURE)]
     for folder, workers in (("one", 1), ("two", 2)):
         arguments = (drive.folder / "a.csv", *options, *search, "--workers", workers, "--out", tmp_path / folder)
@@ -281,7 +281,7 @@ def test_no_verdict_on_what_was_not_asked(drive, call, tmp_path):
         (("--search", "genetic", "--mutation", "points=0.1"), "Did you mean 'point'"),
         (("--search", "genetic", "--mutation", "point"), "NAME=PROBABILITY"),
         (("--search", "genetic", "--population", 0), "population is 0"),
-        (("--search", "genetic", "--setting", "our"), "Did you mean 'ours'"),
+        (("--search", "genetic", "--preset", "tune"), "Did you mean 'tuned'"),
     ],
 )
 def test_wrong_searches(drive, call, options, message):

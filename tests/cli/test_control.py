@@ -28,7 +28,7 @@ def test_control_suggests_gains(call, drive):
 
 def test_watch_finds_nothing_in_a_healthy_drive(call, drive):
     model = drive.out / "model.json"
-    done = call("watch", model, drive.folder / "b.csv", "--normal", drive.folder / "a.csv", "--json")
+    done = call("watch", model, drive.folder / "b.csv", "--baseline", drive.folder / "a.csv", "--json")
     assert done.code == 0, done.err
     verdicts = {f["subject"]: f["verdict"] for f in json.loads(done.out)["findings"]}
     assert set(verdicts) == {"friction", "load"}

@@ -7,7 +7,7 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit, predict
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal, read_recording
@@ -139,4 +139,4 @@ def test_a_given_start_is_not_left_for_a_worse_end_because_of_a_gap(seed):
     r = Recording("loose", e.dt * np.arange(e.samples), e.torque(), y[None], torque, (velocity,))
     found = fit(structure, [r], f_tanh=e.f_tanh, start=truth, starts=1, patience=0, seed=seed)
     exact = {name: np.array([value]) for name, value in truth.items()}
-    assert found.cost <= Problem.of(structure, [r]).costs(exact, found.settings)[0]
+    assert found.cost <= SimulationErrorProblem.of(structure, [r]).costs(exact, found.settings)[0]

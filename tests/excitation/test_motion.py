@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from brightgrey.errors import SettingsError
-from brightgrey.excitation import Limits, driving_torque, moves, reversing
+from brightgrey.excitation import MotionLimits, driving_torque, moves, reversing
 
-LIMITS = Limits(speed=3.0, acceleration=40.0, jerk=900.0)
+LIMITS = MotionLimits(speed=3.0, acceleration=40.0, jerk=900.0)
 DT = 1e-4
 
 
@@ -73,4 +73,4 @@ def test_wrong_use_is_named(change, message):
 
 def test_limits_must_be_positive():
     with pytest.raises(SettingsError, match="limit of jerk = 0"):
-        Limits(1.0, 1.0, 0.0)
+        MotionLimits(1.0, 1.0, 0.0)

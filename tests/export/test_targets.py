@@ -17,10 +17,10 @@ from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.export import external_tools as tools
 from brightgrey.export import registry as exporting
-from brightgrey.export.numeric_model import scheme_of
+from brightgrey.export.numeric_model import numeric_model
 from brightgrey.export.registry import EXPORTS, export, exporter
 from brightgrey.export.targets import modelica
-from brightgrey.export.verification import deviation, made, native, trial_of
+from brightgrey.export.verification import deviation, native, verification_of, verification_run
 from brightgrey.model.files import write_files
 from brightgrey.recordings import Recording
 from brightgrey.simulation.plain import plain_response
@@ -43,8 +43,8 @@ def needs(to):
 
 def compared(to, model, folder):
     """Deviation of an export on the test input, relative to the range."""
-    scheme = scheme_of(model)
-    trial = trial_of(scheme)
+    scheme = numeric_model(model)
+    trial = verification_of(scheme)
     target = exporter(to)
     write_files(folder, target.files(scheme))
     verified = target.verify(folder, scheme, trial)
@@ -84,10 +84,10 @@ def test_gap_that_fades_to_what_it_follows(to, tmp_path):
     needs(to)
     c, alpha = 100.0, 1e-3
     d = c * PAPER_EXPERIMENT.dt / (128 * 20.0)
-    scheme = scheme_of(model("two_mass+backlash", {"J1": 0.01, "J2": 0.004, "c1": c, "d1": d, "alpha": alpha}))
+    scheme = numeric_model(model("two_mass+backlash", {"J1": 0.01, "J2": 0.004, "c1": c, "d1": d, "alpha": alpha}))
     for start in (0.8, 2.0, -3.1):  # twists in halves of the gap: inside, beyond a limit each way
         x0 = np.array([start * alpha, 0.0, 1.0, 0.0, -1.2 * alpha])
-        trial = made(scheme, np.full(20, 0.3), x0, "a gap that fades")
+        trial = verification_run(scheme, np.full(20, 0.3), x0, "a gap that fades")
         write_files(tmp_path, exporter(to).files(scheme))
         assert deviation(trial.y, exporter(to).verify(tmp_path, scheme, trial).y) <= exporter(to).tolerance
 
@@ -114,7 +114,7 @@ def test_random_structures_have_every_effect():
 def test_same_model_same_files(to):
     if to == "fmu":
         needs(to)
-    scheme = scheme_of(drawn("two_mass+coulomb+backlash", 5))
+    scheme = numeric_model(drawn("two_mass+coulomb+backlash", 5))
     target = exporter(to)
     assert target.files(scheme) == target.files(scheme)
 
@@ -123,8 +123,8 @@ def test_tables_are_those_of_the_plain_twin(tmp_path):
     needs("c")
     from brightgrey.export.targets import c99 as c_code
 
-    scheme = scheme_of(drawn("three_mass+coulomb+stribeck+backlash+delay", 2, kinds=ALL))
-    trial = trial_of(scheme)
+    scheme = numeric_model(drawn("three_mass+coulomb+stribeck+backlash+delay", 2, kinds=ALL))
+    trial = verification_of(scheme)
     write_files(tmp_path, c_code.EXPORTER.files(scheme))
     y = c_code.verify(tmp_path, scheme, trial).y
     plain = plain_response(scheme.system, trial.u[:80], scheme.dt, trial.x0, scheme.settings)
@@ -136,16 +136,16 @@ def test_c_starts_anywhere_and_needs_no_start(tmp_path):
     needs("c")
     from brightgrey.export.targets import c99 as c_code
 
-    scheme = scheme_of(drawn("two_mass+coulomb+backlash+current_control", 4, kinds=ALL))
+    scheme = numeric_model(drawn("two_mass+coulomb+backlash+current_control", 4, kinds=ALL))
     files = c_code.EXPORTER.files(scheme)
     text = files["drive.c"].decode() + files["drive.h"].decode()
     assert "malloc" not in text
     assert [line for line in text.splitlines() if line.startswith("#include <")] == ["#include <math.h>"]
     write_files(tmp_path, files)
-    u = np.sin(0.05 * np.arange(100)) * trial_of(scheme).u.max()
+    u = np.sin(0.05 * np.arange(100)) * verification_of(scheme).u.max()
     x0 = scheme.system.rest(position=0.3, speed=2.0, u=0.1)
     x0[scheme.system.state_names.index("lambda1")] = -0.5 * scheme.limits(0)[1]
-    trial = made(scheme, u, x0, "a start in motion")
+    trial = verification_run(scheme, u, x0, "a start in motion")
     assert deviation(trial.y, c_code.verify(tmp_path, scheme, trial).y) < 1e-9
 
 
@@ -170,8 +170,8 @@ def test_fmu_says_what_it_is(tmp_path):
             zipped.namelist()
         )
     # By fmpy's own loop, which holds the input: as a drive whose input is held.
-    scheme = scheme_of(model)
-    u = trial_of(scheme).u[:200]
+    scheme = numeric_model(model)
+    u = verification_of(scheme).u[:200]
     signals = np.array(list(zip(scheme.dt * np.arange(200), u, strict=True)), [("time", float), ("torque", float)])
     step = scheme.dt
     result = fmpy.simulate_fmu(str(file), input=signals, output_interval=step, stop_time=199 * step)
@@ -215,7 +215,7 @@ def test_fmu_goes_back_to_a_state_that_was_kept(tmp_path):
 
 
 def test_mat_file_has_matrices_parameters_and_settings():
-    scheme = scheme_of(drawn("two_mass+coulomb+backlash", 5))
+    scheme = numeric_model(drawn("two_mass+coulomb+backlash", 5))
     content = loadmat(io.BytesIO(exporter("matlab").files(scheme)["drive.mat"]), simplify_cells=True)
     np.testing.assert_array_equal(content["A"], scheme.low.A[:, :, 0])
     assert content["parameters"]["J1"]["value"] == scheme.model.parameters["J1"].value
@@ -226,7 +226,7 @@ def test_mat_file_has_matrices_parameters_and_settings():
 
 def test_control_objects(tmp_path):
     needs("control")
-    scheme = scheme_of(drawn("two_mass+coulomb+viscous+current_control", 6, kinds=ALL))
+    scheme = numeric_model(drawn("two_mass+coulomb+viscous+current_control", 6, kinds=ALL))
     from brightgrey.export.targets import python_control
 
     space = {}
@@ -242,19 +242,23 @@ def test_control_objects(tmp_path):
 
 def test_modelica_uses_standard_components():
     text = (
-        exporter("modelica").files(scheme_of(drawn("two_mass+coulomb+viscous+gravity+delay", 3)))["Drive.mo"].decode()
+        exporter("modelica")
+        .files(numeric_model(drawn("two_mass+coulomb+viscous+gravity+delay", 3)))["Drive.mo"]
+        .decode()
     )
     for name in ("Components.Inertia", "Components.SpringDamper", "Components.Damper", "Sources.ConstantTorque"):
         assert f"Modelica.Mechanics.Rotational.{name} " in text
     assert "Modelica.Blocks.Nonlinear.FixedDelay " in text
-    axis = exporter("modelica").files(scheme_of(drawn("two_mass+gravity", 3, linear_axis=True)))["Drive.mo"].decode()
+    axis = (
+        exporter("modelica").files(numeric_model(drawn("two_mass+gravity", 3, linear_axis=True)))["Drive.mo"].decode()
+    )
     assert "Modelica.Mechanics.Translational.Components.Mass " in axis
 
 
 def test_modelica_of_an_effect_without_a_drawing(tmp_path):
     needs("modelica")
-    scheme = scheme_of(drawn("two_mass+coulomb+stribeck+gravity+backlash+current_control", 8, kinds=ALL))
-    trial = trial_of(scheme)
+    scheme = numeric_model(drawn("two_mass+coulomb+stribeck+gravity+backlash+current_control", 8, kinds=ALL))
+    trial = verification_of(scheme)
     (tmp_path / "Drive.mo").write_text(modelica._equations(scheme))
     assert deviation(trial.y, modelica.verify(tmp_path, scheme, trial).y) <= modelica.EXPORTER.tolerance
 
@@ -272,8 +276,8 @@ def test_missing_package_is_said(tmp_path, monkeypatch):
     def absent(name):
         raise ImportError(name)
 
-    target, scheme = exporter("control"), scheme_of(drawn("one_mass+coulomb", 1))
-    trial = trial_of(scheme)
+    target, scheme = exporter("control"), numeric_model(drawn("one_mass+coulomb", 1))
+    trial = verification_of(scheme)
     monkeypatch.setattr(tools.importlib, "import_module", absent)
     _, text, _ = exporting._compared(target, tmp_path, scheme, trial)
     assert text == "not verified: control is not installed (pip install 'brightgrey[control]')"

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from brightgrey.errors import BrightgreyError
-from brightgrey.recordings import Recording, Signal, decimate, window
+from brightgrey.recordings import Recording, Signal, cut_window, decimate
 from brightgrey.recordings.checks import resolution
 from brightgrey.recordings.window import coarse_input
 
@@ -91,13 +91,13 @@ def test_resolution_of_differenced_encoder() -> None:
 
 
 def test_window_has_both_ends() -> None:
-    part = window(make(U), 0.1, 0.3)
+    part = cut_window(make(U), 0.1, 0.3)
     assert (part.samples, part.t[0], part.dt) == (201, 0.1, DT)
     np.testing.assert_array_equal(part.u, U[100:301])
-    assert window(make(U), None, 0.3).samples == 301
-    assert window(make(U), 0.3).samples == N - 300
+    assert cut_window(make(U), None, 0.3).samples == 301
+    assert cut_window(make(U), 0.3).samples == N - 300
     with pytest.raises(BrightgreyError, match=r"goes from 0 to 1 s"):
-        window(make(U), 2.0)
+        cut_window(make(U), 2.0)
 
 
 @pytest.mark.parametrize("n", [2, 3, 7, 10])

@@ -14,12 +14,15 @@ from brightgrey.model.ranking import Row
 from brightgrey.model.schema import TiesPart
 from brightgrey.report.content import Content
 from brightgrey.report.page import page
-from brightgrey.search.evidence import Card, Evidence
+from brightgrey.search.evidence import EffectVerdict, Evidence
 from support.genetic_runs import small_run
 from support.report_models import independent, model_of, trace_of
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-CARDS = (Card("coulomb", "needed", 0.4, None, "why"), Card("delay", "not decidable", None, 0.0, "why not"))
+CARDS = (
+    EffectVerdict("coulomb", "needed", 0.4, None, "why"),
+    EffectVerdict("delay", "not decidable", None, 0.0, "why not"),
+)
 
 
 @pytest.fixture(scope="module")

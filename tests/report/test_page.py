@@ -15,16 +15,16 @@ from brightgrey.model.trace import Trace
 from brightgrey.recordings import Signal
 from brightgrey.report.content import Content
 from brightgrey.report.page import page
-from brightgrey.report.text.commissioning_sheet import sheet
-from brightgrey.report.text.tables import parameter_rows, remarks, verdict
-from brightgrey.search.evidence import Card, Evidence
+from brightgrey.report.text.commissioning_sheet import commissioning_sheet
+from brightgrey.report.text.tables import outcome_class, parameter_rows, remarks
+from brightgrey.search.evidence import EffectVerdict, Evidence
 from support.html_reader import read
 
 DOC = Path(__file__).parents[2] / "docs" / "model-json.md"
 ALWAYS = {"motion", "values", "commissioning", "model", "recording", "repeat"}
 CARDS = (
-    Card("coulomb", "needed", 0.4, None, "without it the residual is 1.4 times as large"),
-    Card("delay", "not decidable", None, 0.0, "this recording <would> not have shown it"),
+    EffectVerdict("coulomb", "needed", 0.4, None, "without it the residual is 1.4 times as large"),
+    EffectVerdict("delay", "not decidable", None, 0.0, "this recording <would> not have shown it"),
 )
 
 
@@ -97,7 +97,7 @@ def test_every_number_is_there_to_its_last_digit(data):
         *(fit[name] for fit in fits for name in ("fit_percent", "rmse", "rss")),
         data["criterion"]["value"],
     ]
-    assert exact["commissioning"] == [entry.value for entry in sheet(model, {})]
+    assert exact["commissioning"] == [entry.value for entry in commissioning_sheet(model, {})]
 
 
 def test_page_follows_from_model_json_alone(data):
@@ -132,7 +132,7 @@ def test_bounds_fixed_values_and_unknown_uncertainty_are_said(data):
 
 
 def test_verdict_says_model_fit_and_outcome(data):
-    text = verdict(Model.check(data))
+    text = outcome_class(Model.check(data))
     assert text == (
         "The model is one_mass+coulomb+viscous; it fits velocity to 99.80 % (RMSE 0.04050 rad/s). Converged."
     )
@@ -143,7 +143,7 @@ def test_diverged_model_has_a_report_that_says_so(data):
     data["criterion"] = None
     data["outcome"] = {"kind": "diverged", "text": "the simulation diverged at 0.1 s"}
     model = Model.check(data)
-    assert "diverges" in verdict(model)
+    assert "diverges" in outcome_class(model)
     lost = trace_for(model)
     simulated = np.where(lost.t > 0.1, np.nan, lost.simulated)
     html = page(Content(model, [replace(lost, simulated=simulated)]))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from brightgrey.api import read_recording
-from brightgrey.api.resumable import identify_into
+from brightgrey.api.resumable import identify_resumable
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.runs import RunError, Workforce
@@ -19,7 +19,7 @@ EXCLUDE = ("two_mass", "current_control")
 
 def searched(small, folder, executor, progress=None):
     recording = read_recording(small.folder / "a.csv", input="torque", outputs=["velocity"])
-    return identify_into(
+    return identify_resumable(
         folder, [recording], exclude=EXCLUDE, f_tanh=E.f_tanh, executor=executor, workers=1, progress=progress
     )
 
@@ -90,7 +90,7 @@ def test_a_recording_travels_once_per_worker(small):
 
     recording = read_recording(small.folder / "a.csv", input="torque", outputs=["velocity"], decimate=2)
     parcel._HELD.clear()
-    parcels = parcel.Parcels(Wire())
+    parcels = parcel.RecordingTransferExecutor(Wire())
     for _ in range(5):
         assert parcels.submit(np.shape, recording.y).result() == recording.y.shape
         assert parcels.submit(_samples, recording).result() == recording.samples

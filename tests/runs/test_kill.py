@@ -9,7 +9,7 @@ from functools import partial
 
 import pytest
 
-from brightgrey.runs import glance
+from brightgrey.runs import read_status
 from brightgrey.runs.store import FILE
 from support.small_runs import call, results, start
 
@@ -19,7 +19,7 @@ MOST = 60.0  # s until a test has failed
 def wait_for(folder, evaluations):
     end = time.monotonic() + MOST
     while time.monotonic() < end:
-        if (folder / FILE).exists() and glance(folder).evaluations >= evaluations:
+        if (folder / FILE).exists() and read_status(folder).evaluations >= evaluations:
             return
         time.sleep(0.01)
     raise AssertionError("the run does not get on")
@@ -31,7 +31,7 @@ def kill_and_resume(small, name, instant, folder):
     instant(folder)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    kept = glance(folder).evaluations if (folder / FILE).exists() else 0
+    kept = read_status(folder).evaluations if (folder / FILE).exists() else 0
     done = call(*small.searches[name], "--out", folder, "--quiet")
     assert (done.code, done.err) == (0, "")
     assert results(folder) == small.whole[name]
@@ -41,7 +41,7 @@ def kill_and_resume(small, name, instant, folder):
 
 def instants(small, name, length, times, seed):
     """Random ones: every other anywhere in the life of the process, the rest within the search."""
-    draw, most = random.Random(seed), glance(small.folder / name).evaluations
+    draw, most = random.Random(seed), read_status(small.folder / name).evaluations
     for number in range(times):
         if number % 2:
             yield partial(later, wait=draw.random() * length)
@@ -93,7 +93,7 @@ def test_a_signal_stops_with_the_best_so_far(small, tmp_path, number):
     assert "stopped:" in out
     assert "goes on from here" in out
     assert (tmp_path / "model.json").exists()
-    assert glance(tmp_path).state == "unfinished"
+    assert read_status(tmp_path).state == "unfinished"
     assert call(*small.searches["exhaustive"], "--out", tmp_path, "--quiet").code == 0
     assert results(tmp_path) == small.whole["exhaustive"]
 
@@ -105,7 +105,7 @@ def test_a_budget_of_evaluations_gives_the_same_bytes_for_any_workers(small, tmp
         done = call(*small.searches["exhaustive"], "--max-evaluations", 9, "--workers", workers, "--out", folder)
         assert done.code == 0, done.err
         assert "stopped:" in done.out
-        assert glance(folder).evaluations == 9
+        assert read_status(folder).evaluations == 9
         stopped.append(results(folder))
     assert stopped[0] == stopped[1]
     assert call(*small.searches["exhaustive"], "--out", folder, "--quiet").code == 0
@@ -130,7 +130,7 @@ def test_a_full_disk_is_told_and_damages_nothing(small, tmp_path):
     assert process.returncode == 2
     assert "make room; the same command then goes on" in err
     assert len(err.splitlines()) == 1
-    assert glance(tmp_path).state == "unfinished"
+    assert read_status(tmp_path).state == "unfinished"
     assert call(*small.searches["exhaustive"], "--out", tmp_path, "--quiet").code == 0
     assert results(tmp_path) == small.whole["exhaustive"]
 
@@ -150,7 +150,7 @@ def test_two_processes_on_one_folder(small, tmp_path):
     first = start(*small.searches["exhaustive"], "--workers", 1, "--out", tmp_path, "--quiet")
     wait_for(tmp_path, 1)
     first.send_signal(signal.SIGSTOP)  # however long the second takes to start
-    assert glance(tmp_path).state == "running"
+    assert read_status(tmp_path).state == "running"
     second = call(*small.searches["exhaustive"], "--out", tmp_path)
     first.send_signal(signal.SIGCONT)
     assert second.code == 2

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
-from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search import Evaluated, Identification, Misfit
+from brightgrey.search import Evaluated, IdentificationTask, Misfit
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
@@ -32,7 +32,10 @@ def know(structure, starts):
     rss = 1.0 + distance(structure)
     return [
         Evaluated(
-            tuple((n, 0.5 * v) for n, v in start), Misfit((rss,), (1e-3,), 100, (100.0,)), len(start), Spent(10, 1000)
+            tuple((n, 0.5 * v) for n, v in start),
+            Misfit((rss,), (1e-3,), 100, (100.0,)),
+            len(start),
+            SimulationCount(10, 1000),
         )
         for start in starts
     ]
@@ -73,7 +76,7 @@ def task(true_values):
     v = v + 0.05 * np.random.default_rng(2).normal(size=t.size)
     recording = Recording("made", t, torque, v[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),))
     known = scales(recording)
-    return Identification((recording,), known, Settings(f_tanh=4.0, speed_scale=known.speed, level="fast"))
+    return IdentificationTask((recording,), known, Settings(f_tanh=4.0, speed_scale=known.speed, level="fast"))
 
 
 def rattling(noise):
@@ -92,7 +95,7 @@ def rattling(noise):
     torque, velocity = Signal("torque", "input", "N m"), Signal("velocity", "velocity", "rad/s")
     r = Recording("loose", t, u, v[None], torque, (velocity,))
     known = scales([r])
-    return Identification((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast")), truth
+    return IdentificationTask((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast")), truth
 
 
 @pytest.fixture(scope="module")

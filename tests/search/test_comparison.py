@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from brightgrey.estimation.optimisation.least_squares import Descent
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
 from brightgrey.kit import PAPER
 from brightgrey.search.comparison import Judged, Whitening, chance_of, power, significance, threshold
 
@@ -19,7 +19,7 @@ def judged(y, X, count):
     J = X[:, :count]
     values, *_ = np.linalg.lstsq(J, y, rcond=None)
     residual = J @ values - y
-    descent = Descent(values, float(residual @ residual), True, 1, 1, residual, J)
+    descent = OptimumWithJacobian(values, float(residual @ residual), True, 1, 1, residual, J)
     return Judged(PAPER.parse("one_mass"), {}, descent, count, tuple(range(count)))
 
 

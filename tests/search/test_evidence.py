@@ -10,15 +10,15 @@ from brightgrey.estimation import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search import Identification, fitting
+from brightgrey.search import IdentificationTask, fitting
 from brightgrey.search.comparison import Judged
-from brightgrey.search.evidence import weigh
+from brightgrey.search.evidence import assess_effects
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import contains
-from brightgrey.search.parallel import pool
-from brightgrey.search.task import ACCURACY, ROUGH
+from brightgrey.search.parallel import thread_pool
+from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
 from brightgrey.search.yardstick import Yardstick
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
@@ -35,7 +35,7 @@ def task_of(structure, values, torque, noise, *, begin=0, f_tanh=F_TANH, dt=DT):
         "made", t, torque[begin:], y[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),)
     )
     known = scales(recording)
-    return Identification((recording,), known, Settings(f_tanh=f_tanh, speed_scale=known.speed, level="fast"))
+    return IdentificationTask((recording,), known, Settings(f_tanh=f_tanh, speed_scale=known.speed, level="fast"))
 
 
 def structures(effects, ladders=("one_mass",)):
@@ -45,7 +45,7 @@ def structures(effects, ladders=("one_mass",)):
 
 
 def evidence(task, effects, ladders=("one_mass",)):
-    return weigh(task, fit_all(task, structures(effects, ladders)))
+    return assess_effects(task, fit_all(task, structures(effects, ladders)))
 
 
 def reversing():
@@ -120,7 +120,7 @@ def test_all_numbers_of_a_size_are_told_in_the_recording_s_units():
         recording, input=Signal("u", "input", "N"), outputs=(Signal("v", "velocity", "mm/s"),), y=1e-3 * recording.y
     )
     known = scales(axis)
-    task = Identification((axis,), known, Settings(f_tanh=1e3 * F_TANH, speed_scale=known.speed, level="fast"))
+    task = IdentificationTask((axis,), known, Settings(f_tanh=1e3 * F_TANH, speed_scale=known.speed, level="fast"))
     reasons = {c.effect: c.reason for c in evidence(task, ("coulomb", "viscous", "stribeck")).cards}
     assert f"M_S of 30 N at omega_S of {50.0 * known.speed:.2g} mm/s" in reasons["stribeck"]
 
@@ -130,9 +130,9 @@ def test_what_all_structures_have_is_no_question():
     values = {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
     task = task_of("one_mass+coulomb+viscous", values, reversing(), 0.1)
     required = [s for s in structures(("coulomb", "viscous", "gravity")) if "gravity" in s.names]
-    found = weigh(task, fit_all(task, required))
+    found = assess_effects(task, fit_all(task, required))
     assert {c.effect: c.verdict for c in found.cards} == {"coulomb": "needed", "viscous": "needed"}
-    assert weigh(task, fit_all(task, required[:1])).cards == ()
+    assert assess_effects(task, fit_all(task, required[:1])).cards == ()
 
 
 def test_the_best_criterion_is_that_of_a_minimal_structure(friction):
@@ -176,7 +176,7 @@ def test_a_held_effect_is_cancelled_by_another_beside_a_rattling_gap():
     task = task_of("two_mass+coulomb+gravity+backlash", values, torque, 0.2)
     big, small = (PAPER.parse(name) for name in ("two_mass+coulomb+gravity+backlash", "two_mass+gravity+backlash"))
     net = {name: value for name, value in values.items() if name != "M_C"} | {"M_G": 0.7}
-    with pool(None) as workers:
+    with thread_pool(None) as workers:
         bench = Bench(task, {small: Fitted(small, net, np.inf, len(net))}, workers)
         own = bench.judge(small)
         held = bench.held(big, own.values, {}, {"M_C": 0.08}, own.cost)()
@@ -193,12 +193,12 @@ def test_a_held_size_is_walked_to_where_a_load_rattles():
     t, rate = e.dt * np.arange(e.samples), np.log(100.0) / (e.dt * e.samples)
     torque = np.abs(e.torque()).max() * np.minimum(1.0, t / 0.02) * np.sin(2.0 * np.pi * np.expm1(rate * t) / rate)
     task = task_of(str(small), values, torque, 0.002, f_tanh=e.f_tanh, dt=e.dt)
-    with pool(None) as workers:
+    with thread_pool(None) as workers:
         bench = Bench(task, {small: Fitted(small, values, np.inf, len(values))}, workers)
         own = bench.judge(small)
         least = PAPER.parse("four_mass").placed[0].effect.noticeable(task.scales, own.values)
         held = {name: least[name] for name in ("J4", "c3", "d3")}
-        found = bench.held(big, {**task.standard(big), **own.values}, {"J3": least["J3"]}, held, own.cost)()
+        found = bench.held(big, {**task.default_start(big), **own.values}, {"J3": least["J3"]}, held, own.cost)()
     assert found.cost < 1.015 * own.cost  # 1.02 at once
 
 
@@ -225,7 +225,7 @@ def test_a_light_mass_between_two_others_is_found_from_everywhere():
         float(problem.costs({n: np.array([v]) for n, v in values.items()}, task.settings)[0])
         for values in (ended, true)
     )
-    with pool(None) as workers:
+    with thread_pool(None) as workers:
         bench = Bench(task, {structure: Fitted(structure, ended, cost, len(ended))}, workers)
         assert bench.judge(structure).cost > 1.05 * least
         assert bench.seek(structure, 4)
@@ -237,7 +237,7 @@ def test_starts_from_everywhere_are_none_that_the_search_has_had(monkeypatch):
     t = DT * np.arange(300)
     values = {"J1": 0.0112, "J2": 0.004, "c1": 105.0, "d1": 0.0187, "f_v": 0.02}
     task = task_of("two_mass+viscous", values, 2.0 * np.sin(2.0 * np.pi * 15.0 * t**2), 0.005)
-    structure, seen, explored = PAPER.parse("two_mass+viscous"), [], fitting.explore
+    structure, seen, explored = PAPER.parse("two_mass+viscous"), [], fitting.multistart
 
     def noted(*given, **options):
         found = explored(*given, **options)
@@ -246,7 +246,7 @@ def test_starts_from_everywhere_are_none_that_the_search_has_had(monkeypatch):
 
     monkeypatch.setattr(fitting, "explore", noted)
     hub = fitting.from_everywhere(task, structure, fitting.Options(), 0)
-    with pool(None) as workers:
+    with thread_pool(None) as workers:
         bench = Bench(task, {structure: hub}, workers)
         bench.judge(structure)
         bench.seek(structure, 1)
@@ -290,7 +290,7 @@ def test_what_is_below_the_trusted_accuracy_is_not_called_for():
     task = task_of("one_mass+coulomb+viscous", values, reversing(), 0.0)
     found = evidence(task, ("coulomb", "viscous"))
     without = found.minimal[0].descent.residual
-    trusted = float(task.doubt(task.problem(found.minimal[0].structure).weights, ACCURACY).sum())
+    trusted = float(task.error_floor(task.problem(found.minimal[0].structure).weights, TRUSTED_ACCURACY).sum())
     assert [str(j.structure) for j in found.minimal] == ["one_mass+coulomb"]
     assert 0.01 * trusted < without @ without < trusted
     assert {c.effect: c.verdict for c in found.cards}["viscous"] != "needed"
@@ -320,7 +320,7 @@ def test_a_drifting_load_is_no_second_mass(seed, size):
     q = DT * np.cumsum(v) + 0.001 * np.random.default_rng(1).normal(size=v.size)
     recording = Recording("made", t, torque, q[None], Signal("u", "input", "N m"), (Signal("q", "position", "rad"),))
     known = scales(recording)
-    task = Identification((recording,), known, Settings(f_tanh=F_TANH, speed_scale=known.speed, level="fast"))
+    task = IdentificationTask((recording,), known, Settings(f_tanh=F_TANH, speed_scale=known.speed, level="fast"))
     found = evidence(task, ("coulomb", "viscous"), ("one_mass", "two_mass"))
     card = {c.effect: c for c in found.cards}["two_mass"]
     assert card.verdict == "not decidable"
@@ -336,7 +336,7 @@ def test_a_mass_at_its_bound_is_no_mass(stiffness, damping, minimal, told):
     values = {"J1": 0.02, "J2": 20.0, "c1": stiffness, "d1": damping, "f_v": 0.03}
     task = task_of("two_mass+viscous", values, reversing(), 0.05)
     known = fit_all(task, structures(("viscous",), ("one_mass", "two_mass")))
-    found = weigh(task, known)
+    found = assess_effects(task, known)
     card = next(c for c in found.cards if c.effect == "two_mass")
     assert [str(j.structure) for j in found.minimal] == [minimal]
     assert card.verdict == "not decidable"
@@ -421,9 +421,9 @@ def slow_and_late():
 
 def test_alternatives_within_the_trusted_accuracy_are_told():
     task, fitted = slow_and_late()
-    found = weigh(task, fitted)
+    found = assess_effects(task, fitted)
     other = found.judged[PAPER.parse("one_mass+current_control")]
-    trusted = float(task.doubt(task.problem(other.structure).weights, ACCURACY).sum())
+    trusted = float(task.error_floor(task.problem(other.structure).weights, TRUSTED_ACCURACY).sum())
     assert 0.4 * trusted < other.cost < trusted
     assert {str(j.structure) for j in found.minimal} == {"one_mass+delay", "one_mass+current_control"}
 
@@ -432,12 +432,14 @@ def test_alternatives_are_told_that_the_search_has_not_descended_to_the_end():
     """What is left of them may be the search's own error as well: a refit decides."""
     task, fitted = slow_and_late()
     late = PAPER.parse("one_mass+delay")
-    values = {**fitted[late].values, "J1": fitted[late].values["J1"] * (1.0 + 0.6 * ROUGH)}
+    values = {**fitted[late].values, "J1": fitted[late].values["J1"] * (1.0 + 0.6 * FAST_LEVEL_ACCURACY)}
     problem = task.problem(late)
     cost = float(problem.costs({n: np.array([v]) for n, v in values.items()}, task.settings)[0])
-    trusted, rough = (float(task.doubt(problem.weights, share).sum()) for share in (ACCURACY, ROUGH))
+    trusted, rough = (
+        float(task.error_floor(problem.weights, share).sum()) for share in (TRUSTED_ACCURACY, FAST_LEVEL_ACCURACY)
+    )
     assert 2.0 * trusted < cost < rough
-    found = weigh(task, {**fitted, late: replace(fitted[late], values=values, cost=cost)})
+    found = assess_effects(task, {**fitted, late: replace(fitted[late], values=values, cost=cost)})
     assert {str(j.structure) for j in found.minimal} == {"one_mass+delay", "one_mass+current_control"}
 
 
@@ -446,6 +448,6 @@ def test_none_is_minimal_that_another_fits_much_better_than():
     values = {"J1": 0.02, "M_C": 0.5, "f_v": 1.97e-5, "M_G": 7.98e-5, "T_d": 1.89e-5, "M_S": 0.0124, "omega_S": 2.0}
     task = task_of("one_mass+coulomb+viscous+stribeck+gravity+delay", values, reversing(), 0.0)
     found = evidence(task, ("coulomb", "viscous", "stribeck", "gravity", "delay", "current_control"))
-    trusted = float(task.doubt(task.problem(found.minimal[0].structure).weights, ACCURACY).sum())
+    trusted = float(task.error_floor(task.problem(found.minimal[0].structure).weights, TRUSTED_ACCURACY).sum())
     assert min(j.cost for j in found.minimal) < trusted
     assert max(j.cost for j in found.minimal) < 1.02 * trusted

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
-from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search import Identification
+from brightgrey.search import IdentificationTask
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, best_begins
-from brightgrey.search.lattice import contains, size
+from brightgrey.search.lattice import complexity, contains
 from brightgrey.search.missed import _leaders, seek_missed
-from brightgrey.search.parallel import pool
-from brightgrey.search.task import ACCURACY, ROUGH
+from brightgrey.search.parallel import thread_pool
+from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 
@@ -113,7 +113,7 @@ def test_without_noise_gaps_are_sought_until_the_simulation_says_no_more(exact_l
     task, values = exact_loose
     top, plain = PAPER.parse("two_mass+backlash+delay"), PAPER.parse("two_mass+delay")
     problem = task.problem(top)
-    rough, fine = (float(task.doubt(problem.weights, share).sum()) for share in (ROUGH, ACCURACY))
+    rough, fine = (float(task.doubt(problem.weights, share).sum()) for share in (FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY))
     sizes = np.geomspace(1e-6, 1e-2, 200)
     beside = {name: np.full(sizes.size, value) for name, value in values.items()}
     beside["alpha"] = values["alpha"] * (1.0 + sizes)
@@ -125,7 +125,7 @@ def test_without_noise_gaps_are_sought_until_the_simulation_says_no_more(exact_l
     fits.done[plain] = Fitted(plain, {}, 1e3 * rough, 5)
     fits.done[top] = Fitted(top, {name: float(v[k]) for name, v in beside.items()}, float(costs[k]), 6)
     first, again = [], []
-    with pool(None) as workers:
+    with thread_pool(None) as workers:
         seek_missed(fits, workers, first.append)
         seek_missed(fits, workers, again.append)
     assert first == [top]
@@ -146,7 +146,7 @@ def test_structures_without_gaps_that_have_been_missed_are_found(task, true_valu
     """A resonance that is a little off is a local minimum, and all around begin there."""
     truth, simple = PAPER.parse("two_mass+coulomb"), PAPER.parse("one_mass+coulomb")
     fits, sought = Fits(task, [simple, truth]), []
-    with pool(None) as workers:
+    with thread_pool(None) as workers:
         fits.add([simple, truth], workers)
         found = spoilt(fits, truth, c1=0.5 * true_values["c1"])
         assert fits.done[truth].cost > 2.0 * found
@@ -173,7 +173,7 @@ def test_the_best_optimum_with_an_effect_more_is_a_start_unless_it_is_little_bet
     costs = {"two_mass": 100.0, "two_mass+coulomb": 95.0, "two_mass+viscous": 60.0, "two_mass+backlash": 40.0}
     names = dict(zip(costs, map(PAPER.parse, costs), strict=True))
     fits = Fits(task, list(names.values()))
-    fits.done.update({s: Fitted(s, {}, costs[name], size(s)) for name, s in names.items()})
+    fits.done.update({s: Fitted(s, {}, costs[name], complexity(s)) for name, s in names.items()})
     asked = Asked(fits)
     for better in ("two_mass+backlash", "two_mass+viscous", None):
         fits.anew([names["two_mass"], names["two_mass+coulomb"]], 1, asked)
@@ -191,12 +191,12 @@ def test_each_optimum_with_a_gap_is_followed_once(task, monkeypatch):
 
     def in_vain(task, own, larger, options):
         followed.append((own.structure, larger.structure))
-        return None, Spent()
+        return None, SimulationCount()
 
     monkeypatch.setattr("brightgrey.search.fits.tracked_from_above", in_vain)
-    monkeypatch.setattr("brightgrey.search.fits.from_above", lambda *_: (None, Spent()))
-    fits.done.update({s: Fitted(s, {}, c, size(s)) for s, c in zip(fits.structures, costs.values(), strict=True)})
-    with pool(None) as workers:
+    monkeypatch.setattr("brightgrey.search.fits.from_above", lambda *_: (None, SimulationCount()))
+    fits.done.update({s: Fitted(s, {}, c, complexity(s)) for s, c in zip(fits.structures, costs.values(), strict=True)})
+    with thread_pool(None) as workers:
         for _ in range(2):
             assert not fits.follow(workers)
         fits.done[little] = replace(fits.done[little], cost=50.0)
@@ -213,17 +213,17 @@ def test_what_is_followed_is_handed_on(task, monkeypatch):
     costs = {"two_mass+backlash": 100.0, "two_mass+coulomb+backlash": 60.0, "two_mass+gravity+backlash": 90.0}
     small, larger, other = map(PAPER.parse, costs)
     fits = Fits(task, [small, larger, other])
-    found, asked = Fitted(small, {}, 70.0, size(small)), []
+    found, asked = Fitted(small, {}, 70.0, complexity(small)), []
 
     def handed_on(task, structure, parents, *rest):
         asked.append((structure, [f.cost for f in parents]))
-        return Fitted(structure, {}, 65.0, size(structure))
+        return Fitted(structure, {}, 65.0, complexity(structure))
 
-    monkeypatch.setattr("brightgrey.search.fits.tracked_from_above", lambda *_: (found, Spent()))
-    monkeypatch.setattr("brightgrey.search.fits.from_above", lambda *_: (None, Spent()))
+    monkeypatch.setattr("brightgrey.search.fits.tracked_from_above", lambda *_: (found, SimulationCount()))
+    monkeypatch.setattr("brightgrey.search.fits.from_above", lambda *_: (None, SimulationCount()))
     monkeypatch.setattr("brightgrey.search.fits.fit_one", handed_on)
-    fits.done.update({s: Fitted(s, {}, c, size(s)) for s, c in zip(fits.structures, costs.values(), strict=True)})
-    with pool(None) as workers:
+    fits.done.update({s: Fitted(s, {}, c, complexity(s)) for s, c in zip(fits.structures, costs.values(), strict=True)})
+    with thread_pool(None) as workers:
         assert fits.follow(workers) == {small, other}
     assert asked == [(other, [70.0])]
     assert fits.done[small] is found
@@ -241,7 +241,7 @@ def test_what_lacks_one_effect_of_a_lonely_leader_comes_after_it(task):
     }
     names = dict(zip(costs, map(PAPER.parse, costs), strict=True))
     fits = Fits(task, list(names.values()))
-    fits.done.update({s: Fitted(s, {}, costs[name], size(s)) for name, s in names.items()})
+    fits.done.update({s: Fitted(s, {}, costs[name], complexity(s)) for name, s in names.items()})
     turns = [str(s) for place in range(4) for s in _leaders(fits, place, gaps=True)]
     big = "two_mass+coulomb+viscous+backlash"
     assert turns == [big, "two_mass+viscous+backlash", "two_mass+coulomb+backlash", big]
@@ -256,7 +256,7 @@ def test_what_is_taken_away_may_leave_its_share_to_others():
     torque, velocity = Signal("torque", "input", "N m"), Signal("velocity", "velocity", "rad/s")
     r = Recording("late", e.dt * np.arange(e.samples), e.torque(), v[None], torque, (velocity,))
     known = scales([r])
-    task = Identification((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast"))
+    task = IdentificationTask((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast"))
 
     def ended(structure, **changed):
         values = {**true, **changed}
@@ -267,7 +267,7 @@ def test_what_is_taken_away_may_leave_its_share_to_others():
     fits.done[small] = replace(ended(small, J1=0.04), cost=0.9 * begin.cost)
     fits.done[big] = ended(big, T_d=4e-3, T_1=2e-3)
     assert fits.done[big].cost < 0.5 * begin.cost
-    with pool(None) as workers:
+    with thread_pool(None) as workers:
         fits.spread({big}, workers)
     assert fits.done[small].cost <= 1.001 * ended(small).cost
 

@@ -4,13 +4,13 @@ import pytest
 
 from brightgrey.kit import PAPER
 from brightgrey.search.lattice import (
+    added_effects,
     contains,
-    effects_of,
-    extensions,
-    largest_within,
-    minimal,
-    simpler,
-    smallest_around,
+    maximal_submodels,
+    minimal_elements,
+    minimal_supermodels,
+    one_larger,
+    one_smaller,
 )
 
 ALL = list(PAPER.structures())
@@ -37,35 +37,35 @@ def test_masses_count_cumulatively(big, small, held):
 
 @pytest.mark.parametrize("structure", ALL[::37], ids=str)
 def test_neighbours_differ_by_one_step(structure):
-    for big in extensions(structure, ALL):
-        assert structure in simpler(big, ALL)
+    for big in one_larger(structure, ALL):
+        assert structure in one_smaller(big, ALL)
         assert contains(big, structure)
-        assert len(effects_of(big, structure)) == 1
+        assert len(added_effects(big, structure)) == 1
         assert abs(big.masses - structure.masses) + abs(len(big.placed) - len(structure.placed)) == 1
 
 
 @pytest.mark.parametrize("structure", ALL[::53], ids=str)
 def test_next_ones_within_and_around_in_a_set_with_gaps(structure):
     some = ALL[::7]
-    for found, holds in ((largest_within(structure, some), False), (smallest_around(structure, some), True)):
+    for found, holds in ((maximal_submodels(structure, some), False), (minimal_supermodels(structure, some), True)):
         related = [t for t in some if t != structure and (contains(t, structure) if holds else contains(structure, t))]
         assert set(found) <= set(related)
         assert not any(a != b and contains(a, b) for a in found for b in found)
         for t in related:
             assert any(contains(t, f) if holds else contains(f, t) for f in found)
-    assert set(smallest_around(structure, ALL)) == set(extensions(structure, ALL))
+    assert set(minimal_supermodels(structure, ALL)) == set(one_larger(structure, ALL))
 
 
 def test_everything_is_between_the_smallest_and_the_largest():
-    assert minimal(ALL) == [s("one_mass")]
-    most = [t for t in ALL if not extensions(t, ALL)]
+    assert minimal_elements(ALL) == [s("one_mass")]
+    most = [t for t in ALL if not one_larger(t, ALL)]
     assert most == [max(ALL, key=lambda t: (t.masses, len(t.placed)))]
 
 
 def test_minimal_ones_keep_their_order():
     given = [s("two_mass+coulomb"), s("one_mass+viscous"), s("two_mass+coulomb+viscous"), s("one_mass+coulomb+delay")]
-    assert minimal(given) == [given[0], given[1], given[3]]
+    assert minimal_elements(given) == [given[0], given[1], given[3]]
 
 
 def test_effects_beyond_name_the_masses_first():
-    assert effects_of(s("three_mass+coulomb+delay"), s("one_mass+delay")) == ("three_mass", "coulomb")
+    assert added_effects(s("three_mass+coulomb+delay"), s("one_mass+delay")) == ("three_mass", "coulomb")

@@ -10,7 +10,7 @@ from brightgrey.kit import PAPER
 from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.judging import Bench
-from brightgrey.search.lattice import contains, ladder_of, size
+from brightgrey.search.lattice import complexity, contains, mass_chain_of
 from brightgrey.search.minimal import minimal_structures
 from brightgrey.search.yardstick import Yardstick
 
@@ -27,7 +27,7 @@ class Known(Bench):
         self.costs, self.second, self.everywhere, self.succeeds = costs, second, everywhere, 1
 
     def made(self, structure, cost):
-        return Judged(structure, {}, SimpleNamespace(cost=cost), size(structure), ())
+        return Judged(structure, {}, SimpleNamespace(cost=cost), complexity(structure), ())
 
     def held(self, structure, values, moved, held, rival):
         return lambda: self.made(structure, self.costs[tuple(held.items())])
@@ -63,7 +63,7 @@ class Costs(Yardstick):
     """Yardstick of residuals that are white, so that their sums of squares are all there is to compare."""
 
     def __init__(self, costs, *, fast=None, second=(), everywhere=(), doubt=0.0, white=(), few=many, loose=()):
-        fitted = {s: Fitted(s, {}, (fast or costs)[s], size(s)) for s in ALL}
+        fitted = {s: Fitted(s, {}, (fast or costs)[s], complexity(s)) for s in ALL}
         second, everywhere = ({PAPER.parse(name): c for name, c in dict(more).items()} for more in (second, everywhere))
         super().__init__(Known(costs, fitted, second, everywhere), SimpleNamespace(samples=SAMPLES), fitted)
         self.trust, self.white = doubt, {PAPER.parse(name): cost for name, cost in dict(white).items()}
@@ -81,7 +81,7 @@ class Costs(Yardstick):
         return self.few(judged.structure)
 
     def follows_drifts(self, big, small):
-        return ladder_of(big.structure).name in self.loose
+        return mass_chain_of(big.structure).name in self.loose
 
     def left(self, judged):
         return max(judged.cost, self.trust)
@@ -356,7 +356,7 @@ def test_the_best_criterion_comes_first():
 
 def test_no_more_than_some_are_examined():
     """All fit alike, and none contains another but the largest, which contains all."""
-    alike = [s for s in ALL if size(s) == 5]
+    alike = [s for s in ALL if complexity(s) == 5]
     known = {s: NOISE if s in alike else 5.0 * NOISE for s in ALL}
     found, examined = Costs(known).minimal()
     assert len(alike) > len(examined) == 24

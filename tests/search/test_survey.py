@@ -11,8 +11,8 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search.lattice import contains
-from brightgrey.search.survey import candidates, survey
-from brightgrey.search.task import Identification
+from brightgrey.search.survey import candidates, search_exhaustively
+from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 
@@ -38,7 +38,7 @@ def task():
         resolution=np.array([1e-2]),
     )
     known = scales([recording])
-    return Identification((recording,), known, Settings(E.f_tanh, known.speed, "fast"))
+    return IdentificationTask((recording,), known, Settings(E.f_tanh, known.speed, "fast"))
 
 
 def test_candidates_count_masses_cumulatively():
@@ -61,10 +61,10 @@ def test_wrong_wishes_are_refused_by_name():
 def test_truth_is_found_among_its_neighbours_for_any_number_of_threads(task):
     few = [s for s in candidates(exclude=("two_mass", "current_control", "delay")) if s.masses == 1]
     with ThreadPoolExecutor(2) as pool:
-        found = survey(task, few, executor=pool)
-    again = survey(task, few)
-    assert [(r.structure, r.misfit, r.criterion, r.tied) for r in found.ranking] == [
-        (r.structure, r.misfit, r.criterion, r.tied) for r in again.ranking
+        found = search_exhaustively(task, few, executor=pool)
+    again = search_exhaustively(task, few)
+    assert [(r.structure, r.misfit, r.criterion, r.equivalent) for r in found.ranking] == [
+        (r.structure, r.misfit, r.criterion, r.equivalent) for r in again.ranking
     ]
     assert len(found.ranking) == len(few)
     assert str(found.best.structure) == TRUTH
@@ -80,7 +80,7 @@ def test_truth_is_found_among_its_neighbours_for_any_number_of_threads(task):
 
 
 def test_a_structure_alone_is_its_own_survey(task):
-    found = survey(task, [Structure.parse(TRUTH)])
+    found = search_exhaustively(task, [Structure.parse(TRUTH)])
     assert [str(r.structure) for r in found.ranking] == [TRUTH]
     assert found.evidence.optional == ()
     assert PAPER.reason_against(found.best.structure) is None

@@ -9,14 +9,14 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import scales
-from brightgrey.estimation.optimisation.least_squares import finish
+from brightgrey.estimation.optimisation.least_squares import polish
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Placed
-from brightgrey.paper.experiment import assumed_bounds, first_appearance, reference_recording, task_of, verdict
-from brightgrey.paper.repetitions import Repetition, repetition, run, summary, wilson
+from brightgrey.paper.experiment import assumed_bounds, first_appearance, recovery_verdict, reference_recording, task_of
+from brightgrey.paper.repetitions import RunSummary, genetic_search, summarise_run, summary, wilson_interval
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search import Identification, LeastSquares, PatternSearch
-from brightgrey.search.genetic import GeneticSettings, history_csv, search
+from brightgrey.search import IdentificationTask, LeastSquares, PatternSearch
+from brightgrey.search.genetic import GeneticSettings, evolve, history_csv
 from brightgrey.search.genetic.settings import ASSUMED
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
@@ -36,7 +36,7 @@ def small_task(**more):
     )
     known = scales(recording)
     settings = Settings(f_tanh=4.0, speed_scale=known.speed, level="fast")
-    return Identification((recording,), known, settings, **more)
+    return IdentificationTask((recording,), known, settings, **more)
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ sys.stdout.write(history_csv(run(small_task(), SHORT, 11, workers=2)))
 
 
 def test_same_bytes_for_any_number_of_workers_and_in_another_process(task):
-    texts = {history_csv(run(task, SHORT, 11, workers=n)) for n in (1, 2, 4)}
+    texts = {history_csv(genetic_search(task, SHORT, 11, workers=n)) for n in (1, 2, 4)}
     program = PROGRAM.format(folder=str(Path(__file__).parent))
     other = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     texts.add(other.stdout)
@@ -134,24 +134,24 @@ def test_bounds_of_the_papers_experiment(task):
     ],
 )
 def test_verdict(found, wanted):
-    assert verdict(PAPER.parse(found), PAPER.parse("two_mass+coulomb+viscous+stribeck")) == wanted
+    assert recovery_verdict(PAPER.parse(found), PAPER.parse("two_mass+coulomb+viscous+stribeck")) == wanted
 
 
 def test_wilson_interval():
-    assert wilson(95, 100) == (pytest.approx(0.8882, abs=1e-4), pytest.approx(0.9785, abs=1e-4))
-    assert wilson(0, 10)[0] == 0.0
+    assert wilson_interval(95, 100) == (pytest.approx(0.8882, abs=1e-4), pytest.approx(0.9785, abs=1e-4))
+    assert wilson_interval(0, 10)[0] == 0.0
 
 
 def test_repetition_and_summary(draw, estimate):
     truth = PAPER.parse("two_mass+coulomb+viscous+stribeck")
-    runs = [search(estimate, draw, seed=s) for s in range(12)]
-    rows = [repetition(r, truth, s) for s, r in enumerate(runs)]
+    runs = [evolve(estimate, draw, seed=s) for s in range(12)]
+    rows = [summarise_run(r, truth, s) for s, r in enumerate(runs)]
     assert [r.first for r in rows] == [first_appearance(r, truth) for r in runs]
     assert all(len(r.generations.split()) == 21 for r in rows)
     s = summary(rows)
     assert s.true == sum(r.best == str(truth) for r in rows)
     assert s.seen >= s.true
-    assert isinstance(rows[0], Repetition)
+    assert isinstance(rows[0], RunSummary)
 
 
 @pytest.mark.parametrize("truth", ["three_mass+coulomb+viscous", "four_mass+coulomb+viscous+stribeck"])
@@ -161,7 +161,7 @@ def test_a_bad_step_along_bounds_ends_no_descent(truth):
     structure, known = PAPER.parse(truth), {**PAPER_EXPERIMENT.values, **beyond}
     exact = task_of(reference_recording(structure, {name: known[name] for name in structure.parameters}))
     problem, space = exact.problem(structure), exact.space(structure)
-    end = finish(problem, space, exact.settings, space.start, limit=200, tolerance=1e-4)
+    end = polish(problem, space, exact.settings, space.start, limit=200, tolerance=1e-4)
     (misfit,) = exact.misfits(structure, {n: np.array([v]) for n, v in zip(space.names, end.values, strict=True)})
     assert end.converged
     assert misfit.rss[0] < 1.1 * misfit.least[0]  # the floor is what rounding leaves

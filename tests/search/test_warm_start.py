@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
-from brightgrey.estimation.optimisation.least_squares import Descent, evaluate, normal
-from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, evaluate, normal_equations
+from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search import Identification
+from brightgrey.search import IdentificationTask
 from brightgrey.search.comparison import Judged
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted, Options, from_above
@@ -41,7 +41,7 @@ def friction():
     v += 1e-3 * np.abs(v).max() * np.random.default_rng(4).standard_normal(v.size)
     recording = Recording("up", t, u, v[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),))
     known = scales([recording])
-    task = Identification((recording,), known, Settings(f_tanh=20.0, speed_scale=known.speed, level="fast"))
+    task = IdentificationTask((recording,), known, Settings(f_tanh=20.0, speed_scale=known.speed, level="fast"))
     names = {"one_mass", "coulomb", "viscous", "gravity", "delay"}
     return task, fit_all(task, [s for s in PAPER.structures() if set(s.names) <= names])
 
@@ -52,7 +52,7 @@ def wide(structure, **ranges):
     signals = Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),)
     recording = Recording("any", t, np.sin(9.0 * t), np.sin(9.0 * t - 1.0)[None], *signals)
     limits = {name: (-1e3 if name == "M_G" else 1e-6, 1e3) for name in structure.parameters}
-    return search_space(structure, scales([recording]), {**limits, **ranges}, {})
+    return parameter_space(structure, scales([recording]), {**limits, **ranges}, {})
 
 
 def test_what_is_left_out_leaves_its_share_to_what_does_the_same():
@@ -141,7 +141,7 @@ def test_every_fit_knows_the_derivatives_at_its_values(friction):
         problem, space = task.posed(f.structure)
         value = np.array(list(f.values.values()))
         assert tuple(f.values) == space.names
-        curvature = normal(problem, space, task.settings, space.inward(value)[None]).curvature[0]
+        curvature = normal_equations(problem, space, task.settings, space.inward(value)[None]).curvature[0]
         assert f.information == pytest.approx(information(curvature, space.pace(value)), rel=1e-6)
 
 
@@ -167,7 +167,7 @@ def test_a_refit_takes_what_a_larger_structure_s_friction_has_made_up_for(fricti
         problem, space = task.posed(structure)
         value = np.array([values[name] for name in space.names])
         residual, jacobian = evaluate(problem, space, task.settings, space.inward(value))
-        descent = Descent(value, float(residual @ residual), True, 1, 1, residual, jacobian)
+        descent = OptimumWithJacobian(value, float(residual @ residual), True, 1, 1, residual, jacobian)
         return Judged(structure, values, descent, len(values), tuple(range(len(values))))
 
     noted = Noted()
@@ -214,7 +214,7 @@ def test_friction_that_has_grown_with_gravity_is_found_without_it(friction):
     def fitted(structure, **values):
         problem, space = task.posed(structure)
         theta = space.inward(np.array([values[name] for name in space.names]))
-        there = normal(problem, space, task.settings, theta[None])
+        there = normal_equations(problem, space, task.settings, theta[None])
         pace = space.pace(space.outward(theta))
         return Fitted(
             structure, values, float(there.cost[0]), len(values), information=information(there.curvature[0], pace)

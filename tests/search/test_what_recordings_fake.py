@@ -6,8 +6,8 @@ import pytest
 from brightgrey.estimation import scales
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search import Identification
-from brightgrey.search.evidence import weigh
+from brightgrey.search import IdentificationTask
+from brightgrey.search.evidence import assess_effects
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
@@ -33,9 +33,9 @@ def cards(y, u, effects, ladders=("one_mass",), *, kind="velocity", hold="linear
     )
     known = scales(made)
     settings = Settings(f_tanh=F_TANH, speed_scale=known.speed, level="fast", hold=hold)
-    task = Identification((made,), known, settings)
+    task = IdentificationTask((made,), known, settings)
     allowed = {*effects, *ladders}
-    found = weigh(task, fit_all(task, [s for s in PAPER.structures() if set(s.names) <= allowed]))
+    found = assess_effects(task, fit_all(task, [s for s in PAPER.structures() if set(s.names) <= allowed]))
     return {c.effect: c for c in found.cards}, found
 
 

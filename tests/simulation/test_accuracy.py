@@ -8,7 +8,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, assemble
 from brightgrey.simulation import Settings, response
-from brightgrey.simulation.reference import UnsettledError, agreement
+from brightgrey.simulation.reference import UnsettledError, compare_solvers
 
 ALL = list(PAPER.structures())
 SAMPLE = range(9, 448, 37)
@@ -25,7 +25,7 @@ def test_levels_keep_their_accuracy(number):
     values = random_values(structure.parameters, np.random.default_rng([2, number]))
     u = E.torque()
     try:
-        known = agreement(structure, values, u, E.dt, f_tanh=E.f_tanh, outputs=OUTPUTS, both=False)
+        known = compare_solvers(structure, values, u, E.dt, f_tanh=E.f_tanh, outputs=OUTPUTS, both=False)
     except UnsettledError as why:
         pytest.skip(str(why))
     if known.chaotic:

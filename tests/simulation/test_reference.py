@@ -7,7 +7,7 @@ from brightgrey.errors import BrightgreyError, SettingsError, StructureError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure, assemble
-from brightgrey.simulation.reference import UnsettledError, agreement, reference
+from brightgrey.simulation.reference import UnsettledError, compare_solvers, reference
 from brightgrey.simulation.reference.adaptive import _Drive, _Phase
 from brightgrey.simulation.reference.plant import Plant
 
@@ -163,7 +163,7 @@ SAMPLE = [
 @pytest.mark.parametrize("name", SAMPLE)
 def test_methods_agree(name, hold):
     values = random_values(Structure.parse(name).parameters, np.random.default_rng(len(name)))
-    found = agreement(name, values, E.torque()[:1000], E.dt, f_tanh=E.f_tanh, hold=hold)
+    found = compare_solvers(name, values, E.torque()[:1000], E.dt, f_tanh=E.f_tanh, hold=hold)
     assert not found.chaotic  # drawn so; the long test counts the chaotic ones
     assert np.max(found.difference) < 1e-6
 
@@ -174,7 +174,7 @@ def test_methods_agree_on_every_structure(part):
     chaotic = 0
     for i, structure in list(enumerate(ALL))[part::8]:
         values = random_values(structure.parameters, np.random.default_rng([11, i]))
-        found = agreement(structure, values, E.torque(), E.dt, f_tanh=E.f_tanh)
+        found = compare_solvers(structure, values, E.torque(), E.dt, f_tanh=E.f_tanh)
         chaotic += found.chaotic
         assert found.chaotic or np.max(found.difference[:2]) < 1e-6, f"{structure} {values}"
     assert chaotic <= 0.2 * len(ALL[part::8])
@@ -190,7 +190,7 @@ def test_implicit_solver_agrees_on_a_stiff_drive():
     u = 4.0 * np.sin(25.0 * T[:120])
     plant = Plant.of(name, values, 2.5)
     segments = cut(u, DT, 0.0, "linear")
-    radau = events.solve(plant, segments, plant.initial(None, 0.0), rtol=1e-8, implicit=True).output("v1")
+    radau = events.solve_adaptive(plant, segments, plant.initial(None, 0.0), rtol=1e-8, implicit=True).output("v1")
     for method in ("fixed", "events"):
         (v,) = solve(name, values, u, method, f_tanh=2.5)
         assert np.max(np.abs(v - radau)) < 1e-6 * np.max(np.abs(v))
@@ -202,7 +202,7 @@ CHAOTIC = "four_mass+stribeck+gravity+backlash+delay"
 def test_chaos_is_measured_and_refused():
     index = sorted(map(str, ALL)).index(CHAOTIC)
     values = random_values(Structure.parse(CHAOTIC).parameters, np.random.default_rng([7, index]))
-    found = agreement(CHAOTIC, values, E.torque(), E.dt, f_tanh=E.f_tanh, both=False)
+    found = compare_solvers(CHAOTIC, values, E.torque(), E.dt, f_tanh=E.f_tanh, both=False)
     assert found.chaotic
     assert np.max(found.growth[:2]) > 1e-5
     assert np.all(np.isnan(found.difference))

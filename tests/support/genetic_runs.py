@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.search.genetic import Node, Run
 from support.report_models import model_of
 
@@ -19,7 +19,7 @@ def individual(generation, number, value, parents=(), operator="recombination", 
         operator=operator,
         tree=Node(placed.placed[0], (), leaf),
         job=SimpleNamespace(structure=placed),
-        result=SimpleNamespace(n_parameters=len(names), simulations=7, spent=Spent(7, 700), misfit=misfit),
+        result=SimpleNamespace(n_parameters=len(names), simulations=7, spent=SimulationCount(7, 700), misfit=misfit),
         value=value,
         repeated=False,
     )

@@ -15,7 +15,7 @@ def small(tmp_path_factory):
     (folder / "a.csv").write_text(recording_csv())
     columns = (folder / "a.csv", "--input", "torque", "--output", "velocity", "--f-tanh", f"{E.f_tanh!r}")
     without = [o for e in ("two_mass", "current_control") for o in ("--exclude", e)]
-    genetic = ("--search", "genetic", "--setting", "ours", "--population", 6, "--elite", 1, "--generations", 3)
+    genetic = ("--search", "genetic", "--preset", "tuned", "--population", 6, "--elite", 1, "--generations", 3)
     searches = {
         "exhaustive": ("identify", *columns, *without),
         "genetic": ("identify", *columns, *genetic, "--iterations", 10),

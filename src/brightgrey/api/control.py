@@ -12,21 +12,21 @@ from brightgrey.control.design.cascade import cascade as suggest_cascade
 from brightgrey.control.design.lqg import kalman_gain
 from brightgrey.control.design.lqg import observed as with_observer
 from brightgrey.control.design.state_feedback import StateControl, state_control
-from brightgrey.control.faults.detection import Case, Finding, faults
+from brightgrey.control.faults.detection import Case, FaultFinding, detect_faults
 from brightgrey.control.filters.extended_kalman import Filtered, Noise
-from brightgrey.control.filters.gaussian_sum import mixture
-from brightgrey.control.filters.setup import Seen, noise_levels, see
+from brightgrey.control.filters.gaussian_sum import gaussian_sum
+from brightgrey.control.filters.setup import PreparedRecording, noise_levels, prepare
 from brightgrey.control.linear.analysis import Analysis
-from brightgrey.control.linear.analysis import analyse as analyse_system
+from brightgrey.control.linear.analysis import linearise_at as analyse_system
 from brightgrey.control.linear.margins import Margins
-from brightgrey.control.linear.operating_point import CONTACTS, steady
+from brightgrey.control.linear.operating_point import CONTACTS, trim
 from brightgrey.effects import Dimension
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
 from brightgrey.model.model import SPEED, Model
 from brightgrey.recordings import Recording
 
-__all__ = ["Design", "Watch", "analyse", "design", "inertia", "watch", "whiteness"]
+__all__ = ["Design", "Watch", "analyse", "design", "total_inertia", "watch", "whiteness"]
 
 TORQUE = Dimension(input=1, motion=0, time=0)
 _HALF_SPEED = 0.5
@@ -73,18 +73,18 @@ class Watch:
 
     Attributes
     ----------
-    seen : Seen
+    seen : PreparedRecording
         Coordinates and data of the filter.
     filtered : Filtered
         Estimated states and innovations, SI.
     noise : Noise
-    findings : tuple of Finding
+    findings : tuple of FaultFinding
     """
 
-    seen: Seen
+    seen: PreparedRecording
     filtered: Filtered
     noise: Noise
-    findings: tuple[Finding, ...]
+    findings: tuple[FaultFinding, ...]
 
 
 def _outputs(model: Model) -> list[str]:
@@ -166,18 +166,18 @@ def design(
     )
     noise = Noise(_DISTURBANCE * torque / model.units.of(TORQUE)[1], np.array([_SENSOR * settings.speed_scale]))
     gain = kalman_gain(state.analysis.linear, noise, dt)
-    suggested = suggest_cascade(analyses, inertia(analyses[0]), dt, computing=computing)
+    suggested = suggest_cascade(analyses, total_inertia(analyses[0]), dt, computing=computing)
     return Design(analyses, suggested, state, noise, gain, delay)
 
 
-def inertia(analysis: Analysis) -> float:
+def total_inertia(analysis: Analysis) -> float:
     """Inertia of all masses together, SI: what an acceleration adds to the torque of steady motion."""
-    on, speed = analysis.point.piece, analysis.point.speed
-    return float(steady(on, speed, 1.0).u - steady(on, speed).u)
+    on, speed = analysis.point.contact_mode, analysis.point.speed
+    return float(trim(on, speed, 1.0).u - trim(on, speed).u)
 
 
 def watch(
-    model: Model, recording: Recording, *, normal: Recording, matters: float = 0.1, confidence: float = 0.99
+    model: Model, recording: Recording, *, baseline: Recording, min_change: float = 0.1, confidence: float = 0.99
 ) -> Watch:
     """Run a Kalman filter over a new recording and look for faults.
 
@@ -198,15 +198,15 @@ def watch(
     Watch
     """
     settings, values = model.settings_si(), model.values_si()
-    noise = noise_levels(model.structure, values, normal, settings)
+    noise = noise_levels(model.structure, values, baseline, settings)
     std = {
         name: (part.std or 0.0) / model.units.of(model.structure.parameters[name].dimension)[1]
         for name, part in model.parameters.items()
     }
     case = Case(values, recording, noise, std)
-    (findings,) = faults(model.structure, settings, [case], matters=matters, confidence=confidence)
-    seen = see(model.structure, values, recording, settings)
-    return Watch(seen, mixture(seen.watched, noise), noise, findings)
+    (findings,) = detect_faults(model.structure, settings, [case], min_change=min_change, confidence=confidence)
+    seen = prepare(model.structure, values, recording, settings)
+    return Watch(seen, gaussian_sum(seen.watched, noise), noise, findings)
 
 
 def whiteness(filtered: Filtered) -> float:

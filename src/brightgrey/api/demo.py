@@ -12,14 +12,16 @@ from brightgrey.api.result import Result
 from brightgrey.excitation import demo_recording
 from brightgrey.recordings import read_recording
 from brightgrey.search.genetic import Progress
-from brightgrey.search.survey import Stage
+from brightgrey.search.survey import SearchProgress
 
 __all__ = ["demo"]
 
 FILE = "recording.csv"
 
 
-def demo(*, seed: int = 0, workers: int = 1, progress: Callable[[Stage | Progress], None] | None = None) -> Result:
+def demo(
+    *, seed: int = 0, workers: int = 1, progress: Callable[[SearchProgress | Progress], None] | None = None
+) -> Result:
     """Identify the drive of the shipped recording; the result's files hold the recording, too.
 
     A simulated two-mass drive, moved forth and back for about 2 s, with noise. All structures are tried on it.

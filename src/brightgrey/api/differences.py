@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from brightgrey.control.linear.model_differences import Band, Numbers, band, numbers
+from brightgrey.control.linear.model_differences import Band, ModelFigures, band, model_figures
 from brightgrey.effects import Dimension
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.search.comparison import Judged
 from brightgrey.search.evidence import Evidence, has
-from brightgrey.search.lattice import extensions
+from brightgrey.search.lattice import one_larger
 from brightgrey.simulation import Settings
 
 __all__ = ["Difference", "differences"]
@@ -36,14 +36,14 @@ class Difference:
         Else it is a minimal one with an optional effect.
     rows : tuple of (str, str)
         Names and values as text with units, the same names for all structures.
-    numbers : Numbers
+    numbers : ModelFigures
         The same in SI.
     """
 
     structure: Structure
     minimal: bool
     rows: tuple[tuple[str, str], ...]
-    numbers: Numbers
+    numbers: ModelFigures
 
 
 def differences(evidence: Evidence, recordings: Sequence[Recording], settings: Settings) -> tuple[Difference, ...]:
@@ -61,13 +61,13 @@ def differences(evidence: Evidence, recordings: Sequence[Recording], settings: S
         own = {name: judged.values[name] for name in judged.structure.parameters}
         system = assemble(judged.structure, own, settings.f_tanh, outputs)
         try:
-            numbers([system], _HALF * settings.speed_scale, settings.f_tanh, over)
+            model_figures([system], _HALF * settings.speed_scale, settings.f_tanh, over)
         except SettingsError:
             continue
         made.append((judged, system))
     if len(made) < 2:
         return ()
-    found = numbers([system for _, system in made], _HALF * settings.speed_scale, settings.f_tanh, over)
+    found = model_figures([system for _, system in made], _HALF * settings.speed_scale, settings.f_tanh, over)
     least = {j.structure for j in evidence.minimal}
     return tuple(
         Difference(judged.structure, judged.structure in least, _rows(n, over, recordings[0], first=k == 0), n)
@@ -81,13 +81,13 @@ def _tied(evidence: Evidence) -> list[Judged]:
     more = {
         e: evidence.judged[e]
         for s in minimal
-        for e in extensions(s, evidence.judged)
+        for e in one_larger(s, evidence.judged)
         if e not in minimal and any(has(e, o) and not has(s, o) for o in evidence.optional)
     }
     return [*evidence.minimal, *(more[s] for s in sorted(more, key=lambda s: evidence.criterion[s]))]
 
 
-def _rows(n: Numbers, over: Band, recording: Recording, *, first: bool) -> tuple[tuple[str, str], ...]:
+def _rows(n: ModelFigures, over: Band, recording: Recording, *, first: bool) -> tuple[tuple[str, str], ...]:
     unit, factor = recording.units.of(_TORQUE)
     least = _NOTHING * float(np.abs(recording.u).max())
     friction, constant = (factor * value if abs(value) > least else 0.0 for value in (n.friction, n.constant))
@@ -105,7 +105,7 @@ def _rows(n: Numbers, over: Band, recording: Recording, *, first: bool) -> tuple
     )
 
 
-def _poles(n: Numbers) -> str:
+def _poles(n: ModelFigures) -> str:
     upper = [p for p in n.poles if p.imag >= 0.0]
     parts = [f"{p.real:.3g} ± {p.imag:.3g}i" if p.imag > 1e-9 * abs(p) else f"{p.real:.3g}" for p in upper[:_SHOWN]]
     return ", ".join(parts).replace("-0,", "0,") or "none"

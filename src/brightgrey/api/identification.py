@@ -12,7 +12,7 @@ import numpy as np
 from brightgrey import __version__, estimation
 from brightgrey.api.differences import differences
 from brightgrey.api.result import Result
-from brightgrey.api.structure_search import Found, Wish, find
+from brightgrey.api.structure_search import SearchRequest, SearchResult, search_structure
 from brightgrey.api.to_si import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import Fit, Profile
@@ -28,7 +28,7 @@ from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search.genetic import GeneticSettings, Progress
-from brightgrey.search.survey import Stage
+from brightgrey.search.survey import SearchProgress
 
 __all__ = ["identify"]
 
@@ -43,7 +43,7 @@ def identify(
     search: Literal["auto", "exhaustive"] | GeneticSettings | None = None,
     require: Sequence[str] = (),
     exclude: Sequence[str] = (),
-    progress: Callable[[Stage | Progress], None] | None = None,
+    progress: Callable[[SearchProgress | Progress], None] | None = None,
     bounds: Mapping[str, Range] | None = None,
     fixed: Mapping[str, float] | None = None,
     f_tanh: float | None = None,
@@ -135,7 +135,7 @@ def identify(
     if structure is None:
         if start is not None:
             raise SettingsError("a start model was given without a structure; a search draws its starts itself")
-        wish = Wish(
+        wish = SearchRequest(
             search or "auto",
             tuple(require),
             tuple(exclude),
@@ -147,7 +147,7 @@ def identify(
             progress,
             executor,
         )
-        found = find(several, wish)
+        found = search_structure(several, wish)
         structure, bounds, fixed = found.structure, found.own(bounds), found.own(fixed)
     elif search is not None or require or exclude:
         raise SettingsError("a structure and a search were given; do one of them")
@@ -197,7 +197,7 @@ def _result(
     constants: Mapping[str, float],
     seed: int,
     test: Recording | None,
-    found: Found | None,
+    found: SearchResult | None,
     profiles: tuple[Profile, ...],
 ) -> Result:
     """Put the model, its place in the ranking and the notes together."""

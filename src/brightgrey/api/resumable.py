@@ -22,21 +22,21 @@ from brightgrey.kit import function_set
 from brightgrey.model.files import check_folder, write_files
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
-from brightgrey.runs import Budget, Glance, Memory, RunError, Stop, Store, glance
+from brightgrey.runs import Budget, CachingExecutor, RunError, RunStatus, Stop, Store, read_status
 from brightgrey.runs.serialisation import canonical, code, digest
 from brightgrey.runs.store import FILE
 from brightgrey.search.genetic import GeneticSettings, Progress
-from brightgrey.search.parallel import Stopped, pool
-from brightgrey.search.survey import Stage
+from brightgrey.search.parallel import Stopped, thread_pool
+from brightgrey.search.survey import SearchProgress
 
-__all__ = ["Kept", "found_in", "identify_into", "request_of"]
+__all__ = ["StoredRun", "identify_resumable", "list_runs", "request_of"]
 
 PRINTED = "printed.txt"
 _ELSEWHERE = ("recordings", "test", "start", "search", "structure", "progress", "workers", "executor")
 
 
 @dataclass(frozen=True)
-class Kept:
+class StoredRun:
     """What a folder holds after :func:`identify_into`.
 
     Attributes
@@ -94,7 +94,7 @@ def _about(recording: Recording) -> str:
     return f"{recording.name} ({recording.fingerprint[:16]})"
 
 
-def identify_into(
+def identify_resumable(
     folder: str | Path,
     recordings: Recording | Sequence[Recording],
     structure: Any = None,
@@ -103,11 +103,11 @@ def identify_into(
     budget: Budget | None = None,
     stop: Stop | None = None,
     restart: bool = False,
-    progress: Callable[[Stage | Progress], None] | None = None,
+    progress: Callable[[SearchProgress | Progress], None] | None = None,
     printed: Callable[[Result], str] = lambda result: "",
     request: str = "",
     **options: Any,
-) -> Kept:
+) -> StoredRun:
     """Call :func:`identify` and write its results to `folder`, with every evaluation on the way.
 
     Called again after an interruption of any kind, it goes on, and ends with the same bytes. After its end it gives
@@ -150,14 +150,14 @@ def identify_into(
             files = store.files()
             said = files.pop(PRINTED, b"").decode()
             _put_back(Path(folder), files)
-            return Kept(files, said, None)
+            return StoredRun(files, said, None)
 
-        def note(step: Stage | Progress) -> None:
+        def note(step: SearchProgress | Progress) -> None:
             _note(store, step)
             if progress is not None:
                 progress(step)
 
-        with pool(executor) as workers, Memory(workers, store, budget, stop) as memory:
+        with thread_pool(executor) as workers, CachingExecutor(workers, store, budget, stop) as memory:
             try:
                 result = identify(recordings, structure, executor=memory, progress=note, **options)
             except (Stopped, KeyboardInterrupt) as reason:
@@ -176,7 +176,7 @@ def identify_into(
         write_files(folder, contents)
         if not result.stopped:
             store.finish({**contents, PRINTED: said.encode()})
-        return Kept(contents, said, result)
+        return StoredRun(contents, said, result)
 
 
 def _is_fit(request: Mapping[str, Any]) -> bool:
@@ -184,9 +184,9 @@ def _is_fit(request: Mapping[str, Any]) -> bool:
     return request.get("structure") is not None
 
 
-def _note(store: Store, step: Stage | Progress) -> None:
+def _note(store: Store, step: SearchProgress | Progress) -> None:
     """Keep where a search stands, of a genetic one all that the next generation is drawn from."""
-    if isinstance(step, Stage):
+    if isinstance(step, SearchProgress):
         store.stage({"name": step.name, "done": step.done, "total": step.total, "best": str(step.structure)})
         return
     best = str(step.best.job.structure)
@@ -213,7 +213,7 @@ def _sweep(folder: Path, names: Mapping[str, bytes]) -> None:
             leftover.unlink(missing_ok=True)
 
 
-def found_in(folder: str | Path) -> list[tuple[Path, Glance | RunError]]:
+def list_runs(folder: str | Path) -> list[tuple[Path, RunStatus | RunError]]:
     """Runs in `folder` and the folders below it, each with what it is or why it cannot be read.
 
     Raises
@@ -222,10 +222,10 @@ def found_in(folder: str | Path) -> list[tuple[Path, Glance | RunError]]:
         If there is none.
     """
     root = Path(folder)
-    found: list[tuple[Path, Glance | RunError]] = []
+    found: list[tuple[Path, RunStatus | RunError]] = []
     for file in sorted(root.rglob(FILE)):
         try:
-            found.append((file.parent, glance(file.parent)))
+            found.append((file.parent, read_status(file.parent)))
         except RunError as error:
             found.append((file.parent, error))
     if not found:

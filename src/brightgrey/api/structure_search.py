@@ -15,23 +15,23 @@ from brightgrey.estimation import scales, settings_for
 from brightgrey.kit import Structure, function_set
 from brightgrey.model.ranking import Row
 from brightgrey.model.schema import CriterionPart
-from brightgrey.paper.repetitions import run
+from brightgrey.paper.repetitions import genetic_search
 from brightgrey.recordings import Recording
-from brightgrey.search import Identification
+from brightgrey.search import IdentificationTask
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import GeneticSettings, Progress, Run, history_csv
-from brightgrey.search.genetic.settings import OURS
-from brightgrey.search.parallel import pool
-from brightgrey.search.survey import Stage, Survey, candidates, survey
+from brightgrey.search.genetic.settings import TUNED_SETTINGS
+from brightgrey.search.parallel import thread_pool
+from brightgrey.search.survey import ExhaustiveResult, SearchProgress, candidates, search_exhaustively
 
-__all__ = ["Found", "Wish", "find"]
+__all__ = ["SearchRequest", "SearchResult", "search_structure"]
 
 T = TypeVar("T")
 AFFORDABLE = 448 * 50_000  # structures times samples: up to half an hour
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """What a search found: a structure with its estimates (SI), the ranking of all that were tried, and why."""
 
     structure: Structure
@@ -50,7 +50,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Wish:
+class SearchRequest:
     """What is asked of a search, in the recording's units.
 
     Attributes
@@ -77,11 +77,11 @@ class Wish:
     f_tanh: float | None
     seed: int
     workers: int
-    progress: Callable[[Stage | Progress], None] | None
+    progress: Callable[[SearchProgress | Progress], None] | None
     executor: Executor | None = None
 
 
-def find(recordings: Sequence[Recording], wish: Wish) -> Found:
+def search_structure(recordings: Sequence[Recording], wish: SearchRequest) -> SearchResult:
     """Search the structures of the function set on `recordings`, which are of one drive and have the same outputs.
 
     Raises
@@ -92,7 +92,7 @@ def find(recordings: Sequence[Recording], wish: Wish) -> Found:
     units = recordings[0].units
     widest = max(function_set().structures(), key=lambda s: len(s.parameters))
     known = scales(recordings)
-    task = Identification(
+    task = IdentificationTask(
         recordings=tuple(recordings),
         scales=known,
         settings=settings_for(recordings, known, None if wish.f_tanh is None else f_tanh_si(wish.f_tanh, units)),
@@ -107,12 +107,12 @@ def find(recordings: Sequence[Recording], wish: Wish) -> Found:
     affordable = len(structures) * sum(r.samples for r in recordings) <= AFFORDABLE
     if wish.how == "exhaustive" or affordable or wish.require or wish.exclude:
         return _exhaustive(task, structures, wish)
-    return _genetic(task, OURS, wish)
+    return _genetic(task, TUNED_SETTINGS, wish)
 
 
-def _exhaustive(task: Identification, structures: Sequence[Structure], wish: Wish) -> Found:
-    with pool(wish.executor, wish.workers) as executor:
-        done = survey(task, structures, seed=wish.seed, executor=executor, progress=wish.progress)
+def _exhaustive(task: IdentificationTask, structures: Sequence[Structure], wish: SearchRequest) -> SearchResult:
+    with thread_pool(wish.executor, wish.workers) as executor:
+        done = search_exhaustively(task, structures, seed=wish.seed, executor=executor, progress=wish.progress)
     best = done.best
     factors = np.array([signal.factor for signal in task.recordings[0].outputs])
     weights = task.weights(best.structure)
@@ -123,11 +123,11 @@ def _exhaustive(task: Identification, structures: Sequence[Structure], wish: Wis
             rss=float(np.sum(r.misfit.rss * (factors / weights) ** 2)),
             fit_percent=r.misfit.fit_percent,
             criterion=r.criterion,
-            tied=r.tied,
+            tied=r.equivalent,
         )
         for r in done.ranking
     )
-    return Found(
+    return SearchResult(
         structure=best.structure,
         values=best.values,
         ranking=rows,
@@ -138,7 +138,7 @@ def _exhaustive(task: Identification, structures: Sequence[Structure], wish: Wis
     )
 
 
-def _note_on_survey(done: Survey, structures: int) -> str:
+def _note_on_survey(done: ExhaustiveResult, structures: int) -> str:
     if done.evidence is None:
         count = len(done.fitted)
         return f"stopped: {count} of {structures} structures fitted, the simple ones first; the best so far, unweighed"
@@ -148,8 +148,8 @@ def _note_on_survey(done: Survey, structures: int) -> str:
     return f"all {structures} structures tried; {count} minimal {'ones' if count > 1 else 'one'}"
 
 
-def _genetic(task: Identification, settings: GeneticSettings, wish: Wish) -> Found:
-    done = run(
+def _genetic(task: IdentificationTask, settings: GeneticSettings, wish: SearchRequest) -> SearchResult:
+    done = genetic_search(
         task,
         settings,
         wish.seed,
@@ -161,7 +161,7 @@ def _genetic(task: Identification, settings: GeneticSettings, wish: Wish) -> Fou
     best = done.best
     if not best.value > float("-inf") or not best.result.misfit.fit_percent > float("-inf"):
         raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
-    return Found(
+    return SearchResult(
         structure=best.job.structure,
         values=dict(best.result.values),
         ranking=_ranking(done, task),
@@ -173,7 +173,7 @@ def _genetic(task: Identification, settings: GeneticSettings, wish: Wish) -> Fou
     )
 
 
-def _ranking(done: Run, task: Identification) -> tuple[Row, ...]:
+def _ranking(done: Run, task: IdentificationTask) -> tuple[Row, ...]:
     """Every structure that was tried, by its best identification at the level of the search, in the outputs' units."""
     factors = np.array([signal.factor for signal in task.recordings[0].outputs])
     return tuple(

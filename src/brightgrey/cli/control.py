@@ -82,12 +82,12 @@ def control(
 def watch(
     model: ModelFile,
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording to be watched, CSV or MAT.")],
-    normal: Annotated[
+    baseline: Annotated[
         Path,
-        typer.Option("--normal", metavar="FILE", help="A recording without fault: the one the model came from."),
+        typer.Option("--baseline", metavar="FILE", help="A recording without fault: the one the model came from."),
     ],
-    matters: Annotated[
-        float, typer.Option("--matters", metavar="X", help="Relative change that is not yet worth reporting.")
+    min_change: Annotated[
+        float, typer.Option("--min-change", metavar="X", help="Relative change that is not yet worth reporting.")
     ] = 0.1,
     confidence: Annotated[float, typer.Option("--confidence", metavar="P", help="At which to report a change.")] = 0.99,
     time: Time = None,
@@ -107,8 +107,8 @@ def watch(
     from brightgrey.api.control import watch as run
 
     with show.working("watching", silent=quiet or json):
-        before, now = (api.read_for(loaded, f, time=time, dt=dt, units=given) for f in (normal, recording))
-        found = run(loaded, now, normal=before, matters=matters, confidence=confidence)
+        before, now = (api.read_for(loaded, f, time=time, dt=dt, units=given) for f in (baseline, recording))
+        found = run(loaded, now, baseline=before, min_change=min_change, confidence=confidence)
     show_work.watched(found, quiet=quiet, json=json)
 
 

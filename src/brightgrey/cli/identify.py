@@ -31,7 +31,7 @@ from brightgrey.errors import SettingsError, unknown_name
 
 if TYPE_CHECKING:
     from brightgrey.search.genetic import Progress
-    from brightgrey.search.survey import Stage
+    from brightgrey.search.survey import SearchProgress
 
 __all__ = ["checked_structure", "identify"]
 
@@ -136,7 +136,7 @@ def identify(
     search: Search = None,
     require: Require = None,
     exclude: Exclude = None,
-    setting: genetic.Setting = "paper",
+    preset: genetic.Preset = "paper",
     population: genetic.Population = None,
     generations: genetic.Generations = None,
     iterations: genetic.Iterations = None,
@@ -146,8 +146,8 @@ def identify(
     k_p: genetic.Kp = None,
     mutation: genetic.Mutation = None,
     elite: genetic.Elite = None,
-    fresh: genetic.Fresh = None,
-    near: genetic.Near = None,
+    max_remutations: genetic.MaxRemutations = None,
+    neighbours: genetic.Neighbours = None,
     time: Time = None,
     dt: Step = None,
     input_gain: Gain = 1.0,
@@ -189,8 +189,8 @@ def identify(
 
     check_folder(out)
     chosen = checked_structure(structure, search, (*(require or ()), *(exclude or ())))
-    settings = (genetic.settings if search == "genetic" else genetic.refuse)(
-        setting,
+    settings = (genetic.genetic_settings if search == "genetic" else genetic.refuse_genetic_options)(
+        preset,
         mutation,
         population=population,
         generations=generations,
@@ -200,12 +200,12 @@ def identify(
         p_clone=p_clone,
         k_p=k_p,
         elite=elite,
-        fresh=fresh,
-        near=near,
+        max_remutations=max_remutations,
+        n_neighbours=neighbours,
     )
     held = check_hold(hold)
     from brightgrey import api
-    from brightgrey.api.resumable import identify_into
+    from brightgrey.api.resumable import identify_resumable
     from brightgrey.cli.terminal.signals import signals
     from brightgrey.estimation.optimisation.pattern_fit import check_estimator
     from brightgrey.estimation.problem.initial_state import check_initial
@@ -235,7 +235,7 @@ def identify(
         workforce.executor() as executor,
         _display(structure, silent=quiet or json) as progress,
     ):
-        kept = identify_into(
+        kept = identify_resumable(
             out,
             [read(file) for file in recordings],
             chosen,
@@ -266,7 +266,7 @@ def identify(
 
 
 @contextmanager
-def _display(structure: str | None, *, silent: bool) -> Iterator[Callable[[Stage | Progress], None] | None]:
+def _display(structure: str | None, *, silent: bool) -> Iterator[Callable[[SearchProgress | Progress], None] | None]:
     """Say on the terminal what is going on; gives what a search reports its steps to."""
     from brightgrey.cli.terminal import progress as live
     from brightgrey.cli.terminal import results as show

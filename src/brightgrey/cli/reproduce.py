@@ -15,7 +15,7 @@ __all__ = ["reproduce"]
 
 def reproduce(
     seeds: Annotated[int, typer.Option("--seeds", min=1, metavar="N", help="Number of seeds.")] = 1,
-    setting: genetic.Setting = "paper",
+    preset: genetic.Preset = "paper",
     population: genetic.Population = None,
     generations: genetic.Generations = None,
     iterations: genetic.Iterations = None,
@@ -25,8 +25,8 @@ def reproduce(
     k_p: genetic.Kp = None,
     mutation: genetic.Mutation = None,
     elite: genetic.Elite = None,
-    fresh: genetic.Fresh = None,
-    near: genetic.Near = None,
+    max_remutations: genetic.MaxRemutations = None,
+    neighbours: genetic.Neighbours = None,
     seed: Seed = 0,
     workers: Workers = CORES,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("reproduction"),
@@ -38,8 +38,8 @@ def reproduce(
     Writes figure6.png to figure9.png, as numbered in the paper, and the tables runs.csv, generations.csv and
     history.csv to DIR.
     """
-    chosen = genetic.settings(
-        setting,
+    chosen = genetic.genetic_settings(
+        preset,
         mutation,
         population=population,
         generations=generations,
@@ -49,8 +49,8 @@ def reproduce(
         p_clone=p_clone,
         k_p=k_p,
         elite=elite,
-        fresh=fresh,
-        near=near,
+        max_remutations=max_remutations,
+        n_neighbours=neighbours,
     )
     from brightgrey.cli.terminal import progress as live
     from brightgrey.cli.terminal import results as show

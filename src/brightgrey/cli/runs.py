@@ -19,32 +19,32 @@ def runs(
     """List the runs in a folder: what was asked for, whether it is finished, how much is done, the best so far."""
     from rich.text import Text
 
-    from brightgrey.api.resumable import found_in
+    from brightgrey.api.resumable import list_runs
     from brightgrey.cli.terminal.results import as_json, plain_table, screen
-    from brightgrey.runs import Glance
+    from brightgrey.runs import RunStatus
 
-    found = found_in(folder)
+    found = list_runs(folder)
     if json:
         as_json([_plain(where, run) for where, run in found])
         return
     console = screen()
     table = plain_table("folder", "state", "evaluations >", "seconds >", "stage", "best so far")
     for where, run in found:
-        if isinstance(run, Glance):
+        if isinstance(run, RunStatus):
             cells = (str(run.evaluations), f"{run.seconds:.1f}", _stage(run), str(run.stage.get("best", "-")))
             table.add_row(str(where), run.state, *cells)
         else:
             table.add_row(str(where), "unreadable", "-", "-", "-", "-", style="yellow")
     console.print(table)
     for where, run in found:
-        if not isinstance(run, Glance):
+        if not isinstance(run, RunStatus):
             console.print(f"- {run}", soft_wrap=True)
         elif len(found) == 1:
             console.print()
             console.print(Text(f"request in {where}", style="bold"))
             for name, value in run.request.items():
                 console.print(f"  {name}: {value}", soft_wrap=True)
-    if any(not isinstance(run, Glance) for _, run in found):
+    if any(not isinstance(run, RunStatus) for _, run in found):
         raise typer.Exit(2)
 
 
@@ -58,8 +58,8 @@ def _stage(run: Any) -> str:
 def _plain(where: Path, run: Any) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from brightgrey.runs import Glance
+    from brightgrey.runs import RunStatus
 
-    if not isinstance(run, Glance):
+    if not isinstance(run, RunStatus):
         return {"folder": str(where), "state": "unreadable", "error": str(run)}
     return {**asdict(run), "folder": str(where)}

@@ -292,7 +292,7 @@ class Caution:
 
     Attributes
     ----------
-    kind : {'look-alike', 'invisible'}
+    kind : {'confounded', 'not observable'}
         Something else looks the same, or nothing is to be seen.
     symbols : tuple of str
         The effect's parameters that it is about.
@@ -302,7 +302,7 @@ class Caution:
         What to tell people, without the parameter's name in front.
     """
 
-    kind: Literal["look-alike", "invisible"]
+    kind: Literal["confounded", "not observable"]
     symbols: tuple[str, ...]
     applies: Callable[[Circumstances], bool]
     text: str

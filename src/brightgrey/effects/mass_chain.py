@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from brightgrey.effects.declaration import Dimension, Draft, Effect, Fault, Modelica, Parameter, Scales, State, Values
 
-__all__ = ["ladder"]
+__all__ = ["mass_chain"]
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def fastest(scales: Scales) -> float:
     return np.pi / scales.interval
 
 
-def inertia(i: int, masses: int) -> Parameter:
+def inertia_name(i: int, masses: int) -> Parameter:
     """Moment of inertia of mass i; alone it is the total inertia, else anything below about it.
 
     The last mass carries the load.
@@ -59,7 +59,7 @@ def inertia(i: int, masses: int) -> Parameter:
     )
 
 
-def stiffness(k: int, masses: int) -> Parameter:
+def stiffness_name(k: int, masses: int) -> Parameter:
     """Spring constant of shaft k: resonances between two periods per recording and Nyquist's frequency."""
     return Parameter(
         f"c{k}",
@@ -70,7 +70,7 @@ def stiffness(k: int, masses: int) -> Parameter:
     )
 
 
-def damping(k: int, masses: int) -> Parameter:
+def damping_name(k: int, masses: int) -> Parameter:
     """Damper constant of shaft k: from a ringing of hundreds of periods to an overdamped shaft."""
     return Parameter(
         f"d{k}",
@@ -209,7 +209,7 @@ def _drawing(masses: int) -> Modelica:
     return Modelica(components=tuple(components), equations=tuple(equations))
 
 
-def ladder(name: str, masses: int) -> Effect:
+def mass_chain(name: str, masses: int) -> Effect:
     """Multiple-mass effect with `masses` masses."""
 
     def stamp(draft: Draft, place: int, values: Values) -> Draft:
@@ -217,9 +217,9 @@ def ladder(name: str, masses: int) -> Effect:
 
     shafts: Any = range(1, masses)
     parameters = (
-        *(inertia(i, masses) for i in range(1, masses + 1)),
-        *(stiffness(k, masses) for k in shafts),
-        *(damping(k, masses) for k in shafts),
+        *(inertia_name(i, masses) for i in range(1, masses + 1)),
+        *(stiffness_name(k, masses) for k in shafts),
+        *(damping_name(k, masses) for k in shafts),
     )
     coupled = "" if masses == 1 else ", coupled in a row by springs and dampers"
     return Effect(

@@ -3,7 +3,7 @@
 from brightgrey.estimation.diagnostics.finding import Finding
 from brightgrey.estimation.fit import Estimate, Fit, Outcome, OutputFit, Start, fit, predict, settings_for
 from brightgrey.estimation.noise.residual_analysis import Residuals, residual_analysis
-from brightgrey.estimation.optimisation.least_squares import descend_many
+from brightgrey.estimation.optimisation.least_squares import fit_many
 from brightgrey.estimation.optimisation.pattern_search import PatternEnd, pattern_search
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.profile_likelihood import Profile, profile
@@ -18,8 +18,8 @@ __all__ = [
     "Profile",
     "Residuals",
     "Start",
-    "descend_many",
     "fit",
+    "fit_many",
     "pattern_search",
     "predict",
     "profile",

@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.diagnostics.cautions import cautions
-from brightgrey.estimation.diagnostics.chaos import rattling
-from brightgrey.estimation.diagnostics.equivalent_models import untwin
+from brightgrey.estimation.diagnostics.chaos import chaos_findings
+from brightgrey.estimation.diagnostics.equivalent_models import resolve_lag_pole_exchange
 from brightgrey.estimation.diagnostics.finding import Finding
 from brightgrey.estimation.diagnostics.informativity import recording_findings
-from brightgrey.estimation.diagnostics.outcome import Ended, Outcome, outcome_of, unmoved
+from brightgrey.estimation.diagnostics.outcome import FitContext, Outcome, outcome_of, unfitted
 from brightgrey.estimation.diagnostics.symptoms import Symptom, symptoms
-from brightgrey.estimation.optimisation.least_squares import Descent, End, descend, descend_many
-from brightgrey.estimation.optimisation.multistart import Found, explore, first_field
+from brightgrey.estimation.optimisation.least_squares import Optimum, OptimumWithJacobian, fit_many, fit_to_convergence
+from brightgrey.estimation.optimisation.multistart import MultistartResult, first_field, multistart
 from brightgrey.estimation.optimisation.pattern_fit import Estimator, check_estimator, pattern_descent, pattern_searches
 from brightgrey.estimation.problem.initial_state import Initial
-from brightgrey.estimation.problem.parameter_space import Search, search_space
+from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.scales import scales
-from brightgrey.estimation.problem.simulation_error import Problem, predict_many
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.estimation.uncertainty.estimates import Estimate, estimates_of
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
@@ -167,25 +167,25 @@ def fit(
         raise SettingsError(f"starts is {starts}; at least 1 is needed")
     known = scales(recordings)
     settings = settings_for(recordings, known, f_tanh, "euler" if level == "euler" else "fast")
-    problem = Problem.of(structure, recordings, threads, initial)
-    search = search_space(structure, known, bounds or {}, fixed or {}, problem.unknown)
+    problem = SimulationErrorProblem.of(structure, recordings, threads, initial)
+    search = parameter_space(structure, known, bounds or {}, fixed or {}, problem.unknown_initial)
     final = replace(settings, level=level)
     told = recording_findings(recordings)
     tried: tuple[Start, ...] = ()
     if _blind(told):
-        best, evaluations = unmoved(problem, search, final), 1
+        best, evaluations = unfitted(problem, search, final), 1
     else:
         given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
         if check_estimator(estimator) == "pattern-search":
             best, evaluations, tried = _by_patterns(problem, search, settings, final, given, starts, seed)
         else:
-            found = explore(problem, search, settings, given, starts=starts, patience=patience, seed=seed)
+            found = multistart(problem, search, settings, given, starts=starts, patience=patience, seed=seed)
             best, evaluations, tried = _finished(problem, search, final, found)
-    best, twins = untwin(problem, search, final, best)
+    best, twins = resolve_lag_pole_exchange(problem, search, final, best)
     estimates = estimates_of(problem, search, final, best)
     named = {name: estimates.by_name[name] for name in structure.parameters}
-    ended = Ended(problem, search, final, best, estimates)
-    doubtful = [] if _blind(told) else rattling(problem, search, final, best)
+    ended = FitContext(problem, search, final, best, estimates)
+    doubtful = [] if _blind(told) else chaos_findings(problem, search, final, best)
     beside = (*told, *twins, *cautions(structure, named, recordings, known, final), *doubtful)
     outcome = outcome_of(ended, beside)
     return Fit(
@@ -210,19 +210,19 @@ def _blind(told: Sequence[Finding]) -> bool:
 
 
 def _by_patterns(
-    problem: Problem,
-    search: Search,
+    problem: SimulationErrorProblem,
+    search: ParameterSpace,
     settings: Settings,
     final: Settings,
     given: Sequence[Mapping[str, float]],
     starts: int,
     seed: int,
-) -> tuple[Descent, int, tuple[Start, ...]]:
+) -> tuple[OptimumWithJacobian, int, tuple[Start, ...]]:
     """Best pattern search, finished at the final level; points simulated, and all starts."""
     begins = first_field(problem, search, settings, given, starts, np.random.default_rng(seed))
     ends = pattern_searches(problem, search, settings, begins)
     order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
-    values = [search.outward(np.array(end.values)) for end in ends]
+    values = [search.from_scaled(np.array(end.values)) for end in ends]
     best = pattern_descent(problem, search, final, values[order[0]])
     tried = tuple(
         Start(_named(search, begins[i]), _named(search, values[i]), ends[i].cost, ends[i].reason == "mesh")
@@ -232,12 +232,12 @@ def _by_patterns(
 
 
 def _finished(
-    problem: Problem, search: Search, final: Settings, found: Found
-) -> tuple[Descent, int, tuple[Start, ...]]:
+    problem: SimulationErrorProblem, search: ParameterSpace, final: Settings, found: MultistartResult
+) -> tuple[OptimumWithJacobian, int, tuple[Start, ...]]:
     """Best descent, finished at the final level, batches of simulations, and all starts."""
     ends = found.ends
     order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
-    finished = [descend(problem, search, final, ends[i].values) for i in _finalists(search, ends, order)]
+    finished = [fit_to_convergence(problem, search, final, ends[i].values) for i in _finalists(search, ends, order)]
     best = min(finished, key=lambda d: d.cost)
     evaluations = found.evaluations + sum(d.evaluations for d in finished)
     tried = tuple(
@@ -291,31 +291,33 @@ def _began(
     structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings
 ) -> Mapping[str, float] | None:
     """Initial state of a recording for known parameters; None if it begins at rest."""
-    problem = Problem.of(structure, [recording])
-    if not problem.unknown:
+    problem = SimulationErrorProblem.of(structure, [recording])
+    if not problem.unknown_initial:
         return None
     own = {name: values[name] for name in structure.parameters}
-    search = search_space(structure, scales([recording]), {}, own, problem.unknown)
-    (end,) = descend_many(problem, search, settings, search.start[:, None], limit=_BEGINNING)
+    search = parameter_space(structure, scales([recording]), {}, own, problem.unknown_initial)
+    (end,) = fit_many(problem, search, settings, search.start[:, None], limit=_BEGINNING)
     named = dict(zip(search.names, end.values.tolist(), strict=True)) | own
     return problem.states(named, settings.f_tanh)[0]
 
 
-def _finalists(search: Search, ends: Sequence[End], order: Sequence[int]) -> list[int]:
+def _finalists(search: ParameterSpace, ends: Sequence[Optimum], order: Sequence[int]) -> list[int]:
     """Ends that may turn out as the best one at the final level: nearly as good as it, and elsewhere."""
     chosen = [order[0]]
     for i in order[1:]:
-        apart = [np.abs(search.inward(ends[i].values) - search.inward(ends[j].values)).max(initial=0.0) for j in chosen]
+        apart = [
+            np.abs(search.to_scaled(ends[i].values) - search.to_scaled(ends[j].values)).max(initial=0.0) for j in chosen
+        ]
         if ends[i].cost <= _RIVAL * ends[order[0]].cost and min(apart) > _ELSEWHERE and len(chosen) < _FINISHED:
             chosen.append(i)
     return chosen
 
 
-def _named(search: Search, values: Array) -> dict[str, float]:
+def _named(search: ParameterSpace, values: Array) -> dict[str, float]:
     return dict(zip(search.names, values.tolist(), strict=True)) | dict(search.fixed)
 
 
-def _train(problem: Problem, residual: Array) -> dict[str, OutputFit]:
+def _train(problem: SimulationErrorProblem, residual: Array) -> dict[str, OutputFit]:
     """Fit of each output, pooled over the recordings."""
     outputs = problem.recordings[0].outputs
     pieces: list[list[Array]] = [[] for _ in outputs]

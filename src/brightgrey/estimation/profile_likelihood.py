@@ -12,11 +12,11 @@ from scipy.optimize import brentq
 
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.fit import Fit
-from brightgrey.estimation.optimisation.least_squares import Descent, descend
-from brightgrey.estimation.problem.parameter_space import Search, search_space
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_to_convergence
+from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.scales import scales
-from brightgrey.estimation.problem.simulation_error import Problem
-from brightgrey.estimation.uncertainty.covariance import spread
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
+from brightgrey.estimation.uncertainty.covariance import sandwich_covariance
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
@@ -90,14 +90,14 @@ def profile(found: Fit, recordings: Sequence[Recording], name: str) -> Profile:
     bounds = {n: found.bounds[n] for n in found.structure.parameters if n in found.bounds}
     if name not in bounds:
         raise SettingsError(unknown_name("estimated parameter", name, bounds))
-    problem = Problem.of(found.structure, recordings)
+    problem = SimulationErrorProblem.of(found.structure, recordings)
     fixed = {n: e.value for n, e in found.estimates.items() if n not in bounds}
-    search = search_space(found.structure, scales(recordings), bounds, fixed)
+    search = parameter_space(found.structure, scales(recordings), bounds, fixed)
     k = search.names.index(name)
     start = np.array([found.estimates[n].value for n in search.names])
-    best = descend(problem, search, found.settings, start)
+    best = fit_to_convergence(problem, search, found.settings, start)
     half, rise = _calibrated(problem, best, k)
-    low, high, middle = (float(v[k]) for v in (*search.box, search.inward(best.values)))
+    low, high, middle = (float(v[k]) for v in (*search.box, search.to_scaled(best.values)))
     course = _Course(problem, search, found.settings, k, best.cost + rise, {middle: (best.cost, best.values)})
     step = half if np.isfinite(half) and half > 0.0 else 0.05 * (high - low)
     ends = [_end(course, middle, side * step, bound) for side, bound in ((-1.0, low), (1.0, high))]
@@ -119,8 +119,8 @@ def profile(found: Fit, recordings: Sequence[Recording], name: str) -> Profile:
 class _Course:
     """Cost above the threshold over one parameter, in the searched scale; `known` keeps what was fitted."""
 
-    problem: Problem
-    search: Search
+    problem: SimulationErrorProblem
+    search: ParameterSpace
     settings: Settings
     k: int
     threshold: float
@@ -144,15 +144,15 @@ class _Course:
                 log=self.search.log[rest],
                 fixed={**self.search.fixed, self.search.names[self.k]: value},
             )
-            end = descend(self.problem, part, self.settings, start[rest])
+            end = fit_to_convergence(self.problem, part, self.settings, start[rest])
             self.known[theta] = (end.cost, np.insert(end.values, self.k, value))
         return self.known[theta][0] - self.threshold
 
 
-def _calibrated(problem: Problem, best: Descent, k: int) -> tuple[float, float]:
+def _calibrated(problem: SimulationErrorProblem, best: OptimumWithJacobian, k: int) -> tuple[float, float]:
     """Half width of the quadratic interval (searched scale), and by how much the cost rises at its ends."""
     J = best.jacobian
-    own = spread(best.residual, J, [r.samples for r in problem.recordings for _ in r.outputs])
+    own = sandwich_covariance(best.residual, J, [r.samples for r in problem.recordings for _ in r.outputs])
     half = float(own.quantile[k] * np.sqrt(max(own.covariance[k, k], 0.0)))
     curvature = float(np.linalg.pinv(J.T @ J, hermitian=True)[k, k])
     return half, half**2 / curvature if curvature > 0.0 else 0.0

@@ -2,13 +2,13 @@
 
 from brightgrey.excitation.demo import demo_recording
 from brightgrey.excitation.experiment import PAPER_EXPERIMENT, Experiment, driving_torque
-from brightgrey.excitation.motion import Limits, Motion, moves, reversing
+from brightgrey.excitation.motion import Motion, MotionLimits, moves, reversing
 
 __all__ = [
     "PAPER_EXPERIMENT",
     "Experiment",
-    "Limits",
     "Motion",
+    "MotionLimits",
     "demo_recording",
     "driving_torque",
     "moves",

@@ -35,7 +35,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.excitation.motion import Limits, Motion, reversing
+from brightgrey.excitation.motion import Motion, MotionLimits, reversing
 
 __all__ = ["PAPER_EXPERIMENT", "Experiment", "driving_torque"]
 
@@ -57,7 +57,7 @@ class Experiment:
     dt : float
         Sampling interval in s.
     samples : int
-    limits : Limits
+    limits : MotionLimits
         Of the commanded motion.
     distance : float
         Way forth and back in rad.
@@ -72,7 +72,7 @@ class Experiment:
     f_tanh: float
     dt: float
     samples: int
-    limits: Limits
+    limits: MotionLimits
     distance: float
     before: float
     between: float
@@ -135,7 +135,7 @@ PAPER_EXPERIMENT = Experiment(
     f_tanh=2.5,  # the default rule 100/max|v| for the speed of 40 rad/s that is reached
     dt=1e-3,
     samples=1800,
-    limits=Limits(speed=49.0, acceleration=400.0, jerk=20000.0),
+    limits=MotionLimits(speed=49.0, acceleration=400.0, jerk=20000.0),
     distance=15.0,
     before=0.05,
     between=0.36,

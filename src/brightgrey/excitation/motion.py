@@ -12,13 +12,13 @@ from ruckig import InputParameter, Result, Ruckig, Trajectory
 
 from brightgrey.errors import SettingsError
 
-__all__ = ["Limits", "Motion", "moves", "reversing"]
+__all__ = ["Motion", "MotionLimits", "moves", "reversing"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Limits:
+class MotionLimits:
     """Largest speed (rad/s), acceleration (rad/s²) and jerk (rad/s³) of a move; m in a linear axis.
 
     Raises
@@ -57,7 +57,7 @@ class Motion:
 
 
 def moves(
-    targets: Sequence[float], limits: Limits, *, dt: float, samples: int, before: float, between: float
+    targets: Sequence[float], limits: MotionLimits, *, dt: float, samples: int, before: float, between: float
 ) -> Motion:
     """Jerk-limited moves from one position to the next, each time-optimal, with rests.
 
@@ -65,7 +65,7 @@ def moves(
     ----------
     targets : sequence of float
         Positions in rad, one after the other; the motion starts at 0, at rest.
-    limits : Limits
+    limits : MotionLimits
     dt : float
         Sampling interval in s.
     samples : int
@@ -105,12 +105,14 @@ def moves(
     return Motion(t, motion[0], motion[1], motion[2])
 
 
-def reversing(distance: float, limits: Limits, *, dt: float, samples: int, before: float, between: float) -> Motion:
+def reversing(
+    distance: float, limits: MotionLimits, *, dt: float, samples: int, before: float, between: float
+) -> Motion:
     """Forth by `distance` (rad) and back; see :func:`moves` for the rest, errors included."""
     return moves((distance, 0.0), limits, dt=dt, samples=samples, before=before, between=between)
 
 
-def _move(start: float, target: float, limits: Limits) -> Trajectory:
+def _move(start: float, target: float, limits: MotionLimits) -> Trajectory:
     """Time-optimal move from rest to rest."""
     request = InputParameter(1)
     request.current_position, request.target_position = [start], [target]

@@ -11,7 +11,7 @@ from typing import Any
 
 from brightgrey.errors import BrightgreyError
 
-__all__ = ["ExportError", "MissingToolError", "library", "program", "run"]
+__all__ = ["ExportError", "MissingToolError", "import_library", "program", "run_program"]
 
 _LONGEST = 600.0  # s
 
@@ -37,7 +37,7 @@ def program(name: str) -> str:
     return found
 
 
-def library(name: str, extra: str) -> Any:
+def import_library(name: str, extra: str) -> Any:
     """Python package that comes with an extra of brightgrey.
 
     Raises
@@ -50,7 +50,7 @@ def library(name: str, extra: str) -> Any:
         raise MissingToolError(f"{name} is not installed (pip install 'brightgrey[{extra}]')") from None
 
 
-def run(arguments: Sequence[str | Path], folder: Path, text: str = "") -> str:
+def run_program(arguments: Sequence[str | Path], folder: Path, text: str = "") -> str:
     """Run a program in `folder`; returns what it printed.
 
     Raises

@@ -23,7 +23,7 @@ from brightgrey.simulation.kernel.lowering import Lowered, lower
 from brightgrey.simulation.response import parts_per_sample
 from brightgrey.simulation.settings import Hold, Tolerances, tolerances
 
-__all__ = ["Output", "Scheme", "Tables", "scheme_of", "tables"]
+__all__ = ["ModelOutput", "NumericModel", "Tables", "numeric_model", "propagator_tables"]
 
 Array = NDArray[np.float64]
 _MOTIONS = ("rad", "m")
@@ -31,7 +31,7 @@ _INPUTS = ("N m", "N", "V", "A")
 
 
 @dataclass(frozen=True)
-class Output:
+class ModelOutput:
     """One output of the exported model.
 
     Attributes
@@ -55,7 +55,7 @@ class Output:
 
 
 @dataclass(frozen=True)
-class Scheme:
+class NumericModel:
     """A model lowered to numbers; SI inside, inputs and outputs in the recording's units.
 
     Attributes
@@ -74,7 +74,7 @@ class Scheme:
         Base steps per sample.
     input_factor : float
         SI value over shown value.
-    outputs : tuple of Output
+    outputs : tuple of ModelOutput
     """
 
     model: Model
@@ -83,9 +83,9 @@ class Scheme:
     dt: float
     settings: Settings
     tolerance: Tolerances
-    bases: int
+    base_steps: int
     input_factor: float
-    outputs: tuple[Output, ...]
+    outputs: tuple[ModelOutput, ...]
 
     @property
     def hold(self) -> Hold:
@@ -164,7 +164,7 @@ class Tables:
     coupling: Array
 
 
-def scheme_of(model: Model) -> Scheme:
+def numeric_model(model: Model) -> NumericModel:
     """Lower `model`; level ``accurate`` whatever the model was fitted at."""
     own = model.settings_si()
     settings = Settings(own.f_tanh, own.speed_scale, "accurate", own.hold)
@@ -174,23 +174,23 @@ def scheme_of(model: Model) -> Scheme:
     dt = model.settings.sampling_time
     low = lower(system, dt)
     outputs = tuple(
-        Output(s.name, s.kind, s.unit, int(row), s.kind == "velocity-differenced", s.factor)
+        ModelOutput(s.name, s.kind, s.unit, int(row), s.kind == "velocity-differenced", s.factor)
         for s, row in zip(model.outputs, low.outputs, strict=True)
     )
-    return Scheme(
+    return NumericModel(
         model=model,
         system=system,
         low=low,
         dt=dt,
         settings=settings,
         tolerance=tolerances("accurate", bool(low.limited)),
-        bases=int(parts_per_sample(system, low, dt, settings)[0]),
+        base_steps=int(parts_per_sample(system, low, dt, settings)[0]),
         input_factor=1.0 / model.input.factor,
         outputs=outputs,
     )
 
 
-def mode_matrix(scheme: Scheme, mode: int) -> Array:
+def propagator_mode_matrix(scheme: NumericModel, mode: int) -> Array:
     """System matrix, shape (n, n), of a mode."""
     A = np.array(scheme.low.A[:, :, 0])
     for b, element in enumerate(scheme.limited):
@@ -199,18 +199,18 @@ def mode_matrix(scheme: Scheme, mode: int) -> Array:
     return A
 
 
-def _propagator(scheme: Scheme, mode: int, span: float) -> Array:
+def _propagator(scheme: NumericModel, mode: int, span: float) -> Array:
     """Top rows of the exponential: weights of x, u, its slope, 1, F at the start, its slope."""
     n, m = scheme.n, scheme.m
     M = np.zeros((n + 3 + 2 * m, n + 3 + 2 * m))
-    M[:n, :n] = mode_matrix(scheme, mode)
+    M[:n, :n] = propagator_mode_matrix(scheme, mode)
     M[:n, n], M[n, n + 1], M[:n, n + 2] = scheme.low.B[:, 0], 1.0, scheme.low.c[:, 0]
     M[:n, n + 3 : n + 3 + m] = scheme.low.G[:, :, 0].T
     M[n + 3 : n + 3 + m, n + 3 + m :] = np.eye(m)
     return np.asarray(expm(M * span))[:n]
 
 
-def _weights(scheme: Scheme, mode: int, span: float, h: float, after: float) -> Array:
+def _weights(scheme: NumericModel, mode: int, span: float, h: float, after: float) -> Array:
     """Table over `span` of a step of `h`, where a knot of the input lies `after` before its end (0: none)."""
     n, m = scheme.n, scheme.m
     P = _propagator(scheme, mode, span)
@@ -219,12 +219,12 @@ def _weights(scheme: Scheme, mode: int, span: float, h: float, after: float) -> 
     return np.hstack([P[:, : n + 3], 1.5 * value - slope, slope - 0.5 * value, knot])
 
 
-def tables(scheme: Scheme) -> Tables:
+def propagator_tables(scheme: NumericModel) -> Tables:
     """Step tables of all modes and levels."""
     n, m, top = scheme.n, scheme.m, scheme.tolerance.ticks
     ticks = 2**top
-    tick = scheme.dt / (ticks * scheme.bases)
-    knot = scheme.delay[1] * ticks * scheme.bases
+    tick = scheme.dt / (ticks * scheme.base_steps)
+    knot = scheme.delay[1] * ticks * scheme.base_steps
     knot -= int(knot / ticks) * ticks
     modes = 2 ** len(scheme.limited)
     end = np.empty((modes, top + 1, n, n + 5 + 2 * m))

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.export.external_tools import ExportError, MissingToolError
-from brightgrey.export.numeric_model import Scheme, scheme_of
-from brightgrey.export.verification import Trial, deviation, trial_of
+from brightgrey.export.numeric_model import NumericModel, numeric_model
+from brightgrey.export.verification import VerificationRun, deviation, verification_of
 from brightgrey.model.files import check_folder, write_files
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
@@ -59,8 +59,8 @@ class Exporter:
 
     about: str
     tolerance: float
-    files: Callable[[Scheme], Mapping[str, bytes]]
-    verify: Callable[[Path, Scheme, Trial], Verified]
+    files: Callable[[NumericModel], Mapping[str, bytes]]
+    verify: Callable[[Path, NumericModel, VerificationRun], Verified]
 
 
 @dataclass(frozen=True)
@@ -139,8 +139,8 @@ def export(model: Model, to: str, folder: str | Path, recording: Recording | Non
     """
     target = exporter(to)
     path = check_folder(folder)
-    scheme = scheme_of(model)
-    trial = trial_of(scheme, recording)
+    scheme = numeric_model(model)
+    trial = verification_of(scheme, recording)
     files = target.files(scheme)
     with tempfile.TemporaryDirectory(prefix="brightgrey-") as place:
         work = Path(place)
@@ -150,7 +150,9 @@ def export(model: Model, to: str, folder: str | Path, recording: Recording | Non
     return Export(to, tuple(path / name for name in files), found, text, good)
 
 
-def _compared(target: Exporter, work: Path, scheme: Scheme, trial: Trial) -> tuple[float | None, str, bool]:
+def _compared(
+    target: Exporter, work: Path, scheme: NumericModel, trial: VerificationRun
+) -> tuple[float | None, str, bool]:
     try:
         verified = target.verify(work, scheme, trial)
     except MissingToolError as missing:

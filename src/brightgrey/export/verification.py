@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.problem.initial_state import initial_state
-from brightgrey.export.numeric_model import Scheme
+from brightgrey.export.numeric_model import NumericModel
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 
-__all__ = ["Trial", "deviation", "made", "native", "trial_of"]
+__all__ = ["VerificationRun", "deviation", "native", "verification_of", "verification_run"]
 
 Array = NDArray[np.float64]
 _SAMPLES = 600
@@ -22,7 +22,7 @@ _FINER = 1e-2
 
 
 @dataclass(frozen=True)
-class Trial:
+class VerificationRun:
     """An input and the native response, in the recording's units; the start in SI.
 
     Attributes
@@ -47,7 +47,7 @@ class Trial:
     sensitive: float = 0.0
 
 
-def native(scheme: Scheme, u: Array, x0: Array, settings: Settings | None = None) -> Array:
+def native(scheme: NumericModel, u: Array, x0: Array, settings: Settings | None = None) -> Array:
     """Outputs, shape (outputs, samples), of the native simulation; `u` and outputs in the recording's units."""
     how = settings or scheme.settings
     y = response(scheme.system, u * scheme.input_factor, scheme.dt, x0, how).y[:, :, 0]
@@ -68,13 +68,13 @@ def deviation(y: Array, other: Array) -> float:
     return worst if np.isfinite(worst) else float("inf")
 
 
-def made(scheme: Scheme, u: Array, x0: Array, of: str) -> Trial:
+def verification_run(scheme: NumericModel, u: Array, x0: Array, of: str) -> VerificationRun:
     """Trial with the input `u` from `x0`."""
     finer = replace(scheme.settings, speed_scale=_FINER * scheme.settings.speed_scale)
-    return Trial(u, x0, native(scheme, u, x0), of, native(scheme, u, x0, finer))
+    return VerificationRun(u, x0, native(scheme, u, x0), of, native(scheme, u, x0, finer))
 
 
-def trial_of(scheme: Scheme, recording: Recording | None = None) -> Trial:
+def verification_of(scheme: NumericModel, recording: Recording | None = None) -> VerificationRun:
     """Trial with the input of `recording`, or with a test input that brings the model to its usual speed.
 
     Raises
@@ -92,14 +92,14 @@ def trial_of(scheme: Scheme, recording: Recording | None = None) -> Trial:
             )
         x0 = initial_state(recording, scheme.system)
         u = recording.u / scheme.input_factor
-        trial = made(scheme, u, x0, f"the input of {recording.name}")
+        trial = verification_run(scheme, u, x0, f"the input of {recording.name}")
     if not np.isfinite(trial.y).all():
         raise SettingsError(f"the native simulation is lost on {trial.of}: there is nothing to compare an export with")
     nudged = native(scheme, trial.u * (1.0 + 1e-10), trial.x0)
     return replace(trial, sensitive=deviation(trial.y, nudged))
 
 
-def _test_trial(scheme: Scheme) -> Trial:
+def _test_trial(scheme: NumericModel) -> VerificationRun:
     """A reversing input: up, hold, down, pause and back with a faster shake, sized by the speed it leads to."""
     t = np.arange(_SAMPLES) / _SAMPLES
     shape = np.sin(2.0 * np.pi * 2.0 * t) * np.where(t % 0.5 < 0.4, 1.0, 0.0) + 0.3 * np.sin(2.0 * np.pi * 17.0 * t)
@@ -115,4 +115,4 @@ def _test_trial(scheme: Scheme) -> Trial:
             break
         size *= 2.0
     u = size * shape / scheme.input_factor
-    return made(scheme, u, x0, "a test input")
+    return verification_run(scheme, u, x0, "a test input")

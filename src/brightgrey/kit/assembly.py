@@ -18,8 +18,8 @@ from brightgrey.kit.structure import Placed, Structure
 __all__ = ["OUTPUTS", "assemble"]
 
 OUTPUTS = ("position", "velocity", "acceleration")
-_STAGES: tuple[str, ...] = get_args(Stage)
-_SELECT_BEFORE = _STAGES.index("current control")
+_STAGE_ORDER: tuple[str, ...] = get_args(Stage)
+_SELECT_BEFORE = _STAGE_ORDER.index("current control")
 
 
 def assemble(
@@ -80,7 +80,7 @@ def assemble(
 @cache
 def _in_order(structure: Structure) -> list[tuple[int, Placed]]:
     """Placed effects with the number of the stage at which each is stamped, in the order of the stages."""
-    return sorted(((_STAGES.index(p.effect.stage), p) for p in structure.placed), key=lambda pair: pair[0])
+    return sorted(((_STAGE_ORDER.index(p.effect.stage), p) for p in structure.placed), key=lambda pair: pair[0])
 
 
 def _select_actuator(draft: Draft) -> Draft:

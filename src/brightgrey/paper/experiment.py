@@ -13,13 +13,20 @@ from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search.genetic.history import Run
 from brightgrey.search.genetic.settings import ASSUMED, RANGE, RESOLUTION
-from brightgrey.search.task import Identification
+from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 
-__all__ = ["Verdict", "assumed_bounds", "first_appearance", "reference_recording", "task_of", "verdict"]
+__all__ = [
+    "RecoveryVerdict",
+    "assumed_bounds",
+    "first_appearance",
+    "recovery_verdict",
+    "reference_recording",
+    "task_of",
+]
 
-Verdict = Literal["true", "true with extras", "other"]
+RecoveryVerdict = Literal["true", "true with extras", "other"]
 
 
 def reference_recording(
@@ -71,10 +78,10 @@ def assumed_bounds(recording: Recording, assumed: Mapping[str, float] = ASSUMED)
 
 def task_of(
     recording: Recording, experiment: Experiment = PAPER_EXPERIMENT, assumed: Mapping[str, float] = ASSUMED
-) -> Identification:
+) -> IdentificationTask:
     """Task to identify models on `recording` within the ranges of the paper's experiment; f_tanh is known."""
     known, bounds = scales(recording), assumed_bounds(recording, assumed)
-    return Identification(
+    return IdentificationTask(
         recordings=(recording,),
         scales=known,
         settings=Settings(f_tanh=experiment.f_tanh, speed_scale=known.speed, level="fast", hold=recording.hold),
@@ -83,7 +90,7 @@ def task_of(
     )
 
 
-def verdict(found: Structure, truth: Structure) -> Verdict:
+def recovery_verdict(found: Structure, truth: Structure) -> RecoveryVerdict:
     """What a found structure is worth: the true one, the true one with redundant extras, or another.
 
     Extras are further submodels, or more masses.

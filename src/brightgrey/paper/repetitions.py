@@ -11,20 +11,20 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 
 from brightgrey.kit import PAPER, Grammar, Structure
-from brightgrey.paper.experiment import Verdict, first_appearance, verdict
+from brightgrey.paper.experiment import RecoveryVerdict, first_appearance, recovery_verdict
 from brightgrey.search.estimators import estimator
 from brightgrey.search.evaluation import Estimator
 from brightgrey.search.fits import Fits
-from brightgrey.search.genetic.engine import search
+from brightgrey.search.genetic.engine import evolve
 from brightgrey.search.genetic.history import Progress, Run
 from brightgrey.search.genetic.settings import GeneticSettings
-from brightgrey.search.task import Identification
+from brightgrey.search.task import IdentificationTask
 
-__all__ = ["Repetition", "Summary", "repetition", "repetitions_csv", "run", "summary", "wilson"]
+__all__ = ["RunSummary", "Summary", "genetic_search", "repetitions_csv", "summarise_run", "summary", "wilson_interval"]
 
 
 @dataclass(frozen=True)
-class Repetition:
+class RunSummary:
     """One search for a known truth.
 
     Attributes
@@ -45,8 +45,8 @@ class Repetition:
     seed: int
     best: str
     last: str
-    best_verdict: Verdict
-    last_verdict: Verdict
+    best_verdict: RecoveryVerdict
+    last_verdict: RecoveryVerdict
     first: int | None
     simulations: int
     passes: int
@@ -87,8 +87,8 @@ class Summary:
     passes: float
 
 
-def run(
-    task: Identification,
+def genetic_search(
+    task: IdentificationTask,
     settings: GeneticSettings,
     seed: int,
     *,
@@ -99,12 +99,12 @@ def run(
     grammar: Grammar = PAPER,
 ) -> Run:
     """One search on `task`, by the estimator of `settings` if `identify` does not give another."""
-    chosen = identify or estimator(settings.estimator, task, settings.iterations, settings.patience)
-    return search(
+    chosen = identify or estimator(settings.estimator, task, settings.iterations, settings.stall_polls)
+    return evolve(
         chosen,
         task.draw,
         settings,
-        standard=task.standard,
+        standard=task.default_start,
         fits=Fits(task, tuple(grammar.structures()), options=settings.options, seed=seed),
         grammar=grammar,
         seed=seed,
@@ -114,16 +114,16 @@ def run(
     )
 
 
-def repetition(done: Run, truth: Structure, seed: int) -> Repetition:
+def summarise_run(done: Run, truth: Structure, seed: int) -> RunSummary:
     """What a search for `truth` came to."""
     per_generation = [done.best_of(g).job.structure for g in range(done.generations)]
     best = done.best.job.structure
-    return Repetition(
+    return RunSummary(
         seed=seed,
         best=str(best),
         last=str(per_generation[-1]),
-        best_verdict=verdict(best, truth),
-        last_verdict=verdict(per_generation[-1], truth),
+        best_verdict=recovery_verdict(best, truth),
+        last_verdict=recovery_verdict(per_generation[-1], truth),
         first=first_appearance(done, truth),
         simulations=done.simulations,
         passes=round(done.passes),
@@ -132,7 +132,7 @@ def repetition(done: Run, truth: Structure, seed: int) -> Repetition:
     )
 
 
-def summary(repetitions: Sequence[Repetition]) -> Summary:
+def summary(repetitions: Sequence[RunSummary]) -> Summary:
     """Rates over `repetitions`, at least one."""
     n = len(repetitions)
     true = sum(r.best_verdict == "true" for r in repetitions)
@@ -142,8 +142,8 @@ def summary(repetitions: Sequence[Repetition]) -> Summary:
         count=n,
         true=true,
         extras=extras,
-        interval=wilson(true, n),
-        lenient=wilson(true + extras, n),
+        interval=wilson_interval(true, n),
+        lenient=wilson_interval(true + extras, n),
         last_true=sum(r.last_verdict == "true" for r in repetitions),
         seen=sum(r.first is not None for r in repetitions),
         first=first if np.isfinite(first) else None,
@@ -152,7 +152,7 @@ def summary(repetitions: Sequence[Repetition]) -> Summary:
     )
 
 
-def wilson(successes: int, count: int, z: float = 1.96) -> tuple[float, float]:
+def wilson_interval(successes: int, count: int, z: float = 1.96) -> tuple[float, float]:
     """Interval of a rate (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
     rate, share = successes / count, z * z / count
     middle = (rate + 0.5 * share) / (1.0 + share)
@@ -160,10 +160,10 @@ def wilson(successes: int, count: int, z: float = 1.96) -> tuple[float, float]:
     return max(0.0, middle - half), min(1.0, middle + half)
 
 
-def repetitions_csv(repetitions: Iterable[Repetition]) -> str:
+def repetitions_csv(repetitions: Iterable[RunSummary]) -> str:
     """One row per seed."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([f.name for f in fields(Repetition)])
+    writer.writerow([f.name for f in fields(RunSummary)])
     writer.writerows(["" if cell is None else cell for cell in astuple(r)] for r in repetitions)
     return text.getvalue()

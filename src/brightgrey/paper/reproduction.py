@@ -17,8 +17,8 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Structure
 from brightgrey.model.files import check_folder, write_files
 from brightgrey.paper.experiment import reference_recording, task_of
-from brightgrey.paper.repetitions import Repetition, Summary, repetition, repetitions_csv, run, summary
-from brightgrey.search import Identification
+from brightgrey.paper.repetitions import RunSummary, Summary, genetic_search, repetitions_csv, summarise_run, summary
+from brightgrey.search import IdentificationTask
 from brightgrey.search.genetic import Evaluation, GeneticSettings, Progress, Run, history_csv
 
 __all__ = ["Reproduction", "reproduce"]
@@ -36,18 +36,18 @@ class Reproduction:
     truth : Structure
         Of the reference drive.
     settings : GeneticSettings
-    repetitions : tuple of Repetition
+    repetitions : tuple of RunSummary
         One per seed.
     runs : tuple of Run
         In the same order.
-    task : Identification
+    task : IdentificationTask
     """
 
     truth: Structure
     settings: GeneticSettings
-    repetitions: tuple[Repetition, ...]
+    repetitions: tuple[RunSummary, ...]
     runs: tuple[Run, ...] = field(repr=False)
-    task: Identification = field(repr=False)
+    task: IdentificationTask = field(repr=False)
 
     @property
     def summary(self) -> Summary:
@@ -149,7 +149,7 @@ def reproduce(
     runs: list[Run] = []
     for number in range(seed, seed + seeds):
         try:
-            done = run(task, chosen, number, workers=workers, progress=_with_seed(progress, number))
+            done = genetic_search(task, chosen, number, workers=workers, progress=_with_seed(progress, number))
         except KeyboardInterrupt:
             if not runs:
                 raise
@@ -159,7 +159,7 @@ def reproduce(
         runs.append(done)
         if done.interrupted:
             break
-    rows = tuple(repetition(done, truth, seed + i) for i, done in enumerate(runs))
+    rows = tuple(summarise_run(done, truth, seed + i) for i, done in enumerate(runs))
     return Reproduction(truth, chosen, rows, tuple(runs), task)
 
 

@@ -3,6 +3,6 @@
 from brightgrey.recordings.read import read_recording, recording_from
 from brightgrey.recordings.recording import Recording, Signal
 from brightgrey.recordings.units.signals import Units
-from brightgrey.recordings.window import decimate, window
+from brightgrey.recordings.window import cut_window, decimate
 
-__all__ = ["Recording", "Signal", "Units", "decimate", "read_recording", "recording_from", "window"]
+__all__ = ["Recording", "Signal", "Units", "cut_window", "decimate", "read_recording", "recording_from"]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from brightgrey.errors import SettingsError
 from brightgrey.recordings.recording import Hold, Recording, check_samples
 
-__all__ = ["Window", "check_decimate", "check_window", "decimate", "inside", "window"]
+__all__ = ["Window", "check_decimate", "check_window", "cut_window", "decimate", "inside"]
 
 Array = NDArray[np.float64]
 # Start and end in s of the recording's time; None leaves a side open.
@@ -56,7 +56,7 @@ def inside(t: Array, limits: Window | None) -> NDArray[np.bool_]:
     return within
 
 
-def window(recording: Recording, start: float | None = None, end: float | None = None) -> Recording:
+def cut_window(recording: Recording, start: float | None = None, end: float | None = None) -> Recording:
     """Part of a recording from `start` to `end` (s of its own time, both included; None leaves a side open).
 
     Raises

@@ -16,8 +16,8 @@ from brightgrey.report.content import Content
 from brightgrey.report.drawing import svg
 from brightgrey.report.drawing.plotly_figure import library, plot, script
 from brightgrey.report.quantities.number_format import significant
-from brightgrey.report.text.commissioning_sheet import sheet
-from brightgrey.report.text.tables import fit_rows, parameter_rows, remarks, verdict
+from brightgrey.report.text.commissioning_sheet import commissioning_sheet
+from brightgrey.report.text.tables import fit_rows, outcome_class, parameter_rows, remarks
 from brightgrey.search.genetic import Run
 
 __all__ = ["page"]
@@ -54,7 +54,7 @@ def page(content: Content) -> str:
     return environment.get_template("report.html.j2").render(
         content=content,
         model=model,
-        verdict=verdict(model),
+        verdict=outcome_class(model),
         remarks=remarks(model),
         charts=charts,
         plots=Markup(script({f"{n}-{i}": plot(c) for n, cs in charts.items() for i, c in enumerate(cs)})),
@@ -64,7 +64,7 @@ def page(content: Content) -> str:
         noted=any(row.note for row in rows),
         fits=fit_rows(model),
         criterion=significant(model.criterion.value, 6) if model.criterion else "",
-        sheet=sheet(model, content.correlation),
+        sheet=commissioning_sheet(model, content.correlation),
         cards=content.evidence.cards if content.evidence else (),
         ranking=_ranking(content.ranking),
         settings=_settings(model),

@@ -8,7 +8,7 @@ from functools import cache
 
 from threadpoolctl import threadpool_limits
 
-__all__ = ["one_blas_thread", "settle"]
+__all__ = ["limit_blas_threads", "one_blas_thread"]
 
 
 @contextmanager
@@ -19,6 +19,6 @@ def one_blas_thread() -> Iterator[None]:
 
 
 @cache
-def settle() -> None:
+def limit_blas_threads() -> None:
     """Keep linear algebra to one thread for good: the process is a worker."""
     threadpool_limits(1, user_api="blas")

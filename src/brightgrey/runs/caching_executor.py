@@ -20,7 +20,7 @@ from brightgrey.runs.serialisation import call_text, digest, name_of, text_of, v
 from brightgrey.runs.store import RunError, Store
 from brightgrey.search.parallel import Stopped
 
-__all__ = ["Budget", "Memory", "Stop"]
+__all__ = ["Budget", "CachingExecutor", "Stop"]
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def _broken(error: BrokenExecutor | str) -> RunError:
     return RunError(f"a worker has died ({error}); what is done is kept, and the same command goes on from there")
 
 
-class Memory(Executor):
+class CachingExecutor(Executor):
     """Answers calls from `store`, has the others made by `inner` and keeps their results.
 
     Parameters

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from brightgrey.errors import SettingsError
-from brightgrey.runs.recording_transfer import Parcels
+from brightgrey.runs.recording_transfer import RecordingTransferExecutor
 from brightgrey.runs.store import RunError
 
 __all__ = ["Workforce"]
@@ -63,7 +63,7 @@ class Workforce:
         """
         if self.dask:
             with _cluster(self.dask) as client:
-                yield Parcels(client.get_executor())
+                yield RecordingTransferExecutor(client.get_executor())
             return
         made = _processes(self.workers) if self.processes else ThreadPoolExecutor(self.workers)
         try:
@@ -74,7 +74,7 @@ class Workforce:
 
 def _processes(workers: int) -> Executor:
     spawned = multiprocessing.get_context("spawn")  # a fork would copy threads that hold locks, and our own lock
-    return Parcels(ProcessPoolExecutor(workers, spawned, _settle))
+    return RecordingTransferExecutor(ProcessPoolExecutor(workers, spawned, _settle))
 
 
 def _settle() -> None:

@@ -10,10 +10,10 @@ from concurrent.futures import CancelledError, Executor, Future
 from typing import Any
 
 from brightgrey.recordings import Recording
-from brightgrey.runs.blas_threads import settle
+from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.runs.serialisation import code
 
-__all__ = ["Parcels"]
+__all__ = ["RecordingTransferExecutor"]
 
 _MOST = 32  # recordings that a worker holds
 _HELD: OrderedDict[str, Recording] = OrderedDict()
@@ -47,7 +47,7 @@ class _Unpacker(pickle.Unpickler):
 
 def _open(sender: str, packed: bytes, sent: Mapping[str, Recording] | None = None) -> tuple[bool, Any]:
     """Make a call in a worker; gives whether it could, and its result."""
-    settle()
+    limit_blas_threads()
     if sender != code():
         raise RuntimeError(f"the worker runs another brightgrey (code {code()}, not {sender}); results might differ")
     for name, recording in (sent or {}).items():
@@ -61,7 +61,7 @@ def _open(sender: str, packed: bytes, sent: Mapping[str, Recording] | None = Non
     return True, function(*arguments)
 
 
-class Parcels(Executor):
+class RecordingTransferExecutor(Executor):
     """Sends calls to the workers of `inner`, with the recordings only where they are asked for."""
 
     def __init__(self, inner: Executor) -> None:

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from brightgrey.estimation.optimisation.least_squares import End
-from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.optimisation.least_squares import Optimum
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.search import Evaluated, Misfit
@@ -21,7 +21,9 @@ from brightgrey.search.fitting import Fitted
 
 __all__ = ["call_text", "canonical", "code", "digest", "name_of", "plain", "text_of", "value_of"]
 
-_RESULTS: Mapping[str, type[Any]] = {kind.__name__: kind for kind in (End, Evaluated, Fitted, Misfit, Spent)}
+_RESULTS: Mapping[str, type[Any]] = {
+    kind.__name__: kind for kind in (Optimum, Evaluated, Fitted, Misfit, SimulationCount)
+}
 _KIND = "~"
 
 

@@ -10,11 +10,11 @@ from typing import Any
 
 from brightgrey.runs.store import FILE, LOCK, RunError, checked, connect, damaged
 
-__all__ = ["Glance", "glance"]
+__all__ = ["RunStatus", "read_status"]
 
 
 @dataclass(frozen=True)
-class Glance:
+class RunStatus:
     """What :func:`glance` saw of a run.
 
     Attributes
@@ -40,7 +40,7 @@ class Glance:
     stage: Mapping[str, Any]
 
 
-def glance(folder: str | Path) -> Glance:
+def read_status(folder: str | Path) -> RunStatus:
     """Look at the run in `folder`, which may be going on, without disturbing it.
 
     Raises
@@ -65,7 +65,7 @@ def glance(folder: str | Path) -> Glance:
     except (sqlite3.Error, UnicodeDecodeError) as error:
         raise damaged(path, str(error)) from error
     state = "running" if running and facts["state"] != "finished" else facts["state"]
-    return Glance(path, facts["request"], state, count, seconds, generations, facts.get("stage", {}))
+    return RunStatus(path, facts["request"], state, count, seconds, generations, facts.get("stage", {}))
 
 
 def _is_locked(folder: Path) -> bool:

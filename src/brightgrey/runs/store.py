@@ -18,12 +18,12 @@ from typing import Any, Literal
 from brightgrey.errors import BrightgreyError
 from brightgrey.runs.serialisation import canonical, digest
 
-__all__ = ["FILE", "LOCK", "RunError", "Store", "checked", "connect", "damaged", "held"]
+__all__ = ["FILE", "LOCK", "RunError", "Store", "checked", "connect", "damaged", "exclusive_folder"]
 
 FILE, LOCK = "run.sqlite", "run.lock"
 _FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm")
 FORMAT = "brightgrey/run/1"
-State = Literal["unfinished", "finished"]
+RunState = Literal["unfinished", "finished"]
 _WAIT = 0.5  # s for a lock: `brightgrey runs` holds it for an instant
 _TABLES = {
     "facts": "name TEXT PRIMARY KEY, text TEXT NOT NULL",
@@ -221,7 +221,7 @@ def _insert(database: sqlite3.Connection, table: str, row: Sequence[Any]) -> Non
 
 
 @contextmanager
-def held(folder: Path) -> Iterator[None]:
+def exclusive_folder(folder: Path) -> Iterator[None]:
     """Keep other processes out of a folder that holds several runs.
 
     Raises

@@ -3,14 +3,14 @@
 from brightgrey.search.criteria import CRITERIA, Criterion, Misfit, criterion
 from brightgrey.search.estimators import LeastSquares, PatternSearch, estimator
 from brightgrey.search.evaluation import Estimator, Evaluated, Job
-from brightgrey.search.task import Identification
+from brightgrey.search.task import IdentificationTask
 
 __all__ = [
     "CRITERIA",
     "Criterion",
     "Estimator",
     "Evaluated",
-    "Identification",
+    "IdentificationTask",
     "Job",
     "LeastSquares",
     "Misfit",

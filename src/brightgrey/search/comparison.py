@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2, f, ncx2
 
 from brightgrey.estimation.noise.autoregression import Autoregression, levinson
-from brightgrey.estimation.optimisation.least_squares import Descent
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
 from brightgrey.estimation.uncertainty.covariance import noise_models
 from brightgrey.kit import Structure
 
@@ -36,7 +36,7 @@ class Judged:
     structure : Structure
     values : mapping of str to float
         SI, fixed ones included.
-    descent : Descent
+    descent : OptimumWithJacobian
         With residual and Jacobian.
     free : int
         Number of estimated parameters.
@@ -46,7 +46,7 @@ class Judged:
 
     structure: Structure
     values: Mapping[str, float]
-    descent: Descent
+    descent: OptimumWithJacobian
     free: int
     inside: tuple[int, ...]
 
@@ -92,7 +92,7 @@ class Whitening:
     @cached_property
     def independent(self) -> float:
         """Number of samples that tell a variance as well as the coloured residuals do."""
-        return sum(model.telling(n) for model, n in zip(self.models, self.lengths, strict=True))
+        return sum(model.effective_samples_variance(n) for model, n in zip(self.models, self.lengths, strict=True))
 
     def white(self, x: Array) -> Array:
         """Whitened residuals or derivatives, shape (residuals, ...)."""

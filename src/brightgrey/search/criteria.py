@@ -93,7 +93,7 @@ def fitness(misfit: Misfit, d: int, k_p: float) -> float:
     return 1.0 / (total * (1.0 + k_p * d)) if np.isfinite(total) else 0.0
 
 
-def information(misfit: Misfit, d: int) -> float:
+def bayes_information(misfit: Misfit, d: int) -> float:
     """Half of the Bayesian information criterion, negative: -(sum n ln(RSS/N) + d ln n) / 2 (Schwarz 1978).
 
     doi:10.1214/aos/1176344136. N samples are worth n independent ones. Noise of unknown size, different for each
@@ -135,5 +135,5 @@ def criterion(name: str, k_p: float = 2.0) -> Criterion:
     if name == "fitness":
         return Criterion(name, lambda misfit, d: fitness(misfit, d, k_p), in_proportion)
     if name == "bic":
-        return Criterion(name, information, by_likelihood)
+        return Criterion(name, bayes_information, by_likelihood)
     raise SettingsError(unknown_name("criterion", name, CRITERIA))

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.optimisation.costs import cost_function
-from brightgrey.estimation.optimisation.least_squares import descend
+from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
 from brightgrey.estimation.optimisation.pattern_fit import check_estimator
 from brightgrey.estimation.optimisation.pattern_search import pattern_search
 from brightgrey.kit import Structure
 from brightgrey.search.evaluation import Estimator, Evaluated, Values
-from brightgrey.search.task import Identification
+from brightgrey.search.task import IdentificationTask
 
 __all__ = ["LeastSquares", "PatternSearch", "estimator"]
 
@@ -27,14 +27,14 @@ class PatternSearch:
 
     Attributes
     ----------
-    task : Identification
+    task : IdentificationTask
     iterations : int
         Limit for each start (paper: 500).
     patience : int
         Polls that have to be worth a hundredth of the cost; 0 if they need not.
     """
 
-    task: Identification
+    task: IdentificationTask
     iterations: int = 500
     patience: int = 0
 
@@ -44,10 +44,10 @@ class PatternSearch:
 
         cost_many = cost_function(problem, space, self.task.settings)
         low, high = space.box
-        begins = space.inward(self.task.begins(space, starts))
+        begins = space.to_scaled(self.task.clip_starts(space, starts))
         patience = self.patience or None
         found = pattern_search(cost_many, begins, low, high, iterations=self.iterations, patience=patience)
-        ends = self.task.arrays(space, space.outward(np.array([end.values for end in found]).T))
+        ends = self.task.arrays(space, space.from_scaled(np.array([end.values for end in found]).T))
         return _evaluated(self.task, structure, ends, [end.evaluations for end in found], len(space.names))
 
 
@@ -57,26 +57,28 @@ class LeastSquares:
 
     Attributes
     ----------
-    task : Identification
+    task : IdentificationTask
     iterations : int
         Limit for each start.
     """
 
-    task: Identification
+    task: IdentificationTask
     iterations: int = 50
 
     def __call__(self, structure: Structure, starts: Sequence[Values]) -> Sequence[Evaluated]:
         """Identify `structure` from each of `starts`."""
         space, problem = self.task.space(structure), self.task.problem(structure)
-        begins = self.task.begins(space, starts)
-        ends = [descend(problem, space, self.task.settings, begin, limit=self.iterations) for begin in begins.T]
+        begins = self.task.clip_starts(space, starts)
+        ends = [
+            fit_to_convergence(problem, space, self.task.settings, begin, limit=self.iterations) for begin in begins.T
+        ]
         simulations = [end.simulations for end in ends]
         values = self.task.arrays(space, np.array([end.values for end in ends]).T.reshape(-1, len(starts)))
         return _evaluated(self.task, structure, values, simulations, len(space.names))
 
 
 def _evaluated(
-    task: Identification, structure: Structure, values: Mapping[str, Array], simulations: Sequence[int], free: int
+    task: IdentificationTask, structure: Structure, values: Mapping[str, Array], simulations: Sequence[int], free: int
 ) -> list[Evaluated]:
     """Results of all starts, judged by one more simulation each."""
     problem = task.problem(structure)
@@ -91,7 +93,7 @@ def _evaluated(
     ]
 
 
-def estimator(name: str, task: Identification, iterations: int, patience: int = 0) -> Estimator:
+def estimator(name: str, task: IdentificationTask, iterations: int, patience: int = 0) -> Estimator:
     """Estimator by its name: ``pattern-search``, which ends where it is not worth its `patience`, or ``least-squares``.
 
     Raises

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Misfit
 
@@ -47,7 +47,7 @@ class Evaluated:
     misfit : Misfit
     n_parameters : int
         Number of parameters that were estimated, d.
-    spent : Spent
+    spent : SimulationCount
         What was simulated.
     idle : tuple of str
         Effects that are known to make the fit only worse; the misfit is that without them.
@@ -56,7 +56,7 @@ class Evaluated:
     values: Values
     misfit: Misfit
     n_parameters: int
-    spent: Spent
+    spent: SimulationCount
     idle: tuple[str, ...] = ()
 
     @property

@@ -16,13 +16,13 @@ from typing import Literal
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.lattice import ladder_of
+from brightgrey.search.lattice import mass_chain_of
 from brightgrey.search.minimal import minimal_structures
-from brightgrey.search.parallel import pool
-from brightgrey.search.task import Identification
+from brightgrey.search.parallel import thread_pool
+from brightgrey.search.task import IdentificationTask
 from brightgrey.search.yardstick import Yardstick
 
-__all__ = ["Card", "Evidence", "has", "weigh"]
+__all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
 
 Verdict = Literal["needed", "not needed", "not decidable"]
 _SAME = 0.005  # part of the residual's RMS by which it grows at least where that is worth a number
@@ -32,7 +32,7 @@ _NOTABLE = 0.02  # part of the residual's RMS that an effect explains from which
 
 
 @dataclass(frozen=True)
-class Card:
+class EffectVerdict:
     """Evidence for one effect.
 
     Attributes
@@ -68,7 +68,7 @@ class Evidence:
     optional : tuple of str
         Effects that beside any of the minimal structures this recording could not have shown at a size that matters, or
         that explain too little to matter but more than chance.
-    cards : tuple of Card
+    cards : tuple of EffectVerdict
     judged : mapping of Structure to Judged
         All structures that were refitted.
     criterion : mapping of Structure to float
@@ -79,14 +79,14 @@ class Evidence:
 
     minimal: tuple[Judged, ...]
     optional: tuple[str, ...]
-    cards: tuple[Card, ...]
+    cards: tuple[EffectVerdict, ...]
     judged: Mapping[Structure, Judged]
     criterion: Mapping[Structure, float]
     independent: float
 
 
-def weigh(
-    task: Identification,
+def assess_effects(
+    task: IdentificationTask,
     fitted: Mapping[Structure, Fitted],
     *,
     seed: int = 0,
@@ -97,7 +97,7 @@ def weigh(
 
     Parameters
     ----------
-    task : Identification
+    task : IdentificationTask
     fitted : mapping of Structure to Fitted
         All structures of a grammar, or as many as were tried.
     seed : int
@@ -106,7 +106,7 @@ def weigh(
     progress : callable, optional
         Called with every structure that is examined.
     """
-    with pool(executor) as workers:
+    with thread_pool(executor) as workers:
         return _weigh(Yardstick.of(task, fitted, workers, seed), progress)
 
 
@@ -136,10 +136,10 @@ def _all_effects(structures: Collection[Structure]) -> list[str]:
 def has(structure: Structure, effect: str) -> bool:
     """Whether the structure has the effect; it has all ladders up to its own."""
     masses = Placed.parse(effect).effect.masses
-    return ladder_of(structure).effect.masses >= masses if masses else effect in structure.names
+    return mass_chain_of(structure).effect.masses >= masses if masses else effect in structure.names
 
 
-def _card(yardstick: Yardstick, effect: str, found: Sequence[Structure], unseen: Sequence[Structure]) -> Card:
+def _card(yardstick: Yardstick, effect: str, found: Sequence[Structure], unseen: Sequence[Structure]) -> EffectVerdict:
     """Evidence for one effect, with the refits that it rests on.
 
     `found` are the minimal structures; beside those `unseen` the effect would not have shown.
@@ -151,17 +151,17 @@ def _card(yardstick: Yardstick, effect: str, found: Sequence[Structure], unseen:
     if len(having) == len(found):
         doubt = _sampling(yardstick, best, effect) or _without_inertia(yardstick, found, effect, loss)
         if doubt is not None:
-            return Card(effect, "not decidable", loss, gain, doubt)
-        return Card(effect, "needed", loss, gain, _why_needed(loss))
+            return EffectVerdict(effect, "not decidable", loss, gain, doubt)
+        return EffectVerdict(effect, "needed", loss, gain, _why_needed(loss))
     if having:
         others = next(s for s in found if s not in having)
         late = _sampling(yardstick, having[0], effect)
         reason = f"{having[0]} and {others} fit equally well" + (f"; {late}" if late else "")
-        return Card(effect, "not decidable", loss, gain, reason)
+        return EffectVerdict(effect, "not decidable", loss, gain, reason)
     if unseen:
-        return Card(effect, "not decidable", loss, gain, _why_optional(yardstick, effect, unseen))
+        return EffectVerdict(effect, "not decidable", loss, gain, _why_optional(yardstick, effect, unseen))
     text = f"{_largest(yardstick, effect, found)} would have shown, but it explains {_number(100.0 * (gain or 0.0))} %"
-    return Card(effect, "not needed", loss, gain, text)
+    return EffectVerdict(effect, "not needed", loss, gain, text)
 
 
 def _why_needed(loss: float | None) -> str:

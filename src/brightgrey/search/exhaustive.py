@@ -9,14 +9,14 @@ from brightgrey.kit import Structure
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, Options
 from brightgrey.search.missed import seek_missed
-from brightgrey.search.parallel import pool
-from brightgrey.search.task import Identification
+from brightgrey.search.parallel import thread_pool
+from brightgrey.search.task import IdentificationTask
 
 __all__ = ["fit_all"]
 
 
 def fit_all(
-    task: Identification,
+    task: IdentificationTask,
     structures: Sequence[Structure],
     *,
     options: Options | None = None,
@@ -29,7 +29,7 @@ def fit_all(
 
     Parameters
     ----------
-    task : Identification
+    task : IdentificationTask
     structures : sequence of Structure
     options : Options, optional
     seed : int
@@ -47,7 +47,7 @@ def fit_all(
         Simple ones first.
     """
     fits = Fits(task, structures, options=options, seed=seed)
-    with pool(executor) as workers:
+    with thread_pool(executor) as workers:
         fits.add(structures, workers, progress)
         seek_missed(fits, workers, seeking)
     return fits.done

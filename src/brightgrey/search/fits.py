@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting import (
     IMPROVED,
@@ -29,9 +29,9 @@ from brightgrey.search.fitting import (
     from_everywhere,
     tracked_from_above,
 )
-from brightgrey.search.lattice import contains, ladder_of, largest_within, size, smallest_around
+from brightgrey.search.lattice import complexity, contains, mass_chain_of, maximal_submodels, minimal_supermodels
 from brightgrey.search.parallel import in_order, in_turn
-from brightgrey.search.task import ROUGH, Identification
+from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 from brightgrey.search.warm_start import two_ports
 
 __all__ = ["TELLING", "Fits"]
@@ -47,7 +47,7 @@ class Fits:
 
     Attributes
     ----------
-    task : Identification
+    task : IdentificationTask
     structures : tuple of Structure
         All that may be asked for, fitted or not.
     done : dict of Structure to Fitted
@@ -55,7 +55,7 @@ class Fits:
     hubs : dict of Structure to Fitted
     log : list of (bool, Fitted)
         All fits in their order, whether each is a hub's; those made once more, from a relative's optimum, too.
-    spent : list of Spent
+    spent : list of SimulationCount
         What they have simulated, with looks at a relative's optimum that promised nothing.
     worthwhile : callable
         ``worthwhile(structure, cost)``: whether a structure is worth another fit from a relative's optimum if it may
@@ -63,11 +63,16 @@ class Fits:
     """
 
     def __init__(
-        self, task: Identification, structures: Sequence[Structure], *, options: Options | None = None, seed: int = 0
+        self,
+        task: IdentificationTask,
+        structures: Sequence[Structure],
+        *,
+        options: Options | None = None,
+        seed: int = 0,
     ) -> None:
         self.task, self.done, self.hubs = task, dict[Structure, Fitted](), dict[Structure, Fitted]()
         self.log: list[tuple[bool, Fitted]] = []
-        self.spent: list[Spent] = []
+        self.spent: list[SimulationCount] = []
         self.worthwhile: Callable[[Structure, float], bool] = lambda structure, cost: True
         self._how, self._seed = options or Options(), seed
         self.structures = tuple(structures)
@@ -89,7 +94,7 @@ class Fits:
             Those of which there was a fit already, and now is a better one.
         """
         before = tuple(self.done)
-        rising = sorted((s for s in structures if s not in self.done), key=size)
+        rising = sorted((s for s in structures if s not in self.done), key=complexity)
         self._new(rising, workers, progress)
         return self._settled(before, rising, workers) & set(before)
 
@@ -111,12 +116,12 @@ class Fits:
         better = {structure} if self._taken(structure, fitted) else set()
         leader = self.done[structure]
         if not leader.idle:
-            worse = [t for t in largest_within(structure, self.done) if leader.cost < IMPROVED * self.done[t].cost]
+            worse = [t for t in maximal_submodels(structure, self.done) if leader.cost < IMPROVED * self.done[t].cost]
             calls = [(self.task, self.done[t], [leader], self._how, True) for t in worse]
             found = zip(worse, in_order(workers, from_above, calls), strict=True)
             better.update([t for t, result in found if self._handed(t, *result)])
         before = [s for s in self.done if s not in better]
-        return self._settled(before, sorted(better, key=size), workers) | better if better else better
+        return self._settled(before, sorted(better, key=complexity), workers) | better if better else better
 
     def anew(self, structures: Sequence[Structure], patience: int, workers: Executor) -> set[Structure]:
         """Fit structures from everywhere, from where they have ended and from where a larger one did much better.
@@ -138,7 +143,7 @@ class Fits:
         """Fit structures once more that are worse than new ones that they contain; returns those that got better."""
         better = []
         larger = [s for s in before if any(contains(s, t) for t in rising)]
-        within = {s: largest_within(s, self.done) for s in larger}
+        within = {s: maximal_submodels(s, self.done) for s in larger}
 
         def call(s: Structure) -> tuple[Any, ...] | None:
             limit = IMPROVED * self.done[s].cost
@@ -152,7 +157,7 @@ class Fits:
             if fitted is not None and self._taken(s, fitted):
                 better.append(s)
 
-        larger.sort(key=size)
+        larger.sort(key=complexity)
         chosen = set(larger)
         in_turn(workers, larger, lambda s: [t for t in within[s] if t in chosen], call, take)
         return better
@@ -161,7 +166,7 @@ class Fits:
         """Fit relatives of `better` fits once more where that helps, smaller ones on growing beginnings, too."""
         if better:
             everything = tuple(self.done)
-            self._settled(everything, sorted(better, key=size), workers)
+            self._settled(everything, sorted(better, key=complexity), workers)
             self.follow(workers)
 
     def follow(self, workers: Executor) -> set[Structure]:
@@ -180,7 +185,7 @@ class Fits:
 
     def doubt(self, fitted: Fitted) -> float:
         """Cost that the simulation's own error may leave."""
-        return float(self.task.doubt(self.task.problem(fitted.structure).weights, ROUGH).sum())
+        return float(self.task.error_floor(self.task.problem(fitted.structure).weights, FAST_LEVEL_ACCURACY).sum())
 
     def effort(self) -> int:
         """Number of samples that have been simulated."""
@@ -188,7 +193,7 @@ class Fits:
 
     def _ahead(self, fitted: Fitted) -> list[Fitted]:
         """Best fit of those around that do much better with what they have beyond it."""
-        around = [self.done[t] for t in smallest_around(fitted.structure, self.done)]
+        around = [self.done[t] for t in minimal_supermodels(fitted.structure, self.done)]
         ahead = [f for f in around if not f.idle and f.cost < TELLING * fitted.cost]
         return sorted(ahead, key=lambda f: f.cost)[:1]
 
@@ -203,18 +208,18 @@ class Fits:
         """Fit relatives of the `latest` fits once more where that helps; returns those that got better."""
         hopeful = [s for s in before if self.worthwhile(s, 0.0)]
         better = {*self.up(hopeful, latest, workers), *self._down(workers)}
-        for s in sorted(self.done, key=size):
-            within = [self.done[t] for t in largest_within(s, self.done)]
+        for s in sorted(self.done, key=complexity):
+            within = [self.done[t] for t in maximal_submodels(s, self.done)]
             self.done[s] = at_least_as_good(self.done[s], within)
         return better
 
     def _new(self, rising: Sequence[Structure], workers: Executor, progress: Callable[[Fitted], None] | None) -> None:
         """Fit structures for the first time, with the hubs that they need."""
         known = [*self.done, *rising]
-        near = {s: [h for h in self._first if ladder_of(h) == ladder_of(s)] for s in rising}
+        near = {s: [h for h in self._first if mass_chain_of(h) == mass_chain_of(s)] for s in rising}
         hubs = [h for h in self._first if h not in self.hubs and any(h in n for n in near.values())]
-        within = {s: largest_within(s, known) for s in rising}
-        around = {s: smallest_around(s, self.done) for s in rising}
+        within = {s: maximal_submodels(s, known) for s in rising}
+        around = {s: minimal_supermodels(s, self.done) for s in rising}
 
         def needs(item: _Item) -> list[_Item]:
             """Hubs of its ladder, and what it contains."""
@@ -290,9 +295,9 @@ class Fits:
     ) -> list[Structure]:
         """Make the calls of structures, given the smallest ones around each, the largest first; returns the better."""
         better = []
-        around = {s: smallest_around(s, self.done) for s in sorted(structures, key=size, reverse=True)}
+        around = {s: minimal_supermodels(s, self.done) for s in sorted(structures, key=complexity, reverse=True)}
 
-        def take(s: Structure, result: tuple[Fitted | None, Spent] | None) -> None:
+        def take(s: Structure, result: tuple[Fitted | None, SimulationCount] | None) -> None:
             if result is not None and self._handed(s, *result):
                 better.append(s)
 
@@ -306,7 +311,7 @@ class Fits:
         self._offered.update(offers.values())
         return fresh
 
-    def _handed(self, s: Structure, fitted: Fitted | None, spent: Spent) -> bool:
+    def _handed(self, s: Structure, fitted: Fitted | None, spent: SimulationCount) -> bool:
         """Keep what was found at a larger structure's optimum if it is better; whether it is."""
         if fitted is None:
             self.spent.append(spent)
@@ -347,5 +352,5 @@ def _hubs(structures: Sequence[Structure]) -> list[Structure]:
 
     ladders: dict[Placed, list[Structure]] = {}
     for s in structures:
-        ladders.setdefault(ladder_of(s), []).append(s)
+        ladders.setdefault(mass_chain_of(s), []).append(s)
     return list(dict.fromkeys(min(group, key=rank) for group in ladders.values() for rank in (friction, linear)))

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.optimisation.least_squares import End, descend_many
-from brightgrey.estimation.optimisation.multistart import FIRST_BEGINNING, FURTHER_ROUNDS, explore, growing
-from brightgrey.estimation.problem.parameter_space import Search
-from brightgrey.estimation.problem.simulation_count import Spent
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.optimisation.least_squares import Optimum, fit_many
+from brightgrey.estimation.optimisation.multistart import FIRST_BEGINNING, FURTHER_ROUNDS, growing_horizons, multistart
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_count import SimulationCount
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import Structure
-from brightgrey.search.lattice import effects_of
-from brightgrey.search.task import ROUGH, Identification
+from brightgrey.search.lattice import added_effects
+from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 from brightgrey.search.warm_start import handed_down, information, two_ports
 
 __all__ = [
@@ -87,7 +87,7 @@ class Fitted:
         Effects that only made the fit worse than that of a structure without them: their values are meaningless.
     batches : int
         Batches of simulations.
-    spent : Spent
+    spent : SimulationCount
         What the latest fit has simulated.
     information : ndarray, shape (free, free), optional
         J' J by the estimated values, SI.
@@ -99,7 +99,7 @@ class Fitted:
     free: int
     idle: tuple[str, ...] = ()
     batches: int = 0
-    spent: Spent = field(default_factory=Spent)
+    spent: SimulationCount = field(default_factory=SimulationCount)
     information: Array | None = field(default=None, compare=False)
 
 
@@ -109,32 +109,32 @@ def best_of(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
 
 
 def from_above(
-    task: Identification, own: Fitted, larger: Sequence[Fitted], options: Options, anyway: bool = False
-) -> tuple[Fitted | None, Spent]:
+    task: IdentificationTask, own: Fitted, larger: Sequence[Fitted], options: Options, anyway: bool = False
+) -> tuple[Fitted | None, SimulationCount]:
     """Descend once more from where `larger` structures did better; None if it is no better there, but for `anyway`.
 
     And what that took.
     """
-    problem, space = task.posed(own.structure)
+    problem, space = task.problem_and_space(own.structure)
     values = _given(space, own.structure, larger)
     if not values:
-        return None, Spent()
+        return None, SimulationCount()
     begins = np.array([[known[name] for name in space.names] for known in values]).T
     begins = np.clip(begins, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
     if not (anyway or cost.min() < IMPROVED * own.cost):
         return None, problem.spent(cost.size)
     begin = begins[:, [int(np.argmin(cost))]]
-    (end,) = descend_many(
-        problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, rival=own.cost
+    (end,) = fit_many(
+        problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, cost_to_beat=own.cost
     )
     spent = problem.spent(cost.size + end.simulations)
     return _fitted(own.structure, space, end, own.batches + 1 + end.evaluations, spent), spent
 
 
 def tracked_from_above(
-    task: Identification, own: Fitted, larger: Fitted, options: Options
-) -> tuple[Fitted | None, Spent]:
+    task: IdentificationTask, own: Fitted, larger: Fitted, options: Options
+) -> tuple[Fitted | None, SimulationCount]:
     """Descend from where a `larger` structure did better, on growing beginnings of the recordings.
 
     With limits the least change of a parameter makes another motion in the end, so that the optimum of a structure that
@@ -142,27 +142,27 @@ def tracked_from_above(
     not keep up with the larger one there, which then needs what it has, or if it is no better in the end; and what that
     took.
     """
-    problem, space = task.posed(own.structure)
+    problem, space = task.problem_and_space(own.structure)
     values = _given(space, own.structure, [larger])
     if not values:
-        return None, Spent()
+        return None, SimulationCount()
     whole = task.problem(larger.structure)
     named = {name: np.array([value]) for name, value in larger.values.items()}
     begins = np.array([[known[name] for name in space.names] for known in values]).T
     begins = np.clip(begins, space.low[:, None], space.high[:, None])
-    doubt = float(task.doubt(problem.weights, ROUGH).sum())
-    spent, batches = Spent(), own.batches
-    for share in (*growing(FIRST_BEGINNING), 1.0):
-        part = problem.beginning(share)
+    doubt = float(task.error_floor(problem.weights, FAST_LEVEL_ACCURACY).sum())
+    spent, batches = SimulationCount(), own.batches
+    for share in (*growing_horizons(FIRST_BEGINNING), 1.0):
+        part = problem.truncated(share)
         limit = options.rounds if share in (FIRST_BEGINNING, 1.0) else FURTHER_ROUNDS
-        ends = descend_many(part, space, task.settings, begins, limit=limit, tolerance=options.tolerance)
+        ends = fit_many(part, space, task.settings, begins, limit=limit, tolerance=options.tolerance)
         end = min(ends, key=lambda e: e.cost)
         begins = end.values[:, None]
         spent += part.spent(sum(e.simulations for e in ends))
         batches += 1 + max(e.evaluations for e in ends)
         if share == 1.0:
             break
-        ahead = whole.beginning(share)
+        ahead = whole.truncated(share)
         rival = float(ahead.costs(named, task.settings)[0])
         spent += ahead.spent(1)
         if end.cost + share * doubt > _KEEPS_UP * (rival + share * doubt):
@@ -172,17 +172,17 @@ def tracked_from_above(
     return _fitted(own.structure, space, end, batches, spent), spent
 
 
-def _given(space: Search, structure: Structure, known: Sequence[Fitted]) -> list[Mapping[str, float]]:
+def _given(space: ParameterSpace, structure: Structure, known: Sequence[Fitted]) -> list[Mapping[str, float]]:
     """Values of fits that say all that is searched for."""
     handed = (v for f in known for v in handed_down(f.values, f.information, f.structure, structure, space))
     return [v for v in handed if set(space.names) <= set(v)]
 
 
-def _fitted(structure: Structure, space: Search, end: End, batches: int, spent: Spent) -> Fitted:
+def _fitted(structure: Structure, space: ParameterSpace, end: Optimum, batches: int, spent: SimulationCount) -> Fitted:
     """Fit that has come to its `end`."""
     values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
     cost = end.cost if np.isfinite(end.cost) else np.inf
-    known = information(end.curvature, space.pace(end.values))
+    known = information(end.curvature, space.scale_derivative(end.values))
     return Fitted(structure, values, cost, len(space.names), (), batches, spent, known)
 
 
@@ -191,32 +191,32 @@ def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
     best = min(within, key=lambda f: f.cost, default=own)
     if own.cost <= best.cost:
         return own
-    idle = (*best.idle, *effects_of(own.structure, best.structure))
+    idle = (*best.idle, *added_effects(own.structure, best.structure))
     return replace(own, values={**own.values, **best.values}, cost=best.cost, idle=idle, information=None)
 
 
-def is_narrow(space: Search) -> bool:
+def is_narrow(space: ParameterSpace) -> bool:
     """Whether all ranges of positive parameters are within a decade, as those that a user gives."""
     return bool(space.log.any() and np.all(space.high[space.log] <= _DECADE * space.low[space.log]))
 
 
 def from_everywhere(
-    task: Identification, structure: Structure, options: Options, seed: int, known: Sequence[Fitted] = ()
+    task: IdentificationTask, structure: Structure, options: Options, seed: int, known: Sequence[Fitted] = ()
 ) -> Fitted:
     """Fit a structure of which nothing is known, or nothing but doubtful optima of its own or larger ones.
 
     Starts begin there, too.
     """
-    problem, space = task.posed(structure)
+    problem, space = task.problem_and_space(structure)
     starts = options.narrow if is_narrow(space) else options.fresh
     given = _given(space, structure, known)
-    found = explore(problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed)
+    found = multistart(problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed)
     end = min(found.ends, key=lambda e: e.cost)
     return _fitted(structure, space, end, found.evaluations, found.spent)
 
 
 def fit_one(
-    task: Identification,
+    task: IdentificationTask,
     structure: Structure,
     parents: Sequence[Fitted],
     others: Sequence[Fitted],
@@ -224,22 +224,22 @@ def fit_one(
     seed: Sequence[int],
 ) -> Fitted:
     """Fit one structure, begun where its best `parents` and `others`, hubs and larger ones, have ended."""
-    problem, space = task.posed(structure)
+    problem, space = task.problem_and_space(structure)
     rng = np.random.default_rng(list(seed))
     best = best_of(parents, options)
     # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
     origins = best if best and two_ports(structure) else [*best, *others]
-    drawn = np.array_split(space.candidates(options.drawn * len(origins), rng), len(origins), axis=1)
+    drawn = np.array_split(space.sample(options.drawn * len(origins), rng), len(origins), axis=1)
     tried = [_extended(space, f, part) for f, part in zip(origins, drawn, strict=True)]
     chosen, count = best_begins(task, problem, space, tried, options.starts)
-    ends = descend_many(
+    ends = fit_many(
         problem,
         space,
         task.settings,
         chosen,
         limit=options.rounds,
         tolerance=options.tolerance,
-        rival=best[0].cost if best else np.inf,
+        cost_to_beat=best[0].cost if best else np.inf,
     )
     end = min(ends, key=lambda e: e.cost)
     batches = 2 + max(e.evaluations for e in ends)
@@ -247,7 +247,7 @@ def fit_one(
     return at_least_as_good(_fitted(structure, space, end, batches, spent), best)
 
 
-def _extended(space: Search, parent: Fitted, drawn: Array) -> Array:
+def _extended(space: ParameterSpace, parent: Fitted, drawn: Array) -> Array:
     """Starts at another optimum, shape (P, K), SI.
 
     What the other structure lacks is drawn, and what is drawn with it; the first has it as declared.
@@ -268,7 +268,7 @@ def _extended(space: Search, parent: Fitted, drawn: Array) -> Array:
 
 
 def best_begins(
-    task: Identification, problem: Problem, space: Search, tried: Sequence[Array], count: int
+    task: IdentificationTask, problem: SimulationErrorProblem, space: ParameterSpace, tried: Sequence[Array], count: int
 ) -> tuple[Array, int]:
     """Best of the starts at each optimum, of `count` optima, shape (P, count), best first; and how many were tried.
 

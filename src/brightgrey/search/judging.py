@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.optimisation.least_squares import Descent, End, descend_many, evaluate, finish
+from brightgrey.estimation.optimisation.least_squares import Optimum, OptimumWithJacobian, evaluate, fit_many, polish
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted, Options, from_everywhere
 from brightgrey.search.lattice import contains
 from brightgrey.search.parallel import in_order
-from brightgrey.search.task import ROUGH, Identification
+from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 from brightgrey.search.warm_start import exchanged, growing_from_zero, handed_down, information
 
 __all__ = ["Bench", "last_descent"]
@@ -33,24 +33,24 @@ _WALKS = (2, 4)  # steps to a held size
 
 
 def _refit(
-    task: Identification,
+    task: IdentificationTask,
     structure: Structure,
     wanted: Sequence[Mapping[str, float]],
     seed: Sequence[int],
-) -> End:
+) -> Optimum:
     """Descend from what relatives have found, `wanted`, best first."""
-    problem, space = task.posed(structure)
+    problem, space = task.problem_and_space(structure)
     begins = _starts(task, structure, wanted, seed)
-    ends = descend_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, rival=np.inf)
+    ends = fit_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, cost_to_beat=np.inf)
     return last_descent(task, structure, min(ends, key=lambda e: e.cost).values)
 
 
 def _starts(
-    task: Identification, structure: Structure, wanted: Sequence[Mapping[str, float]], seed: Sequence[int]
+    task: IdentificationTask, structure: Structure, wanted: Sequence[Mapping[str, float]], seed: Sequence[int]
 ) -> Array:
     """Best starts from the values `wanted`, what they lack drawn, shape (P, S), SI."""
-    problem, space = task.posed(structure)
-    drawn = space.candidates(8, np.random.default_rng(list(seed)))
+    problem, space = task.problem_and_space(structure)
+    drawn = space.sample(8, np.random.default_rng(list(seed)))
     drawn = np.concatenate([space.start[:, None], drawn], axis=1)
     tried = []
     for values in wanted:
@@ -64,22 +64,30 @@ def _starts(
     return np.asarray(begins[:, np.argsort(cost, kind="stable")[:_DESCENTS]])
 
 
-def _refit_from(task: Identification, structure: Structure, larger: Sequence[Mapping[str, float]], rival: float) -> End:
+def _refit_from(
+    task: IdentificationTask, structure: Structure, larger: Sequence[Mapping[str, float]], rival: float
+) -> Optimum:
     """Descend from the best of some values of larger structures; to the end if it may lead below the cost `rival`."""
     end = _descent_from_best(task, structure, larger, rival)
-    off = float(task.doubt(task.problem(structure).weights, ROUGH).sum())  # what this level may be off by
+    off = float(
+        task.error_floor(task.problem(structure).weights, FAST_LEVEL_ACCURACY).sum()
+    )  # what this level may be off by
     return last_descent(task, structure, end.values) if end.cost < _WORTH * rival + off else end
 
 
-def _refit_from_everywhere(task: Identification, structure: Structure, seed: int, known: Sequence[Fitted]) -> End:
+def _refit_from_everywhere(
+    task: IdentificationTask, structure: Structure, seed: int, known: Sequence[Fitted]
+) -> Optimum:
     """Search anew, from `known` optima and everywhere else, and descend to the end from what is found."""
     found = from_everywhere(task, structure, Options(), seed, known)
-    return last_descent(task, structure, np.array([found.values[n] for n in task.posed(structure)[1].names]))
+    return last_descent(
+        task, structure, np.array([found.values[n] for n in task.problem_and_space(structure)[1].names])
+    )
 
 
 def _refit_held(
-    task: Identification, structure: Structure, values: Values, moved: Values, held: Values, rival: float
-) -> End:
+    task: IdentificationTask, structure: Structure, values: Values, moved: Values, held: Values, rival: float
+) -> Optimum:
     """Descend from `values` with some held and others moved, as long as that may lead to the cost `rival`.
 
     And from what makes up for those held. Where gaps make all rugged, from there no descent comes to an optimum that
@@ -89,15 +97,21 @@ def _refit_held(
     fixed = replace(task, fixed={**task.fixed, **held})
     parts = [part for part in ([begin], exchanged(begin, structure, held)) if part]
     ends = [_descent_from_best(fixed, structure, part, rival) for part in parts]
-    if fixed.problem(structure).limited:
+    if fixed.problem(structure).has_hard_limit:
         ends += [_walk(task, structure, values, moved, held, steps, rival) for steps in _WALKS]
     end = min(ends, key=lambda e: e.cost)
     return last_descent(fixed, structure, end.values) if end.cost < _NEAR * rival else end
 
 
 def _walk(
-    task: Identification, structure: Structure, values: Values, moved: Values, held: Values, steps: int, rival: float
-) -> End:
+    task: IdentificationTask,
+    structure: Structure,
+    values: Values,
+    moved: Values,
+    held: Values,
+    steps: int,
+    rival: float,
+) -> Optimum:
     """Let what is held grow step by step; each descent begins where the one before has ended."""
     growing, now = growing_from_zero(structure), dict(values)
     for k in range(1, steps + 1):
@@ -105,37 +119,37 @@ def _walk(
         here = {name: value * (k / steps if name in growing else 1.0) for name, value in held.items()}
         fixed = replace(task, fixed={**task.fixed, **here})
         end = _descent_from_best(fixed, structure, [now], rival)
-        now |= dict(zip(fixed.posed(structure)[1].names, end.values.tolist(), strict=True))
+        now |= dict(zip(fixed.problem_and_space(structure)[1].names, end.values.tolist(), strict=True))
     return end
 
 
 def _descent_from_best(
-    task: Identification, structure: Structure, some: Sequence[Mapping[str, float]], rival: float
-) -> End:
+    task: IdentificationTask, structure: Structure, some: Sequence[Mapping[str, float]], rival: float
+) -> Optimum:
     """Descend from the best of some values, as long as that may lead to the cost `rival`."""
-    problem, space = task.posed(structure)
+    problem, space = task.problem_and_space(structure)
     table = [[values.get(n, start) for n, start in zip(space.names, space.start, strict=True)] for values in some]
     begins = np.clip(np.array(table).T, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
     begin = begins[:, [int(np.argmin(cost))]]
-    (end,) = descend_many(problem, space, task.settings, begin, limit=30, tolerance=1e-4, rival=rival)
+    (end,) = fit_many(problem, space, task.settings, begin, limit=30, tolerance=1e-4, cost_to_beat=rival)
     return end
 
 
-def last_descent(task: Identification, structure: Structure, begin: Array) -> End:
+def last_descent(task: IdentificationTask, structure: Structure, begin: Array) -> Optimum:
     """Last descent of `structure` from `begin`, shape (P,), SI, at the level ``accurate``."""
-    problem, space = task.posed(structure)
-    return finish(problem, space, replace(task.settings, level="accurate"), begin, tolerance=_SETTLED)
+    problem, space = task.problem_and_space(structure)
+    return polish(problem, space, replace(task.settings, level="accurate"), begin, tolerance=_SETTLED)
 
 
-def _judged(task: Identification, structure: Structure, end: End) -> Judged:
+def _judged(task: IdentificationTask, structure: Structure, end: Optimum) -> Judged:
     """All that is compared of a structure; residual and Jacobian are too large to be sent or kept."""
-    problem, space = task.posed(structure)
+    problem, space = task.problem_and_space(structure)
     settings = replace(task.settings, level="accurate")
-    residual, jacobian = evaluate(problem, space, settings, space.inward(end.values))
-    inside = np.flatnonzero(space.side(end.values) == 0)
+    residual, jacobian = evaluate(problem, space, settings, space.to_scaled(end.values))
+    inside = np.flatnonzero(space.active_bounds(end.values) == 0)
     values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
-    descent = Descent(*end[:4], end.simulations + 1 + len(end.values), residual, jacobian)
+    descent = OptimumWithJacobian(*end[:4], end.simulations + 1 + len(end.values), residual, jacobian)
     return Judged(structure, values, descent, len(space.names), tuple(inside.tolist()))
 
 
@@ -145,7 +159,7 @@ class Bench:
 
     Attributes
     ----------
-    task : Identification
+    task : IdentificationTask
         Its level is that of the search.
     fitted : mapping of Structure to Fitted
     executor : concurrent.futures.Executor
@@ -160,7 +174,7 @@ class Bench:
         Such fields since one has helped.
     """
 
-    task: Identification
+    task: IdentificationTask
     fitted: Mapping[Structure, Fitted]
     executor: Executor
     seed: int = 0
@@ -243,7 +257,7 @@ class Bench:
 
     def _information(self, judged: Judged) -> Array:
         """J' J by the estimated values, SI."""
-        pace = self.task.space(judged.structure, initial=True).pace(judged.descent.values)
+        pace = self.task.space(judged.structure, initial=True).scale_derivative(judged.descent.values)
         return information(judged.descent.jacobian.T @ judged.descent.jacobian, pace)
 
     def _wanted(self, structure: Structure) -> list[Mapping[str, float]]:
@@ -262,7 +276,7 @@ class Bench:
     def outputs(self, structure: Structure, sets: Sequence[Mapping[str, float]]) -> Array:
         """Weighted residuals at the accurate level for some values, shape (residuals, K)."""
         problem = self.task.problem(structure)
-        names = (*structure.parameters, *(part.name for part in problem.unknown))
-        start = {part.name: part.start for part in problem.unknown}
+        names = (*structure.parameters, *(part.name for part in problem.unknown_initial))
+        start = {part.name: part.start for part in problem.unknown_initial}
         values = {name: np.array([{**start, **s}[name] for s in sets]) for name in names}
         return problem.residuals(values, replace(self.task.settings, level="accurate"))

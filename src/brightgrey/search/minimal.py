@@ -9,8 +9,8 @@ import numpy as np
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged, threshold
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.lattice import contains, extensions, minimal, simpler
-from brightgrey.search.task import ACCURACY, ROUGH
+from brightgrey.search.lattice import contains, minimal_elements, one_larger, one_smaller
+from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
 from brightgrey.search.warm_start import two_ports
 from brightgrey.search.yardstick import Yardstick
 
@@ -58,7 +58,7 @@ def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], Non
         for s in accepted:
             looked += [small for small in _without_loss(yardstick, s, rivals) if small not in looked]
         if before == (len(looked), {s: j.cost for s, j in bench.judged.items()}):
-            found = map(bench.judge, minimal(accepted))
+            found = map(bench.judge, minimal_elements(accepted))
             return sorted(found, key=lambda j: (j.structure.masses, yardstick.criterion(j)))
 
 
@@ -86,7 +86,7 @@ def _without_loss(yardstick: Yardstick, structure: Structure, rivals: Rivals) ->
     Of one that could do without what it lacks, but not without another effect, the one that has that.
     """
     found, bench = [], yardstick.bench
-    smaller = simpler(structure, yardstick.known)
+    smaller = one_smaller(structure, yardstick.known)
     bench.judge_all(smaller)
     for s in smaller:
         bench.improve(s)
@@ -114,7 +114,7 @@ def _loses(yardstick: Yardstick, small: Structure, big: Structure) -> bool:
     Its optimum may be elsewhere, as with a light mass between two others: before what it lacks is called for, that is
     sought from everywhere.
     """
-    bench, tests = yardstick.bench, len(extensions(small, yardstick.known))  # a short cut: more are compared later
+    bench, tests = yardstick.bench, len(one_larger(small, yardstick.known))  # a short cut: more are compared later
     while yardstick.better(bench.judge(big), bench.judge(small), tests):
         fields = _fields(yardstick, small, big) - bench.sought.get(small, 0)
         if fields <= 0 or bench.vain >= _IN_VAIN:
@@ -138,7 +138,7 @@ def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collectio
     the search may be off by all that some leave: a refit decides.
     """
     n = yardstick.independent
-    rough = yardstick.doubt * (ROUGH / ACCURACY) ** 2
+    rough = yardstick.doubt * (FAST_LEVEL_ACCURACY / TRUSTED_ACCURACY) ** 2
     cost = {s: max(yardstick.bench.cost(s), yardstick.doubt) + rough for s in yardstick.known}
     least = min(yardstick.known.values(), key=lambda f: (cost[f.structure], f.free))
 
@@ -191,7 +191,7 @@ def _better_than(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> 
 
 def _compared(yardstick: Yardstick, structure: Structure) -> dict[Structure, int]:
     """What contains the structure and is compared with it, and among how many others each counts for its chance."""
-    more = extensions(structure, yardstick.known)
+    more = one_larger(structure, yardstick.known)
     larger = [s for s in yardstick.known if s != structure and contains(s, structure)]
     if not larger:
         return {}
@@ -205,6 +205,6 @@ def _chances(yardstick: Yardstick, structure: Structure) -> int:
     It has the share of the chance of any of them. The largest alone needs no such division if its ratio is distributed
     as Wilks says; with resonances and gaps, which have a place of their own, more comes by chance.
     """
-    more = len(extensions(structure, yardstick.known))
+    more = len(one_larger(structure, yardstick.known))
     larger = sum(s != structure and contains(s, structure) for s in yardstick.known)
     return (more + 1) * (larger - more)

@@ -20,8 +20,8 @@ from brightgrey.estimation.optimisation.multistart import is_white
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fits import TELLING, Fits
 from brightgrey.search.fitting import IMPROVED, Fitted
-from brightgrey.search.lattice import ladder_of, simpler, size
-from brightgrey.search.task import ACCURACY
+from brightgrey.search.lattice import complexity, mass_chain_of, one_smaller
+from brightgrey.search.task import TRUSTED_ACCURACY
 from brightgrey.search.warm_start import two_ports
 
 __all__ = ["seek_missed"]
@@ -133,24 +133,24 @@ def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
     for fitted in sorted(fits.done.values(), key=information):
         s = fitted.structure
         if two_ports(s) == gaps and not fitted.idle and fitted.cost < near:
-            ranked.setdefault(ladder_of(s), []).append(s)
+            ranked.setdefault(mass_chain_of(s), []).append(s)
         elif two_ports(s) == gaps:
-            behind.setdefault(ladder_of(s), []).append(s)
+            behind.setdefault(mass_chain_of(s), []).append(s)
     first = list(ranked.items())[:_LADDERS]
-    groups = ([*group, *simpler(group[0], behind.get(ladder, ()))] for ladder, group in first)
+    groups = ([*group, *one_smaller(group[0], behind.get(ladder, ()))] for ladder, group in first)
     return [group[place % len(group)] for group in groups]
 
 
 def _tells(fits: Fits, top: Structure) -> bool:
     """Whether laws of two ports take off a good part of what is left without them, with as many masses."""
-    without = (f.cost for s, f in fits.done.items() if ladder_of(s) == ladder_of(top) and not two_ports(s))
+    without = (f.cost for s, f in fits.done.items() if mass_chain_of(s) == mass_chain_of(top) and not two_ports(s))
     return fits.done[top].cost < TELLING * min(without, default=np.inf)
 
 
 def _without_gaps(fits: Fits, top: Structure) -> list[Structure]:
     """The largest structure without laws of two ports that has as many masses as `top`: what that is compared with."""
-    smooth = (s for s in fits.structures if ladder_of(s) == ladder_of(top) and not two_ports(s))
-    return sorted(smooth, key=size)[-1:]
+    smooth = (s for s in fits.structures if mass_chain_of(s) == mass_chain_of(top) and not two_ports(s))
+    return sorted(smooth, key=complexity)[-1:]
 
 
 def _explained(fits: Fits) -> bool:
@@ -163,7 +163,7 @@ def _explained(fits: Fits) -> bool:
     if best.cost <= fits.doubt(best):  # the level of the search may be that far off, but seldom is
         accurate = problem.residuals(values, replace(task.settings, level="accurate"))[:, 0]
         fits.spent.append(problem.spent(1))
-        off, trusted = residual - accurate, float(task.doubt(problem.weights, ACCURACY).sum())
+        off, trusted = residual - accurate, float(task.error_floor(problem.weights, TRUSTED_ACCURACY).sum())
         if best.cost <= off @ off + trusted and accurate @ accurate <= fits.doubt(best):
             return True
     return is_white(problem, residual)
@@ -172,6 +172,6 @@ def _explained(fits: Fits) -> bool:
 def _tops(structures: Iterable[Structure]) -> list[Structure]:
     """Of every ladder with laws of two ports the largest structure that has them, fewest masses first."""
     tops: dict[Placed, Structure] = {}
-    for s in sorted(filter(two_ports, structures), key=size):
-        tops[ladder_of(s)] = s
-    return sorted(tops.values(), key=size)
+    for s in sorted(filter(two_ports, structures), key=complexity):
+        tops[mass_chain_of(s)] = s
+    return sorted(tops.values(), key=complexity)

@@ -12,7 +12,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-__all__ = ["Stopped", "in_order", "in_turn", "pool"]
+__all__ = ["Stopped", "in_order", "in_turn", "thread_pool"]
 
 K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
@@ -74,7 +74,7 @@ def in_turn(
 
 
 @contextmanager
-def pool(executor: Executor | None, workers: int = 1) -> Iterator[Executor]:
+def thread_pool(executor: Executor | None, workers: int = 1) -> Iterator[Executor]:
     """Give `executor`, or threads of our own."""
     if executor is not None:
         yield executor

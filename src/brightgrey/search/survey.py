@@ -13,20 +13,20 @@ from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.kit import PAPER, Grammar, Placed, Structure
 from brightgrey.search.comparison import Judged
 from brightgrey.search.criteria import Misfit
-from brightgrey.search.evidence import Evidence, has, weigh
+from brightgrey.search.evidence import Evidence, assess_effects, has
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted, Options
-from brightgrey.search.lattice import contains, extensions
-from brightgrey.search.parallel import Stopped, pool
-from brightgrey.search.task import Identification
+from brightgrey.search.lattice import contains, one_larger
+from brightgrey.search.parallel import Stopped, thread_pool
+from brightgrey.search.task import IdentificationTask
 
-__all__ = ["Ranked", "Stage", "Survey", "candidates", "survey"]
+__all__ = ["ExhaustiveResult", "Ranked", "SearchProgress", "candidates", "search_exhaustively"]
 
 _AT_ONCE = 32  # misfits: a simulation alone is not worth sending
 
 
 @dataclass(frozen=True)
-class Stage:
+class SearchProgress:
     """Where a survey stands: what is done, how much of it, and the best structure so far."""
 
     name: str
@@ -56,11 +56,11 @@ class Ranked:
     free: int
     misfit: Misfit
     criterion: float
-    tied: bool
+    equivalent: bool
 
 
 @dataclass(frozen=True)
-class Survey:
+class ExhaustiveResult:
     """Result of :func:`survey`.
 
     Attributes
@@ -114,20 +114,20 @@ def candidates(
     return left
 
 
-def survey(
-    task: Identification,
+def search_exhaustively(
+    task: IdentificationTask,
     structures: Sequence[Structure],
     *,
     options: Options | None = None,
     seed: int = 0,
     executor: Executor | None = None,
-    progress: Callable[[Stage], None] | None = None,
-) -> Survey:
+    progress: Callable[[SearchProgress], None] | None = None,
+) -> ExhaustiveResult:
     """Fit all `structures` and weigh them.
 
     Parameters
     ----------
-    task : Identification
+    task : IdentificationTask
     structures : sequence of Structure
     options : Options, optional
         Of the fits.
@@ -139,7 +139,7 @@ def survey(
 
     Returns
     -------
-    Survey
+    ExhaustiveResult
         If it is stopped (Ctrl-C, or the executor says so) with what was fitted until then.
 
     Raises
@@ -158,21 +158,21 @@ def survey(
         if f.cost < least:
             least, leader = f.cost, f.structure
         if progress is not None:
-            progress(Stage("structures", len(fitted), len(structures), leader))
+            progress(SearchProgress("structures", len(fitted), len(structures), leader))
 
     def counted(name: str) -> Callable[[Structure], None]:
         numbers = itertools.count(1)
 
         def note(structure: Structure) -> None:
             if progress is not None:
-                progress(Stage(name, next(numbers), None, structure))
+                progress(SearchProgress(name, next(numbers), None, structure))
 
         return note
 
     evidence = None
     known: dict[Structure, Misfit] = {}
     try:
-        with pool(executor) as workers:
+        with thread_pool(executor) as workers:
             fitted = fit_all(
                 task,
                 structures,
@@ -185,17 +185,17 @@ def survey(
             if not np.isfinite(least):
                 raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
             ahead = _misfits_ahead(workers, task, fitted)  # while evidence leaves workers idle
-            evidence = weigh(task, fitted, seed=seed, executor=workers, progress=counted("evidence"))
+            evidence = assess_effects(task, fitted, seed=seed, executor=workers, progress=counted("evidence"))
             for part, found in ahead:
                 known |= zip(part, found.result(), strict=True)
     except (KeyboardInterrupt, Stopped):
         if not np.isfinite(least):
             raise
-    return Survey(_ranking(task, fitted, evidence, known), evidence, fitted)
+    return ExhaustiveResult(_ranking(task, fitted, evidence, known), evidence, fitted)
 
 
 def _misfits_ahead(
-    executor: Executor, task: Identification, fitted: Mapping[Structure, Fitted]
+    executor: Executor, task: IdentificationTask, fitted: Mapping[Structure, Fitted]
 ) -> list[tuple[Sequence[Structure], Future[list[Misfit]]]]:
     """Misfits of all structures at their own values, some dozens in a call."""
     own = [s for s, f in fitted.items() if not f.idle]
@@ -217,13 +217,13 @@ def _own(
     return structure, {n: v for n, v in values.items() if n in structure.parameters or n not in declared}
 
 
-def _misfits(task: Identification, valued: Sequence[tuple[Structure, Mapping[str, float]]]) -> list[Misfit]:
+def _misfits(task: IdentificationTask, valued: Sequence[tuple[Structure, Mapping[str, float]]]) -> list[Misfit]:
     """Misfit of each structure with its values, at the level of the search."""
     return [task.misfits(s, {n: np.array([v]) for n, v in values.items()})[0] for s, values in valued]
 
 
 def _ranking(
-    task: Identification,
+    task: IdentificationTask,
     fitted: Mapping[Structure, Fitted],
     evidence: Evidence | None,
     known: Mapping[Structure, Misfit],
@@ -232,7 +232,7 @@ def _ranking(
     minimal, optional = ([j.structure for j in evidence.minimal], evidence.optional) if evidence else ([], ())
     tied = set(minimal)
     for s in minimal:
-        tied.update(e for e in extensions(s, fitted) if any(has(e, o) and not has(s, o) for o in optional))
+        tied.update(e for e in one_larger(s, fitted) if any(has(e, o) and not has(s, o) for o in optional))
     samples = sum(r.samples for r in task.recordings) * len(task.recordings[0].outputs)
     independent = evidence.independent if evidence else float(samples)
     declared = _declared(fitted)

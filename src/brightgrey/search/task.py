@@ -10,25 +10,25 @@ from numpy.typing import NDArray
 
 from brightgrey.effects import Parameter, Scales
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.problem.initial_state import Unknown
-from brightgrey.estimation.problem.parameter_space import Search, search_space
-from brightgrey.estimation.problem.simulation_error import Problem, predict_many
+from brightgrey.estimation.problem.initial_state import InitialStateParameter
+from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.kit import Grammar, Placed, Structure
 from brightgrey.recordings import Recording
 from brightgrey.search.criteria import Misfit
 from brightgrey.simulation import Settings
 
-__all__ = ["ACCURACY", "ROUGH", "Identification"]
+__all__ = ["FAST_LEVEL_ACCURACY", "TRUSTED_ACCURACY", "IdentificationTask"]
 
 Array = NDArray[np.float64]
-ACCURACY = 1e-4
+TRUSTED_ACCURACY = 1e-4
 """Of an output's standard deviation: what neither simulation nor sensor is trusted in."""
-ROUGH = 3e-4
+FAST_LEVEL_ACCURACY = 3e-4
 """The same at level ``fast``, that of searches; it is worse than that in few of a hundred drives."""
 
 
 @dataclass(frozen=True)
-class Identification:
+class IdentificationTask:
     """What is the same for all structures of a search.
 
     Attributes
@@ -61,18 +61,18 @@ class Identification:
             if name not in known:
                 raise SettingsError(unknown_name("parameter", name, sorted(known)))
 
-    def space(self, structure: Structure, *, initial: bool = False) -> Search:
+    def space(self, structure: Structure, *, initial: bool = False) -> ParameterSpace:
         """Ranges of the free parameters of `structure`; with `initial` those of unknown initial states, too."""
-        return self.posed(structure)[1] if initial else self._space(structure, ())
+        return self.problem_and_space(structure)[1] if initial else self._space(structure, ())
 
-    def posed(self, structure: Structure) -> tuple[Problem, Search]:
+    def problem_and_space(self, structure: Structure) -> tuple[SimulationErrorProblem, ParameterSpace]:
         """Residuals of `structure`, and ranges of its free parameters and of unknown initial states."""
         problem = self.problem(structure)
-        return problem, self._space(structure, problem.unknown)
+        return problem, self._space(structure, problem.unknown_initial)
 
-    def _space(self, structure: Structure, unknown: Sequence[Unknown]) -> Search:
+    def _space(self, structure: Structure, unknown: Sequence[InitialStateParameter]) -> ParameterSpace:
         own = structure.parameters
-        return search_space(
+        return parameter_space(
             structure,
             self.scales,
             {name: limits for name, limits in self.bounds.items() if name in own},
@@ -80,11 +80,11 @@ class Identification:
             unknown,
         )
 
-    def problem(self, structure: Structure) -> Problem:
+    def problem(self, structure: Structure) -> SimulationErrorProblem:
         """Residuals of `structure`, weighted by the noise of each output."""
-        return Problem.of(structure, self.recordings)
+        return SimulationErrorProblem.of(structure, self.recordings)
 
-    def standard(self, structure: Structure) -> dict[str, float]:
+    def default_start(self, structure: Structure) -> dict[str, float]:
         """Start values, SI, of all parameters of `structure` that depend on nothing else."""
         space = self.space(structure)
         found = dict(zip(space.names, space.start.tolist(), strict=True)) | dict(space.fixed)
@@ -111,7 +111,7 @@ class Identification:
         several = len(self.recordings[0].outputs) > 1
         return self.problem(structure).weights if several else np.ones(1)
 
-    def doubt(self, weights: Array, share: float) -> Array:
+    def error_floor(self, weights: Array, share: float) -> Array:
         """Weighted sum of squares that errors of `share` of its standard deviation leave in each output.
 
         Shapes (outputs,) of the weights and (recordings, outputs) of the result.
@@ -127,9 +127,9 @@ class Identification:
         rss: Array = np.zeros((outputs, 1))
         least, spread = np.zeros(outputs), np.zeros(outputs)
         known = len(values) > len(structure.parameters)
-        onsets = self.problem(structure).onsets if known else (None,) * len(self.recordings)
+        onsets = self.problem(structure).initial_states if known else (None,) * len(self.recordings)
         for r, onset in zip(self.recordings, onsets, strict=True):
-            y = predict_many(structure, values, r, self.settings, onset=onset)
+            y = predict_many(structure, values, r, self.settings, initial_state=onset)
             apart = np.moveaxis(y, 1, 2) - r.y[:, None, :]
             square = np.square(np.ascontiguousarray(apart)).sum(
                 axis=2
@@ -143,13 +143,13 @@ class Identification:
         samples = sum(r.samples for r in self.recordings)
         return [Misfit(tuple(column), floor, samples, about) for column in rss.T.tolist()]
 
-    def arrays(self, space: Search, values: Array) -> dict[str, Array]:
+    def arrays(self, space: ParameterSpace, values: Array) -> dict[str, Array]:
         """Parameter sets by name; `values`, shape (P, K), SI, holds the free ones."""
         count = values.shape[1]
         held = {name: np.full(count, value) for name, value in space.fixed.items()}
         return dict(zip(space.names, values, strict=True)) | held
 
-    def begins(self, space: Search, starts: Sequence[tuple[tuple[str, float], ...]]) -> Array:
+    def clip_starts(self, space: ParameterSpace, starts: Sequence[tuple[tuple[str, float], ...]]) -> Array:
         """Starts within the ranges, shape (P, K), SI."""
         table = np.array([[dict(start)[name] for name in space.names] for start in starts]).T.reshape(-1, len(starts))
         return np.asarray(np.clip(table, space.low[:, None], space.high[:, None]))

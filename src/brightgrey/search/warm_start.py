@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.kit import Placed, Structure
-from brightgrey.search.lattice import ladder_of
+from brightgrey.search.lattice import mass_chain_of
 
 __all__ = ["exchanged", "growing_from_zero", "handed_down", "has_two_ports", "information", "two_ports"]
 
@@ -36,7 +36,7 @@ def information(curvature: Array, pace: Array) -> Array:
 
 
 def handed_down(
-    values: Values, known: Array | None, larger: Structure, structure: Structure, space: Search
+    values: Values, known: Array | None, larger: Structure, structure: Structure, space: ParameterSpace
 ) -> list[Values]:
     """Values of a larger structure for a smaller one.
 
@@ -49,10 +49,10 @@ def handed_down(
     known : ndarray, shape (P, P), optional
         The `information` of these P.
     larger, structure : Structure
-    space : Search
+    space : ParameterSpace
         Of `structure`.
     """
-    here, there = ladder_of(structure), ladder_of(larger)
+    here, there = mass_chain_of(structure), mass_chain_of(larger)
     out = [values]
     if here != there and there.effect.fewer is not None:
         present = {q.symbol: values[there.parameter(q.symbol)] for q in there.effect.parameters}
@@ -64,7 +64,7 @@ def handed_down(
     return out
 
 
-def _made_up(values: Values, known: Array, larger: Structure, space: Search) -> Values:
+def _made_up(values: Values, known: Array, larger: Structure, space: ParameterSpace) -> Values:
     """Sizes of effects beside the masses that make up for those left out, as far as small changes tell.
 
     Coulomb friction may have grown with the gravity that it cancels as long as the motion does not turn, or a lag have

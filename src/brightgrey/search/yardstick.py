@@ -16,8 +16,8 @@ from brightgrey.kit import Placed, Structure, assemble
 from brightgrey.search.comparison import Judged, Whitening, chance_of, power, significance, threshold
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.judging import Bench
-from brightgrey.search.lattice import effects_of, extensions, ladder_of, simpler
-from brightgrey.search.task import ACCURACY, Identification
+from brightgrey.search.lattice import added_effects, mass_chain_of, one_larger, one_smaller
+from brightgrey.search.task import TRUSTED_ACCURACY, IdentificationTask
 from brightgrey.search.warm_start import has_two_ports, two_ports
 
 __all__ = ["Yardstick"]
@@ -41,13 +41,15 @@ class Yardstick:
     fews: dict[Structure, tuple[Judged, float]] = field(default_factory=dict)  # independent samples of its residuals
 
     @classmethod
-    def of(cls, task: Identification, fitted: Mapping[Structure, Fitted], executor: Executor, seed: int) -> Yardstick:
+    def of(
+        cls, task: IdentificationTask, fitted: Mapping[Structure, Fitted], executor: Executor, seed: int
+    ) -> Yardstick:
         """Yardstick from the noise of the structure that fits best."""
         bench = Bench(task, fitted, executor, seed)
         best = min(fitted.values(), key=lambda f: (f.cost, f.free))
         reference = bench.judge(best.structure)
         lengths = [r.samples for r in task.recordings for _ in r.outputs]
-        doubt = task.doubt(task.problem(best.structure).weights, ACCURACY).ravel() / lengths
+        doubt = task.error_floor(task.problem(best.structure).weights, TRUSTED_ACCURACY).ravel() / lengths
         return cls(bench, Whitening.of(reference, lengths, doubt.tolist()), fitted)
 
     @property
@@ -133,12 +135,12 @@ class Yardstick:
         """Parameters of masses and gaps that have run to a bound which the user did not set."""
         names, bounds = self.bench.task.space(judged.structure, initial=True).names, self.bench.task.bounds
         ran = {name for column, name in enumerate(names) if column not in judged.inside and name not in bounds}
-        moving = [ladder_of(judged.structure), *filter(has_two_ports, judged.structure.placed)]
+        moving = [mass_chain_of(judged.structure), *filter(has_two_ports, judged.structure.placed)]
         return ran & {p.parameter(q.symbol) for p in moving for q in p.effect.parameters}
 
     def inertias(self, judged: Judged) -> int:
         """Number of masses whose inertia has not run to a bound which the user did not set."""
-        ladder = ladder_of(judged.structure)
+        ladder = mass_chain_of(judged.structure)
         of_mass = ladder.effect.parameters[0].dimension
         masses = {ladder.parameter(q.symbol) for q in ladder.effect.parameters if q.dimension == of_mass}
         return judged.structure.masses - len(masses & self.ran(judged))
@@ -172,7 +174,7 @@ class Yardstick:
             return lambda: False
         if any(self.hidden(structure, effect, least) is not None for least in sizes):
             return lambda: False
-        values, refits = {**self.bench.task.standard(big), **judged.values}, []
+        values, refits = {**self.bench.task.default_start(big), **judged.values}, []
         for least in sizes:
             moved = {name: value for name, value in least.items() if name in structure.parameters}
             held = {name: value for name, value in least.items() if name not in moved}
@@ -206,7 +208,7 @@ class Yardstick:
         big, judged = self.with_effect(structure, effect), self.bench.judge(structure)
         if big is None:
             return ()
-        values = {**self.bench.task.standard(big), **judged.values, **least}
+        values = {**self.bench.task.default_start(big), **judged.values, **least}
         change = np.asarray(self.bench.outputs(big, [values])[:, 0] - judged.descent.residual)
         size, _ = self.whitening.imitation(judged, change)
         if not self.visible(structure, effect, size):
@@ -237,7 +239,7 @@ class Yardstick:
         big = self.with_effect(structure, effect)
         if big is None:
             return False
-        level = _level(len(extensions(structure, self.known)), big.masses > structure.masses)
+        level = _level(len(one_larger(structure, self.known)), big.masses > structure.masses)
         return power(size, self.known[big].free - self.known[structure].free, level) >= _SHOWN
 
     def veil(self, structure: Structure, effect: str, change: Array) -> str | None:
@@ -245,8 +247,8 @@ class Yardstick:
 
         Without a reversal, Coulomb friction and gravity may cancel: neither is needed then, and both may be there.
         """
-        for big in extensions(structure, self.known):
-            others = effects_of(big, structure)
+        for big in one_larger(structure, self.known):
+            others = added_effects(big, structure)
             if effect in others:
                 continue
             judged = self.bench.judge(big)
@@ -262,7 +264,7 @@ class Yardstick:
         """
         space = self.bench.task.space(judged.structure, initial=True)
         value = np.array([judged.values[name] for name in space.names])
-        moved = value + space.pace(value) * steps
+        moved = value + space.scale_derivative(value) * steps
         slack = _SLACK * (space.high - space.low)
         inside = (moved >= space.low - slack) & (moved <= space.high + slack)
         return bool(np.all(inside | np.isin(space.names, list(self.bench.judge(structure).values))))
@@ -289,15 +291,15 @@ class Yardstick:
 
     def with_effect(self, structure: Structure, effect: str) -> Structure | None:
         """Least structure that has `effect` beyond `structure`, one mass or one effect more."""
-        for big in extensions(structure, self.known):
-            if effect in effects_of(big, structure):
+        for big in one_larger(structure, self.known):
+            if effect in added_effects(big, structure):
                 return big
         return None
 
     def without_effect(self, structure: Structure, effect: str) -> Structure | None:
         """`structure` without `effect`; of a ladder, with one mass less."""
-        for small in simpler(structure, self.known):
-            if effect in effects_of(structure, small):
+        for small in one_smaller(structure, self.known):
+            if effect in added_effects(structure, small):
                 return small
         return None
 
@@ -312,7 +314,7 @@ class Yardstick:
     def tells(self, structure: Structure, effect: str) -> bool:
         """Whether `effect` explains more beside `structure` than chance does, be it ever so little."""
         more = self.with_effect(structure, effect)
-        tests = len(extensions(structure, self.known))
+        tests = len(one_larger(structure, self.known))
         return more is not None and self.surely(self.bench.judge(more), self.bench.judge(structure), tests)
 
     def loss(self, structure: Structure, effect: str) -> float | None:

@@ -14,15 +14,23 @@ from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.kernel.buffers import address, aligned, block_for, work_for
 from brightgrey.simulation.kernel.euler_step import euler
-from brightgrey.simulation.kernel.event_location import creep
-from brightgrey.simulation.kernel.exponentials import tables
+from brightgrey.simulation.kernel.event_location import locate_events
+from brightgrey.simulation.kernel.exponentials import fill_propagator_tables
 from brightgrey.simulation.kernel.initial_state import start
-from brightgrey.simulation.kernel.input_knots import kinks
-from brightgrey.simulation.kernel.loop import run
-from brightgrey.simulation.kernel.lowering import Lowered, Rows, fill, is_sound, lower, tabulate, turning_rate
+from brightgrey.simulation.kernel.input_knots import input_knot_weights
+from brightgrey.simulation.kernel.loop import run_batch
+from brightgrey.simulation.kernel.lowering import (
+    Lowered,
+    Rows,
+    fastest_natural_frequency,
+    fill,
+    is_sound,
+    lower,
+    tabulate,
+)
 from brightgrey.simulation.kernel.memory_layout import Call, Shape
 from brightgrey.simulation.kernel.simd import LANES
-from brightgrey.simulation.kernel.step_control import refine, sort, together
+from brightgrey.simulation.kernel.step_control import accept_or_refine, refine_group, refine_lane
 from brightgrey.simulation.settings import Settings, stepping_of, tolerances
 
 __all__ = ["Response", "parts_per_sample", "response", "squares"]
@@ -188,7 +196,7 @@ def parts_per_sample(system: StateSpace, lowered: Lowered, dt: float, settings: 
         return np.full(lowered.A.shape[-1], settings.substeps, np.int64)
     if not lowered.limited:
         return np.ones(lowered.A.shape[-1], np.int64)
-    turns = turning_rate(system, lowered) * dt / tolerances(settings.level, limits=True).turn
+    turns = fastest_natural_frequency(system, lowered) * dt / tolerances(settings.level, limits=True).turn
     steps = 2 ** np.ceil(np.log2(np.maximum(np.nan_to_num(turns, nan=1.0, posinf=1.0), 1.0)))
     return np.asarray(np.minimum(steps, tolerances(settings.level).most).astype(np.int64))
 
@@ -255,20 +263,20 @@ def _simulate(
         spent=address(y),
         most=address(most),
         delayed=0,
-        tables=tables.address() if steps else 0,
-        kinks=kinks.address() if steps and lowered.delay.any() else 0,
+        tables=fill_propagator_tables.address() if steps else 0,
+        kinks=input_knot_weights.address() if steps and lowered.delay.any() else 0,
         start=start.address(),
-        sort=sort.address() if steps else 0,
-        refine=refine.address() if steps else 0,
-        together=together.address() if steps and lanes.width > 1 else 0,
-        creep=creep.address() if steps else 0,
+        sort=accept_or_refine.address() if steps else 0,
+        refine=refine_lane.address() if steps else 0,
+        together=refine_group.address() if steps and lanes.width > 1 else 0,
+        creep=locate_events.address() if steps else 0,
         euler=0 if steps else euler.address(),
     )
 
     def part(first: int, last: int) -> None:
         work, memory = work_for(shape)
         block = block_for(shape, plants, work, call)
-        run(address(block), int(first), int(last))
+        run_batch(address(block), int(first), int(last))
         del memory, block  # not before the simulation is done
 
     if threads == 1:

@@ -9,12 +9,12 @@ from brightgrey.control.design.controllers import OutputFeedback, StateFeedback,
 from brightgrey.control.design.lqg import ObservedFeedback, kalman_gain, observed
 from brightgrey.control.design.state_feedback import state_control
 from brightgrey.control.filters.extended_kalman import Noise
-from brightgrey.control.linear.analysis import analyse
+from brightgrey.control.linear.analysis import linearise_at
 from brightgrey.control.linear.margins import closed_poles
-from brightgrey.control.linear.operating_point import piece
-from brightgrey.control.linear.twist_coordinates import twisted
+from brightgrey.control.linear.operating_point import contact_mode
+from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.errors import SettingsError
-from brightgrey.excitation import Limits, reversing
+from brightgrey.excitation import MotionLimits, reversing
 from brightgrey.kit import Linear
 from support.control_drives import SETTINGS, system_of
 
@@ -25,7 +25,7 @@ FULL = "two_mass+coulomb+viscous+gravity+backlash+current_control+delay"
 
 def designed(text):
     system = system_of(text)
-    found = state_control(analyse(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
+    found = state_control(linearise_at(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
     return system, found, kalman_gain(found.analysis.linear, NOISE, DT)
 
 
@@ -65,9 +65,9 @@ def test_the_extended_filter_and_its_linear_form_control_alike():
 @pytest.mark.parametrize("delay", [0.0, 1.5e-3])
 def test_one_noisy_speed_is_enough_through_friction_gap_lag_and_torque_limit(delay):
     system = system_of(FULL, T_d=delay)
-    found = state_control(analyse(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
-    motion = reversing(1.5, Limits(20.0, 250.0, 15000.0), dt=DT, samples=400, before=0.02, between=0.02)
-    follow = StateFeedback(found, feedforward(piece(twisted(system), "forward"), motion), DT)
+    found = state_control(linearise_at(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
+    motion = reversing(1.5, MotionLimits(20.0, 250.0, 15000.0), dt=DT, samples=400, before=0.02, between=0.02)
+    follow = StateFeedback(found, feedforward(contact_mode(to_twist_coordinates(system), "forward"), motion), DT)
     noise = 0.02 * np.random.default_rng(1).normal(size=(400, 1))
     push = np.where(np.arange(400) > 300, 0.5, 0.0)
     errors = []

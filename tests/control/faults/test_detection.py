@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from brightgrey.control.faults.detection import Case, faults, groups
+from brightgrey.control.faults.detection import Case, detect_faults, groups
 from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.effects import registry
 from brightgrey.errors import SettingsError
@@ -23,7 +23,7 @@ def found_in(text, seed, std=0.01, torque=0.0, **changed):
     known = {name: value * OFF.get(name, 1.0) for name, value in values_of(text).items()}
     doubts = {name: std * value for name, value in known.items()}
     case = Case(known, recorded(text, seed, torque=torque, **changed), Noise(1e-3, np.array([0.02])), doubts)
-    (found,) = faults(Structure.parse(text), SETTINGS, [case])
+    (found,) = detect_faults(Structure.parse(text), SETTINGS, [case])
     return {finding.subject: finding for finding in found}
 
 
@@ -73,7 +73,7 @@ def test_a_drive_that_does_not_move_tells_nothing(noise):
     still = recorded(GAP, 14, noise=0.0)
     y = noise * np.random.default_rng(14).normal(size=still.y.shape)
     case = Case(values_of(GAP), replace(still, u=0.0 * still.u, y=y), Noise(1e-3, np.array([0.02])))
-    (found,) = faults(Structure.parse(GAP), SETTINGS, [case])
+    (found,) = detect_faults(Structure.parse(GAP), SETTINGS, [case])
     assert {f.verdict for f in found} == {"not decidable"}
 
 
@@ -87,4 +87,4 @@ def test_a_disturbance_that_is_not_recorded_makes_findings_less_sure_and_raises_
 def test_wrong_thresholds_are_refused():
     text = "one_mass+coulomb"
     with pytest.raises(SettingsError, match="confidence"):
-        faults(Structure.parse(text), SETTINGS, [], confidence=2.0)
+        detect_faults(Structure.parse(text), SETTINGS, [], confidence=2.0)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from brightgrey.control.faults.simulated_changes import Change, changed
+from brightgrey.control.faults.simulated_changes import ParameterGroup, estimate_changes
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording, Signal
@@ -16,7 +16,7 @@ from brightgrey.simulation.reference import reference
 TRUTH = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "M_C": 0.9, "f_v": 0.015, "alpha": 0.02}
 STRUCTURE = Structure.parse("two_mass+coulomb+viscous+backlash")
 SETTINGS = Settings(E.f_tanh, E.speed)
-LOAD, GAP = Change(("J2",), math.inf), Change(("alpha",), math.inf)
+LOAD, GAP = ParameterGroup(("J2",), math.inf), ParameterGroup(("alpha",), math.inf)
 MATTERS = math.log(1.1)
 
 
@@ -32,7 +32,7 @@ def recording_of(speed, noise, seed=3):
 
 
 def found(model, changes, recording):
-    return changed(STRUCTURE, model, changes, recording, SETTINGS, matters=MATTERS)
+    return estimate_changes(STRUCTURE, model, changes, recording, SETTINGS, min_change=MATTERS)
 
 
 def test_factors_are_found_within_their_intervals_and_noise_widens_them(speed):
@@ -48,7 +48,7 @@ def test_factors_are_found_within_their_intervals_and_noise_widens_them(speed):
 def test_what_is_known_beforehand_counts_as_much_as_it_is_known(speed):
     model = {**TRUTH, "f_v": TRUTH["f_v"] / 1.1}
     recording = recording_of(speed, 0.05)
-    loose, tight = (found(model, (LOAD, Change(("f_v",), doubt)), recording) for doubt in (0.1, 1e-4))
+    loose, tight = (found(model, (LOAD, ParameterGroup(("f_v",), doubt)), recording) for doubt in (0.1, 1e-4))
     assert loose.size[1] == pytest.approx(math.log(1.1), abs=4.0 * loose.std[1])
     assert abs(tight.size[1]) < 5e-4
     assert tight.std[1] == pytest.approx(1e-4, rel=0.1)

@@ -8,13 +8,13 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from scipy.stats import chi2
 
-from brightgrey.control.filters.discretisation import Lanes, ahead, exponential
+from brightgrey.control.filters.discretisation import ElementBatch, matrix_exponential, propagate
 from brightgrey.control.filters.extended_kalman import Noise, extended
-from brightgrey.control.filters.gaussian_sum import mixture
-from brightgrey.control.filters.setup import noise_levels, see, shaft_torque
-from brightgrey.control.filters.state_transition import Course
+from brightgrey.control.filters.gaussian_sum import gaussian_sum
+from brightgrey.control.filters.setup import noise_levels, prepare, shaft_torque
+from brightgrey.control.filters.state_transition import ProcessModel
 from brightgrey.control.filters.unscented_kalman import unscented
-from brightgrey.control.linear.twist_coordinates import twisted
+from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import response
@@ -26,7 +26,7 @@ FULL = "two_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay
 
 def test_exponentials_are_those_of_scipy():
     M = np.random.default_rng(0).normal(size=(4, 5, 5)) * np.array([0.1, 1.0, 10.0, 100.0])[:, None, None]
-    for mine, matrix in zip(exponential(M), M, strict=True):
+    for mine, matrix in zip(matrix_exponential(M), M, strict=True):
         exact = expm(matrix)
         assert_allclose(mine, exact, atol=1e-9 * np.abs(exact).max())
 
@@ -36,8 +36,8 @@ def carried(text, u, hold, **changed):
     structure, values = Structure.parse(text), values_of(text, **changed)
     t = E.dt * np.arange(len(u))
     signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
-    seen = see(structure, values, Recording("none", t, u, 0.01 * u[None], *signals, hold=hold), SETTINGS)
-    watched, course = seen.watched, Course.of(seen.watched)
+    seen = prepare(structure, values, Recording("none", t, u, 0.01 * u[None], *signals, hold=hold), SETTINGS)
+    watched, course = seen.watched, ProcessModel.of(seen.watched)
     at_rest = system_of(text, **changed).rest(0.0, 0.0, float(u[0]))[None]
     x, _ = course.start(at_rest @ seen.twisted.W.T, watched.P0, np.zeros(1), watched.system.state_names.index("v1"))
     y = [course.measure(0, x)[0][0, 0]]
@@ -62,25 +62,26 @@ def test_dead_times_of_parts_of_a_sample_are_carried_exactly(hold, samples):
 
 
 def test_derivatives_of_a_step_are_those_of_differences():
-    system = twisted(system_of("two_mass+coulomb+viscous+stribeck+current_control")).system
-    lanes = Lanes.of(system)
+    system = to_twist_coordinates(system_of("two_mass+coulomb+viscous+stribeck+current_control")).system
+    lanes = ElementBatch.of(system)
     z, u = np.array([[0.01, 0.3, 0.1, 1.0]]), np.array([2.0])
-    step = ahead(lanes, z, u, u, E.dt, np.full(1, np.inf))
+    step = propagate(lanes, z, u, u, E.dt, np.full(1, np.inf))
     size = 1e-6
     for i in range(4):
-        moved = ahead(lanes, z + size * np.eye(4)[i], u, u, E.dt, np.full(1, np.inf)).z - step.z
+        moved = propagate(lanes, z + size * np.eye(4)[i], u, u, E.dt, np.full(1, np.inf)).z - step.z
         assert_allclose(moved[0] / size, step.by_state[0, :, i], atol=1e-2 * np.abs(step.by_state).max())
-    moved = ahead(lanes, z, u + size, u + size, E.dt, np.full(1, np.inf)).z - step.z
+    moved = propagate(lanes, z, u + size, u + size, E.dt, np.full(1, np.inf)).z - step.z
     assert_allclose(moved[0] / size, step.by_input[0], rtol=1e-2, atol=1e-6)
 
 
 def test_a_set_never_depends_on_its_neighbours():
-    system = twisted(system_of(FULL)).system
+    system = to_twist_coordinates(system_of(FULL)).system
     z = np.random.default_rng(1).normal(size=(5, len(system.states))) * 0.01
     u = np.linspace(-5.0, 5.0, 5)
-    together = ahead(Lanes.of(system, 5), z, u, u, 1e-3, np.full(5, 1e-5))
+    together = propagate(ElementBatch.of(system, 5), z, u, u, 1e-3, np.full(5, 1e-5))
     alone = [
-        ahead(Lanes.of(system), z[i : i + 1], u[i : i + 1], u[i : i + 1], 1e-3, np.full(1, 1e-5)) for i in range(5)
+        propagate(ElementBatch.of(system), z[i : i + 1], u[i : i + 1], u[i : i + 1], 1e-3, np.full(1, 1e-5))
+        for i in range(5)
     ]
     for whole, *parts in zip(together, *alone, strict=True):
         assert_allclose(whole, np.concatenate(parts), rtol=1e-13, atol=1e-15)
@@ -91,7 +92,7 @@ def test_innovations_are_as_large_as_expected(run):
     """One recording inside a band that a right filter leaves once in 10,000 times."""
     text, torque = "two_mass+coulomb+viscous+stribeck", 0.05
     recording = recorded(text, 4, torque=torque)
-    seen = see(Structure.parse(text), values_of(text), recording, SETTINGS)
+    seen = prepare(Structure.parse(text), values_of(text), recording, SETTINGS)
     found = run(seen.watched, Noise(torque, np.array([0.02])))
     low, high = chi2.ppf([5e-5, 1 - 5e-5], recording.samples)
     assert low < found.nis.sum() < high
@@ -112,7 +113,7 @@ def test_a_disturbance_that_is_late_or_felt_at_once_is_expected_as_such(text, ki
         y = y + size * rng.normal(size=500)
         signals = Signal("torque", "input", "N m"), (Signal("y", kind, "rad/s" if size < 1.0 else "rad/s²"),)
         recording = Recording("simulated", E.dt * np.arange(500), u, y[None], *signals, hold="zoh")
-        watched = see(structure, values, recording, SETTINGS).watched
+        watched = prepare(structure, values, recording, SETTINGS).watched
         total += float(extended(watched, Noise(0.05, np.array([size]))).nis.sum())
     low, high = chi2.ppf([5e-5, 1 - 5e-5], 2000)
     assert low < total < high
@@ -133,29 +134,29 @@ def test_a_gap_of_unknown_position_leaves_innovations_as_large_as_expected():
         signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
         y = y + 0.02 * rng.normal(size=600)
         recording = Recording("simulated", E.dt * np.arange(600), u, y[None], *signals, hold="zoh")
-        watched = see(structure, values, recording, SETTINGS).watched
-        totals.append(float(mixture(watched, Noise(0.05, np.array([0.02]))).nis.sum()))
+        watched = prepare(structure, values, recording, SETTINGS).watched
+        totals.append(float(gaussian_sum(watched, Noise(0.05, np.array([0.02]))).nis.sum()))
     low, high = chi2.ppf([5e-5, 1 - 5e-5], 600)
     assert all(low < total < high for total in totals)
 
 
 def test_without_a_gap_the_sum_of_gaussians_is_the_extended_filter():
     text = "two_mass+coulomb+viscous"
-    watched = see(Structure.parse(text), values_of(text), recorded(text, 2), SETTINGS).watched
+    watched = prepare(Structure.parse(text), values_of(text), recorded(text, 2), SETTINGS).watched
     noise = Noise(0.05, np.array([0.02]))
-    assert_allclose(mixture(watched, noise).z, extended(watched, noise).z, rtol=0.0, atol=0.0)
+    assert_allclose(gaussian_sum(watched, noise).z, extended(watched, noise).z, rtol=0.0, atol=0.0)
 
 
 def test_a_contact_that_is_hardly_open_stays_closed():
-    system = twisted(system_of(FULL, alpha=1e-4, c1=1700.0, d1=0.1)).system
-    names, lanes = system.state_names, Lanes.of(system)
+    system = to_twist_coordinates(system_of(FULL, alpha=1e-4, c1=1700.0, d1=0.1)).system
+    names, lanes = system.state_names, ElementBatch.of(system)
     z = np.zeros((1, len(names)))
     z[0, names.index("twist1")] = -3.8e-3
     u, tolerance = np.zeros(1), np.full(1, 1e-3)
     after = []
     for off in (0.0, 1e-15):
         z[0, names.index("lambda1")] = -2e-4 + off
-        after.append(ahead(lanes, z, u, u, 1e-3, tolerance).z)
+        after.append(propagate(lanes, z, u, u, 1e-3, tolerance).z)
     assert_allclose(after[1], after[0], rtol=1e-6, atol=1e-9)
 
 
@@ -166,8 +167,8 @@ def test_hidden_motion_torque_and_gap_are_estimated():
         text, values_of(text), recording.u, recording.dt, f_tanh=E.f_tanh, outputs=("v2", "lambda1", "q1", "q2", "v1")
     )
     v2, gap, q1, q2, v1 = hidden
-    seen = see(Structure.parse(text), values_of(text), recording, SETTINGS)
-    found = mixture(seen.watched, Noise(1e-3, np.array([0.02])))
+    seen = prepare(Structure.parse(text), values_of(text), recording, SETTINGS)
+    found = gaussian_sum(seen.watched, Noise(1e-3, np.array([0.02])))
     names = seen.watched.system.state_names
     settled = slice(len(v2) // 3, None)
     assert np.sqrt(np.mean((found.z[settled, 0, names.index("v2")] - v2[settled]) ** 2)) < 0.02 * np.abs(v2).max()
@@ -188,7 +189,7 @@ def test_a_differenced_velocity_is_filtered_as_such():
     recording = replace(plain, y=y[None], outputs=(Signal("velocity", "velocity-differenced", "rad/s"),))
     found = []
     for watched in (recording, replace(recording, outputs=(Signal("velocity", "velocity", "rad/s"),))):
-        seen = see(Structure.parse(text), values_of(text), watched, SETTINGS)
+        seen = prepare(Structure.parse(text), values_of(text), watched, SETTINGS)
         found.append(float(np.abs(extended(seen.watched, Noise(1e-3, np.array([0.02]))).innovations).max()))
     assert found[0] < 0.02 * found[1]
 

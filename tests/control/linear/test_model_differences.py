@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from brightgrey.control.linear.model_differences import Band, band, numbers
+from brightgrey.control.linear.model_differences import Band, band, model_figures
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from support.control_drives import system_of, values_of
 
@@ -20,13 +20,13 @@ def test_band_holds_what_the_input_does():
 
 
 def test_a_model_does_not_differ_from_itself():
-    _, same = numbers([system_of("two_mass+coulomb+viscous")] * 2, SPEED, E.f_tanh, OVER)
+    _, same = model_figures([system_of("two_mass+coulomb+viscous")] * 2, SPEED, E.f_tanh, OVER)
     assert (same.ratio, same.phase) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
 def test_more_inertia_and_delay_show_as_ratio_and_phase():
     heavy = system_of("one_mass+delay", J1=0.024, T_d=2e-3)
-    first, second = numbers([system_of("one_mass"), heavy], SPEED, E.f_tanh, OVER)
+    first, second = model_figures([system_of("one_mass"), heavy], SPEED, E.f_tanh, OVER)
     assert second.ratio == pytest.approx(-20.0 * np.log10(2.0), rel=1e-6)
     assert second.phase == pytest.approx(360.0 * OVER.high * 2e-3, rel=1e-6)
     assert (first.lag, second.lag) == (0.0, 2e-3)
@@ -34,7 +34,7 @@ def test_more_inertia_and_delay_show_as_ratio_and_phase():
 
 def test_a_resonance_is_where_the_models_part():
     rigid = system_of("one_mass", J1=0.02)
-    _, elastic = numbers([rigid, system_of("two_mass")], SPEED, E.f_tanh, OVER)
+    _, elastic = model_figures([rigid, system_of("two_mass")], SPEED, E.f_tanh, OVER)
     (swing,) = elastic.resonances
     assert swing.frequency == pytest.approx(19.9, abs=0.1)
     assert elastic.at == pytest.approx(19.9, abs=0.5) or elastic.at == pytest.approx(15.4, abs=0.5)
@@ -44,7 +44,7 @@ def test_a_resonance_is_where_the_models_part():
 @pytest.mark.parametrize("text", ["one_mass", "two_mass", "two_mass+backlash"])
 def test_friction_and_constant_torque_at_standstill(text):
     structure = "+".join([*text.split("+")[:1], "coulomb", "stribeck", "gravity", *text.split("+")[1:]])
-    (found,) = numbers([system_of(structure)], SPEED, E.f_tanh, OVER)
+    (found,) = model_figures([system_of(structure)], SPEED, E.f_tanh, OVER)
     values = values_of(structure)
     slow = 3.0 / E.f_tanh
     expected = np.tanh(3.0) * (values["M_C"] + values["M_S"] * np.exp(-slow / values["omega_S"]))

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import fit, predict
-from brightgrey.estimation.diagnostics.chaos import rattling
-from brightgrey.estimation.diagnostics.equivalent_models import untwin
+from brightgrey.estimation.diagnostics.chaos import chaos_findings
+from brightgrey.estimation.diagnostics.equivalent_models import resolve_lag_pole_exchange
 from brightgrey.estimation.diagnostics.finding import Finding
 from brightgrey.estimation.diagnostics.informativity import why_uninformative
 from brightgrey.estimation.diagnostics.outcome import Outcome
-from brightgrey.estimation.optimisation.least_squares import descend
-from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
+from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.scales import scales
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.estimation.uncertainty.identifiability import power_product
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
@@ -211,8 +211,8 @@ LAGGED = {"J1": 0.02, "f_v": 0.4, "T_1": 0.01}  # J1/f_v is 50 ms
 def test_exact_twin_is_named_and_the_shorter_lag_kept():
     r = measured_from("one_mass+viscous+current_control", LAGGED)
     found = fitted("one_mass+viscous+current_control", r)
-    assert "J1/f_v" in told(found, "twin")
-    assert "T_1 = 0.05" in told(found, "twin")
+    assert "J1/f_v" in told(found, "equivalent model")
+    assert "T_1 = 0.05" in told(found, "equivalent model")
     for name, value in LAGGED.items():
         assert found.estimates[name].value == pytest.approx(value, rel=0.02)
 
@@ -220,19 +220,19 @@ def test_exact_twin_is_named_and_the_shorter_lag_kept():
 def test_twin_with_the_longer_lag_is_exchanged():
     structure = PAPER.parse("one_mass+viscous+current_control")
     r = measured_from(str(structure), LAGGED)
-    search = search_space(structure, scales([r]), {"J1": (1e-4, 1.0), "T_1": (1e-4, 1.0)}, {})
-    problem, settings = Problem.of(structure, [r]), Settings(F_TANH, 40.0, "fast")
-    twin = descend(problem, search, settings, np.array([0.004, 0.4, 0.05]))
+    search = parameter_space(structure, scales([r]), {"J1": (1e-4, 1.0), "T_1": (1e-4, 1.0)}, {})
+    problem, settings = SimulationErrorProblem.of(structure, [r]), Settings(F_TANH, 40.0, "fast")
+    twin = fit_to_convergence(problem, search, settings, np.array([0.004, 0.4, 0.05]))
     assert twin.values[2] == pytest.approx(0.05, rel=0.02)
-    kept, findings = untwin(problem, search, settings, twin)
+    kept, findings = resolve_lag_pole_exchange(problem, search, settings, twin)
     np.testing.assert_allclose(kept.values, list(LAGGED.values()), rtol=0.02)
     assert kept.cost == pytest.approx(twin.cost, rel=1e-3)
-    assert [f.kind for f in findings] == ["twin"]
+    assert [f.kind for f in findings] == ["equivalent model"]
 
 
 def test_no_twin_where_friction_tells_the_order():
     r = measured_from("one_mass+coulomb+viscous+current_control", LAGGED | {"M_C": 0.9})
-    assert not told(fitted("one_mass+coulomb+viscous+current_control", r), "twin")
+    assert not told(fitted("one_mass+coulomb+viscous+current_control", r), "equivalent model")
 
 
 def test_lags_below_a_sample_are_sampling_and_show_their_sum():
@@ -259,15 +259,15 @@ def test_held_input_and_differenced_velocity_fake_half_a_sample():
 def test_gravity_is_constant_torque_and_without_reversal_like_friction():
     values = {"J1": 0.02, "M_C": 0.3, "M_G": 0.1}
     both = fitted("one_mass+coulomb+gravity", measured_from("one_mass+coulomb+gravity", values))
-    assert "offset of the input" in told(both, "look-alike")
-    assert "never reverses" not in told(both, "look-alike")
+    assert "offset of the input" in told(both, "confounded")
+    assert "never reverses" not in told(both, "confounded")
     one = fitted("one_mass+coulomb+gravity", measured_from("one_mass+coulomb+gravity", values, FORWARD))
-    assert "never reverses" in told(one, "look-alike")
+    assert "never reverses" in told(one, "confounded")
 
 
 @pytest.mark.parametrize(
     ("omega_S", "kind", "says"),
-    [(25.0, "look-alike", "above a third"), (0.6, "invisible", "5/f_tanh"), (5.5, "converged", "minimum")],
+    [(25.0, "confounded", "above a third"), (0.6, "not observable", "5/f_tanh"), (5.5, "converged", "minimum")],
 )
 def test_speed_of_stribeck_friction(omega_S, kind, says):
     values = {"J1": 0.02, "M_C": 0.6, "f_v": 0.02, "M_S": 0.5, "omega_S": omega_S}
@@ -278,14 +278,14 @@ def test_speed_of_stribeck_friction(omega_S, kind, says):
 def test_stribeck_alone_is_nearly_coulomb():
     values = {"J1": 0.02, "M_S": 0.5, "omega_S": 8.0}
     assert "without Coulomb" in told(
-        fitted("one_mass+stribeck", measured_from("one_mass+stribeck", values)), "look-alike"
+        fitted("one_mass+stribeck", measured_from("one_mass+stribeck", values)), "confounded"
     )
 
 
 @pytest.mark.parametrize(("unit", "given", "says"), [("V", True, "is in V"), ("N m", False, "has no unit")])
 def test_unknown_gain_leaves_ratios(unit, given, says):
     r = measured_from("one_mass+coulomb+delay", RIGID | {"T_d": 0.004}, unit=unit, given=given)
-    text = told(fitted("one_mass+coulomb+delay", r), "relative")
+    text = told(fitted("one_mass+coulomb+delay", r), "scale unknown")
     assert says in text
     assert "J1, M_C only ratios" in text
     assert "T_d" not in text
@@ -300,9 +300,9 @@ def test_a_load_that_rattles_freely_makes_intervals_doubtful(d1, says):
     settings = Settings(F_TANH, 1.0)
     y = predict(structure, values, recording(u, u), settings)
     r = recording(y + 1e-3 * RNG.standard_normal(y.shape), u)
-    problem, search = Problem.of(structure, [r]), search_space(structure, scales([r]), {}, {})
-    best = descend(problem, search, settings, np.array([values[n] for n in search.names]), limit=0)
-    found = rattling(problem, search, settings, best)
+    problem, search = SimulationErrorProblem.of(structure, [r]), parameter_space(structure, scales([r]), {}, {})
+    best = fit_to_convergence(problem, search, settings, np.array([values[n] for n in search.names]), limit=0)
+    found = chaos_findings(problem, search, settings, best)
     assert [f.kind for f in found] == (["chaotic"] if says else [])
     assert not says or says in found[0].text
     fixed = {name: value for name, value in values.items() if name != "f_v"}

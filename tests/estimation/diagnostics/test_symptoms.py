@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from brightgrey.effects import registry
 from brightgrey.estimation import fit
-from brightgrey.estimation.diagnostics.residual_tests import Question, followed
+from brightgrey.estimation.diagnostics.residual_tests import Candidate, detect_regressors
 from brightgrey.estimation.diagnostics.spectral_peaks import peak
 from brightgrey.estimation.diagnostics.symptoms import symptoms
 from brightgrey.estimation.problem.scales import scales
@@ -181,11 +181,11 @@ def test_lines_that_the_input_has_are_no_peak():
 def test_noise_seldom_follows_anything(pole):
     rng, t = np.random.default_rng(9), np.linspace(0.0, 1.0, 1000)
     J = np.column_stack([np.sin(5.0 * t), t**2])
-    questions = [Question((t - 0.5)[:, None], "line"), Question(np.sin(40.0 * t)[:, None], "wave")]
+    questions = [Candidate((t - 0.5)[:, None], "line"), Candidate(np.sin(40.0 * t)[:, None], "wave")]
     count = 0
     for _ in range(100):
         e = lfilter([1.0], [1.0, -pole], rng.standard_normal(1200))[200:]
-        count += bool(followed(e - J @ np.linalg.lstsq(J, e, rcond=None)[0], J, [1000], questions, 0.01))
+        count += bool(detect_regressors(e - J @ np.linalg.lstsq(J, e, rcond=None)[0], J, [1000], questions, 0.01))
     assert count <= 5
 
 
@@ -195,8 +195,8 @@ def test_what_is_followed_comes_with_its_size_and_only_once_per_kind():
     waves = [np.sin(w * t)[:, None] for w in (40.0, 41.0)]
     e = 0.5 * waves[0][:, 0] + 0.3 * (t - 0.5) + 0.1 * rng.standard_normal(1000)
     e = e - e.mean()
-    questions = [Question((t - 0.5)[:, None], "line", later=True), *(Question(w, "wave") for w in waves)]
-    first, second = followed(e, J, [1000], questions, 0.01)
+    questions = [Candidate((t - 0.5)[:, None], "line", later=True), *(Candidate(w, "wave") for w in waves)]
+    first, second = detect_regressors(e, J, [1000], questions, 0.01)
     assert (first.number, second.number) == (1, 0)
     assert first.coefficients[0] == pytest.approx(0.5, rel=0.1)
     assert second.coefficients[0] == pytest.approx(0.3, rel=0.2)

@@ -6,9 +6,9 @@ import pytest
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit
 from brightgrey.estimation.optimisation.costs import cost_function
-from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.scales import scales
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
@@ -44,15 +44,15 @@ def test_both_estimators_find_the_same_optimum(drawn):
 
 def test_cost_is_that_of_the_residuals(drawn):
     structure, settings = PAPER.parse(TEXT), Settings(2.5, 40.0, "fast")
-    problem = Problem.of(structure, [drawn, drawn])
-    search = search_space(structure, scales([drawn]), AROUND, {"f_v": 0.02})
+    problem = SimulationErrorProblem.of(structure, [drawn, drawn])
+    search = parameter_space(structure, scales([drawn]), AROUND, {"f_v": 0.02})
     begins = np.array([[0.01, 0.02, 0.03], [0.5, 0.9, 1.7]])
     cost = cost_function(problem, search, settings)
-    found = cost(search.inward(begins), np.full(3, np.inf))
+    found = cost(search.to_scaled(begins), np.full(3, np.inf))
     values = dict(zip(search.names, begins, strict=True)) | {"f_v": np.full(3, 0.02)}
     np.testing.assert_allclose(found, np.square(problem.residuals(values, settings)).sum(axis=0), rtol=1e-10)
     most = np.array([1.5 * found[0], found[1], 0.7 * found[2]])  # reached in the second recording
-    given_up = cost(search.inward(begins), most)
+    given_up = cost(search.to_scaled(begins), most)
     assert given_up.tolist() == [found[0], np.inf, np.inf]
 
 

@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit, predict
-from brightgrey.estimation.problem.initial_state import Onset, check_initial, noise_of
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.problem.initial_state import InitialState, check_initial, output_noise
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings
@@ -32,16 +32,16 @@ def drive(speed, noise, seed=0, structure=STRUCTURE, values=TRUE, x0=None, sampl
 
 
 def test_auto_takes_standstill_or_clear_motion():
-    assert Onset.of(drive(0.0, 0.01)).speed == 0.0
-    assert Onset.of(drive(5.0, 0.01)).speed == pytest.approx(5.0, rel=0.1)
-    assert Onset.of(drive(5.0, 0.01), "rest").speed == 0.0
+    assert InitialState.of(drive(0.0, 0.01)).speed == 0.0
+    assert InitialState.of(drive(5.0, 0.01)).speed == pytest.approx(5.0, rel=0.1)
+    assert InitialState.of(drive(5.0, 0.01), "rest").speed == 0.0
 
 
 def test_estimated_speed_is_limited_by_the_sensors_noise():
     recording = drive(5.0, 0.1)
-    (speed,) = Onset.of(recording, "estimated").unknown
+    (speed,) = InitialState.of(recording, "estimated").unknown
     # Of a mean of ten; the beginning of a line has twice, of a parabola thrice that.
-    line = noise_of(recording)[0] / np.sqrt(10)
+    line = output_noise(recording)[0] / np.sqrt(10)
     assert 12.0 * line <= speed.high - speed.low <= 12.0 * line + 2.0 * 3.0 * 3.0 * line
     found = fit(STRUCTURE, [recording], f_tanh=2.5, initial="estimated", level="fast")
     assert found.initial_states[0]["v1"] == pytest.approx(5.0, abs=0.1)
@@ -58,7 +58,7 @@ def test_slow_noise_that_looks_like_motion_leaves_standstill_open(pole):
         rng = np.random.default_rng(seed)
         noise = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(1300))[500:]
         noisy = replace(clean, y=clean.y + 0.06 * np.abs(clean.y).max() * noise)
-        for part in Onset.of(noisy).unknown:
+        for part in InitialState.of(noisy).unknown:
             moving += 1
             left_out += not part.low <= 0.0 <= part.high
     assert moving >= 10  # else this tests nothing
@@ -70,7 +70,7 @@ def test_position_in_the_gap_is_searched_for_where_a_recording_begins_in_motion(
     values = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "f_v": 0.05, "alpha": 0.05}
     x0 = np.array([0.0, 0.06, 8.0, 8.0, -0.06])  # 0.6 of the gap, the shaft relaxed
     recording = drive(8.0, 0.01, structure=structure, values=values, x0=x0)
-    names = [part.name for part in Onset.of(recording, "auto", "", ("lambda1",)).unknown]
+    names = [part.name for part in InitialState.of(recording, "auto", "", ("lambda1",)).unknown]
     assert names == ["speed(0)", "lambda1(0)/width"]
     found = fit(structure, [recording], f_tanh=2.5, level="fast", seed=1)
     state = found.initial_states[0]  # lambda1 follows the masses within d1/c1, half a sample: it does not show itself
@@ -94,8 +94,8 @@ def test_swinging_shafts_at_the_first_sample_are_searched_for(structure):
     for begin in (190, 260):  # the shafts swing there, and turn with up to the largest speed
         y = whole.y[:, begin:] + noise * np.random.default_rng(begin).standard_normal(1200 - begin)
         cut = replace(whole, t=whole.t[begin:], u=whole.u[begin:], y=y)
-        problem = Problem.of(structure, [cut])
-        assert len(problem.unknown) == 1 + 2 * (structure.masses - 1) + ("backlash" in structure.names)
+        problem = SimulationErrorProblem.of(structure, [cut])
+        assert len(problem.unknown_initial) == 1 + 2 * (structure.masses - 1) + ("backlash" in structure.names)
         found = fit(structure, [cut], f_tanh=2.5, level="fast", seed=1)
         residual = np.sqrt(found.cost / cut.samples) / problem.weights[0]
         assert residual <= noise * (1.0 + 3.0 / np.sqrt(2.0 * cut.samples))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
-from brightgrey.estimation.optimisation.multistart import explore
-from brightgrey.estimation.problem.output_feedback import held_back, measured_speed
-from brightgrey.estimation.problem.parameter_space import search_space
-from brightgrey.estimation.problem.simulation_error import Problem, predict_many, system_for
+from brightgrey.estimation.optimisation.multistart import multistart
+from brightgrey.estimation.problem.output_feedback import measured_speed, with_output_feedback
+from brightgrey.estimation.problem.parameter_space import parameter_space
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many, system_for
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
@@ -58,9 +58,9 @@ def test_a_wrong_model_follows_the_measurement_the_better_the_firmer_it_is_held(
     unit = "rad" if kind == "position" else "rad/s"
     r = replace(made, y=y, outputs=(Signal("y", kind, unit),))
     structure = PAPER.parse("one_mass+viscous")
-    problem = Problem.of(structure, [r], initial="rest")
+    problem = SimulationErrorProblem.of(structure, [r], initial="rest")
     wrong = {"J1": np.array([0.05]), "f_v": np.array([0.5])}
-    apart = [problem.held(firmly).costs(wrong, SETTINGS)[0] for firmly in (0.1, 1.0, 10.0, 100.0)]
+    apart = [problem.with_output_feedback(firmly).costs(wrong, SETTINGS)[0] for firmly in (0.1, 1.0, 10.0, 100.0)]
     free = problem.costs(wrong, SETTINGS)[0]
     assert free > apart[0] > apart[1] > apart[2] > apart[3]
     assert apart[3] < 1e-2 * free
@@ -69,20 +69,25 @@ def test_a_wrong_model_follows_the_measurement_the_better_the_firmer_it_is_held(
 def test_acceleration_alone_holds_nothing(made):
     r = replace(made, outputs=(Signal("a", "acceleration", "rad/s^2"),))
     assert measured_speed(r) is None
-    assert Problem.of(PAPER.parse("one_mass"), [r], initial="rest").held(1.0) is None
+    assert SimulationErrorProblem.of(PAPER.parse("one_mass"), [r], initial="rest").with_output_feedback(1.0) is None
 
 
 def test_nor_does_standstill(made):
-    assert Problem.of(PAPER.parse("one_mass"), [replace(made, y=0.0 * made.y)], initial="rest").held(1.0) is None
+    assert (
+        SimulationErrorProblem.of(
+            PAPER.parse("one_mass"), [replace(made, y=0.0 * made.y)], initial="rest"
+        ).with_output_feedback(1.0)
+        is None
+    )
 
 
 def test_feedback_is_that_of_the_speed(made):
     system = system_for(PAPER.parse(STRUCTURE), TRUTH, made, SETTINGS)
-    held, u = held_back(system, made, 0.3)
+    held, u = with_output_feedback(system, made, 0.3)
     x, v = np.arange(1.0, 1.0 + len(system.states)), system.state_names.index("v1")
     np.testing.assert_allclose(held.derivative(x, u[7]), system.derivative(x, made.u[7] + 0.3 * (made.y[0, 7] - x[v])))
     np.testing.assert_allclose(held.output(x, u[7]), system.output(x, made.u[7] + 0.3 * (made.y[0, 7] - x[v])))
-    assert held_back(system, made, 0.0) == (system, made.u)
+    assert with_output_feedback(system, made, 0.0) == (system, made.u)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -93,9 +98,12 @@ def test_a_drive_that_sticks_is_found(seed):
     values |= {"d1": 0.0106, "d2": 0.0073, "d3": 0.0254, "M_C": 3.3, "M_S": 1.5, "omega_S": 11.7}
     structure = PAPER.parse("four_mass+coulomb+stribeck")
     r = recording(str(structure), values, noise=1e-3, seed=seed)
-    problem, search = Problem.of(structure, [r], initial="rest"), search_space(structure, scales([r]), {}, {})
+    problem, search = (
+        SimulationErrorProblem.of(structure, [r], initial="rest"),
+        parameter_space(structure, scales([r]), {}, {}),
+    )
     settings = replace(SETTINGS, speed_scale=scales([r]).speed)
-    found = explore(problem, search, settings, [], starts=8, patience=1, seed=seed)
+    found = multistart(problem, search, settings, [], starts=8, patience=1, seed=seed)
     true = problem.costs({name: np.array([value]) for name, value in values.items()}, settings)[0]
     assert min(end.cost for end in found.ends) <= 2.0 * true
 
@@ -104,7 +112,10 @@ def test_a_light_motor_that_rattles_against_a_heavy_load_is_found():
     values = {"J1": 0.004, "J2": 0.016, "c1": 300.0, "d1": 0.04, "f_v": 0.03, "alpha": 0.05, "T_d": 0.003}
     structure = PAPER.parse("two_mass+viscous+backlash+delay")
     r = recording(str(structure), values, noise=5e-3, seed=1)
-    problem, search = Problem.of(structure, [r], initial="rest"), search_space(structure, scales([r]), {}, {})
-    found = explore(problem, search, SETTINGS, [], starts=8, patience=4, seed=0)
+    problem, search = (
+        SimulationErrorProblem.of(structure, [r], initial="rest"),
+        parameter_space(structure, scales([r]), {}, {}),
+    )
+    found = multistart(problem, search, SETTINGS, [], starts=8, patience=4, seed=0)
     true = problem.costs({name: np.array([value]) for name, value in values.items()}, SETTINGS)[0]
     assert min(end.cost for end in found.ends) <= 1.02 * true  # ENOUGH of bench/global_optimum.py

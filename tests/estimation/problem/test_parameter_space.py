@@ -5,7 +5,7 @@ import pytest
 
 from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.kit import PAPER
 
 SCALES = Scales(8.0, 40.0, 600.0, 14.0, 1e-3, 1.8, 0.02, 1.1, 0.007, 0.1)
@@ -27,23 +27,23 @@ def test_declared_start_lies_within_declared_bounds(ladder, offset):
 
 def test_load_starts_as_the_opposite_of_the_holding_input():
     # u = ... + offset holds the load, so the torque added to the mass is -offset.
-    search = search_space(PAPER.parse("one_mass+gravity"), SCALES, {}, {})
+    search = parameter_space(PAPER.parse("one_mass+gravity"), SCALES, {}, {})
     assert search.start[search.names.index("M_G")] == pytest.approx(-SCALES.offset)
 
 
 def test_scale_and_back():
-    search = search_space(PAPER.parse(EVERYTHING), SCALES, {}, {})
-    candidates = search.candidates(64, np.random.default_rng(3))
+    search = parameter_space(PAPER.parse(EVERYTHING), SCALES, {}, {})
+    candidates = search.sample(64, np.random.default_rng(3))
     assert np.all(candidates >= search.low[:, None])
     assert np.all(candidates <= search.high[:, None])
-    np.testing.assert_allclose(search.outward(search.inward(candidates)), candidates, rtol=1e-12)
+    np.testing.assert_allclose(search.from_scaled(search.to_scaled(candidates)), candidates, rtol=1e-12)
 
 
 def test_candidates_depend_on_the_seed_only():
-    search = search_space(PAPER.parse(EVERYTHING), SCALES, {}, {})
+    search = parameter_space(PAPER.parse(EVERYTHING), SCALES, {}, {})
 
     def draw(seed):
-        return search.candidates(16, np.random.default_rng(seed))
+        return search.sample(16, np.random.default_rng(seed))
 
     assert np.array_equal(draw(1), draw(1))
     assert not np.array_equal(draw(1), draw(2))
@@ -51,7 +51,7 @@ def test_candidates_depend_on_the_seed_only():
 
 def test_override_and_fix():
     structure = PAPER.parse("one_mass+viscous+gravity")
-    search = search_space(structure, SCALES, {"J1": (1e-4, 2e-4)}, {"f_v": 0.5})
+    search = parameter_space(structure, SCALES, {"J1": (1e-4, 2e-4)}, {"f_v": 0.5})
     assert search.names == ("J1", "M_G")
     assert (search.low[0], search.high[0]) == (1e-4, 2e-4)
     assert 1e-4 <= search.start[0] <= 2e-4
@@ -69,7 +69,7 @@ def test_override_and_fix():
 )
 def test_wrong_wishes_are_refused_in_one_line(bounds, fixed, says):
     with pytest.raises(SettingsError) as raised:
-        search_space(PAPER.parse("one_mass+viscous+gravity"), SCALES, bounds, fixed)
+        parameter_space(PAPER.parse("one_mass+viscous+gravity"), SCALES, bounds, fixed)
     text = str(raised.value)
     assert "\n" not in text
     assert all(word in text for word in says), text

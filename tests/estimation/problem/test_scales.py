@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
-from brightgrey.estimation.problem.parameter_space import search_space
+from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.scales import speed_of
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
@@ -128,7 +128,7 @@ def assert_within_ranges(structure, values, u, noise, rng):
     (v,) = reference(structure, values, u, e.dt, f_tanh=e.f_tanh)
     v += noise * np.abs(v).max() * rng.standard_normal(v.size)
     found = scales(record(e.dt * np.arange(e.samples), u, v, "velocity"))
-    search = search_space(PAPER.parse(structure), found, {}, {})
+    search = parameter_space(PAPER.parse(structure), found, {}, {})
     true = np.array([values[name] for name in search.names])
     assert np.all((search.low <= true) & (true <= search.high))
 

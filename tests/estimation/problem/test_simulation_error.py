@@ -7,8 +7,8 @@ import pytest
 
 from brightgrey.estimation import predict, scales
 from brightgrey.estimation.optimisation.least_squares import evaluate
-from brightgrey.estimation.problem.parameter_space import search_space
-from brightgrey.estimation.problem.simulation_error import Problem, predict_many, systems
+from brightgrey.estimation.problem.parameter_space import parameter_space
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many, systems
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings, response
@@ -66,7 +66,7 @@ def test_derivatives_of_a_differenced_velocity_do_not_jump_where_a_rattling_load
 def test_truth_leaves_no_residual():
     kinds = ("position", "velocity", "velocity-differenced", "acceleration")
     y = predict(STRUCTURE, VALUES, recording(*kinds), SETTINGS)
-    problem = Problem.of(STRUCTURE, [recording(*kinds, y=y)])
+    problem = SimulationErrorProblem.of(STRUCTURE, [recording(*kinds, y=y)])
     residuals = problem.residuals({n: np.array([v]) for n, v in VALUES.items()}, SETTINGS)
     assert np.abs(residuals).max() < 1e-6
 
@@ -74,9 +74,9 @@ def test_truth_leaves_no_residual():
 def test_derivatives_equal_central_differences():
     y = predict(STRUCTURE, VALUES, recording("velocity"), SETTINGS)
     r = recording("velocity", y=y + 0.1)
-    search = search_space(STRUCTURE, scales(r), {}, {})
-    problem = Problem.of(STRUCTURE, [r])
-    theta = search.inward(np.array([VALUES[name] for name in search.names]))
+    search = parameter_space(STRUCTURE, scales(r), {}, {})
+    problem = SimulationErrorProblem.of(STRUCTURE, [r])
+    theta = search.to_scaled(np.array([VALUES[name] for name in search.names]))
     _, J = evaluate(problem, search, SETTINGS, theta)
     for i, name in enumerate(search.names):
         errors = []
@@ -85,7 +85,7 @@ def test_derivatives_equal_central_differences():
         for step in (1e-4, 1e-3):
             ends = np.stack([theta, theta], axis=1)
             ends[i] += [step, -step]
-            values = dict(zip(search.names, search.outward(ends), strict=True))
+            values = dict(zip(search.names, search.from_scaled(ends), strict=True))
             residuals = problem.residuals(values, SETTINGS)
             central = (residuals[:, 0] - residuals[:, 1]) / (2 * step)
             errors.append(np.linalg.norm(J[:, i] - central) / np.linalg.norm(central))
@@ -94,7 +94,7 @@ def test_derivatives_equal_central_differences():
 
 def test_diverged_simulation_has_a_large_finite_residual():
     r = recording("velocity", y=predict(STRUCTURE, VALUES, recording("velocity"), SETTINGS))
-    problem = Problem.of(STRUCTURE, [r])
+    problem = SimulationErrorProblem.of(STRUCTURE, [r])
     absurd = {"f_v": -1e4, "J1": 1e-9, "J2": 1e-9}  # friction that feeds energy
     sets = {n: np.array([v, absurd.get(n, v)]) for n, v in VALUES.items()}
     residuals = problem.residuals(sets, SETTINGS)
@@ -109,7 +109,7 @@ def test_several_recordings_and_outputs_are_stacked_and_weighted():
     one, two = recording("position", "velocity"), recording("position", "velocity")
     y = predict(STRUCTURE, VALUES, one, SETTINGS)
     one, two = recording("position", "velocity", y=y), recording("position", "velocity", y=2 * y)
-    problem = Problem.of(STRUCTURE, [one, two])
+    problem = SimulationErrorProblem.of(STRUCTURE, [one, two])
     residuals = problem.residuals({n: np.array([v]) for n, v in VALUES.items()}, SETTINGS)[:, 0]
     assert residuals.shape == (problem.samples,) == (4 * SAMPLES,)
     np.testing.assert_allclose(residuals[: 2 * SAMPLES], 0.0, atol=1e-6)
@@ -129,7 +129,7 @@ def test_prediction_starts_from_the_first_samples(speed):
 def test_costs_are_given_up_where_they_reach_their_limit(kinds):
     """Two recordings: a sum may reach its limit in the second one."""
     measured = np.random.default_rng(1).standard_normal((2, len(kinds), SAMPLES))
-    problem = Problem.of(STRUCTURE, [recording(*kinds, y=y) for y in measured])
+    problem = SimulationErrorProblem.of(STRUCTURE, [recording(*kinds, y=y) for y in measured])
     sets = {name: value * np.array([1.0, 1.1, 0.5, 2.0]) for name, value in VALUES.items()}
     whole = problem.costs(sets, SETTINGS)
     most = whole * np.array([1.001, 0.999, np.inf, 0.1])

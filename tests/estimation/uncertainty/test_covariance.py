@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from brightgrey.estimation.noise.autoregression import autoregression
-from brightgrey.estimation.uncertainty.covariance import noise_models, spread, weakest
+from brightgrey.estimation.uncertainty.covariance import noise_models, sandwich_covariance, weakest
 
 SAMPLES, RUNS = 1500, 120
 T = np.linspace(0.0, 1.0, SAMPLES)
@@ -30,7 +30,7 @@ def test_intervals_cover(pole, columns):
     inside = np.zeros(columns)
     for e in noise:
         x = project @ e
-        found = spread(e - J @ x, J, [SAMPLES])
+        found = sandwich_covariance(e - J @ x, J, [SAMPLES])
         inside += np.abs(x) <= found.quantile * np.sqrt(np.diag(found.covariance))
     assert 0.91 <= inside.mean() / RUNS <= 0.98, inside / RUNS
 
@@ -53,14 +53,14 @@ def test_noise_is_freed_from_what_the_fit_took():
 def test_units_of_the_parameters_only_scale():
     e = np.random.default_rng(1).standard_normal(SAMPLES)
     s = np.array([1e-6, 1.0, 1e6])
-    plain = spread(e, J, [SAMPLES]).covariance
-    np.testing.assert_allclose(spread(e, J * s, [SAMPLES]).covariance * np.outer(s, s), plain, rtol=1e-6)
+    plain = sandwich_covariance(e, J, [SAMPLES]).covariance
+    np.testing.assert_allclose(sandwich_covariance(e, J * s, [SAMPLES]).covariance * np.outer(s, s), plain, rtol=1e-6)
 
 
 def test_stretches_are_not_correlated_with_each_other():
     e = np.random.default_rng(1).standard_normal(SAMPLES)
-    once = spread(e, J, [SAMPLES]).covariance
-    twice = spread(np.tile(e, 2), np.tile(J, (2, 1)), [SAMPLES, SAMPLES]).covariance
+    once = sandwich_covariance(e, J, [SAMPLES]).covariance
+    twice = sandwich_covariance(np.tile(e, 2), np.tile(J, (2, 1)), [SAMPLES, SAMPLES]).covariance
     np.testing.assert_allclose(twice, once / 2, rtol=5e-3)  # degrees of freedom differ by 3 of 1500
 
 
@@ -85,12 +85,12 @@ def test_signals_without_noise_have_a_colour(turn, samples):
         with np.errstate(all="raise"):
             model = autoregression(x)
             assert np.isfinite(model.autocovariance(samples)).all()
-            assert 0.0 < model.independent(samples) <= samples
-            assert 0.0 < model.telling(samples) <= samples
-            assert np.isfinite(model.scatter(x[:, None])).all()
+            assert 0.0 < model.effective_samples_mean(samples) <= samples
+            assert 0.0 < model.effective_samples_variance(samples) <= samples
+            assert np.isfinite(model.variance_of_sums(x[:, None])).all()
 
 
 def test_silence_has_no_colour():
     model = autoregression(np.zeros(100))
     assert not model.autocovariance(100).any()
-    assert model.independent(100) == model.telling(100) == 100.0
+    assert model.effective_samples_mean(100) == model.effective_samples_variance(100) == 100.0

@@ -9,7 +9,7 @@ import pytest
 from brightgrey.effects import Law, registry
 from brightgrey.effects.arithmetic import exp, magnitude, positive_part, sign, tanh
 from brightgrey.effects.declaration import friction_law
-from brightgrey.export.expressions.languages import LATEX, PYTHON, C, assignments, latex_name, number, written
+from brightgrey.export.expressions.languages import LATEX, PYTHON, C, assignments, latex_name, number_literal, spell
 from brightgrey.export.expressions.trace import constant, symbol, traced
 
 LAWS = {name: effect.law for name, effect in registry().items() if effect.law is not None}
@@ -84,11 +84,9 @@ def test_brackets_stand_where_they_have_to():
         (a * -2.0, "a * (-2.0)"),
         (2.0 * constant(3.0) + 0.0 * a, "6.0"),
     ):
-        assert eval(written(expression, C), {"a": 2.0, "b": 5.0, "c": 7.0}) == eval(
-            text, {"a": 2.0, "b": 5.0, "c": 7.0}
-        )
-        assert written(expression, C).count("(") <= text.count("(")
-    assert written(tanh(a) / (b + c), LATEX) == r"\frac{\tanh\left(a\right)}{b + c}"
+        assert eval(spell(expression, C), {"a": 2.0, "b": 5.0, "c": 7.0}) == eval(text, {"a": 2.0, "b": 5.0, "c": 7.0})
+        assert spell(expression, C).count("(") <= text.count("(")
+    assert spell(tanh(a) / (b + c), LATEX) == r"\frac{\tanh\left(a\right)}{b + c}"
 
 
 def test_names_and_numbers():
@@ -102,4 +100,4 @@ def test_names_and_numbers():
     assert {name: latex_name(name) for name in wanted} == wanted
     rng = np.random.default_rng(1)
     for value in [0.0, 1.0, -1e-300, *rng.normal(size=100)]:
-        assert float(number(value)) == value
+        assert float(number_literal(value)) == value

@@ -7,26 +7,26 @@ import numpy as np
 import pytest
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.optimisation.multistart import explore
+from brightgrey.estimation.optimisation.multistart import multistart
 from brightgrey.estimation.problem import simulation_error as problem
-from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar
 from brightgrey.paper.experiment import reference_recording, task_of
 from brightgrey.search import criterion
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, Options, from_above, from_everywhere
-from brightgrey.search.genetic import GeneticSettings, search
-from brightgrey.search.genetic.lattice_evaluator import Relatives
-from brightgrey.search.genetic.settings import OURS
-from brightgrey.search.lattice import contains, size
+from brightgrey.search.genetic import GeneticSettings, evolve
+from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
+from brightgrey.search.genetic.settings import TUNED_SETTINGS
+from brightgrey.search.lattice import complexity, contains
 from brightgrey.search.missed import seek_missed
-from brightgrey.search.parallel import pool
+from brightgrey.search.parallel import thread_pool
 from brightgrey.simulation import response, squares
 
 FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})
 ALL = tuple(FEW.structures())
-BRIEF = replace(OURS, population=4, generations=3)
+BRIEF = replace(TUNED_SETTINGS, population=4, generations=3)
 
 
 def in_pieces(task, workers=1):
@@ -63,7 +63,7 @@ def test_hubs_are_sought_once_and_every_fit_is_logged(pieces):
 
 def test_nothing_is_fitted_or_sought_twice(pieces):
     before = len(pieces.log)
-    with pool(None) as executor:
+    with thread_pool(None) as executor:
         assert pieces.add(ALL, executor) == set()
         assert pieces.seek(PAPER.parse("two_mass+coulomb"), executor) == set()
     assert len(pieces.log) == before
@@ -74,7 +74,7 @@ def test_workers_change_nothing(task, pieces):
 
 
 def genetic(task, workers=1, seed=1):
-    return search(None, task.draw, BRIEF, fits=Fits(task, ALL, seed=seed), grammar=FEW, seed=seed, workers=workers)
+    return evolve(None, task.draw, BRIEF, fits=Fits(task, ALL, seed=seed), grammar=FEW, seed=seed, workers=workers)
 
 
 def test_a_genetic_search_identifies_each_structure_with_its_relatives(task):
@@ -86,16 +86,16 @@ def test_a_genetic_search_identifies_each_structure_with_its_relatives(task):
         (misfit,) = task.misfits(e.job.structure, values)
         assert e.result.misfit.rss[0] <= misfit.rss[0] * (1.0 + 1e-9)  # idle effects count as left out
     improved = [e for e in run.evaluations if e.individual >= BRIEF.population]
-    assert all(e.operator == "relatives" and not e.repeated for e in improved)
+    assert all(e.operator == "neighbours" and not e.repeated for e in improved)
     again = [e for e in run.evaluations if e.individual < BRIEF.population and not e.repeated]
     assert len(again) == len({e.job.structure for e in again})
 
 
 def test_relatives_need_fits_and_least_squares(task):
-    with pytest.raises(SettingsError, match="relatives"):
-        search(None, task.draw, BRIEF, grammar=FEW)
+    with pytest.raises(SettingsError, match="neighbours"):
+        evolve(None, task.draw, BRIEF, grammar=FEW)
     with pytest.raises(SettingsError, match="least-squares"):
-        GeneticSettings(begin="relatives")
+        GeneticSettings(start_from="neighbours")
 
 
 def test_residuals_that_hang_together_count_as_fewer_samples(task):
@@ -107,7 +107,7 @@ def test_residuals_that_hang_together_count_as_fewer_samples(task):
     shares = []
     for recorded in (task, slow):
         fits = Fits(recorded, ALL)
-        run = search(lambda *_: [], recorded.draw, BRIEF, fits=fits, grammar=FEW, seed=1)
+        run = evolve(lambda *_: [], recorded.draw, BRIEF, fits=fits, grammar=FEW, seed=1)
         misfits = {e.result.misfit.share for e in run.evaluations}
         assert len(misfits) == 1  # all are judged alike
         shares += misfits
@@ -124,8 +124,8 @@ def test_errors_of_the_simulation_are_no_evidence():
     truth = PAPER.parse("one_mass+coulomb+viscous")
     more = PAPER.parse(f"{truth}+gravity")
     exact = task_of(reference_recording(truth, {n: PAPER_EXPERIMENT.values[n] for n in truth.parameters}))
-    with pool(None) as executor:
-        relatives = Relatives(Fits(exact, [truth, more]), executor, criterion("bic"))
+    with thread_pool(None) as executor:
+        relatives = LatticeEvaluator(Fits(exact, [truth, more]), executor, criterion("bic"))
         (own, _), (large, _) = relatives.identify([truth, more])
         again = relatives.evaluated(truth)
     assert own.misfit.rss[0] < 1.1 * own.misfit.least[0]
@@ -133,7 +133,7 @@ def test_errors_of_the_simulation_are_no_evidence():
     assert value(own.misfit, own.n_parameters) > value(large.misfit, large.n_parameters)
     (fast,) = exact.misfits(truth, {name: np.array([v]) for name, v in own.values})
     assert fast.rss[0] > 2.0 * own.misfit.rss[0]  # what the search would have gone by
-    assert again == replace(own, spent=Spent())  # made once
+    assert again == replace(own, spent=SimulationCount())  # made once
     assert own.spent.sets > relatives.fits.done[truth].spent.sets
 
 
@@ -156,7 +156,7 @@ def given(monkeypatch):
 
 def test_simulations_are_those_that_were_given_to_the_kernel(task, given):
     run = genetic(task)
-    assert run.spent == Spent(*(sum(column) for column in zip(*given, strict=True)))
+    assert run.spent == SimulationCount(*(sum(column) for column in zip(*given, strict=True)))
     assert run.passes == run.spent.samples / task.recordings[0].samples < run.simulations
 
 
@@ -165,8 +165,8 @@ def test_gaps_are_sought_among_what_a_genetic_search_has_identified(loose):
     truth = PAPER.parse("two_mass+backlash+delay")
     kept = {"two_mass", "coulomb", "viscous", "backlash", "delay"}
     structures = [s for s in PAPER.structures() if set(s.names) <= kept and s.masses == 2]
-    with pool(None) as executor:
-        relatives = Relatives(Fits(task, structures), executor, criterion("bic"))
+    with thread_pool(None) as executor:
+        relatives = LatticeEvaluator(Fits(task, structures), executor, criterion("bic"))
         relatives.identify(structures)
         before = relatives.fits.done[truth].cost
         spent = relatives.seek_missed()
@@ -180,9 +180,9 @@ def test_gaps_are_sought_with_all_effects_though_nothing_of_that_was_bred(loose)
     task, values = loose
     grammar = Grammar("loose", dict.fromkeys(("two_mass", "viscous", "backlash", "delay"), (1,)))
     structures = list(grammar.structures())
-    top = max(structures, key=size)
-    with pool(None) as executor:
-        relatives = Relatives(Fits(task, structures), executor, criterion("bic"))
+    top = max(structures, key=complexity)
+    with thread_pool(None) as executor:
+        relatives = LatticeEvaluator(Fits(task, structures), executor, criterion("bic"))
         relatives.identify([s for s in structures if "backlash" not in s.names])
         relatives.seek_missed()
         found = relatives.evaluated(top)
@@ -198,7 +198,7 @@ def test_of_larger_structures_with_gaps_there_may_be_no_fit_yet(loose):
     task, _ = loose
     names = ("one_mass", "two_mass", "two_mass+backlash", "three_mass", "three_mass+backlash")
     structures = list(map(PAPER.parse, names))
-    with pool(None) as executor:
+    with thread_pool(None) as executor:
         fits = Fits(task, structures)
         fits.add(structures[:2], executor)
         seek_missed(fits, executor)
@@ -210,7 +210,7 @@ def test_with_gaps_is_compared_with_all_other_effects_without(loose):
     task, _ = loose
     names = ("one_mass", "two_mass", "two_mass+backlash", "two_mass+viscous", "two_mass+viscous+backlash")
     structures = list(map(PAPER.parse, names))
-    with pool(None) as executor:
+    with thread_pool(None) as executor:
         fits = Fits(task, structures)
         fits.add(structures[:2], executor)
         seek_missed(fits, executor)
@@ -224,24 +224,24 @@ def test_with_gaps_is_compared_with_all_other_effects_without(loose):
 def test_gaps_are_sought_early_and_in_the_end(task, true_values, monkeypatch, generations, narrow, after):
     """Within narrow ranges in the end only."""
     seen, sought = [], set()
-    monkeypatch.setattr(Relatives, "seek_missed", lambda self: sought.add(len(seen)) or Spent())
-    settings = replace(OURS, population=2, generations=generations, near=1, fresh=1)
+    monkeypatch.setattr(LatticeEvaluator, "seek_missed", lambda self: sought.add(len(seen)) or SimulationCount())
+    settings = replace(TUNED_SETTINGS, population=2, generations=generations, n_neighbours=1, max_remutations=1)
     if narrow:
         values = dict.fromkeys(("f_v", "M_G"), 0.1) | true_values
         task = replace(task, bounds={name: (0.5 * v, 2.0 * v) for name, v in values.items()})
     fits = Fits(task, ALL)
-    search(None, task.draw, settings, fits=fits, grammar=FEW, seed=1, progress=seen.append)
+    evolve(None, task.draw, settings, fits=fits, grammar=FEW, seed=1, progress=seen.append)
     assert sought == after
 
 
 def test_what_is_identified_beside_the_individuals_has_a_tree(loose):
     task, _ = loose
     grammar = Grammar("loose", dict.fromkeys(("two_mass", "viscous", "backlash", "delay"), (1,)))
-    settings = replace(OURS, population=2, generations=0)
+    settings = replace(TUNED_SETTINGS, population=2, generations=0)
     for seed in range(8):
         fits = Fits(task, list(grammar.structures()))
-        run = search(None, task.draw, settings, fits=fits, grammar=grammar, seed=seed)
-        bred = {e.job.structure for e in run.evaluations if e.operator != "relatives"}
+        run = evolve(None, task.draw, settings, fits=fits, grammar=grammar, seed=seed)
+        bred = {e.job.structure for e in run.evaluations if e.operator != "neighbours"}
         beside = [e for e in run.evaluations if e.job.structure not in bred]
         assert all(e.tree.parameters == dict(e.result.values) for e in beside)
         assert all(e.tree.structure == e.job.structure for e in run.evaluations)
@@ -258,9 +258,9 @@ def sought(task, monkeypatch):
     def made(costs, task=task, name="bic"):
         fits = Fits(task, ALL)
         fits.done |= {s: Fitted(s, {}, cost, len(s.parameters)) for s, cost in costs.items()}
-        with pool(None) as executor:
-            relatives = Relatives(fits, executor, criterion(name))
-            assert relatives.hopeless() == set()  # what was missed has not been sought yet
+        with thread_pool(None) as executor:
+            relatives = LatticeEvaluator(fits, executor, criterion(name))
+            assert relatives.eliminated() == set()  # what was missed has not been sought yet
             relatives.seek_missed()
         return relatives
 
@@ -329,7 +329,7 @@ def test_only_what_may_win_is_fitted_once_more(task, worse, worthwhile):
     fits = Fits(task, [simple, PAPER.parse("two_mass"), truth])
     asked = []
     fits.worthwhile = lambda structure, cost: asked.append((structure, cost)) or worthwhile
-    with pool(None) as executor:
+    with thread_pool(None) as executor:
         fits.add([PAPER.parse("two_mass"), truth], executor)
         fits.done[worse] = replace(fits.done[worse], cost=1e9)
         before = len(fits.log)
@@ -345,8 +345,8 @@ def test_gaps_are_handed_down_in_every_generation(task, monkeypatch):
     structures = [PAPER.parse(f"{name}+backlash") for name in ("two_mass", "two_mass+coulomb", "two_mass+viscous")]
     fits, asked = Fits(task, structures), []
     monkeypatch.setattr(fits, "follow", lambda workers: asked.append(tuple(fits.done)) or {structures[0]})
-    with pool(None) as executor:
-        relatives = Relatives(fits, executor, criterion("bic"))
+    with thread_pool(None) as executor:
+        relatives = LatticeEvaluator(fits, executor, criterion("bic"))
         relatives.identify(structures[:1])
         assert relatives.better == ()  # they are of this generation
         relatives.identify(structures[:2])
@@ -362,16 +362,16 @@ def test_so_they_are_where_gaps_are_sought(given):
     values = {**PAPER_EXPERIMENT.values, "alpha": 0.02}
     gap = task_of(reference_recording(truth, {name: values[name] for name in truth.parameters}))
     space, whole = gap.space(truth, initial=True), gap.problem(truth)
-    found = explore(whole, space, gap.settings, [], starts=3, patience=1, seed=0)
+    found = multistart(whole, space, gap.settings, [], starts=3, patience=1, seed=0)
     assert found.spent.samples == sum(samples for _, samples in given)
 
 
 def test_so_they_are_where_a_resonance_is_looked_for(task, given):
     simple = PAPER.parse("two_mass+viscous")  # leaves a coloured residual
     problem, space = task.problem(simple), task.space(simple, initial=True)
-    found = explore(problem, space, task.settings, [], starts=3, patience=2, seed=0)
+    found = multistart(problem, space, task.settings, [], starts=3, patience=2, seed=0)
     assert max(sets for sets, _ in given) > 500
-    assert found.spent == Spent(*(sum(column) for column in zip(*given, strict=True)))
+    assert found.spent == SimulationCount(*(sum(column) for column in zip(*given, strict=True)))
 
 
 def test_a_structure_with_a_mass_more_hands_down_its_masses_joined(task, true_values):

@@ -10,8 +10,8 @@ from brightgrey.kit import PAPER, Placed
 from brightgrey.search.genetic import GeneticSettings, Node
 from brightgrey.search.genetic.crossover import join, recombine
 from brightgrey.search.genetic.mutation import MUTATIONS, chromosome, delete, insert, point
-from brightgrey.search.genetic.offspring import Born, mutated, near, offspring, renewed
-from brightgrey.search.genetic.population import finish, initial, random_tree
+from brightgrey.search.genetic.offspring import Offspring, mutated, offspring, remutate_duplicates, untried_neighbours
+from brightgrey.search.genetic.population import complete_tree, initial, random_tree
 from brightgrey.search.genetic.selection import clones, roulette
 
 LEGAL = frozenset(PAPER.structures())
@@ -121,7 +121,7 @@ def test_a_one_mass_system_is_appended_if_none_is_left(rules, draw, rng):
 
 
 def test_beside_a_surviving_backlash_more_masses_are_drawn(rules, draw, rng):
-    drawn = Counter(finish(tree("backlash(coulomb)"), rules, draw, rng).structure.masses for _ in range(3000))
+    drawn = Counter(complete_tree(tree("backlash(coulomb)"), rules, draw, rng).structure.masses for _ in range(3000))
     assert fits([drawn[2], drawn[3], drawn[4]], np.ones(3))
     assert drawn[1] == 0
 
@@ -202,7 +202,8 @@ def test_mutations_have_their_probabilities(rules, draw, rng):
     settings = GeneticSettings(mutations={"insertion": 0.3})
     old = tree("two_mass(coulomb)")
     count = sum(
-        mutated(Born(old, (0,), "clone"), settings, rules, draw, rng).operator == "clone+insertion" for _ in range(3000)
+        mutated(Offspring(old, (0,), "clone"), settings, rules, draw, rng).operator == "clone+insertion"
+        for _ in range(3000)
     )
     assert stats.binomtest(count, 3000, 0.3).pvalue > UNLIKELY
 
@@ -218,9 +219,9 @@ def test_offspring_without_mutation_are_clones_and_recombinations(rules, draw, r
 
 
 def test_tried_structures_are_mutated_again(rules, draw, rng):
-    settings = GeneticSettings(fresh=50)
+    settings = GeneticSettings(max_remutations=50)
     old = tree("two_mass(coulomb)")
-    new = renewed([Born(old, (0,), "clone")] * 5, {old.structure}, settings, rules, draw, rng)
+    new = remutate_duplicates([Offspring(old, (0,), "clone")] * 5, {old.structure}, settings, rules, draw, rng)
     structures = [b.tree.structure for b in new]
     assert len({*structures, old.structure}) == 6
 
@@ -228,7 +229,7 @@ def test_tried_structures_are_mutated_again(rules, draw, rng):
 def test_what_is_near_the_best_is_one_node_away_and_untried_and_the_very_best_comes_first(rules, draw, rng):
     best = [tree("two_mass(coulomb)"), tree("four_mass(gravity)")]
     tried = {t.structure for t in best}
-    born = near(best, tried, GeneticSettings(population=40, near=40), rules, draw, rng)
+    born = untried_neighbours(best, tried, GeneticSettings(population=40, n_neighbours=40), rules, draw, rng)
     assert {b.operator for b in born} == {"elite+point", "elite+insertion", "elite+deletion"}
     structures = [b.tree.structure for b in born]
     assert len({*structures, *tried}) == len(structures) + 2
@@ -242,7 +243,7 @@ def test_what_is_near_the_best_is_one_node_away_and_untried_and_the_very_best_co
     whose = [i for _, i in nearest]
     assert whose == sorted(whose)
     assert set(whose) == {0, 1}
-    assert len(near(best, tried, GeneticSettings(near=3), rules, draw, rng)) == 3
+    assert len(untried_neighbours(best, tried, GeneticSettings(n_neighbours=3), rules, draw, rng)) == 3
 
 
 def test_no_illegal_tree_and_every_structure_in_many_operations(rules, draw, rng):

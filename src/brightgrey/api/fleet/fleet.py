@@ -17,14 +17,14 @@ import numpy as np
 from brightgrey.api.fleet.manifest import Axis
 from brightgrey.api.fleet.outliers import Compared, compare
 from brightgrey.api.result import Result
-from brightgrey.api.resumable import identify_into
+from brightgrey.api.resumable import identify_resumable
 from brightgrey.errors import BrightgreyError
 from brightgrey.kit import function_set
 from brightgrey.model.files import check_folder, write_file
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 from brightgrey.runs import Budget, Stop
-from brightgrey.runs.store import held
+from brightgrey.runs.store import exclusive_folder
 
 __all__ = ["SUMMARY", "Fleet", "Member", "fleet"]
 
@@ -149,7 +149,7 @@ def fleet(
     target = check_folder(folder)
     same = {"executor": executor, "budget": budget, "stop": stop, "restart": restart}
     members = []
-    with held(target):
+    with exclusive_folder(target):
         for axis in axes:
             into = target / axis.name
             if stop is not None and stop.told:
@@ -178,7 +178,7 @@ def _made(
     """Identify one axis; what goes wrong is part of the result."""
     try:
         recordings = [read(path, axis.options) for path in axis.recordings]
-        kept = identify_into(into, recordings, structure, printed=lambda result: printed(result, into), **options)
+        kept = identify_resumable(into, recordings, structure, printed=lambda result: printed(result, into), **options)
         return Member(axis.name, into, kept.model, stopped=kept.stopped)
     except (BrightgreyError, OSError) as error:
         return Member(axis.name, into, error=str(error))

@@ -17,16 +17,16 @@ __all__ = [
     "CriterionName",
     "Elite",
     "Estimator",
-    "Fresh",
     "Generations",
     "Iterations",
     "Kp",
+    "MaxRemutations",
     "Mutation",
-    "Near",
+    "Neighbours",
     "Population",
-    "Setting",
-    "refuse",
-    "settings",
+    "Preset",
+    "genetic_settings",
+    "refuse_genetic_options",
 ]
 
 MUTATION = "NAME=PROBABILITY, a number from 0 to 1"
@@ -65,21 +65,22 @@ Mutation = Annotated[
     ),
 ]
 Elite = Annotated[int | None, typer.Option("--elite", metavar="N", help="Best structures that are kept. Paper: 0.")]
-Fresh = Annotated[
-    int | None, typer.Option("--fresh", metavar="N", help="Mutations until a structure is a new one. Paper: 0.")
-]
-Near = Annotated[
+MaxRemutations = Annotated[
     int | None,
-    typer.Option("--near", metavar="N", help="Untried structures one node away from the best ones. Paper: 0."),
+    typer.Option("--max-remutations", metavar="N", help="Mutations until a structure is a new one. Paper: 0."),
 ]
-Setting = Annotated[
+Neighbours = Annotated[
+    int | None,
+    typer.Option("--neighbours", metavar="N", help="Untried structures one node away from the best ones. Paper: 0."),
+]
+Preset = Annotated[
     str,
-    typer.Option("--setting", metavar="paper|ours", help="Where the defaults of the options below come from."),
+    typer.Option("--preset", metavar="paper|tuned", help="Where the defaults of the options below come from."),
 ]
 
 
-def settings(setting: str, mutation: Iterable[str] | None, **given: float | str | None) -> GeneticSettings:
-    """Settings from the options; what is None keeps the value of `setting`.
+def genetic_settings(preset: str, mutation: Iterable[str] | None, **given: float | str | None) -> GeneticSettings:
+    """Settings from the options; what is None keeps the value of `preset`.
 
     Raises
     ------
@@ -89,12 +90,12 @@ def settings(setting: str, mutation: Iterable[str] | None, **given: float | str 
     from dataclasses import replace
 
     from brightgrey.errors import SettingsError, unknown_name
-    from brightgrey.search.genetic.settings import OURS, PAPER_SETTINGS
+    from brightgrey.search.genetic.settings import PAPER_SETTINGS, TUNED_SETTINGS
 
-    known = {"paper": PAPER_SETTINGS, "ours": OURS}
-    if setting not in known:
-        raise SettingsError(unknown_name("setting", setting, known))
-    base = known[setting]
+    known = {"paper": PAPER_SETTINGS, "tuned": TUNED_SETTINGS}
+    if preset not in known:
+        raise SettingsError(unknown_name("preset", preset, known))
+    base = known[preset]
     changed = {
         name: number(f"--mutation {name}", value, MUTATION)
         for name, value in pairs("--mutation", mutation or (), MUTATION).items()
@@ -106,12 +107,12 @@ def settings(setting: str, mutation: Iterable[str] | None, **given: float | str 
     )
 
 
-def refuse(setting: str, mutation: Iterable[str] | None, **given: float | str | None) -> None:
+def refuse_genetic_options(preset: str, mutation: Iterable[str] | None, **given: float | str | None) -> None:
     """Refuse options of the search where nothing is searched (SettingsError)."""
     from brightgrey.errors import SettingsError
 
     named = [name for name, value in (given | {"mutation": mutation or None}).items() if value is not None]
-    named += ["setting"] if setting != "paper" else []
+    named += ["preset"] if preset != "paper" else []
     if named:
         option = named[0].replace("_", "-")
         raise SettingsError(f"option --{option} belongs to a search; add --search genetic")

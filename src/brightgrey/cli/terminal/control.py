@@ -13,7 +13,7 @@ from brightgrey.cli.terminal.results import as_json, plain_table, screen
 if TYPE_CHECKING:
     from brightgrey.api.control import Design, Watch
     from brightgrey.control.linear.analysis import Analysis
-    from brightgrey.control.linear.controllability import Reach
+    from brightgrey.control.linear.controllability import Controllability
     from brightgrey.control.linear.margins import Margins
 
 __all__ = ["analysis", "design", "watched"]
@@ -44,7 +44,7 @@ def _margins_line(found: Margins) -> str:
     )
 
 
-def _reach(found: Reach) -> dict[str, Any]:
+def _reach(found: Controllability) -> dict[str, Any]:
     return {"rank": found.rank, "order": found.order, "distance": found.distance}
 
 
@@ -55,7 +55,7 @@ def analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json: boo
             {
                 "speed": found.point.speed,
                 "input": found.point.u,
-                "contact": found.point.piece.contact,
+                "contact": found.point.contact_mode.contact,
                 "states": found.states,
                 "stability": found.verdict,
                 "poles": [[p.real, p.imag] for p in found.poles.tolist()],
@@ -99,7 +99,7 @@ def analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json: boo
 def design(found: Design, *, quiet: bool, json: bool) -> None:
     """Print suggested gains and the margins they reach."""
     c, s = found.cascade, found.state
-    contacts = [a.point.piece.contact for a in found.analyses]
+    contacts = [a.point.contact_mode.contact for a in found.analyses]
     reached = s.margins(found.delay)
     if json:
         as_json(

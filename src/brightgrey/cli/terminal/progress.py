@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn
 
 from brightgrey.search.genetic import Progress as Step
-from brightgrey.search.survey import Stage
+from brightgrey.search.survey import SearchProgress
 
 __all__ = ["steps"]
 
@@ -19,7 +19,7 @@ NARROW = 80  # characters
 
 
 @contextmanager
-def steps(what: str, *, silent: bool) -> Iterator[Callable[[Stage | Step, str], None]]:
+def steps(what: str, *, silent: bool) -> Iterator[Callable[[SearchProgress | Step, str], None]]:
     """Show how far a search has come, the best structure and the time left; Ctrl-C ends a genetic one with the best.
 
     Yields a function of a step and a word on what is being searched.
@@ -43,8 +43,8 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[Stage | Step, str], 
         begun = time.monotonic()
         stages: set[str] = set()
 
-        def show(step: Stage | Step, about: str) -> None:
-            if isinstance(step, Stage):
+        def show(step: SearchProgress | Step, about: str) -> None:
+            if isinstance(step, SearchProgress):
                 passed = time.monotonic() - begun
                 left = "" if step.total is None else f"{passed * (step.total - step.done) / step.done:.0f} s left"
                 shown = (

@@ -20,7 +20,7 @@ from rich.text import Text
 if TYPE_CHECKING:
     from brightgrey.api import Result, Simulation
     from brightgrey.api.differences import Difference
-    from brightgrey.api.resumable import Kept
+    from brightgrey.api.resumable import StoredRun
     from brightgrey.model.ranking import Row
     from brightgrey.paper.reproduction import Reproduction
     from brightgrey.report.text.tables import FitRow
@@ -67,7 +67,7 @@ def as_json(value: Any) -> None:
     print(json_module.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def kept(found: Kept, folder: Path, *, quiet: bool, json: bool) -> None:
+def kept(found: StoredRun, folder: Path, *, quiet: bool, json: bool) -> None:
     """Print what a run has come to, now or earlier."""
     if found.result is not None:
         result(found.result, folder, quiet=quiet, json=json)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.control.linear.analysis import Analysis
-from brightgrey.control.linear.controllability import minimal
+from brightgrey.control.linear.controllability import minimal_realisation
 from brightgrey.control.linear.margins import Compensator, Margins, frequencies, frequency_response, margins
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear
@@ -74,7 +74,7 @@ def _output(analysis: Analysis, name: str) -> Array:
 
 def speed_loop(analysis: Analysis, gain: float, reset: float, delay: float) -> Margins:
     """Margins of the speed loop; `delay` in s on top of the drive's dead time."""
-    one = minimal(analysis.linear._replace(C=_output(analysis, "velocity")[None], D=np.zeros((1, 1))))
+    one = minimal_realisation(analysis.linear._replace(C=_output(analysis, "velocity")[None], D=np.zeros((1, 1))))
     return margins(one, _pi(gain, reset), dead_time=analysis.dead_time + delay)
 
 
@@ -85,7 +85,7 @@ def position_loop(
     q, v = _output(analysis, "position"), _output(analysis, "velocity")
     both = Linear(analysis.linear.A, analysis.linear.B, (v + position * q)[None], np.zeros((1, 1)))
     total = analysis.dead_time + delay
-    found = margins(minimal(both), _pi(gain, reset), dead_time=total)
+    found = margins(minimal_realisation(both), _pi(gain, reset), dead_time=total)
     omega = frequencies(np.linalg.eigvals(both.A).tolist(), top=20.0 * max(position, 1.0))
     K = _pi(gain, reset).at(omega)
     loop = K * frequency_response(both, omega, total)[0]

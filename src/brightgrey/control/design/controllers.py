@@ -12,7 +12,7 @@ from brightgrey.control.design.cascade import Cascade
 from brightgrey.control.design.closed_loop import Reference
 from brightgrey.control.design.state_feedback import StateControl
 from brightgrey.control.linear.margins import Compensator
-from brightgrey.control.linear.operating_point import Piece, steady
+from brightgrey.control.linear.operating_point import ContactMode, trim
 from brightgrey.excitation import Motion
 
 __all__ = ["CascadeControl", "OutputFeedback", "StateFeedback", "feedforward"]
@@ -20,12 +20,12 @@ __all__ = ["CascadeControl", "OutputFeedback", "StateFeedback", "feedforward"]
 Array = NDArray[np.float64]
 
 
-def feedforward(on: Piece, motion: Motion, *, torque: bool = True) -> Reference:
+def feedforward(on: ContactMode, motion: Motion, *, torque: bool = True) -> Reference:
     """Reference with the torque that the model needs for it: inertia, friction and gravity.
 
     Parameters
     ----------
-    on : Piece
+    on : ContactMode
         In contact: in the gap no torque reaches the load.
     motion : Motion
     torque : bool
@@ -33,7 +33,7 @@ def feedforward(on: Piece, motion: Motion, *, torque: bool = True) -> Reference:
     """
     u = np.zeros(len(motion.t))
     if torque:
-        u = np.array([steady(on, v, a).u for v, a in zip(motion.velocity, motion.acceleration, strict=True)])
+        u = np.array([trim(on, v, a).u for v, a in zip(motion.velocity, motion.acceleration, strict=True)])
     return Reference(motion.position, motion.velocity, motion.acceleration, u)
 
 
@@ -94,7 +94,7 @@ class StateFeedback:
     @cached_property
     def _read(self) -> Array:
         """From x to the states that the gains belong to, shape (n, N)."""
-        on = self.control.analysis.point.piece
+        on = self.control.analysis.point.contact_mode
         W, keep, frozen = on.twisted.W, list(on.kept), list(on.frozen)
         if not frozen:
             return W
@@ -109,9 +109,9 @@ class StateFeedback:
     @cached_property
     def _wanted(self) -> Array:
         """Reference of those states, shape (samples, n)."""
-        on = self.control.analysis.point.piece
+        on = self.control.analysis.point.contact_mode
         r = self.reference
-        z = np.array([steady(on, v, a).z for v, a in zip(r.velocity, r.acceleration, strict=True)])
+        z = np.array([trim(on, v, a).z for v, a in zip(r.velocity, r.acceleration, strict=True)])
         x = z @ on.twisted.V.T
         moves = np.array([1.0 if state.at_rest == "position" else 0.0 for state in on.system.states])
         carried = on.twisted.V @ moves

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from brightgrey.control.design.controllers import StateFeedback
 from brightgrey.control.design.state_feedback import StateControl, lqr
-from brightgrey.control.filters.discretisation import Spans
+from brightgrey.control.filters.discretisation import DelayedInput
 from brightgrey.control.filters.extended_kalman import Noise, begin, predicted, updated
 from brightgrey.control.filters.setup import first_state
-from brightgrey.control.filters.state_transition import Course, Watched
+from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 from brightgrey.control.linear.margins import Compensator
-from brightgrey.control.linear.twist_coordinates import Twisted, twisted
+from brightgrey.control.linear.twist_coordinates import TwistModel, to_twist_coordinates
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear, StateSpace
 
@@ -105,8 +105,8 @@ class ObservedFeedback:
     speed_scale: float
 
     @cached_property
-    def _twisted(self) -> Twisted:
-        return twisted(self.system)
+    def _twisted(self) -> TwistModel:
+        return to_twist_coordinates(self.system)
 
     @cached_property
     def _whole(self) -> int:
@@ -114,23 +114,23 @@ class ObservedFeedback:
         return max(int(np.ceil(float(np.asarray(self.system.dead_time)) / self.feedback.dt - 1e-9)), 0)
 
     @cached_property
-    def _watched(self) -> Watched:
+    def _watched(self) -> FilterInput:
         outputs = len(self.system.outputs)
         small = np.full(1, _STEP_ERROR * self.speed_scale)
         z0, P0 = first_state(self._twisted, self.system.rest()[None], small[0], small, np.zeros(1))
         empty = np.zeros((2, 1, outputs))
-        return Watched(
+        return FilterInput(
             self._twisted.system, empty[:, :, 0], empty, self.feedback.dt, "zoh", z0, P0, (False,) * outputs, small
         )
 
     @cached_property
-    def _course(self) -> Course:
-        return Course.of(self._watched)
+    def _course(self) -> ProcessModel:
+        return ProcessModel.of(self._watched)
 
-    def _at(self, early: float, late: float) -> Course:
+    def _at(self, early: float, late: float) -> ProcessModel:
         """The interval in which the torque changes from `early` to `late`."""
         a, b = np.full((1, 1), early), np.full((1, 1), late)
-        return replace(self._course, timed=Spans(a, a, b, b, self._course.timed.share))
+        return replace(self._course, timed=DelayedInput(a, a, b, b, self._course.timed.share))
 
     def start(self) -> _Memory:
         """At rest, as far as is known."""

@@ -20,13 +20,13 @@ from brightgrey.control.linear.margins import Compensator, Margins, margins
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear
 
-__all__ = ["Gain", "StateControl", "lqr", "place", "state_control"]
+__all__ = ["FeedbackGain", "StateControl", "lqr", "place", "state_control"]
 
 Array = NDArray[np.float64]
 _ESCAPED = 1e-9  # of the fastest pole: a closed-loop pole this near to the axis has not been moved
 
 
-class Gain(NamedTuple):
+class FeedbackGain(NamedTuple):
     """Feedback ``u = -K x`` and the poles in 1/s that it leaves."""
 
     K: Array
@@ -64,7 +64,7 @@ class StateControl:
         return margins(loop, Compensator.of([1.0], [1.0]), dead_time=self.analysis.dead_time + delay)
 
 
-def lqr(A: Array, B: Array, Q: Array, R: Array) -> Gain:
+def lqr(A: Array, B: Array, Q: Array, R: Array) -> FeedbackGain:
     """Feedback that minimises the integral of ``x' Q x + u' R u``.
 
     Parameters
@@ -88,10 +88,10 @@ def lqr(A: Array, B: Array, Q: Array, R: Array) -> Gain:
         raise SettingsError(
             "the Riccati equation has no stabilising solution: a mode cannot be moved or is not weighted"
         )
-    return Gain(K, poles)
+    return FeedbackGain(K, poles)
 
 
-def place(A: Array, B: Array, poles: Sequence[complex]) -> Gain:
+def place(A: Array, B: Array, poles: Sequence[complex]) -> FeedbackGain:
     """Feedback that moves the poles to `poles` (1/s); the same pole at most once per input.
 
     Raises
@@ -109,7 +109,7 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> Gain:
     miss = max(float(np.abs(found - p).min()) for p in poles)
     if miss > 1e-3 * float(np.abs(np.asarray(poles)).max()):
         raise SettingsError("these poles cannot be placed: a mode is out of the input's reach")
-    return Gain(K, found)
+    return FeedbackGain(K, found)
 
 
 def state_control(

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from brightgrey.control.faults.parameter_changes import Point, Trial, estimated
-from brightgrey.control.faults.simulated_changes import Change, Changed, changed
+from brightgrey.control.faults.parameter_changes import ChangeProblem, Point, estimated
+from brightgrey.control.faults.simulated_changes import ChangeEstimate, ParameterGroup, estimate_changes
 from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.effects import Fault
 from brightgrey.errors import SettingsError
@@ -29,7 +29,7 @@ from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["Case", "Finding", "faults", "groups"]
+__all__ = ["Case", "FaultFinding", "detect_faults", "groups"]
 
 Array = NDArray[np.float64]
 _MOST_DOUBT = 0.5  # of a parameter: beyond it the prior says nothing, and steps would leave the model
@@ -38,7 +38,7 @@ _TELLING = 0.5  # a change by half has to be detectable, or the recording does n
 
 
 @dataclass(frozen=True)
-class Finding:
+class FaultFinding:
     """What a recording says about one kind of fault.
 
     Attributes
@@ -96,14 +96,14 @@ class Case:
     std: Mapping[str, float] = field(default_factory=dict)
 
 
-def faults(
+def detect_faults(
     structure: Structure,
     settings: Settings,
     cases: Sequence[Case],
     *,
-    matters: float = 0.1,
+    min_change: float = 0.1,
     confidence: float = 0.99,
-) -> list[tuple[Finding, ...]]:
+) -> list[tuple[FaultFinding, ...]]:
     """Look for faults in new recordings; several are filtered side by side, or simulated one by one through a gap.
 
     Parameters
@@ -127,17 +127,19 @@ def faults(
     SettingsError
         If `matters` or `confidence` is out of range.
     """
-    if not (0.0 <= matters < _TELLING and 0.5 < confidence < 1.0):
-        raise SettingsError(f"matters is {matters:g} (0 to {_TELLING:g}) and confidence {confidence:g} (0.5 to 1)")
+    if not (0.0 <= min_change < _TELLING and 0.5 < confidence < 1.0):
+        raise SettingsError(f"matters is {min_change:g} (0 to {_TELLING:g}) and confidence {confidence:g} (0.5 to 1)")
     kinds = groups(structure)
-    trials = [Trial(case.values, case.recording, case.noise, _changes(case, kinds)) for case in cases]
+    trials = [ChangeProblem(case.values, case.recording, case.noise, _changes(case, kinds)) for case in cases]
     if limited_states(structure):
-        least = math.log1p(matters)
-        found = [changed(structure, t.values, t.changes, t.recording, settings, matters=least) for t in trials]
+        least = math.log1p(min_change)
+        found = [
+            estimate_changes(structure, t.values, t.changes, t.recording, settings, min_change=least) for t in trials
+        ]
     else:
         points = estimated(structure, settings, trials)
-        found = [Changed(p.size, _spread(p, t.prior)) for p, t in zip(points, trials, strict=True)]
-    return [_findings(case, kinds, one, matters, confidence) for case, one in zip(cases, found, strict=True)]
+        found = [ChangeEstimate(p.size, _spread(p, t.prior)) for p, t in zip(points, trials, strict=True)]
+    return [_findings(case, kinds, one, min_change, confidence) for case, one in zip(cases, found, strict=True)]
 
 
 def _doubts(case: Case) -> dict[str, float]:
@@ -145,7 +147,7 @@ def _doubts(case: Case) -> dict[str, float]:
     return {n: abs(s / case.values[n]) for n, s in case.std.items() if s > 0.0 and case.values[n] != 0.0}
 
 
-def _changes(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> tuple[Change, ...]:
+def _changes(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> tuple[ParameterGroup, ...]:
     """What may have changed: the faults freely, every other parameter as far as the model does not know it.
 
     The first parameter of a fault stands for it, and the doubt about it is added in the end; the fault's other
@@ -158,13 +160,13 @@ def _changes(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> tuple[Change
         for n, s in doubts.items()
         if first.get(n) != n
     }
-    free = (Change(names, math.inf) for names in kinds.values())
-    return (*free, *(Change((name,), doubt) for name, doubt in doubtful.items()))
+    free = (ParameterGroup(names, math.inf) for names in kinds.values())
+    return (*free, *(ParameterGroup((name,), doubt) for name, doubt in doubtful.items()))
 
 
 def _findings(
-    case: Case, kinds: Mapping[Fault, tuple[str, ...]], found: Changed, matters: float, confidence: float
-) -> tuple[Finding, ...]:
+    case: Case, kinds: Mapping[Fault, tuple[str, ...]], found: ChangeEstimate, matters: float, confidence: float
+) -> tuple[FaultFinding, ...]:
     doubts = _doubts(case)
     own = [doubts.get(names[0], 0.0) for names in kinds.values()]
     return tuple(
@@ -191,7 +193,9 @@ def _spread(found: Point, prior: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(robust, plain)))
 
 
-def _finding(fault: Fault, names: Sequence[str], size: float, std: float, matters: float, confidence: float) -> Finding:
+def _finding(
+    fault: Fault, names: Sequence[str], size: float, std: float, matters: float, confidence: float
+) -> FaultFinding:
     up, down = math.log1p(matters), -math.log1p(matters)
     z = float(ndtri(confidence))
     above = float(ndtr((size - up) / std)) if std > 0.0 else float(size > up)
@@ -204,9 +208,9 @@ def _finding(fault: Fault, names: Sequence[str], size: float, std: float, matter
         text = (
             f"{fault.subject} {word}: {factor:.2f} times the model's ({low:.2f} to {high:.2f}), {100 * sure:.1f} % sure"
         )
-        return Finding(fault.subject, tuple(names), "changed", factor, (low, high), sure, text)
+        return FaultFinding(fault.subject, tuple(names), "changed", factor, (low, high), sure, text)
     if not z * std < math.log1p(_TELLING) - up:
         text = f"{fault.subject}: not decidable from this recording"
-        return Finding(fault.subject, tuple(names), "not decidable", factor, (low, high), sure, text)
+        return FaultFinding(fault.subject, tuple(names), "not decidable", factor, (low, high), sure, text)
     text = f"{fault.subject}: as before, {factor:.2f} times the model's ({low:.2f} to {high:.2f})"
-    return Finding(fault.subject, tuple(names), "as before", factor, (low, high), sure, text)
+    return FaultFinding(fault.subject, tuple(names), "as before", factor, (low, high), sure, text)

@@ -13,14 +13,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.faults.simulated_changes import Change
+from brightgrey.control.faults.simulated_changes import ParameterGroup
 from brightgrey.control.filters.extended_kalman import Noise, extended
-from brightgrey.control.filters.setup import see
+from brightgrey.control.filters.setup import prepare
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["Point", "Trial", "estimated"]
+__all__ = ["ChangeProblem", "Point", "estimated"]
 
 Array = NDArray[np.float64]
 _DIFFERENCE = 0.01  # of the logarithm: contacts make smaller ones rough
@@ -32,7 +32,7 @@ _LANES = 600  # models in one run of the filter; a matter of memory
 
 
 @dataclass(frozen=True)
-class Trial:
+class ChangeProblem:
     """A recording, the model it is held against, and what of it may have changed.
 
     Attributes
@@ -41,13 +41,13 @@ class Trial:
         The model's parameters, SI.
     recording : Recording
     noise : Noise
-    changes : tuple of Change
+    changes : tuple of ParameterGroup
     """
 
     values: Mapping[str, float]
     recording: Recording
     noise: Noise
-    changes: tuple[Change, ...]
+    changes: tuple[ParameterGroup, ...]
 
     @property
     def prior(self) -> Array:
@@ -92,7 +92,7 @@ class _Answer(NamedTuple):
 _Search = Generator[Array, _Answer, Point]
 
 
-def estimated(structure: Structure, settings: Settings, trials: Sequence[Trial]) -> list[Point]:
+def estimated(structure: Structure, settings: Settings, trials: Sequence[ChangeProblem]) -> list[Point]:
     """Find the largest posterior of each trial."""
     searches = [_search(trial) for trial in trials]
     asked = {i: next(search) for i, search in enumerate(searches)}
@@ -108,10 +108,10 @@ def estimated(structure: Structure, settings: Settings, trials: Sequence[Trial])
     return [found[i] for i in range(len(trials))]
 
 
-def _answers(structure: Structure, settings: Settings, asked: Sequence[tuple[Trial, Array]]) -> list[_Answer]:
+def _answers(structure: Structure, settings: Settings, asked: Sequence[tuple[ChangeProblem, Array]]) -> list[_Answer]:
     """Filter for all searches, in runs of about _LANES models."""
     out: list[_Answer] = []
-    part: list[tuple[Trial, Array]] = []
+    part: list[tuple[ChangeProblem, Array]] = []
     for i, one in enumerate(asked):
         part.append(one)
         if i == len(asked) - 1 or sum(len(sizes) for _, sizes in part) + len(asked[i + 1][1]) > _LANES:
@@ -120,7 +120,7 @@ def _answers(structure: Structure, settings: Settings, asked: Sequence[tuple[Tri
     return out
 
 
-def _filtered(structure: Structure, settings: Settings, part: Sequence[tuple[Trial, Array]]) -> list[_Answer]:
+def _filtered(structure: Structure, settings: Settings, part: Sequence[tuple[ChangeProblem, Array]]) -> list[_Answer]:
     values: dict[str, list[Array]] = {name: [] for name in structure.parameters}
     for trial, sizes in part:
         factors = {name: np.ones(len(sizes)) for name in values}
@@ -136,7 +136,7 @@ def _filtered(structure: Structure, settings: Settings, part: Sequence[tuple[Tri
     )
     with np.errstate(all="ignore"):  # a model far off may diverge: it has no likelihood then
         merged = {name: np.concatenate(course) for name, course in values.items()}
-        found = extended(see(structure, merged, each, settings).watched, noise)
+        found = extended(prepare(structure, merged, each, settings).watched, noise)
         white = found.white.transpose(1, 0, 2)
         volume = np.linalg.slogdet(found.covariances)[1].T
         likelihood = found.log_likelihood
@@ -149,7 +149,7 @@ def _filtered(structure: Structure, settings: Settings, part: Sequence[tuple[Tri
     return answers
 
 
-def _around(trial: Trial, size: Array) -> Generator[Array, _Answer, Point]:
+def _around(trial: ChangeProblem, size: Array) -> Generator[Array, _Answer, Point]:
     """A point with the derivatives there."""
     m = len(size)
     answer = yield size + _DIFFERENCE * np.vstack([np.zeros((1, m)), np.eye(m), -np.eye(m)])
@@ -163,7 +163,7 @@ def _around(trial: Trial, size: Array) -> Generator[Array, _Answer, Point]:
     return Point(size, posterior, scores, information, answer.white[0].ravel())
 
 
-def _search(trial: Trial) -> _Search:
+def _search(trial: ChangeProblem) -> _Search:
     """Sizes with the largest posterior: a coarse look along each, then Fisher's scoring."""
     m = len(trial.changes)
     tries = [np.zeros(m)]

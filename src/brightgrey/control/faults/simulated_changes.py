@@ -14,18 +14,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.optimisation.least_squares import descend, descend_many
-from brightgrey.estimation.optimisation.multistart import explore
-from brightgrey.estimation.problem.initial_state import noise_of
-from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.optimisation.least_squares import fit_many, fit_to_convergence
+from brightgrey.estimation.optimisation.multistart import multistart
+from brightgrey.estimation.problem.initial_state import output_noise
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.scales import scales
-from brightgrey.estimation.problem.simulation_error import Problem
-from brightgrey.estimation.uncertainty.covariance import noise_models, scattered
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
+from brightgrey.estimation.uncertainty.covariance import gradient_covariance, noise_models
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["Change", "Changed", "changed"]
+__all__ = ["ChangeEstimate", "ParameterGroup", "estimate_changes"]
 
 Array = NDArray[np.float64]
 _MOST = 5.0  # factor that is looked for, to either side
@@ -35,7 +35,7 @@ _RIVALS = 4  # ends from which a held factor is fitted
 _SINGULAR = 1e-10  # of the information with normed parameters, whose diagonal is 1
 
 
-class Change(NamedTuple):
+class ParameterGroup(NamedTuple):
     """Parameters that are multiplied by a common factor, and the standard deviation of its logarithm beforehand.
 
     An infinite one says that nothing is known.
@@ -55,7 +55,7 @@ class Change(NamedTuple):
         return not np.isfinite(self.doubt)
 
 
-class Changed(NamedTuple):
+class ChangeEstimate(NamedTuple):
     """What a recording says of the changes.
 
     Attributes
@@ -70,15 +70,15 @@ class Changed(NamedTuple):
     std: Array
 
 
-def changed(
+def estimate_changes(
     structure: Structure,
     values: Mapping[str, float],
-    changes: Sequence[Change],
+    changes: Sequence[ParameterGroup],
     recording: Recording,
     settings: Settings,
     *,
-    matters: float,
-) -> Changed:
+    min_change: float,
+) -> ChangeEstimate:
     """Find the factors with which the model explains a recording best.
 
     Parameters
@@ -86,7 +86,7 @@ def changed(
     structure : Structure
     values : mapping of str to float
         The model's parameters, SI.
-    changes : sequence of Change
+    changes : sequence of ParameterGroup
     recording : Recording
     settings : Settings
         Of the last descents; the search goes at the ``fast`` level.
@@ -97,35 +97,35 @@ def changed(
 
     Returns
     -------
-    Changed
+    ChangeEstimate
         The standard deviations allow for autocorrelated residuals, as in :mod:`brightgrey.estimation.uncertainty.covariance`.
     """
     problem = _Informed.of(structure, [recording])
     search = _space(values, changes, recording, problem)
     problem = replace(problem, believed={c.name: c.doubt for c in changes if not c.free})
     fast = replace(settings, level="fast")
-    found = explore(problem, search, fast, [{}], starts=_STARTS, patience=_PATIENCE, seed=0)
+    found = multistart(problem, search, fast, [{}], starts=_STARTS, patience=_PATIENCE, seed=0)
     ends = sorted(found.ends, key=lambda end: end.cost)[:_RIVALS]
-    problem = _heard(problem, search, settings, ends[0].values)
-    last = descend(problem, search, settings, ends[0].values)
-    size = search.inward(last.values)
+    problem = _reweighted(problem, search, settings, ends[0].values)
+    last = fit_to_convergence(problem, search, settings, ends[0].values)
+    size = search.to_scaled(last.values)
     white, std = _spread(problem, last.residual, last.jacobian)
     for i, change in enumerate(changes):
-        if change.free and abs(size[i]) > matters and np.isfinite(white[i]):
+        if change.free and abs(size[i]) > min_change and np.isfinite(white[i]):
             begins = np.stack([last.values, *(end.values for end in ends)], axis=1)
-            held, begins = _held(search, i, float(np.exp(np.copysign(matters, size[i]))), begins)
-            least = min(end.cost for end in descend_many(problem, held, settings, begins, rival=np.inf))
+            held, begins = _held(search, i, float(np.exp(np.copysign(min_change, size[i]))), begins)
+            least = min(end.cost for end in fit_many(problem, held, settings, begins, cost_to_beat=np.inf))
             ratio = np.sqrt(max(least - last.cost, 0.0)) * white[i] / std[i]
-            std[i] = max(std[i], (abs(size[i]) - matters) / max(ratio, 1e-6))
-    return Changed(size[: len(changes)], std[: len(changes)])
+            std[i] = max(std[i], (abs(size[i]) - min_change) / max(ratio, 1e-6))
+    return ChangeEstimate(size[: len(changes)], std[: len(changes)])
 
 
 @dataclass(frozen=True)
-class _Factors(Search):
+class _Factors(ParameterSpace):
     """Search of factors; by name it gives the parameters that they lead to, too."""
 
     model: Mapping[str, float] = field(default_factory=dict)
-    changes: tuple[Change, ...] = ()
+    changes: tuple[ParameterGroup, ...] = ()
 
     def named(self, values: Array) -> dict[str, Array]:
         given = super().named(values)
@@ -136,9 +136,14 @@ class _Factors(Search):
         return given | own
 
 
-def _space(values: Mapping[str, float], changes: Sequence[Change], recording: Recording, problem: Problem) -> _Factors:
+def _space(
+    values: Mapping[str, float],
+    changes: Sequence[ParameterGroup],
+    recording: Recording,
+    problem: SimulationErrorProblem,
+) -> _Factors:
     reach = np.exp([min(_DOUBTS * change.doubt, np.log(_MOST)) for change in changes])
-    unknown = problem.unknown
+    unknown = problem.unknown_initial
     return _Factors(
         names=(*(change.name for change in changes), *(part.name for part in unknown)),
         low=np.array([*(1.0 / reach), *(part.low for part in unknown)]),
@@ -148,7 +153,7 @@ def _space(values: Mapping[str, float], changes: Sequence[Change], recording: Re
         fixed={},
         scales=scales([recording]),
         blocks=(),
-        still=np.array([not change.free for change in changes] + [not part.drawn for part in unknown]),
+        not_sampled=np.array([not change.free for change in changes] + [not part.drawn for part in unknown]),
         model=values,
         changes=tuple(changes),
     )
@@ -163,7 +168,7 @@ def _held(search: _Factors, i: int, value: float, begins: Array) -> tuple[_Facto
 
 
 @dataclass(frozen=True)
-class _Informed(Problem):
+class _Informed(SimulationErrorProblem):
     """Problem with one more residual for each factor of which something is known: its logarithm over that doubt."""
 
     believed: Mapping[str, float] = field(default_factory=dict)
@@ -172,27 +177,27 @@ class _Informed(Problem):
         apart = super().residuals(values, settings, group=group)
         return np.concatenate([apart, self._beliefs(values)])
 
-    def products(self, values: Mapping[str, Array], settings: Settings, per_step: Array) -> Array:
-        total = super().products(values, settings, per_step)
+    def normal_products(self, values: Mapping[str, Array], settings: Settings, per_step: Array) -> Array:
+        total = super().normal_products(values, settings, per_step)
         r = self._beliefs(values).reshape(-1, *total.shape[:2])
         r[:, :, 1:] = (r[:, :, 1:] - r[:, :, :1]) * per_step
         return np.asarray(total + np.einsum("bsi,bsj->sij", r, r))
 
-    def costs(self, values: Mapping[str, Array], settings: Settings, most: Array | None = None) -> Array:
+    def costs(self, values: Mapping[str, Array], settings: Settings, upper_limits: Array | None = None) -> Array:
         more = np.square(self._beliefs(values)).sum(axis=0)
-        return np.asarray(super().costs(values, settings, None if most is None else most - more) + more)
+        return np.asarray(super().costs(values, settings, None if upper_limits is None else upper_limits - more) + more)
 
     def _beliefs(self, values: Mapping[str, Array]) -> Array:
         sets = len(next(iter(values.values())))
         return np.array([np.log(values[name]) / std for name, std in self.believed.items()]).reshape(-1, sets)
 
 
-def _heard(problem: _Informed, search: Search, settings: Settings, values: Array) -> _Informed:
+def _reweighted(problem: _Informed, search: ParameterSpace, settings: Settings, values: Array) -> _Informed:
     """The same with the residuals at `values` for noise, which is what no change explains; at least the sensor's."""
     (recording,) = problem.recordings
     residual = problem.residuals(search.named(values[:, None]), settings)[: recording.y.size]
     size = np.sqrt(np.mean(np.square(residual.reshape(recording.y.shape)), axis=1)) / problem.weights
-    noise = np.maximum(size, noise_of(recording))
+    noise = np.maximum(size, output_noise(recording))
     return replace(problem, weights=1.0 / np.where(noise > 0.0, noise, 1.0 / problem.weights))
 
 
@@ -204,7 +209,7 @@ def _spread(problem: _Informed, residual: Array, jacobian: Array) -> tuple[Array
     J = jacobian / np.where(scale > 0.0, scale, 1.0)
     data, known = J[:n], J[n:]
     lengths = [recording.samples] * len(recording.y)
-    meat = known.T @ known + scattered(noise_models(residual[:n], data, lengths), data, lengths)
+    meat = known.T @ known + gradient_covariance(noise_models(residual[:n], data, lengths), data, lengths)
     size, base = np.linalg.eigh(J.T @ J)
     inverse = (base / np.maximum(size, _SINGULAR * max(size[-1], 1.0))) @ base.T
     stds = (np.sqrt(np.diag(cov)) for cov in (inverse, inverse @ meat @ inverse))

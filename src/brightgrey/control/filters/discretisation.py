@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from brightgrey.effects import Law
 from brightgrey.kit import StateSpace
 
-__all__ = ["Ahead", "Lanes", "Spans", "ahead", "exponential", "spans"]
+__all__ = ["DelayedInput", "ElementBatch", "Propagated", "delayed_input", "matrix_exponential", "propagate"]
 
 Array = NDArray[np.float64]
 _TAYLOR = 8
@@ -52,7 +52,7 @@ class _Wired:
 
 
 @dataclass(frozen=True)
-class Lanes:
+class ElementBatch:
     """A system with the parameter sets on the first axis, as batched matrix products want it.
 
     Attributes
@@ -75,7 +75,7 @@ class Lanes:
     speeds: NDArray[np.int64]
 
     @classmethod
-    def of(cls, system: StateSpace, lanes: int = 1) -> Lanes:
+    def of(cls, system: StateSpace, lanes: int = 1) -> ElementBatch:
         """Take a batch of K sets as it is; repeat one set `lanes` times."""
         K = system.batch[0] if system.batch else lanes
 
@@ -101,7 +101,7 @@ class Lanes:
         A, B, C = first(system.A, 2), first(system.B, 2)[:, :, 0], first(system.C, 2)
         return cls(A, B, C, elements, system.derivative_rows, speeds)
 
-    def picked(self, which: NDArray[np.int64]) -> Lanes:
+    def picked(self, which: NDArray[np.int64]) -> ElementBatch:
         """Some of the lanes; one may come several times."""
         elements = tuple(
             replace(
@@ -167,7 +167,7 @@ class Lanes:
         return z, change
 
 
-class Ahead(NamedTuple):
+class Propagated(NamedTuple):
     """State after an interval (K, n), its derivative by the state before (K, n, n) and by a held input (K, n)."""
 
     z: Array
@@ -175,7 +175,7 @@ class Ahead(NamedTuple):
     by_input: Array
 
 
-def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: ArrayLike, tolerance: Array) -> Ahead:
+def propagate(lanes: ElementBatch, z: Array, u0: Array, u1: Array, dt: ArrayLike, tolerance: Array) -> Propagated:
     """Carry states over an interval, in as many steps as each lane needs.
 
     Parameters
@@ -206,8 +206,8 @@ def ahead(lanes: Lanes, z: Array, u0: Array, u1: Array, dt: ArrayLike, tolerance
 
 
 def _steps(
-    lanes: Lanes, z: Array, u0: Array, u1: Array, dt: Array, pieces: int, tolerance: Array
-) -> tuple[Ahead, NDArray[np.bool_]]:
+    lanes: ElementBatch, z: Array, u0: Array, u1: Array, dt: Array, pieces: int, tolerance: Array
+) -> tuple[Propagated, NDArray[np.bool_]]:
     """Equal steps, and which lanes need smaller ones."""
     K, n = z.shape
     h = dt / pieces
@@ -223,7 +223,7 @@ def _steps(
         M = np.zeros((K, n + 3, n + 3))  # dz, 1, t, held input
         M[:, :n, :n], M[:, :n, n], M[:, :n, n + 1], M[:, :n, n + 2] = J, rate, b * slope[:, None], b
         M[:, n + 1, n] = 1.0
-        E = exponential(M * h[:, None, None])
+        E = matrix_exponential(M * h[:, None, None])
         moved = z + E[:, :n, n]
         after, _, _ = lanes.field(moved, u + slope * h)
         bend = after - rate - np.einsum("kij,kj->ki", J, E[:, :n, n]) - b * (slope * h)[:, None]
@@ -238,10 +238,10 @@ def _steps(
         z, put = lanes.inside(moved + better)
         by_input = np.einsum("kij,kj->ki", put, np.einsum("kij,kj->ki", E[:, :n, :n], by_input) + E[:, :n, n + 2])
         total = put @ E[:, :n, :n] @ total
-    return Ahead(z, total, by_input), coarse
+    return Propagated(z, total, by_input), coarse
 
 
-def exponential(M: Array) -> Array:
+def matrix_exponential(M: Array) -> Array:
     """Matrix exponentials, shape (K, m, m), by Taylor series and squaring, each matrix for itself."""
     size = np.abs(M).sum(axis=2).max(axis=1)
     halvings = np.ceil(np.log2(np.maximum(size / _SMALL, 1.0)))
@@ -257,7 +257,7 @@ def exponential(M: Array) -> Array:
     return np.asarray(E)
 
 
-class Spans(NamedTuple):
+class DelayedInput(NamedTuple):
     """Delayed input, which bends once within every interval: where the next sample of what was asked for arrives.
 
     Attributes
@@ -276,12 +276,12 @@ class Spans(NamedTuple):
     last: Array
     share: Array
 
-    def picked(self, which: NDArray[np.int64]) -> Spans:
+    def picked(self, which: NDArray[np.int64]) -> DelayedInput:
         """Some of the lanes; one may come several times."""
-        return Spans(*(part[..., which] for part in self))
+        return DelayedInput(*(part[..., which] for part in self))
 
 
-def spans(u: Array, dt: float, delay: Array, hold: str) -> Spans:
+def delayed_input(u: Array, dt: float, delay: Array, hold: str) -> DelayedInput:
     """Delay the input, exactly.
 
     Parameters
@@ -303,5 +303,5 @@ def spans(u: Array, dt: float, delay: Array, hold: str) -> Spans:
 
     old, near, new = at(k - whole - 1), at(k - whole), at(k - whole + 1)
     if hold == "zoh":
-        return Spans(old, old, near, near, share)
-    return Spans(share * old + (1.0 - share) * near, near, near, share * near + (1.0 - share) * new, share)
+        return DelayedInput(old, old, near, near, share)
+    return DelayedInput(share * old + (1.0 - share) * near, near, near, share * near + (1.0 - share) * new, share)

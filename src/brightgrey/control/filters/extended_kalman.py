@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.filters.state_transition import Course, Watched
+from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 
-__all__ = ["Filtered", "Noise", "Record", "Updated", "Watched", "begin", "extended", "predicted", "updated"]
+__all__ = ["FilterInput", "Filtered", "Noise", "Record", "Updated", "begin", "extended", "predicted", "updated"]
 
 Array = NDArray[np.float64]
 
@@ -90,14 +90,14 @@ class Updated(NamedTuple):
     S: Array
 
 
-def predicted(course: Course, k: int, x: Array, P: Array, torque: Array) -> tuple[Array, Array]:
+def predicted(course: ProcessModel, k: int, x: Array, P: Array, torque: Array) -> tuple[Array, Array]:
     """State and covariance one sample on; `torque` (K,) is the disturbance's standard deviation."""
     moved = course.carry(k, x)
-    F, push = moved.by_state, moved.by_push * torque[:, None]
+    F, push = moved.by_state, moved.by_disturbance * torque[:, None]
     return moved.x, F @ P @ F.transpose(0, 2, 1) + push[:, :, None] * push[:, None, :]
 
 
-def updated(course: Course, k: int, x: Array, P: Array, y: Array, R: Array) -> Updated:
+def updated(course: ProcessModel, k: int, x: Array, P: Array, y: Array, R: Array) -> Updated:
     """State and covariance with the measurement `y` (K, outputs) of sample k; Joseph's form."""
     expected, H = course.measure(k, x)
     S = H @ P @ H.transpose(0, 2, 1) + R
@@ -108,12 +108,12 @@ def updated(course: Course, k: int, x: Array, P: Array, y: Array, R: Array) -> U
     return Updated(course.clipped(x + np.einsum("kij,kj->ki", gain, innovation)), after, innovation, S)
 
 
-def extended(watched: Watched, noise: Noise) -> Filtered:
+def extended(watched: FilterInput, noise: Noise) -> Filtered:
     """Run the extended Kalman filter over the recordings.
 
     Parameters
     ----------
-    watched : Watched
+    watched : FilterInput
     noise : Noise
 
     Returns
@@ -127,7 +127,7 @@ def extended(watched: Watched, noise: Noise) -> Filtered:
     :func:`brightgrey.control.filters.unscented_kalman.unscented`.
     """
     samples, K = watched.u.shape
-    course = Course.of(watched)
+    course = ProcessModel.of(watched)
     R, torque = noise.sensors(K), noise.torques(K)
     x, P = begin(watched, course, torque)
     out = Record.empty(samples, K, course.states, len(watched.differenced))
@@ -139,7 +139,7 @@ def extended(watched: Watched, noise: Noise) -> Filtered:
     return out.gaussian()
 
 
-def begin(watched: Watched, course: Course, torque: Array) -> tuple[Array, Array]:
+def begin(watched: FilterInput, course: ProcessModel, torque: Array) -> tuple[Array, Array]:
     """State and covariance at the first sample."""
     return course.start(watched.z0, watched.P0, torque, watched.system.state_names.index("v1"))
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
 from brightgrey.control.filters.extended_kalman import Filtered, Noise, Record, begin, extended, predicted, updated
-from brightgrey.control.filters.state_transition import Course, Watched
+from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 
-__all__ = ["mixture"]
+__all__ = ["gaussian_sum"]
 
 Array = NDArray[np.float64]
 _COMPONENTS = 40
@@ -47,12 +47,12 @@ class _Bank:
         return np.asarray(self.weights > _IDLE * self.weights.max(axis=1, keepdims=True))
 
 
-def mixture(watched: Watched, noise: Noise, components: int = _COMPONENTS) -> Filtered:
+def gaussian_sum(watched: FilterInput, noise: Noise, components: int = _COMPONENTS) -> Filtered:
     """Run the sum of Gaussians over the recordings; without a gap it is the extended filter.
 
     Parameters
     ----------
-    watched : Watched
+    watched : FilterInput
     noise : Noise
     components : int
         Extended filters for each recording.
@@ -65,7 +65,7 @@ def mixture(watched: Watched, noise: Noise, components: int = _COMPONENTS) -> Fi
     if not any(e.limits is not None for e in watched.system.elements):
         return extended(watched, noise)
     samples, K = watched.u.shape
-    course = Course.of(watched, components)
+    course = ProcessModel.of(watched, components)
     R, torque = (np.repeat(part, components, axis=0) for part in (noise.sensors(K), noise.torques(K)))
     bank = _first(watched, course, noise.torques(K), components)
     out = Record.empty(samples, K, course.states, len(watched.differenced))
@@ -119,7 +119,7 @@ def _moments(weights: Array, x: Array, P: Array) -> tuple[Array, Array]:
     return mean, cov
 
 
-def _first(watched: Watched, course: Course, torque: Array, M: int) -> _Bank:
+def _first(watched: FilterInput, course: ProcessModel, torque: Array, M: int) -> _Bank:
     """Components evenly over every gap; the others are kept for splits."""
     K = watched.u.shape[1]
     x, P = begin(watched, course.picked(np.arange(K) * M), torque)
@@ -135,7 +135,7 @@ def _first(watched: Watched, course: Course, torque: Array, M: int) -> _Bank:
     return _Bank(np.tile((np.arange(M) < filled) / filled, (K, 1)), x, P)
 
 
-def _doubts(bank: _Bank, course: Course, k: int) -> tuple[Array, Array]:
+def _doubts(bank: _Bank, course: ProcessModel, k: int) -> tuple[Array, Array]:
     """How much a doubtful contact matters to each component, shape (K M,), and along what to split it (K M, m).
 
     What decides is where the limited state is, or where its shaft would pull it. It matters by the speed that the
@@ -164,7 +164,7 @@ def _doubts(bank: _Bank, course: Course, k: int) -> tuple[Array, Array]:
     return score, along
 
 
-def _split(bank: _Bank, course: Course, k: int) -> _Bank:
+def _split(bank: _Bank, course: ProcessModel, k: int) -> _Bank:
     """Split the components whose contact is most in doubt, in place of those that have no weight."""
     K, M = bank.weights.shape
     score, along = _doubts(bank, course, k)
@@ -186,7 +186,7 @@ def _split(bank: _Bank, course: Course, k: int) -> _Bank:
     return _Bank(weights / weights.sum(axis=1, keepdims=True), course.clipped(x), P)
 
 
-def _merged(bank: _Bank, course: Course) -> _Bank:
+def _merged(bank: _Bank, course: ProcessModel) -> _Bank:
     """Merge in each recording the two components that are nearest to each other, if they agree."""
     M = bank.weights.shape[1]
     i, j, near = _nearest(bank, course)
@@ -203,7 +203,7 @@ def _merged(bank: _Bank, course: Course) -> _Bank:
     return _Bank(weights, x, P)
 
 
-def _nearest(bank: _Bank, course: Course) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+def _nearest(bank: _Bank, course: ProcessModel) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
     """Numbers of the two components that are nearest to each other, shape (K,), and whether they agree."""
     K, M = bank.weights.shape
     n, weights, alive = course.states, bank.weights, bank.alive

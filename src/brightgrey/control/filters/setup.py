@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brightgrey.control.filters.extended_kalman import Noise, extended
-from brightgrey.control.filters.state_transition import Watched
-from brightgrey.control.linear.twist_coordinates import Twisted, twisted
+from brightgrey.control.filters.state_transition import FilterInput
+from brightgrey.control.linear.twist_coordinates import TwistModel, to_twist_coordinates
 from brightgrey.effects import Element
 from brightgrey.errors import RecordingError
-from brightgrey.estimation.problem.initial_state import initial_state, noise_of
+from brightgrey.estimation.problem.initial_state import initial_state, output_noise
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["Seen", "first_state", "noise_levels", "see", "shaft_torque"]
+__all__ = ["PreparedRecording", "first_state", "noise_levels", "prepare", "shaft_torque"]
 
 Array = NDArray[np.float64]
 _AT_REST = 0.02  # of the speed scale: how well the first speed is known
@@ -30,29 +30,29 @@ _STEP_ERROR = 0.1  # of the speed's noise
 
 
 @dataclass(frozen=True)
-class Seen:
+class PreparedRecording:
     """A recording as the filters take it.
 
     Attributes
     ----------
-    watched : Watched
-    twisted : Twisted
+    watched : FilterInput
+    twisted : TwistModel
         Coordinates, and the way back to all states.
     sensors : ndarray, shape (K, outputs)
         Noise of each output as its recording shows it, SI.
     """
 
-    watched: Watched
-    twisted: Twisted
+    watched: FilterInput
+    twisted: TwistModel
     sensors: Array
 
 
-def see(
+def prepare(
     structure: Structure,
     values: Mapping[str, ArrayLike],
     recording: Recording | Sequence[Recording],
     settings: Settings,
-) -> Seen:
+) -> PreparedRecording:
     """Prepare recordings for a filter with the model `values` of `structure`.
 
     Parameters
@@ -67,7 +67,7 @@ def see(
 
     Returns
     -------
-    Seen
+    PreparedRecording
     """
     first = recording if isinstance(recording, Recording) else recording[0]
     kinds = [signal.kind for signal in first.outputs]
@@ -77,15 +77,15 @@ def see(
     K = system.batch[0] if system.batch else 1
     each = [first] * K if isinstance(recording, Recording) else list(recording)
     _check_alike(each, K)
-    coordinates = twisted(system)
-    own = {id(r): (np.asarray(noise_of(r)), initial_state(r, system), float(np.abs(r.u).max())) for r in each}
+    coordinates = to_twist_coordinates(system)
+    own = {id(r): (np.asarray(output_noise(r)), initial_state(r, system), float(np.abs(r.u).max())) for r in each}
     sensors, starts, torques = (np.array(part) for part in zip(*(own[id(r)] for r in each), strict=True))
     speed_noise = _speed_noise(kinds, sensors, settings)
     speed = _AT_REST * settings.speed_scale
     z0, P0 = first_state(coordinates, starts, speed, speed_noise, _AT_REST * torques)
     if "position" in kinds:
         P0[:, 0, 0] = np.square(sensors[:, kinds.index("position")])
-    watched = Watched(
+    watched = FilterInput(
         coordinates.system,
         np.stack([r.u for r in each], axis=1),
         np.stack([r.y.T for r in each], axis=1),
@@ -96,7 +96,7 @@ def see(
         differenced,
         _STEP_ERROR * speed_noise,
     )
-    return Seen(watched, coordinates, sensors)
+    return PreparedRecording(watched, coordinates, sensors)
 
 
 def _check_alike(each: Sequence[Recording], lanes: int) -> None:
@@ -116,12 +116,12 @@ def _speed_noise(kinds: Sequence[str], sensors: Array, settings: Settings) -> Ar
     return np.asarray(np.clip(least, 1e-4 * settings.speed_scale, 1e-2 * settings.speed_scale))
 
 
-def first_state(coordinates: Twisted, x0: Array, speed: float, apart: Array, torque: Array) -> tuple[Array, Array]:
+def first_state(coordinates: TwistModel, x0: Array, speed: float, apart: Array, torque: Array) -> tuple[Array, Array]:
     """First state, shape (K, n), and its covariance: all masses move alike, gaps stand anywhere, shafts are relaxed.
 
     Parameters
     ----------
-    coordinates : Twisted
+    coordinates : TwistModel
     x0 : ndarray, shape (K, states)
         Expected state but for gaps.
     speed : float
@@ -190,7 +190,7 @@ def noise_levels(structure: Structure, values: Mapping[str, float], recording: R
     """
     part = _middle(recording)
     torque = float(np.abs(part.u).max()) or 1.0
-    seen = see(structure, values, part, settings)
+    seen = prepare(structure, values, part, settings)
     grid = [(t * torque, s) for t in _TORQUES for s in _SENSORS]
     best = _likeliest(seen, grid)
     best = _likeliest(seen, [(best[0] * t, best[1] * s) for t in _FINER for s in _FINER])
@@ -205,7 +205,7 @@ def _middle(recording: Recording) -> Recording:
     return replace(recording, t=recording.t[part], u=recording.u[part], y=recording.y[:, part])
 
 
-def _likeliest(seen: Seen, grid: list[tuple[float, float]]) -> tuple[float, float]:
+def _likeliest(seen: PreparedRecording, grid: list[tuple[float, float]]) -> tuple[float, float]:
     """Torque and sensor factor with the largest likelihood; all of a grid are filtered side by side."""
     w, lanes = seen.watched, len(grid)
     wide = replace(

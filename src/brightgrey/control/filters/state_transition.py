@@ -13,16 +13,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.filters.discretisation import Lanes, Spans, ahead, spans
+from brightgrey.control.filters.discretisation import DelayedInput, ElementBatch, delayed_input, propagate
 from brightgrey.kit import StateSpace
 
-__all__ = ["Course", "Moved", "Watched"]
+__all__ = ["FilterInput", "ProcessModel", "Transition"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Watched:
+class FilterInput:
     """Recordings of K drives of one structure, or of one drive seen by K parameter sets.
 
     Attributes
@@ -54,22 +54,22 @@ class Watched:
     tolerance: Array
 
 
-class Moved(NamedTuple):
+class Transition(NamedTuple):
     """State after an interval (K, m), its derivative by the state before (K, m, m) and by the disturbance (K, m)."""
 
     x: Array
     by_state: Array
-    by_push: Array
+    by_disturbance: Array
 
 
 @dataclass(frozen=True)
-class Course:
+class ProcessModel:
     """Recordings as a filter goes through them. States: the model's n, the last position, the disturbance.
 
     Attributes
     ----------
     lanes : Lanes
-    timed : Spans
+    timed : DelayedInput
         Delayed input.
     dt : float
     tolerance : ndarray, shape (K,)
@@ -78,26 +78,26 @@ class Course:
         Whether the disturbance is a state.
     """
 
-    lanes: Lanes
-    timed: Spans
+    lanes: ElementBatch
+    timed: DelayedInput
     dt: float
     tolerance: Array
     differenced: NDArray[np.bool_]
     remembers_push: bool
 
     @classmethod
-    def of(cls, watched: Watched, copies: int = 1) -> Course:
+    def of(cls, watched: FilterInput, copies: int = 1) -> ProcessModel:
         """Each recording `copies` times, one copy after the other."""
         K = watched.u.shape[1]
-        lanes = Lanes.of(watched.system, K)
+        lanes = ElementBatch.of(watched.system, K)
         each = np.repeat(np.arange(K), copies)
         delay = np.broadcast_to(np.asarray(watched.system.dead_time, float), (K,))
-        timed = spans(watched.u, watched.dt, delay, watched.hold)
+        timed = delayed_input(watched.u, watched.dt, delay, watched.hold)
         pushed = bool(np.any(timed.share < 1.0)) or any(row >= 0 for row in watched.system.derivative_rows)
         course = cls(lanes, timed, watched.dt, watched.tolerance, np.array(watched.differenced), pushed)
         return course.picked(each) if copies > 1 else course
 
-    def picked(self, which: NDArray[np.int64]) -> Course:
+    def picked(self, which: NDArray[np.int64]) -> ProcessModel:
         """Some of the recordings; one may come several times."""
         return replace(
             self, lanes=self.lanes.picked(which), timed=self.timed.picked(which), tolerance=self.tolerance[which]
@@ -146,21 +146,21 @@ class Course:
             P[:, -1, -1] = np.square(torque)
         return z0 @ wide.T, P
 
-    def carry(self, k: int, x: Array, fresh: Array | None = None) -> Moved:
+    def carry(self, k: int, x: Array, fresh: Array | None = None) -> Transition:
         """From sample k to the next; `fresh` (K,) is the disturbance of the interval, 0 where not given."""
         n, K = self.states, len(x)
         new = np.zeros(K) if fresh is None else fresh
         own = x[:, -1] if self.remembers_push else new
         t = self.timed
-        step = ahead(self.lanes, x[:, :n], t.first[k] + own, t.knee[k] + own, t.share * self.dt, self.tolerance)
+        step = propagate(self.lanes, x[:, :n], t.first[k] + own, t.knee[k] + own, t.share * self.dt, self.tolerance)
         z, F, by_own, by_new = step.z, step.by_state, step.by_input, np.zeros((K, n))
         if np.any(t.share < 1.0):
             rest = (1.0 - t.share) * self.dt
-            step = ahead(self.lanes, z, t.after[k] + new, t.last[k] + new, rest, self.tolerance)
+            step = propagate(self.lanes, z, t.after[k] + new, t.last[k] + new, rest, self.tolerance)
             z, F, by_new = step.z, step.by_state @ F, step.by_input
             by_own = np.einsum("kij,kj->ki", step.by_state, by_own)
         if not (self.remembers_position or self.remembers_push):
-            return Moved(z, F, by_own)
+            return Transition(z, F, by_own)
         m = x.shape[1]
         after, by_state, by_push = np.zeros((K, m)), np.zeros((K, m, m)), np.zeros((K, m))
         after[:, :n], by_state[:, :n, :n] = z, F
@@ -171,7 +171,7 @@ class Course:
             by_push[:, :n], by_push[:, -1] = by_new, 1.0
         else:
             by_push[:, :n] = by_own
-        return Moved(after, by_state, by_push)
+        return Transition(after, by_state, by_push)
 
     def measure(self, k: int, x: Array) -> tuple[Array, Array]:
         """Outputs (K, outputs) that are expected at sample k, and their derivative by the state."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.control.filters.extended_kalman import Filtered, Noise, Record, begin, updated
-from brightgrey.control.filters.state_transition import Course, Watched
+from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 
 __all__ = ["unscented"]
 
@@ -19,12 +19,12 @@ _ALPHA, _BETA, _KAPPA = 1.0, 2.0, 0.0
 _FLOOR = 1e-12  # of each variance: keeps the root of the covariance from failing
 
 
-def unscented(watched: Watched, noise: Noise) -> Filtered:
+def unscented(watched: FilterInput, noise: Noise) -> Filtered:
     """Run the unscented Kalman filter over the recordings.
 
     Parameters
     ----------
-    watched : Watched
+    watched : FilterInput
     noise : Noise
 
     Returns
@@ -32,11 +32,11 @@ def unscented(watched: Watched, noise: Noise) -> Filtered:
     Filtered
     """
     samples, K = watched.u.shape
-    course = Course.of(watched)
+    course = ProcessModel.of(watched)
     R, torque = noise.sensors(K), noise.torques(K)
     x, P = begin(watched, course, torque)
     points = 2 * (x.shape[1] + 1) + 1  # the disturbance to come is a state of its own
-    many = Course.of(watched, points)
+    many = ProcessModel.of(watched, points)
     out = Record.empty(samples, K, course.states, len(watched.differenced))
     for k in range(samples):
         if k:
@@ -46,7 +46,7 @@ def unscented(watched: Watched, noise: Noise) -> Filtered:
     return out.gaussian()
 
 
-def _spread(many: Course, k: int, x: Array, P: Array, torque: Array) -> tuple[Array, Array]:
+def _spread(many: ProcessModel, k: int, x: Array, P: Array, torque: Array) -> tuple[Array, Array]:
     """State and covariance one sample on, from where the sigma points come to lie."""
     K, m = x.shape
     wide = np.zeros((K, m + 1, m + 1))

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
-from brightgrey.control.limit_cycles.harmonic_balance import Gapped, balanced
+from brightgrey.control.limit_cycles.harmonic_balance import GapLoop, harmonic_balance
 from brightgrey.control.linear.margins import Compensator
-from brightgrey.control.linear.twist_coordinates import twisted
+from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
@@ -246,7 +246,7 @@ def limit_cycles(
     SettingsError
         For laws that are not odd, or an acceleration as the output.
     """
-    transformed = twisted(system).system
+    transformed = to_twist_coordinates(system).system
     for e in transformed.elements:
         if e.law.ports and e.limits is None and not e.law.odd:
             raise SettingsError(f"'{e.name}' is not odd: its oscillations have no mean of 0")
@@ -292,7 +292,7 @@ def _refined(loop: _Loop, start: Array) -> LimitCycle | None:
     turn = float(by_a[0] * by_w[1] - by_a[1] * by_w[0])
     if loop.gap is not None:
         half, port, feedback = _gap_of(loop.gap)
-        better = balanced(Gapped(half, feedback, port, loop.around), w, X[0])
+        better = harmonic_balance(GapLoop(half, feedback, port, loop.around), w, X[0])
         if better is not None:
             w, X = better.omega, better.states[None]
             wanted = np.abs(loop.compensator.at(np.array([w])) * (X @ loop.system.C[loop.output]))

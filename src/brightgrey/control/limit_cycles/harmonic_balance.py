@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-__all__ = ["Balanced", "Gapped", "balanced", "followed"]
+__all__ = ["GapLoop", "HarmonicBalance", "gap_harmonics", "harmonic_balance"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -27,7 +27,7 @@ _NEAR = 0.5  # of the describing function's frequency and size, in the logarithm
 
 
 @dataclass(frozen=True)
-class Gapped:
+class GapLoop:
     """A gap and the closed loop around it.
 
     Attributes
@@ -47,14 +47,14 @@ class Gapped:
     states: Callable[[Array, Complex], Complex]
 
 
-class Balanced(NamedTuple):
+class HarmonicBalance(NamedTuple):
     """Angular frequency in rad/s, and the fundamental of the states."""
 
     omega: float
     states: Complex
 
 
-def followed(half: float, feedback: float, omega: float, drive: Complex) -> Complex:
+def gap_harmonics(half: float, feedback: float, omega: float, drive: Complex) -> Complex:
     """Harmonics of an integrator kept in [-half, half], from those of what drives it; both shape (harmonics,)."""
     h = 2.0 * np.pi / (omega * _STEPS)
     decay = float(np.exp(feedback * h))
@@ -70,18 +70,18 @@ def followed(half: float, feedback: float, omega: float, drive: Complex) -> Comp
     return np.asarray(2.0 / _STEPS * np.exp(-1j * np.outer(_HARMONICS, ends)) @ course, complex)
 
 
-def balanced(gap: Gapped, omega: float, states: Complex) -> Balanced | None:
+def harmonic_balance(gap: GapLoop, omega: float, states: Complex) -> HarmonicBalance | None:
     """Improve a predicted oscillation; None where no balance is found near it.
 
     Parameters
     ----------
-    gap : Gapped
+    gap : GapLoop
     omega : float
         rad/s.
     states : ndarray, shape (n,)
         Fundamental of the states as predicted.
     """
-    first = followed(gap.half, gap.feedback, omega, _padded(complex(states @ gap.port)))
+    first = gap_harmonics(gap.half, gap.feedback, omega, _padded(complex(states @ gap.port)))
     turn = np.exp(-1j * np.angle(first[0]) * _HARMONICS)
     start = _packed(first * turn / gap.half)
     known = states * turn[0]
@@ -94,7 +94,7 @@ def balanced(gap: Gapped, omega: float, states: Complex) -> Balanced | None:
 
     def miss(p: Array) -> Array:
         w, position, each = at(p)
-        new = followed(gap.half, gap.feedback, w, each @ gap.port)
+        new = gap_harmonics(gap.half, gap.feedback, w, each @ gap.port)
         wrong = (new - position) / gap.half
         return np.concatenate([wrong.real, wrong.imag])
 
@@ -107,7 +107,7 @@ def balanced(gap: Gapped, omega: float, states: Complex) -> Balanced | None:
     size = max(float(np.linalg.norm(known) / np.linalg.norm(states)), 1e-300)
     if np.abs(solution.fun).max() > _MET or abs(found[0]) > _NEAR or abs(np.log(size)) > _NEAR:
         return None
-    return Balanced(omega * float(np.exp(found[0])), known)
+    return HarmonicBalance(omega * float(np.exp(found[0])), known)
 
 
 def _padded(fundamental: complex) -> Complex:

@@ -10,22 +10,27 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eig
 
-from brightgrey.control.linear.controllability import Reach, controllability, minimal, observability
+from brightgrey.control.linear.controllability import (
+    Controllability,
+    controllability,
+    minimal_realisation,
+    observability,
+)
 from brightgrey.control.linear.margins import Compensator, Margins, frequencies, frequency_response, margins
-from brightgrey.control.linear.operating_point import OperatingPoint, piece, steady
+from brightgrey.control.linear.operating_point import OperatingPoint, contact_mode, trim
 from brightgrey.control.linear.python_control import state_space
-from brightgrey.control.linear.twist_coordinates import Twisted, twisted
+from brightgrey.control.linear.twist_coordinates import TwistModel, to_twist_coordinates
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear, StateSpace
 
-__all__ = ["Analysis", "Swing", "analyse", "swings", "zeros"]
+__all__ = ["Analysis", "OscillatoryMode", "linearise_at", "oscillatory_modes", "zeros"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 _AT_REST = 1e-9  # of the fastest pole: a pole this near to the axis is on it
 
 
-class Swing(NamedTuple):
+class OscillatoryMode(NamedTuple):
     """A conjugate pair of poles or zeros: frequency in Hz, damping ratio (negative: it grows)."""
 
     frequency: float
@@ -67,23 +72,23 @@ class Analysis:
         return "unstable" if largest > edge else "marginal" if largest >= -edge else "stable"
 
     @cached_property
-    def controllability(self) -> Reach:
+    def controllability(self) -> Controllability:
         """Which states the input reaches, and how close that is to being lost."""
         return controllability(self.linear)
 
     @cached_property
-    def observability(self) -> Reach:
+    def observability(self) -> Controllability:
         """Which states the outputs show, and how close that is to being lost."""
         return observability(self.linear)
 
     @property
-    def resonances(self) -> tuple[Swing, ...]:
+    def resonances(self) -> tuple[OscillatoryMode, ...]:
         """Pairs of complex poles, the lowest frequency first."""
-        return swings(self.poles)
+        return oscillatory_modes(self.poles)
 
-    def antiresonances(self, output: int = 0) -> tuple[Swing, ...]:
+    def antiresonances(self, output: int = 0) -> tuple[OscillatoryMode, ...]:
         """Pairs of complex zeros from the input to one output."""
-        return swings(zeros(self.linear, output))
+        return oscillatory_modes(zeros(self.linear, output))
 
     def bode(self, omega: Array | None = None) -> tuple[Array, Complex]:
         """Angular frequencies in rad/s, (m,), and responses of all outputs, (outputs, m), dead time exact."""
@@ -97,21 +102,21 @@ class Analysis:
         Of the part that input and output reach: a load that coasts in an open gap is not the loop's matter.
         """
         one = self.linear._replace(C=self.linear.C[output : output + 1], D=self.linear.D[output : output + 1])
-        return margins(minimal(one), compensator, dead_time=self.dead_time + delay)
+        return margins(minimal_realisation(one), compensator, dead_time=self.dead_time + delay)
 
     def control(self, order: int = 4) -> Any:
         """``control.StateSpace``; the dead time is a Padé approximation of `order`."""
         return state_space(self.linear, self.states, self.outputs, self.dead_time, order)
 
 
-def analyse(
-    system: StateSpace | Twisted, *, speed: float = 0.0, contact: str = "forward", keep_position: bool = False
+def linearise_at(
+    system: StateSpace | TwistModel, *, speed: float = 0.0, contact: str = "forward", keep_position: bool = False
 ) -> Analysis:
     """Linearise a system in steady motion.
 
     Parameters
     ----------
-    system : StateSpace or Twisted
+    system : StateSpace or TwistModel
         One parameter set.
     speed : float
         Of all masses, rad/s (m/s).
@@ -129,11 +134,13 @@ def analyse(
     SettingsError
         For a batch, an unknown contact, or where no such steady motion exists.
     """
-    transformed = system if isinstance(system, Twisted) else twisted(system, keep_position=keep_position)
+    transformed = (
+        system if isinstance(system, TwistModel) else to_twist_coordinates(system, keep_position=keep_position)
+    )
     if transformed.system.batch:
         raise SettingsError("analysis takes one parameter set, this is a batch")
-    on = piece(transformed, contact)
-    point = steady(on, speed)
+    on = contact_mode(transformed, contact)
+    point = trim(on, speed)
     outputs = transformed.system.outputs
     return Analysis(point, point.linear, on.names, outputs, float(np.asarray(transformed.system.dead_time)))
 
@@ -157,7 +164,7 @@ def zeros(linear: Linear, output: int = 0) -> Complex:
     return np.asarray(alpha[finite] / beta[finite] * scale)
 
 
-def swings(rates: Complex) -> tuple[Swing, ...]:
+def oscillatory_modes(rates: Complex) -> tuple[OscillatoryMode, ...]:
     """Conjugate pairs among poles or zeros, the lowest frequency first."""
     pairs = sorted((r for r in rates if r.imag > 1e-6 * abs(r)), key=abs)
-    return tuple(Swing(float(abs(r) / (2.0 * np.pi)), float(-r.real / abs(r))) for r in pairs)
+    return tuple(OscillatoryMode(float(abs(r) / (2.0 * np.pi)), float(-r.real / abs(r))) for r in pairs)

@@ -17,13 +17,13 @@ from scipy.optimize import minimize
 
 from brightgrey.kit import Linear
 
-__all__ = ["Reach", "controllability", "minimal", "observability"]
+__all__ = ["Controllability", "controllability", "minimal_realisation", "observability"]
 
 Array = NDArray[np.float64]
 _LOST = 1e-10  # what is left of a direction, relative to A, that counts as nothing
 
 
-class Reach(NamedTuple):
+class Controllability(NamedTuple):
     """How far input or output reach.
 
     Attributes
@@ -47,17 +47,17 @@ class Reach(NamedTuple):
         return self.rank == self.order
 
 
-def controllability(linear: Linear) -> Reach:
+def controllability(linear: Linear) -> Controllability:
     """Which states the input reaches."""
     return _reach(linear.A, linear.B)
 
 
-def observability(linear: Linear) -> Reach:
+def observability(linear: Linear) -> Controllability:
     """Which states the outputs show."""
     return _reach(linear.A.T, linear.C.T)
 
 
-def _reach(A: Array, B: Array) -> Reach:
+def _reach(A: Array, B: Array) -> Controllability:
     n = len(A)
     balanced, scaling = matrix_balance(A, permute=False, separate=True)
     size = float(np.linalg.norm(balanced, 2)) or 1.0
@@ -75,7 +75,7 @@ def _reach(A: Array, B: Array) -> Reach:
     rank = _krylov(A1, B1).shape[1]
     starts = sorted(np.linalg.eigvals(A1), key=smallest)
     if rank < n:
-        return Reach(rank, n, 0.0, complex(starts[0] * size))
+        return Controllability(rank, n, 0.0, complex(starts[0] * size))
     best, where = smallest(starts[0]), complex(starts[0])
     for start in starts[:2]:
         found = minimize(
@@ -86,10 +86,10 @@ def _reach(A: Array, B: Array) -> Reach:
         )
         if found.fun < best:
             best, where = float(found.fun), complex(found.x[0], found.x[1])
-    return Reach(rank, n, best, where * size)
+    return Controllability(rank, n, best, where * size)
 
 
-def minimal(linear: Linear) -> Linear:
+def minimal_realisation(linear: Linear) -> Linear:
     """Linear model without what the input does not reach or the outputs do not show; its states have no names.
 
     In an open gap the load coasts on its own: a pole at the origin that no loop over the motor moves and that is no

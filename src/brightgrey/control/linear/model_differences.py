@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.linear.analysis import Swing, analyse
+from brightgrey.control.linear.analysis import OscillatoryMode, linearise_at
 from brightgrey.control.linear.margins import frequency_response
-from brightgrey.control.linear.operating_point import piece, steady
-from brightgrey.control.linear.twist_coordinates import Twisted, twisted
+from brightgrey.control.linear.operating_point import contact_mode, trim
+from brightgrey.control.linear.twist_coordinates import TwistModel, to_twist_coordinates
 from brightgrey.kit import StateSpace
 
-__all__ = ["Band", "Numbers", "band", "numbers"]
+__all__ = ["Band", "ModelFigures", "band", "model_figures"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -49,7 +49,7 @@ def band(inputs: Sequence[Array], dt: float) -> Band:
 
 
 @dataclass(frozen=True)
-class Numbers:
+class ModelFigures:
     """What one model says to a control engineer, SI.
 
     Attributes
@@ -62,7 +62,7 @@ class Numbers:
         Where the ratio is largest, Hz.
     poles : tuple of complex
         In 1/s, the slowest first.
-    resonances : tuple of Swing
+    resonances : tuple of OscillatoryMode
     lag : float
         Dead time in s; other lags are among the poles.
     friction, constant : float
@@ -74,13 +74,13 @@ class Numbers:
     phase: float
     at: float
     poles: tuple[complex, ...]
-    resonances: tuple[Swing, ...]
+    resonances: tuple[OscillatoryMode, ...]
     lag: float
     friction: float
     constant: float
 
 
-def numbers(systems: Sequence[StateSpace], speed: float, f_tanh: float, over: Band) -> list[Numbers]:
+def model_figures(systems: Sequence[StateSpace], speed: float, f_tanh: float, over: Band) -> list[ModelFigures]:
     """Numbers of several models of one drive; the first is what the others are compared with.
 
     Parameters
@@ -99,15 +99,17 @@ def numbers(systems: Sequence[StateSpace], speed: float, f_tanh: float, over: Ba
         Where no steady motion exists.
     """
     omega = 2.0 * np.pi * np.geomspace(over.low, over.high, _POINTS)
-    found: list[Numbers] = []
+    found: list[ModelFigures] = []
     for system in systems:
-        transformed = twisted(system)
-        point = analyse(transformed, speed=speed)
+        transformed = to_twist_coordinates(system)
+        point = linearise_at(transformed, speed=speed)
         response = frequency_response(point.linear, omega, point.dead_time)[0]
         ratio, phase, at = _apart(response, found[0].response if found else response, omega)
         friction, constant = _standstill(transformed, _NEAR_STANDSTILL / f_tanh)
         poles = tuple(complex(p) for p in point.poles)
-        found.append(Numbers(response, ratio, phase, at, poles, point.resonances, point.dead_time, friction, constant))
+        found.append(
+            ModelFigures(response, ratio, phase, at, poles, point.resonances, point.dead_time, friction, constant)
+        )
     return found
 
 
@@ -120,8 +122,8 @@ def _apart(one: Complex, other: Complex, omega: Array) -> tuple[float, float, fl
     return float(ratio[k]), float(angle.max()), float(omega[k] / (2.0 * np.pi))
 
 
-def _standstill(transformed: Twisted, speed: float) -> tuple[float, float]:
+def _standstill(transformed: TwistModel, speed: float) -> tuple[float, float]:
     """Input that keeps up a creeping motion: the part that turns with the motion, and the rest."""
-    forth = steady(piece(transformed, "forward"), speed).u
-    back = steady(piece(transformed, "backward"), -speed).u
+    forth = trim(contact_mode(transformed, "forward"), speed).u
+    back = trim(contact_mode(transformed, "backward"), -speed).u
     return 0.5 * (forth - back), 0.5 * (forth + back)

@@ -14,12 +14,12 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.linear.twist_coordinates import Twisted
+from brightgrey.control.linear.twist_coordinates import TwistModel
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.kit import Linear, StateSpace
 
-__all__ = ["CONTACTS", "Contact", "OperatingPoint", "Piece", "piece", "steady"]
+__all__ = ["CONTACTS", "Contact", "ContactMode", "OperatingPoint", "contact_mode", "trim"]
 
 Array = NDArray[np.float64]
 Contact = Literal["forward", "backward", "gap"]
@@ -29,17 +29,17 @@ _BALANCED = 1e-8  # of the largest rate that takes part in a balance
 
 
 @dataclass(frozen=True)
-class Piece:
+class ContactMode:
     """A system on one side of all its gaps, or inside them.
 
     Attributes
     ----------
-    twisted : Twisted
+    twisted : TwistModel
     contact : {'forward', 'backward', 'gap'}
         Gap closed so that the motor pushes the load forward or backward, or open. Without a gap it changes nothing.
     """
 
-    twisted: Twisted
+    twisted: TwistModel
     contact: Contact
 
     @property
@@ -113,7 +113,7 @@ class OperatingPoint:
 
     Attributes
     ----------
-    piece : Piece
+    piece : ContactMode
     z : ndarray, shape (m,)
         State in twist coordinates.
     u : float
@@ -122,7 +122,7 @@ class OperatingPoint:
         Of all masses, rad/s and rad/s² (m).
     """
 
-    piece: Piece
+    contact_mode: ContactMode
     z: Array
     u: float
     speed: float
@@ -131,10 +131,10 @@ class OperatingPoint:
     @cached_property
     def linear(self) -> Linear:
         """Exact linearisation at this point."""
-        return self.piece.linear(self.z, self.u)
+        return self.contact_mode.linear(self.z, self.u)
 
 
-def piece(transformed: Twisted, contact: str = "forward") -> Piece:
+def contact_mode(transformed: TwistModel, contact: str = "forward") -> ContactMode:
     """Check `contact` and make the piece.
 
     Raises
@@ -144,16 +144,16 @@ def piece(transformed: Twisted, contact: str = "forward") -> Piece:
     """
     for allowed in CONTACTS:
         if contact == allowed:
-            return Piece(transformed, allowed)
+            return ContactMode(transformed, allowed)
     raise SettingsError(unknown_name("contact", contact, CONTACTS))
 
 
-def steady(on: Piece, speed: float = 0.0, acceleration: float = 0.0) -> OperatingPoint:
+def trim(on: ContactMode, speed: float = 0.0, acceleration: float = 0.0) -> OperatingPoint:
     """Find twists, gaps and input under which all masses keep `speed` and `acceleration`.
 
     Parameters
     ----------
-    on : Piece
+    on : ContactMode
     speed, acceleration : float
         rad/s and rad/s² (m/s, m/s²).
 

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from brightgrey.effects import State
 from brightgrey.kit import StateSpace
 
-__all__ = ["Twisted", "twisted"]
+__all__ = ["TwistModel", "to_twist_coordinates"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Twisted:
+class TwistModel:
     """A system in twist coordinates ``z = W x``, and the way back ``x = V z``.
 
     Attributes
@@ -38,7 +38,7 @@ class Twisted:
     V: Array
 
 
-def twisted(system: StateSpace, *, keep_position: bool = False) -> Twisted:
+def to_twist_coordinates(system: StateSpace, *, keep_position: bool = False) -> TwistModel:
     """Transform `system` to twist coordinates ``twist_k = q_k - q_(k+1)``.
 
     Parameters
@@ -50,7 +50,7 @@ def twisted(system: StateSpace, *, keep_position: bool = False) -> Twisted:
 
     Returns
     -------
-    Twisted
+    TwistModel
     """
     positions = [i for i, state in enumerate(system.states) if state.at_rest == "position"]
     others = [i for i in range(len(system.states)) if i not in positions]
@@ -71,7 +71,7 @@ def twisted(system: StateSpace, *, keep_position: bool = False) -> Twisted:
     ]
     if not keep_position and not _reads(system, shift):
         W, V, names = W[1:], V[:, 1:], names[1:]
-    return Twisted(_transformed(system, W, V, tuple(names)), W, V)
+    return TwistModel(_transformed(system, W, V, tuple(names)), W, V)
 
 
 def _reads(system: StateSpace, shift: Array) -> bool:

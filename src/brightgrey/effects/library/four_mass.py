@@ -1,5 +1,5 @@
 """Drive train of four inert masses."""
 
-from brightgrey.effects.mass_chain import ladder
+from brightgrey.effects.mass_chain import mass_chain
 
-EFFECT = ladder("four_mass", masses=4)
+EFFECT = mass_chain("four_mass", masses=4)

@@ -51,13 +51,13 @@ EFFECT = Effect(
     law=LAW,
     cautions=(
         Caution(
-            "look-alike",
+            "confounded",
             ("M_G",),
             lambda _: True,
             "this is constant torque: gravity, or an offset of the input",
         ),
         Caution(
-            "look-alike",
+            "confounded",
             ("M_G",),
             lambda c: not c.reverses and any(law.odd and not law.affine for law in c.beside),
             "the speed never reverses, so that friction of constant size looks the same",

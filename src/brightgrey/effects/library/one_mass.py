@@ -1,5 +1,5 @@
 """Drive train of one inert mass."""
 
-from brightgrey.effects.mass_chain import ladder
+from brightgrey.effects.mass_chain import mass_chain
 
-EFFECT = ladder("one_mass", masses=1)
+EFFECT = mass_chain("one_mass", masses=1)

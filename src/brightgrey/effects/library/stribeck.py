@@ -77,19 +77,19 @@ EFFECT = Effect(
     law=LAW,
     cautions=(
         Caution(
-            "look-alike",
+            "confounded",
             ("omega_S",),
             lambda c: c.values["omega_S"] > c.scales.speed / 3.0,
             "above a third of the largest speed this is like Coulomb friction with less viscous friction",
         ),
         Caution(
-            "invisible",
+            "not observable",
             ("M_S", "omega_S"),
             lambda c: c.values["omega_S"] < 5.0 / c.f_tanh,
             "below 5/f_tanh the rise of friction towards standstill is lost in the smoothed sign of speed",
         ),
         Caution(
-            "look-alike",
+            "confounded",
             ("M_S",),
             lambda c: all(law.affine for law in c.beside),
             "without Coulomb friction beside it, Stribeck friction fits nearly as well as Coulomb friction would",

@@ -1,5 +1,5 @@
 """Drive train of three inert masses."""
 
-from brightgrey.effects.mass_chain import ladder
+from brightgrey.effects.mass_chain import mass_chain
 
-EFFECT = ladder("three_mass", masses=3)
+EFFECT = mass_chain("three_mass", masses=3)

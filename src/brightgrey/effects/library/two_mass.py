@@ -1,5 +1,5 @@
 """Drive train of two inert masses."""
 
-from brightgrey.effects.mass_chain import ladder
+from brightgrey.effects.mass_chain import mass_chain
 
-EFFECT = ladder("two_mass", masses=2)
+EFFECT = mass_chain("two_mass", masses=2)

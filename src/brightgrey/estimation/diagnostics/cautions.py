@@ -114,4 +114,4 @@ def _relative(structure: Structure, estimates: Mapping[str, Estimate], recording
         return []
     why = f"is in {recording.input.unit}" if recording.input.unit_given else "has no unit"
     text = f"the input {why}, and its gain to torque or force is not known: of {', '.join(names)} only ratios hold"
-    return [Finding("relative", text, names)]
+    return [Finding("scale unknown", text, names)]

@@ -5,28 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from brightgrey.estimation.diagnostics.finding import Finding
-from brightgrey.estimation.optimisation.least_squares import Descent, neighbours
-from brightgrey.estimation.problem.parameter_space import Search
-from brightgrey.estimation.problem.simulation_error import Problem, systems
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, neighbours
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, systems
 from brightgrey.simulation import Settings, response
 
-__all__ = ["rattling"]
+__all__ = ["chaos_findings"]
 
 
-def rattling(problem: Problem, search: Search, settings: Settings, best: Descent) -> list[Finding]:
+def chaos_findings(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, best: OptimumWithJacobian
+) -> list[Finding]:
     """Say so if derivatives at the best fit had to begin anew on the way.
 
     Every contact multiplies what two simulations differ by. Where a millionth of a parameter has come to a
     hundredth of a gap, derivatives go on from one state (:class:`brightgrey.simulation.Response`), and what is
     told of parameters from there on rests on the stretch from one such sample to the next.
     """
-    if not (problem.limited and search.names and np.isfinite(best.cost)):
+    if not (problem.has_hard_limit and search.names and np.isfinite(best.cost)):
         return []
-    _, sets = neighbours(search.inward(best.values)[None, :], search)
+    _, sets = neighbours(search.to_scaled(best.values)[None, :], search)
     values, group = search.named(sets[:, 0, :]), 1 + len(search.names)
     times, length = 0, 0.0
-    for r, onset in zip(problem.recordings, problem.onsets, strict=True):
-        system, u, x0 = systems(problem.structure, values, r, settings, onset=onset, gain=problem.gain)
+    for r, onset in zip(problem.recordings, problem.initial_states, strict=True):
+        system, u, x0 = systems(problem.structure, values, r, settings, initial_state=onset, gain=problem.gain)
         found = response(system, u, r.dt, x0, settings, group=group, threads=problem.threads)
         each = np.bincount(found.rejoined[:, 1], minlength=group)  # of every set: large groups rejoin in parts
         times, length = times + int(each.max()), length + r.samples * r.dt

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.diagnostics.finding import Finding
-from brightgrey.estimation.optimisation.least_squares import Descent, descend
-from brightgrey.estimation.problem.parameter_space import Search
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_to_convergence
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.estimation.uncertainty.identifiability import power_product
 from brightgrey.kit import Structure, assemble
 from brightgrey.kit.structure import Placed
 from brightgrey.simulation import Settings
 
-__all__ = ["untwin"]
+__all__ = ["resolve_lag_pole_exchange"]
 
 Array = NDArray[np.float64]
 _WIDER = 1e4  # by which the twin's parameters may leave the range that is searched
@@ -24,7 +24,9 @@ _STEP = 1e-5  # of the logarithm, for the powers in which a pole depends on para
 _NO_WORSE = 4.0  # of the cost that one parameter wins by chance (95 %, per residual's variance)
 
 
-def untwin(problem: Problem, search: Search, settings: Settings, best: Descent) -> tuple[Descent, list[Finding]]:
+def resolve_lag_pole_exchange(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, best: OptimumWithJacobian
+) -> tuple[OptimumWithJacobian, list[Finding]]:
     """Of two parameter sets with the same response, the one with the shorter lag, and what to say of the other.
 
     In a chain of two first-order lags nobody can see which comes first. Where an effect's only parameter is a lag
@@ -34,7 +36,7 @@ def untwin(problem: Problem, search: Search, settings: Settings, best: Descent) 
 
     Returns
     -------
-    best : Descent
+    best : OptimumWithJacobian
         The given one, or its twin if that has the shorter lag and lies within the bounds.
     findings : list of Finding
     """
@@ -51,8 +53,13 @@ def untwin(problem: Problem, search: Search, settings: Settings, best: Descent) 
 
 
 def _exchanged(
-    problem: Problem, search: Search, settings: Settings, best: Descent, placed: Placed, name: str
-) -> tuple[Descent, list[Finding]]:
+    problem: SimulationErrorProblem,
+    search: ParameterSpace,
+    settings: Settings,
+    best: OptimumWithJacobian,
+    placed: Placed,
+    name: str,
+) -> tuple[OptimumWithJacobian, list[Finding]]:
     values = dict(zip(search.names, best.values.tolist(), strict=True)) | dict(search.fixed)
     plant = Structure(tuple(p for p in problem.structure.placed if p != placed))
     free = [n for n in plant.parameters if n in search.names and plant.parameters[n].scale == "log"]
@@ -74,9 +81,9 @@ def _exchanged(
         )
         text = f"{name} and {product} can be exchanged: {shown} (SI) fits just as well"
         if keep is twin:
-            found = descend(problem, search, settings, twin.values)
+            found = fit_to_convergence(problem, search, settings, twin.values)
             keep = found if found.cost <= twin.cost + allowed else best
-        return keep, [Finding("twin", text, (name, *(n for n, p in zip(free, part, strict=True) if p)))]
+        return keep, [Finding("equivalent model", text, (name, *(n for n, p in zip(free, part, strict=True) if p)))]
     return best, []
 
 
@@ -100,14 +107,14 @@ def _powers(plant: Structure, values: dict[str, float], f_tanh: float, k: int, n
 
 
 def _fitted(
-    problem: Problem,
-    search: Search,
+    problem: SimulationErrorProblem,
+    search: ParameterSpace,
     settings: Settings,
     values: dict[str, float],
     name: str,
     lag: float,
     powers: dict[str, float],
-) -> Descent | None:
+) -> OptimumWithJacobian | None:
     """All other parameters estimated again with the lag fixed at `lag`, from where the pole is the old lag."""
     length = sum(p * p for p in powers.values())
     if not length > 0.0:
@@ -126,6 +133,6 @@ def _fitted(
         log=search.log[keep],
         fixed={**search.fixed, name: lag},
     )
-    found = descend(problem, other, settings, start)
+    found = fit_to_convergence(problem, other, settings, start)
     all_values = dict(zip(names, found.values.tolist(), strict=True)) | {name: lag}
     return found._replace(values=np.array([all_values[n] for n in search.names]))

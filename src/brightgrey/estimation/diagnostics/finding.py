@@ -16,11 +16,11 @@ Kind = Literal[
     "evaluation limit",
     "converged",
     "uninformative",
-    "twin",
+    "equivalent model",
     "sampling",
-    "look-alike",
-    "invisible",
-    "relative",
+    "confounded",
+    "not observable",
+    "scale unknown",
     "chaotic",
 ]
 """From ``diverged`` to ``converged`` the gravest first, these may be the outcome; the rest are cautions beside it."""

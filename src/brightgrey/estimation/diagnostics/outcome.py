@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from brightgrey.estimation.diagnostics.finding import Finding, Kind
-from brightgrey.estimation.optimisation.least_squares import Descent
-from brightgrey.estimation.problem.parameter_space import Search
-from brightgrey.estimation.problem.simulation_error import Problem, predict_many
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.estimation.uncertainty.covariance import noise_models
 from brightgrey.estimation.uncertainty.estimates import Estimates
-from brightgrey.estimation.uncertainty.identifiability import written
+from brightgrey.estimation.uncertainty.identifiability import describe
 from brightgrey.simulation import Settings
 
-__all__ = ["Ended", "Outcome", "outcome_of", "unmoved"]
+__all__ = ["FitContext", "Outcome", "outcome_of", "unfitted"]
 
 Array = NDArray[np.float64]
 _CHANCE = 1e-3  # of taking what fits by chance for motion that the model explains
@@ -54,17 +54,17 @@ class Outcome:
         return cls(first.kind, first.text, tuple(rest))
 
 
-class Ended(NamedTuple):
+class FitContext(NamedTuple):
     """A descent that has ended, and all that it was made of."""
 
-    problem: Problem
-    search: Search
+    problem: SimulationErrorProblem
+    search: ParameterSpace
     settings: Settings
-    best: Descent
+    best: OptimumWithJacobian
     estimates: Estimates
 
 
-def outcome_of(ended: Ended, others: Sequence[Finding] = ()) -> Outcome:
+def outcome_of(ended: FitContext, others: Sequence[Finding] = ()) -> Outcome:
     """Outcome of a fit; `others` are findings on the recordings and cautions."""
     blind = [finding for finding in others if finding.kind == "not identifiable"]
     if blind:
@@ -75,28 +75,28 @@ def outcome_of(ended: Ended, others: Sequence[Finding] = ()) -> Outcome:
     return Outcome.of([*_hidden(ended), *_unexplained(ended), *_apart(ended), *_limits(ended), *others])
 
 
-def unmoved(problem: Problem, search: Search, settings: Settings) -> Descent:
+def unfitted(problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings) -> OptimumWithJacobian:
     """Descent that stays at its start, for recordings that no fit can learn from."""
     values = dict(zip(search.names, search.start.tolist(), strict=True)) | dict(search.fixed)
     residual = problem.residuals({name: np.array([value]) for name, value in values.items()}, settings)[:, 0]
     blind = np.zeros((residual.size, len(search.names)))
-    return Descent(search.start, float(residual @ residual), False, 1, 1, residual, blind)
+    return OptimumWithJacobian(search.start, float(residual @ residual), False, 1, 1, residual, blind)
 
 
-def _named(ended: Ended) -> dict[str, Array]:
+def _named(ended: FitContext) -> dict[str, Array]:
     values = dict(zip(ended.search.names, ended.best.values.tolist(), strict=True)) | dict(ended.search.fixed)
     return {name: np.array([value]) for name, value in values.items()}
 
 
-def _diverged(ended: Ended) -> Finding | None:
+def _diverged(ended: FitContext) -> Finding | None:
     """Where the simulation of the best values is no number any more."""
     begin = 0
-    for r, onset in zip(ended.problem.recordings, ended.problem.onsets, strict=True):
+    for r, onset in zip(ended.problem.recordings, ended.problem.initial_states, strict=True):
         ends = ended.best.residual[begin : begin + r.y.size].reshape(r.y.shape)[:, -2:]
         begin += r.y.size
         if np.all(ends[:, 0] != ends[:, 1]):
             continue  # a residual that is lost has one value to the end
-        y = predict_many(ended.problem.structure, _named(ended), r, ended.settings, onset=onset)[:, :, 0]
+        y = predict_many(ended.problem.structure, _named(ended), r, ended.settings, initial_state=onset)[:, :, 0]
         lost = np.flatnonzero(~np.isfinite(y).all(axis=0))
         if lost.size:
             when = float(r.t[lost[0]])
@@ -106,13 +106,13 @@ def _diverged(ended: Ended) -> Finding | None:
     return None
 
 
-def _hidden(ended: Ended) -> list[Finding]:
+def _hidden(ended: FitContext) -> list[Finding]:
     search, known = ended.search, ended.problem.structure.parameters
     declared = [known.get(name) for name in search.names]
     return [
         Finding(
             "not identifiable",
-            written(hidden, search, ended.best.values, declared),
+            describe(hidden, search, ended.best.values, declared),
             tuple(search.names[i] for i in hidden.indices),
         )
         for hidden in ended.estimates.hidden
@@ -120,7 +120,7 @@ def _hidden(ended: Ended) -> list[Finding]:
     ]
 
 
-def _unexplained(ended: Ended) -> list[Finding]:
+def _unexplained(ended: FitContext) -> list[Finding]:
     """Whether the model beats no motion at all by more than its parameters would by chance (F test).
 
     Residuals that hang together count as so many independent ones as they are worth.
@@ -136,14 +136,14 @@ def _unexplained(ended: Ended) -> list[Finding]:
     ]
     without = float(sum(row @ row for row in flat))
     models = noise_models(np.concatenate(flat), np.zeros((residual.size, 0)), lengths)
-    independent = sum(m.independent(n) for m, n in zip(models, lengths, strict=True))
+    independent = sum(m.effective_samples_mean(n) for m, n in zip(models, lengths, strict=True))
     gain = independent * (without / ended.best.cost - 1.0)
     if gain > chi2.isf(_CHANCE, len(ended.search.names)):
         return []
     return [Finding("not identifiable", "the model explains nothing of the outputs: a constant fits them as well")]
 
 
-def _apart(ended: Ended) -> list[Finding]:
+def _apart(ended: FitContext) -> list[Finding]:
     apart = ended.estimates.apart
     if not apart:
         return []
@@ -151,7 +151,7 @@ def _apart(ended: Ended) -> list[Finding]:
     return [Finding("recordings disagree", text, apart)]
 
 
-def _instead(ended: Ended, name: str) -> str:
+def _instead(ended: FitContext, name: str) -> str:
     """What may take the place of a parameter that has faded away."""
     reach = ended.estimates.reach.get(name)
     if reach is None or abs(reach.correlation) < _EXCHANGED:
@@ -161,7 +161,7 @@ def _instead(ended: Ended, name: str) -> str:
     )
 
 
-def _limits(ended: Ended) -> list[Finding]:
+def _limits(ended: FitContext) -> list[Finding]:
     at = {name: e.at_bound for name, e in ended.estimates.by_name.items() if e.at_bound}
     found = []
     if at:

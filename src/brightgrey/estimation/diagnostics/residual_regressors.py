@@ -15,13 +15,21 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from brightgrey.effects import Effect, Scales, registry
-from brightgrey.estimation.problem.simulation_error import Problem, predict_many
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording, Signal
 from brightgrey.recordings.units.signals import KINDS
 from brightgrey.simulation import Settings
 
-__all__ = ["DRIFT", "LATE", "SWING", "Motion", "Suspect", "motions", "suspects"]
+__all__ = [
+    "DRIFT",
+    "RESONANCE",
+    "TIME_SHIFT",
+    "ResidualRegressor",
+    "SimulatedMotion",
+    "candidate_regressors",
+    "motions",
+]
 
 Array = NDArray[np.float64]
 _SMALL = 0.01  # of the largest torque
@@ -30,16 +38,16 @@ _FASTEST = 0.3  # of the sampling rate
 _DAMPED = 0.05  # damping ratio of the resonances that are tried; they overlap
 _MOTION = (Signal("speed", "velocity", "rad/s"), Signal("position", "position", "rad"))
 
-LATE = "shift"
+TIME_SHIFT = "shift"
 """Kind of the suspect whose coefficient is a time in s by which the output comes late."""
 DRIFT = "drift"
 """Kind of the suspect that is a straight line over time."""
-SWING = "resonance"
+RESONANCE = "resonance"
 """Kind of the suspects that are resonances."""
 
 
 @dataclass(frozen=True)
-class Suspect:
+class ResidualRegressor:
     """What a residual might come from.
 
     Attributes
@@ -61,33 +69,33 @@ class Suspect:
 
 
 @dataclass(frozen=True)
-class Motion:
+class SimulatedMotion:
     """Simulated motion of mass 1 in one recording, rad/s and rad (m/s, m), shape (samples,)."""
 
     speed: Array
     position: Array
 
 
-def motions(problem: Problem, named: Mapping[str, Array], settings: Settings) -> list[Motion]:
+def motions(problem: SimulationErrorProblem, named: Mapping[str, Array], settings: Settings) -> list[SimulatedMotion]:
     """Simulated motion of mass 1 in every recording, for one parameter set."""
     found = []
-    for r, onset in zip(problem.recordings, problem.onsets, strict=True):
+    for r, onset in zip(problem.recordings, problem.initial_states, strict=True):
         empty = replace(r, outputs=_MOTION, y=np.zeros((2, r.samples)), resolution=np.ones(2))
-        speed, position = predict_many(problem.structure, named, empty, settings, onset=onset)[:, :, 0]
-        found.append(Motion(speed, position))
+        speed, position = predict_many(problem.structure, named, empty, settings, initial_state=onset)[:, :, 0]
+        found.append(SimulatedMotion(speed, position))
     return found
 
 
-Pattern = Callable[[Motion], Array]
+Pattern = Callable[[SimulatedMotion], Array]
 
 
 def patterns(structure: Structure, scales: Scales, f_tanh: float) -> dict[str, tuple[Pattern, ...]]:
     """Torques, 1 at most, that may be missing: those of effects that say what follows them, and some of no effect."""
 
-    def side(m: Motion) -> Array:
+    def side(m: SimulatedMotion) -> Array:
         return np.asarray(np.tanh(f_tanh * m.speed))
 
-    def place(m: Motion) -> Array:
+    def place(m: SimulatedMotion) -> Array:
         middle = 0.5 * (m.position.max() + m.position.min())
         return np.asarray((m.position - middle) / max(0.5 * float(np.ptp(m.position)), np.finfo(float).tiny))
 
@@ -101,9 +109,9 @@ def patterns(structure: Structure, scales: Scales, f_tanh: float) -> dict[str, t
     }
 
 
-def suspects(
-    problem: Problem, named: Mapping[str, Array], settings: Settings, scales: Scales, residual: Array
-) -> list[Suspect]:
+def candidate_regressors(
+    problem: SimulationErrorProblem, named: Mapping[str, Array], settings: Settings, scales: Scales, residual: Array
+) -> list[ResidualRegressor]:
     """All suspects at the values `named`, arrays of shape (1,), where the weighted residual is `residual`."""
     structure, moved = problem.structure, motions(problem, named, settings)
     if not all(np.isfinite(m.speed).all() and np.isfinite(m.position).all() for m in moved):
@@ -113,11 +121,11 @@ def suspects(
     found = []
     for kind, torques in patterns(structure, scales, settings.f_tanh).items():
         columns = [_answer(problem, named, settings, residual, [size * t(m) for m in moved], lags) for t in torques]
-        found.append(Suspect(kind, np.stack(columns, axis=1), kind in registry()))
-    found.append(Suspect(DRIFT, _lines(problem), False))
-    found += [Suspect(SWING, _swing(problem, f, lags), frequency=f) for f in _frequencies(scales)]
+        found.append(ResidualRegressor(kind, np.stack(columns, axis=1), kind in registry()))
+    found.append(ResidualRegressor(DRIFT, _lines(problem), False))
+    found += [ResidualRegressor(RESONANCE, _swing(problem, f, lags), frequency=f) for f in _frequencies(scales)]
     if not any(p.lag for p in structure.parameters.values()):
-        found.append(Suspect(LATE, _rates(problem, residual)[:, None]))
+        found.append(ResidualRegressor(TIME_SHIFT, _rates(problem, residual)[:, None]))
     return [s for s in found if np.isfinite(s.columns).all() and s.columns.any()]
 
 
@@ -128,7 +136,7 @@ def _torque(effect: Effect, scales: Scales, f_tanh: float) -> Pattern:
     values = {q.symbol: abs(float(q.start(scales))) for q in effect.parameters} | {"f_tanh": f_tanh}
     p = tuple(values[symbol] for symbol in law.parameters)
 
-    def pattern(m: Motion) -> Array:
+    def pattern(m: SimulatedMotion) -> Array:
         torque = np.broadcast_to(law.value((m.speed,)[: law.ports], p)[0], m.speed.shape)
         return np.asarray(torque / max(float(np.abs(torque).max()), np.finfo(float).tiny))
 
@@ -136,7 +144,7 @@ def _torque(effect: Effect, scales: Scales, f_tanh: float) -> Pattern:
 
 
 def _answer(
-    problem: Problem,
+    problem: SimulationErrorProblem,
     named: Mapping[str, Array],
     settings: Settings,
     residual: Array,
@@ -157,7 +165,7 @@ def _frequencies(scales: Scales) -> Array:
     return np.geomspace(low, high, max(int(np.log(high / low) / (2.0 * _DAMPED)), 2))
 
 
-def _swing(problem: Problem, frequency: float, lags: float) -> Array:
+def _swing(problem: SimulationErrorProblem, frequency: float, lags: float) -> Array:
     """What a resonance makes of the input: the twist of a shaft and its rate, in terms of each output.
 
     The twist of two masses that are coupled by a shaft is a resonance driven by the torque on the first, and the speed
@@ -183,7 +191,7 @@ def _resonance(rate: int, turning: float, dt: float) -> tuple[Array, Array]:
     return turning ** (2 - rate) * above / below[0], below / below[0]
 
 
-def _blocks(problem: Problem) -> list[tuple[int, Recording, int]]:
+def _blocks(problem: SimulationErrorProblem) -> list[tuple[int, Recording, int]]:
     """First residual, recording and output of every stretch."""
     found, begin = [], 0
     for r in problem.recordings:
@@ -193,7 +201,7 @@ def _blocks(problem: Problem) -> list[tuple[int, Recording, int]]:
     return found
 
 
-def _lines(problem: Problem) -> Array:
+def _lines(problem: SimulationErrorProblem) -> Array:
     """A straight line over time for each stretch, 1 from its begin to its end in the output's SI unit."""
     blocks = _blocks(problem)
     columns = np.zeros((problem.samples, len(blocks)))
@@ -202,7 +210,7 @@ def _lines(problem: Problem) -> Array:
     return columns
 
 
-def _rates(problem: Problem, residual: Array) -> Array:
+def _rates(problem: SimulationErrorProblem, residual: Array) -> Array:
     """Derivative by time of the weighted simulated outputs."""
     rates = np.zeros(problem.samples)
     for begin, r, out in _blocks(problem):

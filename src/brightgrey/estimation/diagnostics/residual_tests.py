@@ -15,7 +15,7 @@ from scipy.stats import f as fisher
 from brightgrey.estimation.noise.autoregression import Autoregression, autoregression
 from brightgrey.estimation.uncertainty.covariance import noise_models
 
-__all__ = ["Followed", "Question", "followed"]
+__all__ = ["Candidate", "Detected", "detect_regressors"]
 
 Array = NDArray[np.float64]
 _MATERIAL = 0.01  # of the residual's sum of squares that has to be explained
@@ -30,7 +30,7 @@ _MOST = 3
 _ASKED = 16  # patterns that explain most are looked at closely
 
 
-class Followed(NamedTuple):
+class Detected(NamedTuple):
     """A pattern that a residual follows.
 
     Attributes
@@ -48,11 +48,11 @@ class Followed(NamedTuple):
     number: int
     coefficients: Array
     share: float
-    clear: float
+    margin: float
 
 
 @dataclass(frozen=True)
-class Question:
+class Candidate:
     """A pattern that a residual is asked for.
 
     Attributes
@@ -69,9 +69,9 @@ class Question:
     later: bool = False
 
 
-def followed(
-    residual: Array, jacobian: Array, lengths: Sequence[int], questions: Sequence[Question], level: float
-) -> list[Followed]:
+def detect_regressors(
+    residual: Array, jacobian: Array, lengths: Sequence[int], questions: Sequence[Candidate], level: float
+) -> list[Detected]:
     """Patterns that the residual follows, the clearest first, each beside those before it.
 
     Parameters
@@ -82,7 +82,7 @@ def followed(
         What the fit has freed it from.
     lengths : sequence of int
         Of the stretches (one per recording and output) that residuals are correlated within.
-    questions : sequence of Question
+    questions : sequence of Candidate
     level : float
         Probability that noise follows any of them.
 
@@ -94,7 +94,7 @@ def followed(
     those of the noise's spectrum where the pattern is, for slow patterns in slow noise a few dozen (Satterthwaite, as
     for the parameters' intervals), and with few of them the ratio counts for less, by a factor found by simulation.
     """
-    found: list[Followed] = []
+    found: list[Detected] = []
     left, known = residual, jacobian
     while len(found) < _MOST:
         told = {questions[f.number].kind for f in found}
@@ -106,7 +106,7 @@ def followed(
         for k in order:
             sure, coefficients = rest.clear(questions[k].columns, exact=True)
             if sure > 1.0:
-                found.append(Followed(k, coefficients, shares[k], sure))
+                found.append(Detected(k, coefficients, shares[k], sure))
                 break
         else:
             break
@@ -170,7 +170,7 @@ class _Rest:
         total, doubt = np.zeros(X.shape[1]), np.zeros(X.shape[1])
         for model, part in zip(models, np.split(X, np.cumsum(self.lengths)[:-1]), strict=True):
             weights = lfilter(model.a, [1.0], part[::-1], axis=0)[::-1] / max(model.variance, np.finfo(float).tiny)
-            variance, uncertain = model.scatter(weights)
+            variance, uncertain = model.variance_of_sums(weights)
             total += variance
             doubt += variance**2 * uncertain
         return max(2.0 / max(float(np.max(doubt / total**2)), np.finfo(float).tiny), 1.0)

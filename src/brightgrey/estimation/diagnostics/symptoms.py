@@ -9,9 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.effects import Dimension, Effect, Scales, registry
-from brightgrey.estimation.diagnostics.outcome import Ended
-from brightgrey.estimation.diagnostics.residual_regressors import DRIFT, LATE, SWING, Motion, motions, suspects
-from brightgrey.estimation.diagnostics.residual_tests import Followed, Question, followed
+from brightgrey.estimation.diagnostics.outcome import FitContext
+from brightgrey.estimation.diagnostics.residual_regressors import (
+    DRIFT,
+    RESONANCE,
+    TIME_SHIFT,
+    SimulatedMotion,
+    candidate_regressors,
+    motions,
+)
+from brightgrey.estimation.diagnostics.residual_tests import Candidate, Detected, detect_regressors
 from brightgrey.estimation.diagnostics.spectral_peaks import peak
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
@@ -44,12 +51,12 @@ class Symptom:
     advice: str
 
 
-def symptoms(ended: Ended, scales: Scales) -> tuple[Symptom, ...]:
+def symptoms(ended: FitContext, scales: Scales) -> tuple[Symptom, ...]:
     """Symptoms of a fit: of its parameters, then of its residual.
 
     Parameters
     ----------
-    ended : Ended
+    ended : FitContext
         Its residual is that of its best values.
     scales : Scales
         Of the recordings.
@@ -72,7 +79,9 @@ def symptoms(ended: Ended, scales: Scales) -> tuple[Symptom, ...]:
 # --- parameters ---
 
 
-def _another_mass(structure: Structure, values: Mapping[str, float], ended: Ended, scales: Scales) -> list[Symptom]:
+def _another_mass(
+    structure: Structure, values: Mapping[str, float], ended: FitContext, scales: Scales
+) -> list[Symptom]:
     """Damping at its bound together with a large delay."""
     at = ended.estimates.by_name
     dampings = [
@@ -95,7 +104,7 @@ def _more_masses(structure: Structure) -> str:
     return f"try {more}: one more mass swings and lags" if more else "no effect has more masses than this one"
 
 
-def _faded(structure: Structure, values: Mapping[str, float], ended: Ended, scales: Scales) -> list[Symptom]:
+def _faded(structure: Structure, values: Mapping[str, float], ended: FitContext, scales: Scales) -> list[Symptom]:
     """Effects whose size ran to its bound below anything that matters."""
     found = []
     for placed in structure.placed:
@@ -119,7 +128,7 @@ def _faded(structure: Structure, values: Mapping[str, float], ended: Ended, scal
 # --- residuals ---
 
 
-def _peaks(ended: Ended, named: Mapping[str, Array]) -> list[Symptom]:
+def _peaks(ended: FitContext, named: Mapping[str, Array]) -> list[Symptom]:
     """The highest peak of every output of every recording that has one; of several within 10 % only the highest."""
     found, begin = [], 0
     problem, f_tanh = ended.problem, ended.settings.f_tanh
@@ -154,7 +163,7 @@ def _peaks(ended: Ended, named: Mapping[str, Array]) -> list[Symptom]:
     return kept
 
 
-def _sides(motion: Motion, f_tanh: float) -> list[Array]:
+def _sides(motion: SimulatedMotion, f_tanh: float) -> list[Array]:
     """What makes lines in a spectrum beside the input: reversals."""
     if not np.isfinite(motion.speed).all():
         return []
@@ -162,32 +171,32 @@ def _sides(motion: Motion, f_tanh: float) -> list[Array]:
     return [side, side**2, motion.speed]
 
 
-def _followed(ended: Ended, named: Mapping[str, Array], scales: Scales) -> list[Symptom]:
+def _followed(ended: FitContext, named: Mapping[str, Array], scales: Scales) -> list[Symptom]:
     """Patterns that the residual follows."""
     problem, best = ended.problem, ended.best
-    asked = suspects(problem, named, ended.settings, scales, best.residual)
+    asked = candidate_regressors(problem, named, ended.settings, scales, best.residual)
     lengths = [r.samples for r in problem.recordings for _ in r.outputs]
-    questions = [Question(s.columns, s.kind, later=not s.described) for s in asked]
-    hits = followed(best.residual, best.jacobian, lengths, questions, _LEVEL)
+    questions = [Candidate(s.columns, s.kind, later=not s.described) for s in asked]
+    hits = detect_regressors(best.residual, best.jacobian, lengths, questions, _LEVEL)
     found = []
     for hit in hits:
         kind = asked[hit.number].kind
         effect = registry().get(kind)
         if effect is not None:
             found.append(_missing(effect, hit))
-        elif kind == SWING:
+        elif kind == RESONANCE:
             found.append(_swings(hit, asked[hit.number].frequency, problem.structure))
         else:
             found.append(_SAID[kind](hit, problem.recordings))
     return found
 
 
-def _explains(hit: Followed) -> str:
+def _explains(hit: Detected) -> str:
     share = 1.0 - np.sqrt(max(1.0 - hit.share, 0.0))
     return f"{100.0 * share:.2g} % of the residual"
 
 
-def _missing(effect: Effect, hit: Followed) -> Symptom:
+def _missing(effect: Effect, hit: Detected) -> Symptom:
     return Symptom(
         f"{effect.title} suspected",
         f"the residual follows {effect.follows}, which explains {_explains(hit)}",
@@ -195,12 +204,12 @@ def _missing(effect: Effect, hit: Followed) -> Symptom:
     )
 
 
-def _swings(hit: Followed, frequency: float, structure: Structure) -> Symptom:
+def _swings(hit: Detected, frequency: float, structure: Structure) -> Symptom:
     seen = f"the residual follows what a resonance near {frequency:.2g} Hz makes of the input"
     return Symptom("Resonance suspected", f"{seen}, which explains {_explains(hit)}", _more_masses(structure))
 
 
-def _direction(hit: Followed, recordings: tuple[Recording, ...]) -> Symptom:
+def _direction(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
     return Symptom(
         "Friction depends on the direction",
         f"the residual follows a torque that is there in motion only, one way, and explains {_explains(hit)}",
@@ -208,7 +217,7 @@ def _direction(hit: Followed, recordings: tuple[Recording, ...]) -> Symptom:
     )
 
 
-def _square(hit: Followed, recordings: tuple[Recording, ...]) -> Symptom:
+def _square(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
     return Symptom(
         "Friction grows with the square of speed",
         f"the residual follows the square of speed against the motion, which explains {_explains(hit)}",
@@ -216,7 +225,7 @@ def _square(hit: Followed, recordings: tuple[Recording, ...]) -> Symptom:
     )
 
 
-def _position(hit: Followed, recordings: tuple[Recording, ...]) -> Symptom:
+def _position(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
     return Symptom(
         "Torque or friction depends on the position",
         f"the residual follows position, which explains {_explains(hit)}",
@@ -224,7 +233,7 @@ def _position(hit: Followed, recordings: tuple[Recording, ...]) -> Symptom:
     )
 
 
-def _drift(hit: Followed, recordings: tuple[Recording, ...]) -> Symptom:
+def _drift(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
     begins = [(r, signal) for r in recordings for signal in r.outputs]
     (r, signal), slope = max(zip(begins, hit.coefficients, strict=True), key=lambda pair: abs(float(pair[1])))
     change = f"{-float(slope) * signal.factor:.2g} {signal.unit}"
@@ -235,7 +244,7 @@ def _drift(hit: Followed, recordings: tuple[Recording, ...]) -> Symptom:
     )
 
 
-def _late(hit: Followed, recordings: tuple[Recording, ...]) -> Symptom:
+def _late(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
     late, dt = float(hit.coefficients[0]), min(r.dt for r in recordings)
     kinds = {signal.kind for r in recordings for signal in r.outputs}
     names = ", ".join(e.name for e in registry().values() if any(p.lag for p in e.parameters))
@@ -257,10 +266,10 @@ def _late(hit: Followed, recordings: tuple[Recording, ...]) -> Symptom:
     return Symptom("Delay suspected", seen, f"try {names}")
 
 
-_SAID: Mapping[str, Callable[[Followed, tuple[Recording, ...]], Symptom]] = {
+_SAID: Mapping[str, Callable[[Detected, tuple[Recording, ...]], Symptom]] = {
     "direction": _direction,
     "square of speed": _square,
     "position": _position,
     DRIFT: _drift,
-    LATE: _late,
+    TIME_SHIFT: _late,
 }

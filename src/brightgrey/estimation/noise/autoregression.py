@@ -43,19 +43,19 @@ class Autoregression:
         spectrum = self.variance / np.abs(rfft(self.a, length)) ** 2
         return np.asarray(irfft(spectrum, length)[:count])
 
-    def independent(self, samples: int) -> float:
+    def effective_samples_mean(self, samples: int) -> float:
         """Number of independent samples whose mean is as sure as that of `samples` of this noise, at most those."""
         if self.variance == 0.0:
             return float(samples)
         longest = self.variance / sum(self.a) ** 2
         return float(min(samples * self.autocovariance(samples)[0] / longest, samples))
 
-    def telling(self, samples: int) -> float:
+    def effective_samples_variance(self, samples: int) -> float:
         """Number of independent samples that tell a variance as well: ``samples / (1 + 2 sum of rho^2)``."""
         c = self.autocovariance(samples)
         return samples / (1.0 + 2.0 * float(np.square(c[1:] / c[0]).sum())) if c[0] > 0.0 else float(samples)
 
-    def scatter(self, g: Array) -> tuple[Array, Array]:
+    def variance_of_sums(self, g: Array) -> tuple[Array, Array]:
         """Variances of ``sum g e`` and how uncertain they are if this model was estimated from as many samples.
 
         Parameters

@@ -110,5 +110,5 @@ def residual_analysis(residual: ArrayLike, u: ArrayLike, *, lags: int = LAGS) ->
         cross_correlation=tuple(cross.tolist()),
         cross_band=z * float(np.sqrt(variance)),
         ljung_box=float(chi2.sf(statistic, lags)),
-        effective=autoregression(e).independent(n),
+        effective=autoregression(e).effective_samples_mean(n),
     )

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.estimation.optimisation.pattern_search import CostMany
-from brightgrey.estimation.problem.parameter_space import Search
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.simulation import Settings
 
 __all__ = ["cost_function"]
@@ -15,13 +15,13 @@ __all__ = ["cost_function"]
 Array = NDArray[np.float64]
 
 
-def cost_function(problem: Problem, search: Search, settings: Settings) -> CostMany:
+def cost_function(problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings) -> CostMany:
     """Weighted sum of squared residuals of K points in the searched scale; infinite where a simulation diverged.
 
     Parameters
     ----------
-    problem : Problem
-    search : Search
+    problem : SimulationErrorProblem
+    search : ParameterSpace
         Gives the searched scale and the fixed parameters.
     settings : Settings
 
@@ -33,6 +33,6 @@ def cost_function(problem: Problem, search: Search, settings: Settings) -> CostM
     """
 
     def cost(theta: Array, most: Array) -> Array:
-        return problem.costs(search.named(search.outward(theta)), settings, most)
+        return problem.costs(search.named(search.from_scaled(theta)), settings, most)
 
     return cost

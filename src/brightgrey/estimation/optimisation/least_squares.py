@@ -9,12 +9,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.optimisation.levenberg_marquardt import Normal, step
-from brightgrey.estimation.problem.parameter_space import Search
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.optimisation.levenberg_marquardt import NormalEquations, levenberg_marquardt_step
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.simulation import Settings
 
-__all__ = ["SAME", "Descent", "End", "descend", "descend_many", "evaluate", "finish", "neighbours", "normal"]
+__all__ = [
+    "SAME_OPTIMUM_RTOL",
+    "Optimum",
+    "OptimumWithJacobian",
+    "evaluate",
+    "fit_many",
+    "fit_to_convergence",
+    "neighbours",
+    "normal_equations",
+    "polish",
+]
 
 Array = NDArray[np.float64]
 _STEP = 1e-6  # of a forward difference, in the searched scale
@@ -32,11 +42,11 @@ _WATCHED = 4  # rounds whose descent is counted on to go on
 _AHEAD = 10  # rounds of such descent within which a start has to reach the best one
 _EVERY = 4  # rounds between two looks for starts that have met
 _SAME_COST, _SAME_PLACE = 1e-2, 1e-3  # relative to the cost: two starts that have met
-SAME = 5e-3
+SAME_OPTIMUM_RTOL = 5e-3
 """Relative to the cost: two starts that have come to the same optimum."""
 
 
-class Descent(NamedTuple):
+class OptimumWithJacobian(NamedTuple):
     """Where a descent ended.
 
     Attributes
@@ -64,7 +74,7 @@ class Descent(NamedTuple):
     jacobian: Array
 
 
-class End(NamedTuple):
+class Optimum(NamedTuple):
     """Where one of many descents ended.
 
     Attributes
@@ -89,7 +99,7 @@ class End(NamedTuple):
     curvature: Array
 
 
-def neighbours(theta: Array, search: Search) -> tuple[Array, Array]:
+def neighbours(theta: Array, search: ParameterSpace) -> tuple[Array, Array]:
     """Steps of the forward differences, away from the nearer bound, and SI values of start and neighbours.
 
     For `theta` of shape (S, P): shapes (S, P) and (P, S, 1 + P).
@@ -105,7 +115,9 @@ def neighbours(theta: Array, search: Search) -> tuple[Array, Array]:
     return steps, np.where(log, np.exp(np.where(log, sets, 0.0)), sets * search.width[:, None, None])
 
 
-def evaluate(problem: Problem, search: Search, settings: Settings, theta: Array) -> tuple[Array, Array]:
+def evaluate(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, theta: Array
+) -> tuple[Array, Array]:
     """Residuals, shape (residuals,), and Jacobian, shape (residuals, P), at `theta` (searched scale).
 
     The parameter set itself leads, its neighbours take the same steps, all in one call.
@@ -115,22 +127,24 @@ def evaluate(problem: Problem, search: Search, settings: Settings, theta: Array)
     return r[:, 0], (r[:, 1:] - r[:, :1]) / steps[0]
 
 
-def normal(problem: Problem, search: Search, settings: Settings, theta: Array) -> Normal:
+def normal_equations(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, theta: Array
+) -> NormalEquations:
     """Cost, gradient and J' J at `theta`, shape (S, P), of all starts in one call of the simulation."""
     starts, count = theta.shape
     steps, sets = neighbours(theta, search)
-    total = problem.products(search.named(sets.reshape(count, starts * (1 + count))), settings, 1.0 / steps)
+    total = problem.normal_products(search.named(sets.reshape(count, starts * (1 + count))), settings, 1.0 / steps)
     total = np.tril(total) + np.tril(total, -1).transpose(0, 2, 1)
-    return Normal(total[:, 0, 0], total[:, 1:, 0], total[:, 1:, 1:])
+    return NormalEquations(total[:, 0, 0], total[:, 1:, 0], total[:, 1:, 1:])
 
 
 @dataclass
-class _Field:
+class _Batch:
     """Starts that are still on their way: their numbers, where they are and how they got there."""
 
     number: NDArray[np.int64]
     theta: Array
-    normal: Normal
+    normal: NormalEquations
     scale: Array
     damped: Array
     quiet: NDArray[np.int64]
@@ -138,7 +152,7 @@ class _Field:
     simulations: NDArray[np.int64]
 
     @classmethod
-    def at(cls, theta: Array, first: Normal) -> _Field:
+    def at(cls, theta: Array, first: NormalEquations) -> _Batch:
         """All starts at `theta`, shape (S, P)."""
         starts = len(theta)
         return cls(
@@ -152,30 +166,30 @@ class _Field:
             np.full(starts, 1 + theta.shape[1]),
         )
 
-    def keep(self, which: NDArray[np.bool_]) -> _Field:
+    def keep(self, which: NDArray[np.bool_]) -> _Batch:
         """Those of some starts."""
         rest = (getattr(self, f) for f in ("scale", "damped", "quiet", "history", "simulations"))
-        return _Field(self.number[which], self.theta[which], self.normal.of(which), *(a[which] for a in rest))
+        return _Batch(self.number[which], self.theta[which], self.normal.of(which), *(a[which] for a in rest))
 
 
-def descend_many(
-    problem: Problem,
-    search: Search,
+def fit_many(
+    problem: SimulationErrorProblem,
+    search: ParameterSpace,
     settings: Settings,
     begins: Array,
     *,
     limit: int = 50,
     tolerance: float = 1e-4,
-    rival: float | None = None,
-    content: Callable[[Array], bool] | None = None,
-    needed: int = 1,
-) -> list[End]:
+    cost_to_beat: float | None = None,
+    stop_when: Callable[[Array], bool] | None = None,
+    min_agreeing: int = 1,
+) -> list[Optimum]:
     """Least squares from many starts side by side.
 
     Parameters
     ----------
-    problem : Problem
-    search : Search
+    problem : SimulationErrorProblem
+    search : ParameterSpace
     settings : Settings
     begins : ndarray, shape (P, S)
         SI.
@@ -199,27 +213,27 @@ def descend_many(
         In the order of `begins`.
     """
     low, high = search.box
-    theta = np.clip(search.inward(begins).T, low, high)
-    field = _Field.at(theta, normal(problem, search, settings, theta))
+    theta = np.clip(search.to_scaled(begins).T, low, high)
+    field = _Batch.at(theta, normal_equations(problem, search, settings, theta))
     if not len(search.names):
         return [_end(search, field, i, True, 1) for i in range(len(theta))]
-    ends: dict[int, End] = {}
+    ends: dict[int, Optimum] = {}
     for turn in range(1, limit + 1):
         field = _round(problem, search, settings, field, tolerance)
         converged = field.quiet >= _QUIET
         going = ~converged
-        if rival is not None and turn >= _EARLY:
+        if cost_to_beat is not None and turn >= _EARLY:
             ahead = limit - turn if turn < _PATIENCE else _AHEAD
-            least = min([rival, float(field.normal.cost.min()), *(end.cost for end in ends.values())])
+            least = min([cost_to_beat, float(field.normal.cost.min()), *(end.cost for end in ends.values())])
             going &= ~_hopeless(field, least, ahead)
-        if rival is not None and turn % _EVERY == 0:
+        if cost_to_beat is not None and turn % _EVERY == 0:
             going &= ~_met(field)
-        if content is not None:
-            best = _settled(field, converged, list(ends.values()), needed)
+        if stop_when is not None:
+            best = _settled(field, converged, list(ends.values()), min_agreeing)
             if best is not None:
-                values = search.outward(field.theta[best])[:, None]
+                values = search.from_scaled(field.theta[best])[:, None]
                 field.simulations[best] += 1
-                if content(problem.residuals(search.named(values), settings)[:, 0]):
+                if stop_when(problem.residuals(search.named(values), settings)[:, 0]):
                     going[:] = False
         for i in np.flatnonzero(~going).tolist():
             ends[int(field.number[i])] = _end(search, field, i, bool(converged[i]), turn)
@@ -231,12 +245,16 @@ def descend_many(
     return [ends[i] for i in range(len(theta))]
 
 
-def _end(search: Search, field: _Field, i: int, converged: bool, turns: int) -> End:
+def _end(search: ParameterSpace, field: _Batch, i: int, converged: bool, turns: int) -> Optimum:
     cost, simulations = float(field.normal.cost[i]), int(field.simulations[i])
-    return End(search.outward(field.theta[i]), cost, converged, 1 + 2 * turns, simulations, field.normal.curvature[i])
+    return Optimum(
+        search.from_scaled(field.theta[i]), cost, converged, 1 + 2 * turns, simulations, field.normal.curvature[i]
+    )
 
 
-def _round(problem: Problem, search: Search, settings: Settings, field: _Field, tolerance: float) -> _Field:
+def _round(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, field: _Batch, tolerance: float
+) -> _Batch:
     """One step of every start with the best of some dampings."""
     low, high = search.box
     cap = np.where(search.log, _CAP_LOG, _CAP_LINEAR)
@@ -244,7 +262,9 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
     starts, count = field.theta.shape
     each = np.repeat(np.arange(starts), 1 + len(factors))
     damped = np.column_stack([np.full(starts, _HARDLY), field.damped[:, None] * factors])
-    changes = step(field.theta[each], field.normal.of(each), field.scale[each], damped.ravel(), low, high, cap)
+    changes = levenberg_marquardt_step(
+        field.theta[each], field.normal.of(each), field.scale[each], damped.ravel(), low, high, cap
+    )
     changes = changes.reshape(starts, -1, count)
     promised = _promise(field.normal, changes)
     enough = tolerance * field.normal.cost
@@ -252,7 +272,7 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
     tried = field.theta[:, None] + changes[:, 1:]
     costs = np.full(tried.shape[:2], np.inf)
     if not done.all():
-        outward = search.outward(tried[~done].reshape(-1, count).T)
+        outward = search.from_scaled(tried[~done].reshape(-1, count).T)
         costs[~done] = problem.costs(search.named(outward), settings).reshape(-1, len(factors))
     best = costs.argmin(axis=1)
     row = np.arange(len(best))
@@ -260,10 +280,10 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
     theta = np.where(better[:, None], tried[row, best], field.theta)
     now = field.normal
     if better.any():
-        fresh = normal(problem, search, settings, theta[better])
-        now = Normal(*(_with(old, better, new) for old, new in zip(now, fresh, strict=True)))
+        fresh = normal_equations(problem, search, settings, theta[better])
+        now = NormalEquations(*(_with(old, better, new) for old, new in zip(now, fresh, strict=True)))
     fall = field.normal.cost - now.cost
-    return _Field(
+    return _Batch(
         field.number,
         theta,
         now,
@@ -275,7 +295,7 @@ def _round(problem: Problem, search: Search, settings: Settings, field: _Field, 
     )
 
 
-def _promise(normal: Normal, changes: Array) -> Array:
+def _promise(normal: NormalEquations, changes: Array) -> Array:
     """Fall of the cost, shape (S, D), that the quadratic picture promises for steps `changes`, shape (S, D, P)."""
     slope = 2.0 * normal.gradient[:, None] + changes @ normal.curvature
     return np.asarray(-(slope * changes).sum(axis=2))
@@ -287,23 +307,25 @@ def _with(old: Array, where: NDArray[np.bool_], new: Array) -> Array:
     return out
 
 
-def _hopeless(field: _Field, least: float, ahead: int) -> NDArray[np.bool_]:
+def _hopeless(field: _Batch, least: float, ahead: int) -> NDArray[np.bool_]:
     """Starts that would not reach the least cost in `ahead` rounds if they went on falling as in the last ones."""
     cost = np.maximum(field.normal.cost, 1e-300)
     fall = np.log(np.maximum(field.history[:, 0], cost) / cost) / (_WATCHED - 1)
     return np.asarray(np.log(cost / max(least, 1e-300)) > ahead * fall + _SAME_COST)
 
 
-def _settled(field: _Field, converged: NDArray[np.bool_], ended: Sequence[End], needed: int) -> int | None:
+def _settled(field: _Batch, converged: NDArray[np.bool_], ended: Sequence[Optimum], needed: int) -> int | None:
     """Start that has converged to the least cost, if as many as `needed` have come to it."""
     here = field.normal.cost
     costs = np.array([*here, *(end.cost for end in ended)])
     best = int(here.argmin())
-    agree = int(np.sum(costs <= (1.0 + SAME) * costs.min()))
-    return best if converged[best] and here[best] <= (1.0 + SAME) * costs.min() and agree >= needed else None
+    agree = int(np.sum(costs <= (1.0 + SAME_OPTIMUM_RTOL) * costs.min()))
+    return (
+        best if converged[best] and here[best] <= (1.0 + SAME_OPTIMUM_RTOL) * costs.min() and agree >= needed else None
+    )
 
 
-def _met(field: _Field) -> NDArray[np.bool_]:
+def _met(field: _Batch) -> NDArray[np.bool_]:
     """Starts from which a better one differs by less than the recording can show."""
     out = np.zeros(len(field.number), bool)
     order = np.argsort(field.normal.cost, kind="stable")
@@ -318,22 +340,24 @@ def _met(field: _Field) -> NDArray[np.bool_]:
     return out
 
 
-def descend(problem: Problem, search: Search, settings: Settings, start: Array, *, limit: int = 50) -> Descent:
+def fit_to_convergence(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, start: Array, *, limit: int = 50
+) -> OptimumWithJacobian:
     """Least squares from `start`, shape (P,), SI values, to the last digits that the simulation gives."""
-    end = finish(problem, search, settings, start, limit=limit)
-    residual, jacobian = evaluate(problem, search, settings, search.inward(end.values))
-    return Descent(*end[:4], end.simulations + 1 + len(end.values), residual, jacobian)
+    end = polish(problem, search, settings, start, limit=limit)
+    residual, jacobian = evaluate(problem, search, settings, search.to_scaled(end.values))
+    return OptimumWithJacobian(*end[:4], end.simulations + 1 + len(end.values), residual, jacobian)
 
 
-def finish(
-    problem: Problem,
-    search: Search,
+def polish(
+    problem: SimulationErrorProblem,
+    search: ParameterSpace,
     settings: Settings,
     start: Array,
     *,
     limit: int = 50,
     tolerance: float = _LAST_DIGITS,
-) -> End:
+) -> Optimum:
     """:func:`descend` without residual and Jacobian, to `tolerance` of the cost."""
-    (end,) = descend_many(problem, search, settings, start[:, None], limit=limit, tolerance=tolerance)
+    (end,) = fit_many(problem, search, settings, start[:, None], limit=limit, tolerance=tolerance)
     return end

@@ -12,32 +12,34 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Normal", "step"]
+__all__ = ["NormalEquations", "levenberg_marquardt_step"]
 
 Array = NDArray[np.float64]
 _PASSES = 3
 _TINY = 1e-12  # of the largest diagonal entry: what cannot be seen is damped as if it were that much
 
 
-class Normal(NamedTuple):
+class NormalEquations(NamedTuple):
     """Cost, shape (S,), half its gradient (S, P), and J' J (S, P, P)."""
 
     cost: Array
     gradient: Array
     curvature: Array
 
-    def of(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Normal:
+    def of(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> NormalEquations:
         """Those of some starts, by a mask or by their numbers."""
-        return Normal(self.cost[which], self.gradient[which], self.curvature[which])
+        return NormalEquations(self.cost[which], self.gradient[which], self.curvature[which])
 
 
-def step(theta: Array, normal: Normal, scale: Array, damped: Array, low: Array, high: Array, cap: Array) -> Array:
+def levenberg_marquardt_step(
+    theta: Array, normal: NormalEquations, scale: Array, damped: Array, low: Array, high: Array, cap: Array
+) -> Array:
     """Damped steps, shape (S, P), from `theta`, shape (S, P), that stay in the box.
 
     Parameters
     ----------
     theta : ndarray, shape (S, P)
-    normal : Normal
+    normal : NormalEquations
     scale : ndarray, shape (S, P)
         Largest diagonal of J' J so far: what the damping is relative to.
     damped : ndarray, shape (S,)

@@ -22,14 +22,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.optimisation.least_squares import SAME, End, descend_many
-from brightgrey.estimation.optimisation.start_points import best_of, given_starts, offspring, retuned, ringing
-from brightgrey.estimation.problem.parameter_space import Search
-from brightgrey.estimation.problem.simulation_count import Spent
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL, Optimum, fit_many
+from brightgrey.estimation.optimisation.start_points import (
+    best_diverse,
+    given_starts,
+    perturbed_starts,
+    resonance_scan,
+    starts_at_residual_peaks,
+)
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_count import SimulationCount
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.simulation import Settings
 
-__all__ = ["FIRST_BEGINNING", "FURTHER_ROUNDS", "Found", "explore", "first_field", "growing", "is_white"]
+__all__ = [
+    "FIRST_BEGINNING",
+    "FURTHER_ROUNDS",
+    "MultistartResult",
+    "first_field",
+    "growing_horizons",
+    "is_white",
+    "multistart",
+]
 
 Array = NDArray[np.float64]
 _PER_PARAMETER = 16  # candidates
@@ -57,31 +71,31 @@ _WHITE = 50.0  # Ljung-Box statistic that white residuals exceed once in 500 (ch
 
 
 @dataclass(frozen=True)
-class Found:
+class MultistartResult:
     """Starts, shape (P, S) in SI, and their ends, in the order of the search; the batches and all that it took."""
 
     begins: Array
-    ends: tuple[End, ...]
+    ends: tuple[Optimum, ...]
     evaluations: int
-    spent: Spent
+    spent: SimulationCount
 
 
-def explore(
-    problem: Problem,
-    search: Search,
+def multistart(
+    problem: SimulationErrorProblem,
+    search: ParameterSpace,
     settings: Settings,
     given: Sequence[Mapping[str, float]],
     *,
     starts: int,
     patience: int,
     seed: int,
-) -> Found:
+) -> MultistartResult:
     """Descend from field after field of starts.
 
     Parameters
     ----------
-    problem : Problem
-    search : Search
+    problem : SimulationErrorProblem
+    search : ParameterSpace
     settings : Settings
     given : sequence of mapping of str to float
         Starts of the first field, SI. What they and the declared start leave is filled up.
@@ -92,14 +106,14 @@ def explore(
         first field alone. With limits half as many again.
     seed : int
     """
-    patience = int(_RUGGED * patience) if problem.limited else patience
+    patience = int(_RUGGED * patience) if problem.has_hard_limit else patience
     parts: list[_Part] = []
-    ends: list[End] = []
+    ends: list[Optimum] = []
     heard: list[float] = []
     best, idle, needed = np.inf, 0, min(_AGREE, starts)
     first = _first(search, given, starts)
-    if given and problem.limited:  # a short beginning may lose what a given start is good for
-        field = _Field(first[: len(given)], [False] * len(given))
+    if given and problem.has_hard_limit:  # a short beginning may lose what a given start is good for
+        field = _StartField(first[: len(given)], [False] * len(given))
         parts.append(_descended(problem, [], search, settings, field, best, needed))
         ends += parts[-1].ends
         best = parts[-1].least
@@ -114,14 +128,14 @@ def explore(
         idle = 0 if part.least < _IMPROVED * best else idle + 1
         best = min(best, part.least)
         if patience > 1 and idle % _LISTEN == 1:
-            part = _heard(problem, search, settings, ends, heard)
+            part = _resonance_restarts(problem, search, settings, ends, heard)
             parts, ends = [*parts, part], ends + part.ends
             idle = 0 if part.least < _IMPROVED * best else idle
             best = min(best, part.least)
         if idle >= patience or not search.names:
             break
         leader = min(ends, key=lambda end: end.cost)
-        bound = np.any(search.side(leader.values)[search.high > search.low])
+        bound = np.any(search.active_bounds(leader.values)[search.high > search.low])
         agreed = not (bound and patience > 1) and _agreeing(parts) >= needed
         if agreed or idle >= _DOUBT * patience:
             parts.append(_Part([], [], [], 0, problem.spent(1)))
@@ -129,18 +143,18 @@ def explore(
                 break
         first = [] if leader.converged else [leader.values]
     begins = np.stack([begin for part in parts for begin in part.starts], axis=1)
-    spent = sum((part.spent for part in parts), Spent())
-    return Found(begins, tuple(ends), sum(part.batches for part in parts), spent)
+    spent = sum((part.spent for part in parts), SimulationCount())
+    return MultistartResult(begins, tuple(ends), sum(part.batches for part in parts), spent)
 
 
 class _Part(NamedTuple):
     """Starts in SI, each of shape (P,), their ends, which of them owe nothing to ends before; and what it took."""
 
     starts: list[Array]
-    ends: list[End]
+    ends: list[Optimum]
     alone: list[bool]
     batches: int
-    spent: Spent
+    spent: SimulationCount
 
     @property
     def least(self) -> float:
@@ -148,13 +162,13 @@ class _Part(NamedTuple):
         return min((end.cost for end in self.ends), default=np.inf)
 
 
-def _first(search: Search, given: Sequence[Mapping[str, float]], starts: int) -> list[Array]:
+def _first(search: ParameterSpace, given: Sequence[Mapping[str, float]], starts: int) -> list[Array]:
     return [*given_starts(search, given), search.start][: max(starts, len(given), 1)]
 
 
 def first_field(
-    problem: Problem,
-    search: Search,
+    problem: SimulationErrorProblem,
+    search: ParameterSpace,
     settings: Settings,
     given: Sequence[Mapping[str, float]],
     starts: int,
@@ -164,114 +178,131 @@ def first_field(
     return _field(problem, problem, search, settings, _first(search, given, starts), [], starts, rng).starts
 
 
-class _Field(NamedTuple):
+class _StartField(NamedTuple):
     """Starts in SI, each of shape (P,), which of them owe nothing to ends before, and what it took to choose them."""
 
     starts: list[Array]
     alone: list[bool]
-    spent: Spent = Spent()
+    spent: SimulationCount = SimulationCount()
 
 
 def _field(
-    problem: Problem,
-    part: Problem,
-    search: Search,
+    problem: SimulationErrorProblem,
+    part: SimulationErrorProblem,
+    search: ParameterSpace,
     settings: Settings,
     first: list[Array],
-    ends: Sequence[End],
+    ends: Sequence[Optimum],
     starts: int,
     rng: np.random.Generator,
-) -> _Field:
+) -> _StartField:
     """Starts of one field: the first ones, and of fresh ones and offspring of the best ends equally many.
 
     Candidates are judged by the `part` of the problem that descents begin on.
     """
     missing = starts - len(first)
     if missing <= 0 or not search.names:
-        return _Field(first, [not ends] * len(first))
-    candidates = search.candidates(_PER_PARAMETER * (1 + len(search.names)), rng)
+        return _StartField(first, [not ends] * len(first))
+    candidates = search.sample(_PER_PARAMETER * (1 + len(search.names)), rng)
     if not ends:
-        chosen = first + best_of(part, search, settings, candidates, missing)
-        return _Field(chosen, [True] * starts, part.spent(candidates.shape[1]))
-    young = offspring(search, _best(ends, _PARENTS), candidates, rng)
+        chosen = first + best_diverse(part, search, settings, candidates, missing)
+        return _StartField(chosen, [True] * starts, part.spent(candidates.shape[1]))
+    young = perturbed_starts(search, _best(ends, _PARENTS), candidates, rng)
     half = missing // 2
-    fresh = best_of(part, search, settings, candidates, missing - half)
+    fresh = best_diverse(part, search, settings, candidates, missing - half)
     leader = min(ends, key=lambda end: end.cost)
     spent = part.spent(candidates.shape[1] + young.shape[1]) + problem.spent(part is problem)
     rings = part is problem and not _explained(problem, search, settings, leader)
-    tuned, tuning = _tuned(problem, search, settings, leader.values, half // 2, rng) if rings else ([], Spent())
-    chosen = first + fresh + tuned + best_of(part, search, settings, young, half - len(tuned))
-    return _Field(chosen, [False] * len(first) + [True] * len(fresh) + [False] * half, spent + tuning)
+    tuned, tuning = (
+        _resonance_starts(problem, search, settings, leader.values, half // 2, rng)
+        if rings
+        else ([], SimulationCount())
+    )
+    chosen = first + fresh + tuned + best_diverse(part, search, settings, young, half - len(tuned))
+    return _StartField(chosen, [False] * len(first) + [True] * len(fresh) + [False] * half, spent + tuning)
 
 
-def _tuned(
-    problem: Problem, search: Search, settings: Settings, parent: Array, count: int, rng: np.random.Generator
-) -> tuple[list[Array], Spent]:
+def _resonance_starts(
+    problem: SimulationErrorProblem,
+    search: ParameterSpace,
+    settings: Settings,
+    parent: Array,
+    count: int,
+    rng: np.random.Generator,
+) -> tuple[list[Array], SimulationCount]:
     """Best `count` of the starts that ring where the residual of `parent` does, after a few rounds of descent.
 
     And what that took. At first their resonances are off in phase and size, and most starts like the parent fit better.
     """
-    begins = retuned(problem, search, settings, parent, _RETUNED, rng)
+    begins = starts_at_residual_peaks(problem, search, settings, parent, _RETUNED, rng)
     looked = problem.spent(1)
     if not (begins.size and count):
         return [], looked
-    ends = descend_many(problem, search, settings, begins, limit=_TUNING)
+    ends = fit_many(problem, search, settings, begins, limit=_TUNING)
     return _best(ends, count), looked + problem.spent(_sets(ends))
 
 
-def _heard(problem: Problem, search: Search, settings: Settings, ends: Sequence[End], heard: list[float]) -> _Part:
+def _resonance_restarts(
+    problem: SimulationErrorProblem,
+    search: ParameterSpace,
+    settings: Settings,
+    ends: Sequence[Optimum],
+    heard: list[float],
+) -> _Part:
     """Starts that ring where they explain most, about an end, and their ends.
 
     Of the ends it is the best one that has converged and is not among those whose costs are in `heard`, where it is
     added: one that is not the leader may lie nearer to the optimum in all but the resonance. Starts are chosen after
     a few rounds of descent, since a resonance that is off in size looks worse than it is.
     """
-    fresh = [end for end in ends if end.converged and all(abs(end.cost - cost) > SAME * cost for cost in heard)]
+    fresh = [
+        end for end in ends if end.converged and all(abs(end.cost - cost) > SAME_OPTIMUM_RTOL * cost for cost in heard)
+    ]
     leader = min(ends, key=lambda end: end.cost)
     if not fresh or _explained(problem, search, settings, leader):
         return _Part([], [], [], 0, problem.spent(min(len(fresh), 1)))
     parent = min(fresh, key=lambda end: end.cost)
     heard.append(parent.cost)
-    begins, sets = ringing(problem, search, settings, parent.values, _HEARD)
+    begins, sets = resonance_scan(problem, search, settings, parent.values, _HEARD)
     spent = problem.spent(1 + sets)
     if not begins.size:
         return _Part([], [], [], 0, spent)
-    rough = descend_many(problem, search, settings, begins, limit=_TUNING)
+    rough = fit_many(problem, search, settings, begins, limit=_TUNING)
     tuned = _best(rough, _HEARD_BEST)
-    found = descend_many(problem, search, settings, np.stack(tuned, axis=1), limit=_ROUNDS, rival=leader.cost)
+    found = fit_many(problem, search, settings, np.stack(tuned, axis=1), limit=_ROUNDS, cost_to_beat=leader.cost)
     batches = sum(max(end.evaluations for end in some) for some in (rough, found))
     return _Part(tuned, found, [False] * len(found), batches, spent + problem.spent(_sets(rough) + _sets(found)))
 
 
-def _best(ends: Sequence[End], count: int) -> list[Array]:
+def _best(ends: Sequence[Optimum], count: int) -> list[Array]:
     return [end.values for end in sorted(ends, key=lambda end: end.cost)[:count]]
 
 
-def _sets(ends: Sequence[End]) -> int:
+def _sets(ends: Sequence[Optimum]) -> int:
     return sum(end.simulations for end in ends)
 
 
-def _stages(problem: Problem, number: int, rng: np.random.Generator) -> list[Problem]:
+def _stages(problem: SimulationErrorProblem, number: int, rng: np.random.Generator) -> list[SimulationErrorProblem]:
     """What descents of a field begin on: a beginning, or held to the measured motion, less and less."""
-    if problem.limited:
+    if problem.has_hard_limit:
         share = None if number % 2 else float(np.exp(rng.uniform(np.log(_LEAST_BEGINNING), np.log(FIRST_BEGINNING))))
     else:
         share = _BEGINNINGS[number % len(_BEGINNINGS)]
     if share is None:
-        held = [problem.held(firmly) for firmly in _HELD]
+        held = [problem.with_output_feedback(firmly) for firmly in _HELD]
         return [stage for stage in held if stage is not None]
-    shares = growing(share) if problem.limited else [share] if share < 1.0 else []
-    parts = [problem.beginning(share) for share in shares]
+    shares = growing_horizons(share) if problem.has_hard_limit else [share] if share < 1.0 else []
+    parts = [problem.truncated(share) for share in shares]
     longer = [k == 0 or part.samples > parts[k - 1].samples for k, part in enumerate(parts)]
     return [part for part, more in zip(parts, longer, strict=True) if more and part.samples < problem.samples]
 
 
 def _descended(
-    whole: Problem,
-    stages: Sequence[Problem],
-    search: Search,
+    whole: SimulationErrorProblem,
+    stages: Sequence[SimulationErrorProblem],
+    search: ParameterSpace,
     settings: Settings,
-    field: _Field,
+    field: _StartField,
     best: float,
     needed: int,
 ) -> _Part:
@@ -280,25 +311,25 @@ def _descended(
     batches, spent = 0, field.spent
     rounds = _FIRST_ROUNDS
     for stage in stages:
-        rough = descend_many(stage, search, settings, begins, limit=rounds, tolerance=_ROUGH, rival=np.inf)
+        rough = fit_many(stage, search, settings, begins, limit=rounds, tolerance=_ROUGH, cost_to_beat=np.inf)
         batches += max(end.evaluations for end in rough)
         spent += stage.spent(_sets(rough))
         begins, rounds = np.stack([end.values for end in rough], axis=1), FURTHER_ROUNDS
-    ends = descend_many(
+    ends = fit_many(
         whole,
         search,
         settings,
         begins,
         limit=_ROUNDS,
-        rival=best,
-        content=lambda r: is_white(whole, r),
-        needed=needed,
+        cost_to_beat=best,
+        stop_when=lambda r: is_white(whole, r),
+        min_agreeing=needed,
     )
     batches += max(end.evaluations for end in ends)
     return _Part(field.starts, ends, field.alone, batches, spent + whole.spent(_sets(ends)))
 
 
-def growing(share: float) -> Iterator[float]:
+def growing_horizons(share: float) -> Iterator[float]:
     """Beginnings, less than the whole, to descend on one after the other where there are limits.
 
     Contacts make the valley of the cost narrower the longer the recording is. From one beginning to the next the
@@ -313,14 +344,14 @@ def _agreeing(parts: Sequence[_Part]) -> int:
     """How many independent starts have ended at the best optimum."""
     least = min((part.least for part in parts), default=0.0)
     ended = (pair for part in parts for pair in zip(part.ends, part.alone, strict=True))
-    return sum(own and end.cost <= (1.0 + SAME) * least for end, own in ended)
+    return sum(own and end.cost <= (1.0 + SAME_OPTIMUM_RTOL) * least for end, own in ended)
 
 
-def _explained(problem: Problem, search: Search, settings: Settings, end: End) -> bool:
+def _explained(problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, end: Optimum) -> bool:
     return is_white(problem, problem.residuals(search.named(end.values[:, None]), settings)[:, 0])
 
 
-def is_white(problem: Problem, residual: Array) -> bool:
+def is_white(problem: SimulationErrorProblem, residual: Array) -> bool:
     """Whether nothing is left to explain: no autocorrelation within any output (Ljung and Box 1978)."""
     begin = 0
     for r in problem.recordings:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.optimisation.costs import cost_function
-from brightgrey.estimation.optimisation.least_squares import Descent, evaluate
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, evaluate
 from brightgrey.estimation.optimisation.pattern_search import PatternEnd, pattern_search
-from brightgrey.estimation.problem.parameter_space import Search
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.simulation import Settings
 
 __all__ = ["Estimator", "check_estimator", "pattern_descent", "pattern_searches"]
@@ -40,19 +40,23 @@ def check_estimator(text: str) -> Estimator:
 
 
 def pattern_searches(
-    problem: Problem, search: Search, settings: Settings, begins: Sequence[Array]
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, begins: Sequence[Array]
 ) -> tuple[PatternEnd, ...]:
     """Pattern search from every start, SI, all side by side; ends stand in the searched scale."""
     low, high = search.box
-    theta = search.inward(np.stack(begins, axis=1))
+    theta = search.to_scaled(np.stack(begins, axis=1))
     return pattern_search(cost_function(problem, search, settings), theta, low, high, iterations=ITERATIONS)
 
 
-def pattern_descent(problem: Problem, search: Search, settings: Settings, begin: Array) -> Descent:
+def pattern_descent(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, begin: Array
+) -> OptimumWithJacobian:
     """Pattern search from one start, SI, with residual and Jacobian where it ended, for uncertainty and outcome."""
     (end,) = pattern_searches(problem, search, settings, [begin])
     theta = np.array(end.values)
     residual, jacobian = evaluate(problem, search, settings, theta)
     cost = float(residual @ residual)
     simulations = end.evaluations + 1 + len(theta)
-    return Descent(search.outward(theta), cost, end.reason == "mesh", end.evaluations, simulations, residual, jacobian)
+    return OptimumWithJacobian(
+        search.from_scaled(theta), cost, end.reason == "mesh", end.evaluations, simulations, residual, jacobian
+    )

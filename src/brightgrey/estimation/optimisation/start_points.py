@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft, rfftfreq
 
-from brightgrey.estimation.problem.parameter_space import Search
-from brightgrey.estimation.problem.simulation_error import Problem
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.simulation import Settings
 
-__all__ = ["best_of", "given_starts", "offspring", "retuned", "ringing"]
+__all__ = ["best_diverse", "given_starts", "perturbed_starts", "resonance_scan", "starts_at_residual_peaks"]
 
 Array = NDArray[np.float64]
 _APART = 0.5  # of the median distance between candidates: starts that are unlike each other
@@ -23,20 +23,27 @@ _LANES = 1024  # simulations that look for a resonance
 _VALLEY = 2  # half lines either way, among which a resonance has to be the best one
 
 
-def given_starts(search: Search, given: Sequence[Mapping[str, float]]) -> list[Array]:
+def given_starts(search: ParameterSpace, given: Sequence[Mapping[str, float]]) -> list[Array]:
     """Given starts in SI, each of shape (P,); parameters that are not named take their declared start."""
     declared = list(zip(search.names, search.start.tolist(), strict=True))
     return [np.clip([g.get(n, v) for n, v in declared], search.low, search.high) for g in given]
 
 
-def best_of(problem: Problem, search: Search, settings: Settings, candidates: Array, count: int) -> list[Array]:
+def best_diverse(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, candidates: Array, count: int
+) -> list[Array]:
     """Best `count` of the candidates, shape (P, K) in SI, each some way from all better ones."""
     cost = problem.costs(search.named(candidates), settings)
-    return [candidates[:, i] for i in _diverse(search.inward(candidates), cost, count)]
+    return [candidates[:, i] for i in _diverse(search.to_scaled(candidates), cost, count)]
 
 
-def retuned(
-    problem: Problem, search: Search, settings: Settings, parent: Array, count: int, rng: np.random.Generator
+def starts_at_residual_peaks(
+    problem: SimulationErrorProblem,
+    search: ParameterSpace,
+    settings: Settings,
+    parent: Array,
+    count: int,
+    rng: np.random.Generator,
 ) -> Array:
     """Values `parent`, shape (P,), with parts in other roles, so that they ring where the residual does.
 
@@ -65,7 +72,9 @@ def retuned(
     return np.clip(values, search.low[:, None], search.high[:, None])
 
 
-def ringing(problem: Problem, search: Search, settings: Settings, parent: Array, count: int) -> tuple[Array, int]:
+def resonance_scan(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, parent: Array, count: int
+) -> tuple[Array, int]:
     """Values `parent`, shape (P,), with parts in other roles, so that they ring where they explain most.
 
     A resonance that is missing leaves its power in the residual, but one without damping has to be met to within a
@@ -100,7 +109,7 @@ def ringing(problem: Problem, search: Search, settings: Settings, parent: Array,
     return np.hstack(found)[:, order], sets
 
 
-def _spectrum(problem: Problem, residual: Array) -> tuple[Array, Array]:
+def _spectrum(problem: SimulationErrorProblem, residual: Array) -> tuple[Array, Array]:
     """Angular frequencies half a line apart, from one line of the longest recording on, and power of a residual."""
     longest = max(problem.recordings, key=lambda r: r.samples * r.dt)
     turning = 2.0 * np.pi * rfftfreq(2 * longest.samples, longest.dt)[2:]
@@ -119,12 +128,12 @@ def _valleys(lines: NDArray[np.int64], cost: Array) -> NDArray[np.bool_]:
     return np.stack([way <= np.where(near, way, np.inf).min(axis=1) for way in cost.T], axis=1)
 
 
-def offspring(search: Search, parents: Sequence[Array], fresh: Array, rng: np.random.Generator) -> Array:
+def perturbed_starts(search: ParameterSpace, parents: Sequence[Array], fresh: Array, rng: np.random.Generator) -> Array:
     """Parents with some parameters drawn anew, or parts in other roles, and all others shifted a little.
 
     Parameters
     ----------
-    search : Search
+    search : ParameterSpace
     parents : sequence of ndarray, shape (P,)
         SI, best first; the first of two is taken twice as often.
     fresh : ndarray, shape (P, K)
@@ -148,12 +157,12 @@ def offspring(search: Search, parents: Sequence[Array], fresh: Array, rng: np.ra
             rows = np.array(block.rows)[:, None]
             share, anything = rng.random((len(rows), regrouped.sum())), np.full(regrouped.sum(), np.nan)
             parent[rows, regrouped] = block.regroup(parent[rows, regrouped], share, anything)
-    theta = np.clip(search.inward(np.clip(parent, search.low[:, None], search.high[:, None])), low, high)
+    theta = np.clip(search.to_scaled(np.clip(parent, search.low[:, None], search.high[:, None])), low, high)
     shift = rng.choice(_SHIFTS, count) * rng.standard_normal(theta.shape)
     near = np.clip(theta + np.where(search.log[:, None], shift, 0.2 * shift), low, high)
     rank = rng.random(theta.shape).argsort(axis=0)
     redrawn = rank < np.where(regrouped, 0, rng.choice([*_REDRAWN, len(theta) // 2], count))
-    return search.outward(np.where(redrawn, search.inward(fresh), near))
+    return search.from_scaled(np.where(redrawn, search.to_scaled(fresh), near))
 
 
 def _diverse(theta: Array, cost: Array, count: int) -> list[int]:

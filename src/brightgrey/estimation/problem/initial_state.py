@@ -17,7 +17,7 @@ from brightgrey.estimation.problem.scales import ORDER, speed_of
 from brightgrey.kit import Placed, StateSpace
 from brightgrey.recordings import Recording
 
-__all__ = ["Initial", "Onset", "Unknown", "check_initial", "initial_state", "noise_of"]
+__all__ = ["Initial", "InitialState", "InitialStateParameter", "check_initial", "initial_state", "output_noise"]
 
 Array = NDArray[np.float64]
 Initial = Literal["auto", "rest", "samples", "estimated"]
@@ -42,7 +42,7 @@ def check_initial(initial: str) -> Initial:
 
 
 @dataclass(frozen=True)
-class Unknown:
+class InitialStateParameter:
     """A part of the initial state that is searched for, in SI; searched linearly.
 
     Attributes
@@ -61,7 +61,7 @@ class Unknown:
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def noise_of(recording: Recording) -> Array:
+def output_noise(recording: Recording) -> Array:
     """Noise of each output, shape (outputs,), SI: from second differences, at least the resolution's; read-only."""
     bend = np.diff(recording.y, n=2, axis=1)
     spread = 1.4826 * np.median(np.abs(bend), axis=1) / np.sqrt(6.0)
@@ -82,12 +82,12 @@ def _first_speed(recording: Recording) -> tuple[float, float, float]:
 
 def initial_state(recording: Recording, system: StateSpace) -> Array:
     """State, shape (n,), before the first sample of `recording` where nothing about it is searched for."""
-    onset = Onset.of(recording)
+    onset = InitialState.of(recording)
     return system.rest(onset.position, onset.speed, float(recording.u[0]))
 
 
 @dataclass(frozen=True)
-class Onset:
+class InitialState:
     """Position and speed before the first sample; T is the first input.
 
     Attributes
@@ -96,7 +96,7 @@ class Onset:
         SI, of all masses but for what is unknown of the others.
     torque : float
         Largest input in SI: twists are counted in those that it gives in even acceleration.
-    unknown : tuple of Unknown
+    unknown : tuple of InitialStateParameter
         Parts that are searched for. Their names end in `tag`.
     tag : str
         Tells recordings apart.
@@ -105,7 +105,7 @@ class Onset:
     position: float
     speed: float
     torque: float = 0.0
-    unknown: tuple[Unknown, ...] = ()
+    unknown: tuple[InitialStateParameter, ...] = ()
     tag: str = ""
 
     @classmethod
@@ -116,7 +116,7 @@ class Onset:
         tag: str = "",
         limited: tuple[str, ...] = (),
         masses: int = 1,
-    ) -> Onset:
+    ) -> InitialState:
         """Onset of a recording.
 
         Parameters
@@ -140,24 +140,26 @@ class Onset:
         moving = abs(speed) >= _AT_REST * largest > 0.0
         if initial == "rest" or (initial == "auto" and not moving):
             return cls(position, 0.0, 0.0, (), tag)
-        unknown: list[Unknown] = []
+        unknown: list[InitialStateParameter] = []
         torque = float(np.abs(recording.u).max())
         if initial != "samples":
-            noise = noise_of(recording)
+            noise = output_noise(recording)
             if at is not None:
                 slack = _SURE * float(noise[at])
-                unknown.append(Unknown(f"position(0){tag}", position - slack, position + slack, position))
+                unknown.append(InitialStateParameter(f"position(0){tag}", position - slack, position + slack, position))
             slack = _SURE * _speed_noise(recording, noise) + abs(bent - speed)
             low, high = speed - slack, speed + slack
             if abs(speed) <= _SURE * _slow_noise(recording):  # it may be at rest, too
                 low, high = min(low, 0.0), max(high, 0.0)
-            unknown.append(Unknown(f"speed(0){tag}", low, high, speed))
-            unknown += [Unknown(f"{name}(0)/width{tag}", -1.0, 0.0, -0.5) for name in limited]
+            unknown.append(InitialStateParameter(f"speed(0){tag}", low, high, speed))
+            unknown += [InitialStateParameter(f"{name}(0)/width{tag}", -1.0, 0.0, -0.5) for name in limited]
             if torque > 0.0:
                 share, fast = float(recording.u[0]) / torque, _APART * largest
                 for i in range(1, masses):
-                    unknown.append(Unknown(f"twist{i}(0)/full{tag}", -_WOUND, _WOUND, share, drawn=False))
-                    unknown.append(Unknown(f"speed{i + 1}-speed{i}(0){tag}", -fast, fast, 0.0, drawn=False))
+                    unknown.append(InitialStateParameter(f"twist{i}(0)/full{tag}", -_WOUND, _WOUND, share, drawn=False))
+                    unknown.append(
+                        InitialStateParameter(f"speed{i + 1}-speed{i}(0){tag}", -fast, fast, 0.0, drawn=False)
+                    )
         return cls(position, speed, torque, tuple(unknown), tag)
 
     def state(self, system: StateSpace, u: float, values: Mapping[str, Array]) -> Array:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from brightgrey.kit import StateSpace
 from brightgrey.recordings import Recording
 
-__all__ = ["held_back", "measured_speed"]
+__all__ = ["measured_speed", "with_output_feedback"]
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def measured_speed(recording: Recording) -> Array | None:
     return None
 
 
-def held_back(system: StateSpace, recording: Recording, gain: float) -> tuple[StateSpace, Array]:
+def with_output_feedback(system: StateSpace, recording: Recording, gain: float) -> tuple[StateSpace, Array]:
     """`system` with ``gain`` times what its speed is behind the measured one added to the input, and that input.
 
     What the drive does to its input it does to this torque, too: the truth needs none of it, but for noise and

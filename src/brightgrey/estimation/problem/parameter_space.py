@@ -13,10 +13,10 @@ from scipy.stats import qmc
 
 from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.problem.initial_state import Unknown
+from brightgrey.estimation.problem.initial_state import InitialStateParameter
 from brightgrey.kit import Structure
 
-__all__ = ["Search", "search_space"]
+__all__ = ["ParameterSpace", "parameter_space"]
 
 Array = NDArray[np.float64]
 _NEAR = 3.0  # a start near the declared one is within this factor of it
@@ -34,7 +34,7 @@ class Block(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Search:
+class ParameterSpace:
     """Free parameters in the scale they are searched in: logarithm, or value over the range's width.
 
     Attributes
@@ -62,7 +62,7 @@ class Search:
     fixed: Mapping[str, float]
     scales: Scales
     blocks: tuple[Block, ...]
-    still: NDArray[np.bool_]
+    not_sampled: NDArray[np.bool_]
 
     @cached_property
     def width(self) -> Array:
@@ -72,26 +72,26 @@ class Search:
     @cached_property
     def box(self) -> tuple[Array, Array]:
         """Bounds in the searched scale, each of shape (P,)."""
-        return self.inward(self.low), self.inward(self.high)
+        return self.to_scaled(self.low), self.to_scaled(self.high)
 
-    def inward(self, values: Array) -> Array:
+    def to_scaled(self, values: Array) -> Array:
         """From SI values, shape (P,) or (P, K), to the searched scale."""
         log, width = (a.reshape(-1, *(1,) * (np.ndim(values) - 1)) for a in (self.log, self.width))
         return np.where(log, np.log(np.where(log, values, 1.0)), values / width)
 
-    def outward(self, theta: Array) -> Array:
+    def from_scaled(self, theta: Array) -> Array:
         """From the searched scale to SI values; shapes as in `inward`."""
         log, width = (a.reshape(-1, *(1,) * (np.ndim(theta) - 1)) for a in (self.log, self.width))
         low, high = (a.reshape(-1, *(1,) * (np.ndim(theta) - 1)) for a in (self.low, self.high))
         return np.clip(np.where(log, np.exp(np.where(log, theta, 0.0)), theta * width), low, high)
 
-    def pace(self, values: Array) -> Array:
+    def scale_derivative(self, values: Array) -> Array:
         """Change of SI `values`, shape (P,), per change in the searched scale."""
         return np.where(self.log, values, self.width)
 
-    def side(self, values: Array) -> NDArray[np.int64]:
+    def active_bounds(self, values: Array) -> NDArray[np.int64]:
         """Which of SI `values`, shape (P,), have run to the low bound (-1) or the high one (1); 0 inside."""
-        theta, (low, high) = self.inward(values), self.box
+        theta, (low, high) = self.to_scaled(values), self.box
         near = _AT_BOUND * (high - low)
         return np.where(theta - low <= near, -1, np.where(high - theta <= near, 1, 0))
 
@@ -102,7 +102,7 @@ class Search:
 
     def _alone(self, share: Array) -> Array:
         """Starts from points of the unit cube, each parameter on its own: more often near the declared start."""
-        (low, high), start = self.box, self.inward(self.start)
+        (low, high), start = self.box, self.to_scaled(self.start)
         reach = np.where(self.log, np.log(_NEAR), 0.5 * np.abs(start) + 0.02)
         near = (np.maximum(start - reach, low), np.minimum(start + reach, high))
         inner = share / _NEAR_SHARE
@@ -113,9 +113,9 @@ class Search:
             near[0][column] + inner * (near[1] - near[0])[column],
             low[column] + outer * (high - low)[column],
         )
-        return self.outward(theta)
+        return self.from_scaled(theta)
 
-    def candidates(self, count: int, rng: np.random.Generator) -> Array:
+    def sample(self, count: int, rng: np.random.Generator) -> Array:
         """Space-filling starts in SI, shape (P, count), where effects declare them plausible."""
         sampler = qmc.Sobol(len(self.names), rng=rng)
         share = sampler.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count].T
@@ -124,17 +124,17 @@ class Search:
             rows = list(block.rows)
             drawn = block.spread(self.scales, share[rows])
             values[rows] = np.clip(drawn, self.low[rows, None], self.high[rows, None])
-        values[self.still] = self.start[self.still, None]
+        values[self.not_sampled] = self.start[self.not_sampled, None]
         return values
 
 
-def search_space(
+def parameter_space(
     structure: Structure,
     scales: Scales,
     bounds: Mapping[str, tuple[float, float]],
     fixed: Mapping[str, float],
-    unknown: Sequence[Unknown] = (),
-) -> Search:
+    unknown: Sequence[InitialStateParameter] = (),
+) -> ParameterSpace:
     """Ranges and starts of the free parameters of `structure`.
 
     Parameters
@@ -146,7 +146,7 @@ def search_space(
         SI; override the declared ranges.
     fixed : mapping of str to float
         SI; these are not searched.
-    unknown : sequence of Unknown
+    unknown : sequence of InitialStateParameter
         Parts of initial states that are searched for, too.
 
     Raises
@@ -175,7 +175,7 @@ def search_space(
     names += tuple(part.name for part in unknown)
     blocks = tuple(_together(structure, names, bounds))
     still = np.array([False] * len(ranges) + [not part.drawn for part in unknown], bool)
-    return Search(names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, blocks, still)
+    return ParameterSpace(names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, blocks, still)
 
 
 def _together(

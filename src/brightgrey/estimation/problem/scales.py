@@ -24,7 +24,7 @@ __all__ = ["scales", "speed_of"]
 
 Array = NDArray[np.float64]
 
-FILTERS = 3
+_FILTERS = 3
 SHORTEST = 3  # samples
 LONGEST = 1.0 / 20.0  # of the recording, for a smoothed speed
 SLOWEST = 1.0 / 4.0  # of the recording, for the torque balance: it has to average over the swings of elastic drives
@@ -121,7 +121,7 @@ def _box(x: Array, n: int, dt: float) -> Array:
     return _difference(_integral(x, dt), n, dt)
 
 
-def _filtered(x: Array, n: int, dt: float, derivatives: int, times: int = FILTERS) -> Array:
+def _filtered(x: Array, n: int, dt: float, derivatives: int, times: int = _FILTERS) -> Array:
     """`x` differentiated `derivatives` times and averaged over n samples `times` times."""
     for k in range(times):
         x = _difference(x, n, dt) if k < derivatives else _box(x, n, dt)
@@ -199,7 +199,7 @@ def _regression(recordings: tuple[Recording, ...], speed: float) -> Array:
         torque = np.concatenate([b.torque for b in balances])
         terms = np.concatenate([b.terms for b in balances])
         values = _robust(torque, terms)
-        uncertainty = _uncertainty(torque, terms, values, n * FILTERS * len(torque) / samples)
+        uncertainty = _uncertainty(torque, terms, values, n * _FILTERS * len(torque) / samples)
         found.append((uncertainty, values, float(np.var(torque - terms @ values)), float(np.var(torque))))
         bare.append((float(np.std(torque)), float(np.std(terms[:, 0]))))
     least = min(uncertainty for uncertainty, *_ in found)

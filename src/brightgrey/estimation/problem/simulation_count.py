@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["Spent"]
+__all__ = ["SimulationCount"]
 
 
 @dataclass(frozen=True)
-class Spent:
+class SimulationCount:
     """What was given to the simulation, counted where it was.
 
     Attributes
@@ -24,5 +24,5 @@ class Spent:
     sets: int = 0
     samples: int = 0
 
-    def __add__(self, other: Spent) -> Spent:
-        return Spent(self.sets + other.sets, self.samples + other.samples)
+    def __add__(self, other: SimulationCount) -> SimulationCount:
+        return SimulationCount(self.sets + other.sets, self.samples + other.samples)

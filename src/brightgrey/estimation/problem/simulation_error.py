@@ -10,15 +10,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.problem.initial_state import Initial, Onset, Unknown, noise_of
+from brightgrey.estimation.problem.initial_state import Initial, InitialState, InitialStateParameter, output_noise
 from brightgrey.estimation.problem.normal_equations import LARGEST, add_products, add_squares
-from brightgrey.estimation.problem.output_feedback import held_back, measured_speed
-from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.output_feedback import measured_speed, with_output_feedback
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response, squares
 
-__all__ = ["Problem", "limited_states", "predict_many", "system_for", "systems"]
+__all__ = ["SimulationErrorProblem", "limited_states", "predict_many", "system_for", "systems"]
 
 Array = NDArray[np.float64]
 _FEWEST = 100  # samples of a beginning
@@ -31,7 +31,7 @@ def predict_many(
     recording: Recording,
     settings: Settings,
     *,
-    onset: Onset | None = None,
+    initial_state: InitialState | None = None,
     initial: Mapping[str, float] | None = None,
     group: int = 1,
     threads: int = 1,
@@ -42,7 +42,9 @@ def predict_many(
     The initial state is `initial`, or else that of `onset`, whose unknown parts stand among the values. With a `gain`,
     in torque per speed, the simulation is held to the measured motion.
     """
-    system, u, x0 = systems(structure, values, recording, settings, onset=onset, initial=initial, gain=gain)
+    system, u, x0 = systems(
+        structure, values, recording, settings, initial_state=initial_state, initial=initial, gain=gain
+    )
     found = response(system, u, recording.dt, x0, settings, group=group, threads=threads)
     y, (sample, follower) = found.y, found.rejoined.T
     for out, signal in enumerate(recording.outputs):
@@ -59,7 +61,7 @@ def systems(
     recording: Recording,
     settings: Settings,
     *,
-    onset: Onset | None = None,
+    initial_state: InitialState | None = None,
     initial: Mapping[str, float] | None = None,
     gain: float = 0.0,
 ) -> tuple[StateSpace, Array, Array]:
@@ -68,9 +70,9 @@ def systems(
     if initial is not None:
         x0 = np.array([[initial[state.name]] for state in system.states])
     else:
-        x0 = (onset or Onset.of(recording)).state(system, float(recording.u[0]), values)
+        x0 = (initial_state or InitialState.of(recording)).state(system, float(recording.u[0]), values)
     sets = max((np.size(values[name]) for name in structure.parameters), default=1)
-    system, u = held_back(system, recording, gain)
+    system, u = with_output_feedback(system, recording, gain)
     return system, u, np.broadcast_to(x0, (len(x0), sets))
 
 
@@ -101,7 +103,7 @@ def limited_states(structure: Structure) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Problem:
+class SimulationErrorProblem:
     """Weighted residuals of `structure` on `recordings`.
 
     Attributes
@@ -111,7 +113,7 @@ class Problem:
     weights : ndarray, shape (outputs,)
         1 over the noise of each output; a noise below a thousandth of the output's spread counts as that, so
         that a fine sensor does not silence the others.
-    onsets : tuple of Onset
+    onsets : tuple of InitialState
         How each recording begins.
     threads : int
     gain : float
@@ -121,7 +123,7 @@ class Problem:
     structure: Structure
     recordings: tuple[Recording, ...]
     weights: Array
-    onsets: tuple[Onset, ...]
+    initial_states: tuple[InitialState, ...]
     threads: int = 1
     gain: float = 0.0
 
@@ -129,21 +131,21 @@ class Problem:
     def of(
         cls, structure: Structure, recordings: Sequence[Recording], threads: int = 1, initial: Initial = "auto"
     ) -> Self:
-        """Problem with weights from the recordings' noise; `initial` as for `Onset`."""
-        noise = np.median([noise_of(r) for r in recordings], axis=0)
+        """Problem with weights from the recordings' noise; `initial` as for `InitialState`."""
+        noise = np.median([output_noise(r) for r in recordings], axis=0)
         spread = np.max([r.y.std(axis=1) for r in recordings], axis=0)
         floor = np.maximum(noise, 1e-3 * spread)
         tags = [f"#{k + 1}" if len(recordings) > 1 else "" for k in range(len(recordings))]
         limited = limited_states(structure)
         onsets = tuple(
-            Onset.of(r, initial, tag, limited, structure.masses) for r, tag in zip(recordings, tags, strict=True)
+            InitialState.of(r, initial, tag, limited, structure.masses) for r, tag in zip(recordings, tags, strict=True)
         )
         return cls(structure, tuple(recordings), 1.0 / np.where(floor > 0.0, floor, 1.0), onsets, threads)
 
     @property
-    def unknown(self) -> tuple[Unknown, ...]:
+    def unknown_initial(self) -> tuple[InitialStateParameter, ...]:
         """Parts of the initial states that are searched for beside the parameters."""
-        return tuple(unknown for onset in self.onsets for unknown in onset.unknown)
+        return tuple(unknown for onset in self.initial_states for unknown in onset.unknown)
 
     def states(self, values: Mapping[str, float], f_tanh: float) -> tuple[Mapping[str, float], ...]:
         """Initial state by name for each recording, SI."""
@@ -151,13 +153,13 @@ class Problem:
         arrays = {name: np.array([value]) for name, value in values.items()}
         system = assemble(self.structure, own, f_tanh)
         found = []
-        for r, onset in zip(self.recordings, self.onsets, strict=True):
+        for r, onset in zip(self.recordings, self.initial_states, strict=True):
             x0 = onset.state(system, float(r.u[0]), arrays)[:, 0]
             found.append(dict(zip(system.state_names, x0.tolist(), strict=True)))
         return tuple(found)
 
     @property
-    def limited(self) -> bool:
+    def has_hard_limit(self) -> bool:
         """Whether a state is kept between limits: then the cost is rugged."""
         return bool(limited_states(self.structure))
 
@@ -166,21 +168,21 @@ class Problem:
         """Number of residuals."""
         return sum(r.y.size for r in self.recordings)
 
-    def spent(self, sets: int) -> Spent:
+    def spent(self, sets: int) -> SimulationCount:
         """What it takes to simulate `sets` parameter sets on the recordings."""
-        return Spent(sets, sets * sum(r.samples for r in self.recordings))
+        return SimulationCount(sets, sets * sum(r.samples for r in self.recordings))
 
     def residuals(self, values: Mapping[str, Array], settings: Settings, *, group: int = 1) -> Array:
         """Weighted residuals, shape (residuals, K): simulated minus measured; large but finite if diverged."""
         parts = []
-        for r, onset, lost in zip(self.recordings, self.onsets, self._lost, strict=True):
+        for r, onset, lost in zip(self.recordings, self.initial_states, self._lost, strict=True):
             y = self._predicted(values, r, onset, settings, group)
             apart = (y - r.y[:, :, None]) * self.weights[:, None, None]
             apart = np.where(np.isfinite(apart), np.clip(apart, -LARGEST, LARGEST), lost[:, None, None])
             parts.append(apart.reshape(-1, apart.shape[-1]))
         return np.concatenate(parts)
 
-    def products(
+    def normal_products(
         self,
         values: Mapping[str, Array],
         settings: Settings,
@@ -192,38 +194,38 @@ class Problem:
         """
         starts, count = per_step.shape
         total = np.zeros((starts, 1 + count, 1 + count))
-        for r, onset, lost in zip(self.recordings, self.onsets, self._lost, strict=True):
+        for r, onset, lost in zip(self.recordings, self.initial_states, self._lost, strict=True):
             y = self._predicted(values, r, onset, settings, 1 + count)
             y = np.ascontiguousarray(y).reshape(*y.shape[:2], starts, -1)
             add_products(y, r.y, self.weights, lost, per_step, total)
         return total
 
-    def costs(self, values: Mapping[str, Array], settings: Settings, most: Array | None = None) -> Array:
+    def costs(self, values: Mapping[str, Array], settings: Settings, upper_limits: Array | None = None) -> Array:
         """Sums of squared weighted residuals, shape (K,).
 
         With limits `most`, shape (K,), simulations are given up as soon as their sum reaches its limit, and the sum
         is infinite; so it is where a simulation has diverged. Differenced velocities are simulated to their end.
         """
         total = np.zeros(len(next(iter(values.values()))))
-        for r, onset, lost in zip(self.recordings, self.onsets, self._lost, strict=True):
-            if most is not None and not any(signal.kind == "velocity-differenced" for signal in r.outputs):
-                system, u, x0 = systems(self.structure, values, r, settings, onset=onset, gain=self.gain)
+        for r, onset, lost in zip(self.recordings, self.initial_states, self._lost, strict=True):
+            if upper_limits is not None and not any(signal.kind == "velocity-differenced" for signal in r.outputs):
+                system, u, x0 = systems(self.structure, values, r, settings, initial_state=onset, gain=self.gain)
                 weights = self.weights**2
                 total = squares(
-                    system, u, r.dt, x0, settings, r.y, weights, spent=total, most=most, threads=self.threads
+                    system, u, r.dt, x0, settings, r.y, weights, spent=total, most=upper_limits, threads=self.threads
                 )
                 continue
             y = self._predicted(values, r, onset, settings, 1)
             add_squares(np.ascontiguousarray(y), r.y, self.weights, lost, total)
-            if most is not None:
-                total = np.where(np.isfinite(y).all(axis=(0, 1)) & (total < most), total, np.inf)
+            if upper_limits is not None:
+                total = np.where(np.isfinite(y).all(axis=(0, 1)) & (total < upper_limits), total, np.inf)
         return total
 
     def _predicted(
-        self, values: Mapping[str, Array], r: Recording, onset: Onset, settings: Settings, group: int
+        self, values: Mapping[str, Array], r: Recording, onset: InitialState, settings: Settings, group: int
     ) -> Array:
         return predict_many(
-            self.structure, values, r, settings, onset=onset, group=group, threads=self.threads, gain=self.gain
+            self.structure, values, r, settings, initial_state=onset, group=group, threads=self.threads, gain=self.gain
         )
 
     @cached_property
@@ -231,13 +233,13 @@ class Problem:
         """Weighted residual of a simulation that has diverged, shape (outputs,), of each recording."""
         return tuple(np.asarray(np.maximum(_LOST * r.y.std(axis=1) * self.weights, 1.0)) for r in self.recordings)
 
-    def beginning(self, share: float) -> Problem:
+    def truncated(self, share: float) -> SimulationErrorProblem:
         """The same on the beginnings of the recordings, which hold `share` of what the input does."""
         if share >= 1.0:
             return self
         return replace(self, recordings=tuple(_beginning(r, share) for r in self.recordings))
 
-    def held(self, share: float) -> Problem | None:
+    def with_output_feedback(self, share: float) -> SimulationErrorProblem | None:
         """The same with simulations that are held to the measured motion; None if that is not known.
 
         By `share` of the usual torque per usual speed: as much torque for an error as large as the speed is.

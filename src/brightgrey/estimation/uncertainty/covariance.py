@@ -22,7 +22,7 @@ from brightgrey.estimation.noise.autoregression import (
     times_autocovariance,
 )
 
-__all__ = ["Spread", "noise_models", "scattered", "spread", "weakest"]
+__all__ = ["CovarianceEstimate", "gradient_covariance", "noise_models", "sandwich_covariance", "weakest"]
 
 Array = NDArray[np.float64]
 _CORRECTIONS = 5  # rounds in which the noise is freed from what the fit took; the fourth changes less than 1 %
@@ -30,7 +30,7 @@ _RANK = 1e-10  # singular values below this part of the largest are none
 _CONFIDENCE = 0.95
 
 
-class Spread(NamedTuple):
+class CovarianceEstimate(NamedTuple):
     """Covariance of an estimate.
 
     Attributes
@@ -50,7 +50,7 @@ class Spread(NamedTuple):
         return np.asarray(student.ppf(0.5 + 0.5 * _CONFIDENCE, self.degrees))
 
 
-def spread(residual: Array, jacobian: Array, lengths: Sequence[int]) -> Spread:
+def sandwich_covariance(residual: Array, jacobian: Array, lengths: Sequence[int]) -> CovarianceEstimate:
     """Covariance of a least-squares estimate with coloured residuals, and its degrees of freedom.
 
     Parameters
@@ -69,19 +69,19 @@ def spread(residual: Array, jacobian: Array, lengths: Sequence[int]) -> Spread:
     scale = np.where(scale > 0.0, scale, 1.0)
     J = jacobian / scale
     models = noise_models(residual, J, lengths)
-    meat = scattered(models, J, lengths)
+    meat = gradient_covariance(models, J, lengths)
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-13, hermitian=True)
     result = inverse @ meat @ inverse
-    parts = [model.scatter(part @ inverse) for model, part in zip(models, _cut(J, lengths), strict=True)]
+    parts = [model.variance_of_sums(part @ inverse) for model, part in zip(models, _cut(J, lengths), strict=True)]
     variance = np.sum([v for v, _ in parts], axis=0)
     variance = np.where(variance > 0.0, variance, 1.0)
     doubt = np.sum([(v / variance) ** 2 * d for v, d in parts], axis=0)
     sizes = np.outer(scale, scale)
     degrees = np.maximum(2.0 / np.maximum(doubt, np.finfo(float).tiny), 1.0)
-    return Spread(np.asarray(result / sizes), degrees)
+    return CovarianceEstimate(np.asarray(result / sizes), degrees)
 
 
-def scattered(models: Sequence[Autoregression], jacobian: Array, lengths: Sequence[int]) -> Array:
+def gradient_covariance(models: Sequence[Autoregression], jacobian: Array, lengths: Sequence[int]) -> Array:
     """Covariance of the gradient ``J' e``, shape (P, P), for the noise of every stretch; `jacobian` as in `spread`."""
     total = np.zeros((jacobian.shape[1], jacobian.shape[1]))
     for model, part in zip(models, _cut(jacobian, lengths), strict=True):

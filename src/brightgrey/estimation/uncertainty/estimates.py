@@ -8,12 +8,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.estimation.optimisation.least_squares import Descent
-from brightgrey.estimation.problem.parameter_space import Search
-from brightgrey.estimation.problem.simulation_error import Problem
-from brightgrey.estimation.uncertainty.covariance import Spread, spread
-from brightgrey.estimation.uncertainty.heterogeneity import agreement
-from brightgrey.estimation.uncertainty.identifiability import Open, open_directions
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
+from brightgrey.estimation.uncertainty.covariance import CovarianceEstimate, sandwich_covariance
+from brightgrey.estimation.uncertainty.heterogeneity import heterogeneity
+from brightgrey.estimation.uncertainty.identifiability import UnidentifiableDirection, unidentifiable_directions
 from brightgrey.simulation import Settings
 
 __all__ = ["Estimate", "Estimates", "estimates_of"]
@@ -45,7 +45,7 @@ class Estimate:
     between: float | None = None
 
 
-class Reach(NamedTuple):
+class UpperLimit(NamedTuple):
     """How far from its low bound a parameter may be: the high end of its 95 % interval, SI, and its errors' partner.
 
     `partner` is the parameter whose errors correlate most with its own, by `correlation`; empty if there is none.
@@ -64,40 +64,42 @@ class Estimates(NamedTuple):
     """
 
     by_name: dict[str, Estimate]
-    hidden: tuple[Open, ...]
+    hidden: tuple[UnidentifiableDirection, ...]
     apart: tuple[str, ...]
     correlation: dict[tuple[str, str], float]
-    reach: dict[str, Reach]
+    reach: dict[str, UpperLimit]
 
 
-def estimates_of(problem: Problem, search: Search, settings: Settings, best: Descent) -> Estimates:
+def estimates_of(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, best: OptimumWithJacobian
+) -> Estimates:
     """Values with intervals in the searched scale; a parameter at its bound has none.
 
     One that has faded away, at the low bound of a logarithmic range, may be larger all the same: its size is free
     (linearly) when the intervals of the others are found.
     """
-    theta, side = search.inward(best.values), search.side(best.values)
+    theta, side = search.to_scaled(best.values), search.active_bounds(best.values)
     inside = np.flatnonzero(side == 0)
     std = np.full(len(theta), np.nan)
-    quantile, hidden, reach = np.full(len(theta), np.nan), [], dict[str, Reach]()
+    quantile, hidden, reach = np.full(len(theta), np.nan), [], dict[str, UpperLimit]()
     covariance: Array = np.full((len(theta), len(theta)), np.nan)
     if inside.size:
         J = best.jacobian[:, inside]
         lengths = [r.samples for r in problem.recordings for _ in r.outputs]
         gone = (side < 0) & search.log & (search.low <= _NOTHING * search.high)
         faded = np.flatnonzero(gone & (np.linalg.norm(best.jacobian, axis=0) > 0.0))
-        found = spread(best.residual, np.hstack([J, best.jacobian[:, faded]]), lengths)
+        found = sandwich_covariance(best.residual, np.hstack([J, best.jacobian[:, faded]]), lengths)
         known = slice(inside.size)
         reach = _reach(search, best, found, inside, faded)
-        alone = spread(best.residual, J, lengths).covariance if faded.size else found.covariance
+        alone = sandwich_covariance(best.residual, J, lengths).covariance if faded.size else found.covariance
         quantile[inside] = found.quantile[known]
-        hidden = open_directions(J, alone, search, inside)
+        hidden = unidentifiable_directions(J, alone, search, inside)
         std[inside] = np.sqrt(np.maximum(np.diag(found.covariance)[known], 0.0))
         covariance[np.ix_(inside, inside)] = found.covariance[known, known]
         for direction in hidden:
             if direction.blind:
                 std[list(direction.indices)] = np.nan
-    between, apart = agreement(problem, search, settings, best)
+    between, apart = heterogeneity(problem, search, settings, best)
     result = {name: Estimate(value, 0.0, (value, value), None) for name, value in search.fixed.items()}
     at: dict[int, Literal["low", "high"] | None] = {-1: "low", 0: None, 1: "high"}
     for i, name in enumerate(search.names):
@@ -109,8 +111,12 @@ def estimates_of(problem: Problem, search: Search, settings: Settings, best: Des
 
 
 def _reach(
-    search: Search, best: Descent, found: Spread, inside: NDArray[np.intp], faded: NDArray[np.intp]
-) -> dict[str, Reach]:
+    search: ParameterSpace,
+    best: OptimumWithJacobian,
+    found: CovarianceEstimate,
+    inside: NDArray[np.intp],
+    faded: NDArray[np.intp],
+) -> dict[str, UpperLimit]:
     """Reach of the parameters that have faded away; the last of the covariance are theirs, relative to their values."""
     std = np.sqrt(np.maximum(np.diag(found.covariance), 1e-300))
     result = {}
@@ -119,11 +125,11 @@ def _reach(
         together = found.covariance[k, : inside.size] / (std[k] * std[: inside.size])
         j = int(np.abs(together).argmax())
         if high < search.high[i]:
-            result[search.names[i]] = Reach(high, search.names[inside[j]], float(together[j]))
+            result[search.names[i]] = UpperLimit(high, search.names[inside[j]], float(together[j]))
     return result
 
 
-def _correlation(search: Search, covariance: Array, std: Array) -> dict[tuple[str, str], float]:
+def _correlation(search: ParameterSpace, covariance: Array, std: Array) -> dict[tuple[str, str], float]:
     """Correlation of the errors, by pairs of names, of the parameters whose standard deviation is known."""
     known = [i for i in range(len(std)) if np.isfinite(std[i]) and std[i] > 0.0]
     return {
@@ -138,7 +144,7 @@ def _estimate(
     std: float,
     quantile: float,
     between: float,
-    search: Search,
+    search: ParameterSpace,
     i: int,
     at_bound: Literal["low", "high"] | None,
 ) -> Estimate:

@@ -9,21 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from brightgrey.estimation.optimisation.least_squares import Descent, descend
-from brightgrey.estimation.problem.parameter_space import Search
-from brightgrey.estimation.problem.simulation_error import Problem
-from brightgrey.estimation.uncertainty.covariance import spread
-from brightgrey.estimation.uncertainty.identifiability import open_directions
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_to_convergence
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
+from brightgrey.estimation.uncertainty.covariance import sandwich_covariance
+from brightgrey.estimation.uncertainty.identifiability import unidentifiable_directions
 from brightgrey.simulation import Settings
 
-__all__ = ["Agreement", "agreement"]
+__all__ = ["Heterogeneity", "heterogeneity"]
 
 Array = NDArray[np.float64]
 _CHANCE = 0.01  # of calling recordings that agree different, over all parameters
 _NORMAL = 1.96  # standard deviations to each side of a 95 % interval
 
 
-class Agreement(NamedTuple):
+class Heterogeneity(NamedTuple):
     """Scatter of each parameter between recordings, shape (P,), and whether it is more than chance makes.
 
     In the searched scale; not a number where less than two recordings show the parameter.
@@ -33,15 +33,17 @@ class Agreement(NamedTuple):
     apart: NDArray[np.bool_]
 
 
-def agreement(problem: Problem, search: Search, settings: Settings, best: Descent) -> Agreement:
+def heterogeneity(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, best: OptimumWithJacobian
+) -> Heterogeneity:
     """Fit every recording alone, from the joint optimum, and compare.
 
     Parameters
     ----------
-    problem : Problem
-    search : Search
+    problem : SimulationErrorProblem
+    search : ParameterSpace
     settings : Settings
-    best : Descent
+    best : OptimumWithJacobian
         The joint optimum.
 
     Returns
@@ -54,10 +56,10 @@ def agreement(problem: Problem, search: Search, settings: Settings, best: Descen
     """
     count = len(best.values)
     if len(problem.recordings) < 2 or not np.any(best.jacobian):
-        return Agreement(np.full(count, np.nan), np.zeros(count, bool))
+        return Heterogeneity(np.full(count, np.nan), np.zeros(count, bool))
     parts = [
-        replace(problem, recordings=(r,), onsets=(onset,))
-        for r, onset in zip(problem.recordings, problem.onsets, strict=True)
+        replace(problem, recordings=(r,), initial_states=(onset,))
+        for r, onset in zip(problem.recordings, problem.initial_states, strict=True)
     ]
     alone = [_alone(part, search, settings, best.values) for part in parts]
     value, std = np.array([a[0] for a in alone]), np.array([a[1] for a in alone])
@@ -69,19 +71,21 @@ def agreement(problem: Problem, search: Search, settings: Settings, best: Descen
     more = np.maximum(number - 1, 1)
     between = np.where(number > 1, np.sqrt(excess / total * number / more), np.nan)
     beyond = (number > 1) & (excess > chi2.isf(_CHANCE / count, more))
-    return Agreement(between, beyond & (between > _NORMAL / np.sqrt(total)))
+    return Heterogeneity(between, beyond & (between > _NORMAL / np.sqrt(total)))
 
 
-def _alone(problem: Problem, search: Search, settings: Settings, start: Array) -> tuple[Array, Array]:
+def _alone(
+    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, start: Array
+) -> tuple[Array, Array]:
     """Estimate and standard deviation of one recording, in the searched scale; infinite where it shows nothing."""
-    found = descend(problem, search, settings, start)
-    theta = search.inward(found.values)
+    found = fit_to_convergence(problem, search, settings, start)
+    theta = search.to_scaled(found.values)
     std = np.full(len(theta), np.inf)
-    inside = np.flatnonzero(search.side(found.values) == 0)
+    inside = np.flatnonzero(search.active_bounds(found.values) == 0)
     if inside.size:
         J = found.jacobian[:, inside]
-        own = spread(found.residual, J, [r.samples for r in problem.recordings for _ in r.outputs])
+        own = sandwich_covariance(found.residual, J, [r.samples for r in problem.recordings for _ in r.outputs])
         std[inside] = np.sqrt(np.maximum(np.diag(own.covariance), 0.0))
-        for hidden in open_directions(J, own.covariance, search, inside):
+        for hidden in unidentifiable_directions(J, own.covariance, search, inside):
             std[list(hidden.indices)] = np.inf
     return theta, std

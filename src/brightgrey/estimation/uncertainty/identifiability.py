@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.effects import Parameter
-from brightgrey.estimation.problem.parameter_space import Search
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
 
-__all__ = ["Open", "open_directions", "power_product", "written"]
+__all__ = ["UnidentifiableDirection", "describe", "power_product", "unidentifiable_directions"]
 
 Array = NDArray[np.float64]
 _BLIND = 1e-7  # singular value, relative to the largest, from which a direction cannot be seen
@@ -22,7 +22,7 @@ _SHARE = 0.1  # of the largest component: what takes part in a combination
 
 
 @dataclass(frozen=True)
-class Open:
+class UnidentifiableDirection:
     """A direction in the searched scale that the recording does not hold.
 
     Attributes
@@ -40,7 +40,9 @@ class Open:
     blind: bool
 
 
-def open_directions(jacobian: Array, covariance: Array, search: Search, inside: NDArray[np.intp]) -> list[Open]:
+def unidentifiable_directions(
+    jacobian: Array, covariance: Array, search: ParameterSpace, inside: NDArray[np.intp]
+) -> list[UnidentifiableDirection]:
     """Directions that cannot be seen: blind ones by the singular vectors, loose ones by their standard deviation.
 
     Parameters
@@ -49,14 +51,14 @@ def open_directions(jacobian: Array, covariance: Array, search: Search, inside: 
         By the parameters `inside`, in the searched scale.
     covariance : ndarray, shape (P, P)
         Of the same.
-    search : Search
+    search : ParameterSpace
     inside : int ndarray, shape (P,)
         Indices of these parameters in the search.
     """
     loose = np.where(search.log[inside], _LOOSE_LOG, _LOOSE_LINEAR)
     size = np.linalg.norm(jacobian, axis=0)
     hidden = size <= _BLIND * np.max(size * loose, initial=0.0) / loose
-    found = [Open((int(inside[i]),), (1.0,), True) for i in np.flatnonzero(hidden)]
+    found = [UnidentifiableDirection((int(inside[i]),), (1.0,), True) for i in np.flatnonzero(hidden)]
     shown = np.flatnonzero(~hidden)
     if not shown.size:
         return found
@@ -69,17 +71,23 @@ def open_directions(jacobian: Array, covariance: Array, search: Search, inside: 
     for v, nothing in directions:
         weight = np.abs(v) / loose[shown]
         part = np.flatnonzero(weight >= _SHARE * weight.max())
-        found.append(Open(tuple(int(inside[i]) for i in shown[part]), tuple(float(v[i]) for i in part), nothing))
+        found.append(
+            UnidentifiableDirection(
+                tuple(int(inside[i]) for i in shown[part]), tuple(float(v[i]) for i in part), nothing
+            )
+        )
     return found
 
 
-def written(hidden: Open, search: Search, values: Array, declared: Sequence[Parameter | None]) -> str:
+def describe(
+    hidden: UnidentifiableDirection, search: ParameterSpace, values: Array, declared: Sequence[Parameter | None]
+) -> str:
     """One sentence on what is not seen, and what of it is.
 
     Parameters
     ----------
-    hidden : Open
-    search : Search
+    hidden : UnidentifiableDirection
+    search : ParameterSpace
     values : ndarray, shape (P,)
         Estimates of all searched parameters, SI.
     declared : sequence of Parameter or None

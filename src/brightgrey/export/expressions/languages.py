@@ -9,7 +9,18 @@ from dataclasses import dataclass
 
 from brightgrey.export.expressions.trace import Expression, walk
 
-__all__ = ["LATEX", "MATLAB", "MODELICA", "PYTHON", "C", "Language", "assignments", "latex_name", "number", "written"]
+__all__ = [
+    "LATEX",
+    "MATLAB",
+    "MODELICA",
+    "PYTHON",
+    "C",
+    "Language",
+    "assignments",
+    "latex_name",
+    "number_literal",
+    "spell",
+]
 
 _BINDING = {">=": 1, ">": 1, "<=": 1, "<": 1, "==": 1, "+": 2, "-": 2, "neg": 2, "*": 3, "/": 3}
 _ATOM = 9
@@ -35,7 +46,7 @@ class Language:
     number: Callable[[float], str]
 
 
-def number(value: float) -> str:
+def number_literal(value: float) -> str:
     """Shortest decimal that reads back exactly, with a point or an exponent."""
     text = repr(float(value))
     return {"inf": "HUGE_VAL", "-inf": "-HUGE_VAL"}.get(text, text)
@@ -79,7 +90,7 @@ C = Language(
     },
     "const double {name} = {value};",
     _plain,
-    number,
+    number_literal,
 )
 MATLAB = Language(
     {
@@ -92,7 +103,7 @@ MATLAB = Language(
     },
     "{name} = {value};",
     _plain,
-    number,
+    number_literal,
 )
 PYTHON = Language(
     {
@@ -105,7 +116,7 @@ PYTHON = Language(
     },
     "{name} = {value}",
     _plain,
-    number,
+    number_literal,
 )
 MODELICA = Language(
     {
@@ -118,7 +129,7 @@ MODELICA = Language(
     },
     "{name} = {value};",
     lambda name: name.replace("@", "_"),
-    number,
+    number_literal,
 )
 LATEX = Language(
     {
@@ -140,7 +151,7 @@ LATEX = Language(
 )
 
 
-def written(expression: Expression, language: Language, named: Mapping[tuple[object, ...], str] | None = None) -> str:
+def spell(expression: Expression, language: Language, named: Mapping[tuple[object, ...], str] | None = None) -> str:
     """Text of `expression`; parts whose key is in `named` are written by that name."""
     return _written(expression, language, named or {})[0]
 
@@ -182,8 +193,8 @@ def assignments(results: Mapping[str, Expression], language: Language) -> list[s
     lines = []
     for key, part in parts.items():
         if uses[key] > 1 and part.operation not in ("symbol", "constant"):
-            text = written(part, language, named)
+            text = spell(part, language, named)
             name = f"t{len(named) + 1}"
             lines.append(language.assign.format(name=name, value=text))
             named[key] = name
-    return [*lines, *(f"{name} = {written(e, language, named)}" for name, e in results.items())]
+    return [*lines, *(f"{name} = {spell(e, language, named)}" for name, e in results.items())]

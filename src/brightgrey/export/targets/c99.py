@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.effects import Element
-from brightgrey.export.expressions.languages import C, assignments, number
+from brightgrey.export.expressions.languages import C, assignments, number_literal
 from brightgrey.export.expressions.trace import traced
-from brightgrey.export.external_tools import program, run
-from brightgrey.export.numeric_model import Scheme, Tables, tables
+from brightgrey.export.external_tools import program, run_program
+from brightgrey.export.numeric_model import NumericModel, Tables, propagator_tables
 from brightgrey.export.registry import Exporter, Verified
-from brightgrey.export.verification import Trial
+from brightgrey.export.verification import VerificationRun
 
 __all__ = ["EXPORTER", "NAME", "engine", "filled", "header_words", "sources"]
 
@@ -27,7 +27,7 @@ def engine(name: str) -> str:
     return files("brightgrey.export").joinpath("templates", name).read_text(encoding="utf-8")
 
 
-def sources(scheme: Scheme) -> dict[str, str]:
+def sources(scheme: NumericModel) -> dict[str, str]:
     """Text of ``drive.h`` and ``drive.c``."""
     words = header_words(scheme) | {
         "n": str(scheme.n),
@@ -37,20 +37,20 @@ def sources(scheme: Scheme) -> dict[str, str]:
         "buffer": str(scheme.delay[0] + 2),
         "laws": "\n\n".join(_law(i, e) for i, (e, _) in enumerate(scheme.low.smooth)) or "/* none */",
         "dispatch": "\n".join(_case(scheme, k) for k in range(scheme.m)) or "    /* none */",
-        "data": _data(scheme, tables(scheme)),
+        "data": _data(scheme, propagator_tables(scheme)),
     }
     code = engine("engine.c").replace("@events@\n", engine("events.c") + "\n")
     return {f"{NAME}.h": filled(engine("engine.h"), words), f"{NAME}.c": filled(code, words)}
 
 
-def header_words(scheme: Scheme) -> dict[str, str]:
+def header_words(scheme: NumericModel) -> dict[str, str]:
     """What every export says of its model."""
     return {
         "title": scheme.title,
         "version": scheme.model.version,
         "name": NAME,
         "NAME": NAME.upper(),
-        "dt": number(scheme.dt),
+        "dt": number_literal(scheme.dt),
         "hold": "straight" if scheme.hold == "linear" else "held",
         "input": f"{scheme.model.input.name} [{scheme.model.input.unit}]",
         "outputs": ", ".join(f"{o.name} [{o.unit}]" for o in scheme.outputs),
@@ -70,7 +70,7 @@ def _law(i: int, element: Element) -> str:
     phi, slopes = traced(element.law, ("z",))
     lines = assignments({"*force": phi, "*slope": slopes[0]}, C)
     values = [
-        f"const double {name} = {number(float(np.ravel(p)[0]))};"
+        f"const double {name} = {number_literal(float(np.ravel(p)[0]))};"
         for name, p in zip(element.law.parameters, element.p, strict=True)
         if any(name in line for line in lines)
     ]
@@ -78,7 +78,7 @@ def _law(i: int, element: Element) -> str:
     return f"/* {element.name} */\nstatic void law_{i}(double z, double *force, double *slope)\n{{\n{body}\n}}"
 
 
-def _case(scheme: Scheme, k: int) -> str:
+def _case(scheme: NumericModel, k: int) -> str:
     calls = [
         f"        law_{i}(z, &f, &d);\n        *force += f;\n        *slope += d;"
         for i, (_, channel) in enumerate(scheme.low.smooth)
@@ -87,7 +87,7 @@ def _case(scheme: Scheme, k: int) -> str:
     return "\n".join([f"    case {k}:", *calls, "        break;"])
 
 
-def _data(scheme: Scheme, table: Tables) -> str:
+def _data(scheme: NumericModel, table: Tables) -> str:
     low, tol = scheme.low, scheme.tolerance
     n, m, limits = scheme.n, scheme.m, len(scheme.limited)
     whole, part = scheme.delay
@@ -104,7 +104,7 @@ def _data(scheme: Scheme, table: Tables) -> str:
         "L1": l1,
         "R": len(scheme.outputs),
         "LEVELS": tol.ticks,
-        "BASES": scheme.bases,
+        "BASES": scheme.base_steps,
         "NEWTON": tol.newton,
         "WHOLE": whole,
         "BUFFER": whole + 2,
@@ -120,7 +120,7 @@ def _data(scheme: Scheme, table: Tables) -> str:
     rates = [scheme.rate(b) for b in range(limits)]
     columns = [np.asarray(e.G).reshape(-1) for e in scheme.limited]
     lines = [f"#define {name} {value}" for name, value in defines.items()]
-    lines += [f"#define {name} {number(value)}" for name, value in reals.items()]
+    lines += [f"#define {name} {number_literal(value)}" for name, value in reals.items()]
     lines += [
         "",
         _array("A", low.A[:, :, 0]),
@@ -158,7 +158,7 @@ def _array(name: str, array: Array) -> str:
 
 def _braces(array: Array) -> str:
     if array.ndim == 1:
-        return "{" + ", ".join(number(value) for value in array) + "}"
+        return "{" + ", ".join(number_literal(value) for value in array) + "}"
     return "{" + ",\n ".join(_braces(row) for row in array) + "}"
 
 
@@ -166,20 +166,20 @@ def _whole(name: str, values: list[int]) -> str:
     return f"static const int {name}[{len(values)}] = {{{', '.join(map(str, values))}}};"
 
 
-def files_of(scheme: Scheme) -> dict[str, bytes]:
+def files_of(scheme: NumericModel) -> dict[str, bytes]:
     """Files of the export."""
     return {name: text.encode() for name, text in sources(scheme).items()}
 
 
-def verify(folder: Path, scheme: Scheme, trial: Trial) -> Verified:
+def verify(folder: Path, scheme: NumericModel, trial: VerificationRun) -> Verified:
     """Compile with gcc, every warning an error, and run."""
     gcc = program("gcc")
     text = filled(engine("run.c"), {"name": NAME, "NAME": NAME.upper()})
     (folder / "run.c").write_text(text, encoding="utf-8")
     flags = ("-std=c99", "-O2", "-Wall", "-Wextra", "-pedantic", "-Werror")
-    run([gcc, *flags, f"{NAME}.c", "run.c", "-o", "run", "-lm"], folder)
-    numbers = " ".join(number(value) for value in (*trial.x0, *trial.u))
-    printed = run([folder / "run"], folder, f"{trial.u.size} {numbers}\n")
+    run_program([gcc, *flags, f"{NAME}.c", "run.c", "-o", "run", "-lm"], folder)
+    numbers = " ".join(number_literal(value) for value in (*trial.x0, *trial.u))
+    printed = run_program([folder / "run"], folder, f"{trial.u.size} {numbers}\n")
     y = np.array([line.split() for line in printed.splitlines()], float).T
     return Verified(y, "gcc, compiled and run")
 

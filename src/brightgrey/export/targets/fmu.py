@@ -14,12 +14,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from brightgrey.export.expressions.languages import number
-from brightgrey.export.external_tools import ExportError, MissingToolError, library, program, run
-from brightgrey.export.numeric_model import Scheme
+from brightgrey.export.expressions.languages import number_literal
+from brightgrey.export.external_tools import ExportError, MissingToolError, import_library, program, run_program
+from brightgrey.export.numeric_model import NumericModel
 from brightgrey.export.registry import Exporter, Verified
 from brightgrey.export.targets.c99 import NAME, engine, filled, sources
-from brightgrey.export.verification import Trial
+from brightgrey.export.verification import VerificationRun
 from brightgrey.recordings.units.parser import parse_unit
 
 __all__ = ["EXPORTER"]
@@ -30,7 +30,7 @@ _BASES = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[an
 _FOLDERS = {("linux", "x86_64"): "linux64", ("darwin", "x86_64"): "darwin64"}
 
 
-def files_of(scheme: Scheme) -> dict[str, bytes]:
+def files_of(scheme: NumericModel) -> dict[str, bytes]:
     """One zip archive; the same model gives the same sources and description. Without gcc it has no binary inside."""
     text = sources(scheme)
     glue = filled(engine("fmi2.c"), _words(scheme))
@@ -57,11 +57,11 @@ def _compiled(content: dict[str, bytes]) -> bytes:
         for name, data in content.items():
             if name.startswith("sources/"):
                 (folder / Path(name).name).write_bytes(data)
-        run([gcc, *_FLAGS, f"{NAME}.c", "fmi2.c", "-o", f"{NAME}.so", "-lm"], folder)
+        run_program([gcc, *_FLAGS, f"{NAME}.c", "fmi2.c", "-o", f"{NAME}.so", "-lm"], folder)
         return (folder / f"{NAME}.so").read_bytes()
 
 
-def _words(scheme: Scheme) -> dict[str, str]:
+def _words(scheme: NumericModel) -> dict[str, str]:
     values = [scheme.model.parameters[name].value for name in scheme.model.structure.parameters]
     rest = [str(int(state.at_rest == "input")) for state in scheme.system.states]
     return {
@@ -69,15 +69,15 @@ def _words(scheme: Scheme) -> dict[str, str]:
         "version": scheme.model.version,
         "name": NAME,
         "NAME": NAME.upper(),
-        "dt": number(scheme.dt),
+        "dt": number_literal(scheme.dt),
         "parameters": str(len(values)),
-        "values": ", ".join(map(number, values)),
+        "values": ", ".join(map(number_literal, values)),
         "rest": ", ".join(rest),
-        "input_factor": number(scheme.input_factor),
+        "input_factor": number_literal(scheme.input_factor),
     }
 
 
-def names_of(scheme: Scheme) -> list[str]:
+def names_of(scheme: NumericModel) -> list[str]:
     """Names of input and outputs, each once."""
     names = [scheme.model.input.name]
     for output in scheme.outputs:
@@ -86,7 +86,7 @@ def names_of(scheme: Scheme) -> list[str]:
     return names
 
 
-def _description(scheme: Scheme, guid: str) -> bytes:
+def _description(scheme: NumericModel, guid: str) -> bytes:
     """Text of modelDescription.xml."""
     root = ElementTree.Element(
         "fmiModelDescription",
@@ -111,7 +111,11 @@ def _description(scheme: Scheme, guid: str) -> bytes:
         ElementTree.SubElement(listed, "File", name=name)
     units = ElementTree.SubElement(root, "UnitDefinitions")
     ElementTree.SubElement(
-        root, "DefaultExperiment", startTime="0", stopTime=number(1000 * scheme.dt), stepSize=number(scheme.dt)
+        root,
+        "DefaultExperiment",
+        startTime="0",
+        stopTime=number_literal(1000 * scheme.dt),
+        stepSize=number_literal(scheme.dt),
     )
     variables = ElementTree.SubElement(root, "ModelVariables")
     used = _variables(scheme, variables)
@@ -126,7 +130,7 @@ def _description(scheme: Scheme, guid: str) -> bytes:
     return bytes(ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"
 
 
-def _variables(scheme: Scheme, into: ElementTree.Element) -> set[str]:
+def _variables(scheme: NumericModel, into: ElementTree.Element) -> set[str]:
     """Write all variables in the order of their value references; returns the units in use."""
     model, used = scheme.model, set()
 
@@ -139,7 +143,7 @@ def _variables(scheme: Scheme, into: ElementTree.Element) -> set[str]:
             real.set("unit", unit)
             used.add(unit)
         if start is not None:
-            real.set("start", number(start))
+            real.set("start", number_literal(start))
 
     names = names_of(scheme)
     add(names[0], "input", model.input.unit, 0.0, causality="input", variability="continuous")
@@ -163,20 +167,20 @@ def _define(units: ElementTree.Element, text: str) -> None:
     powers = dict(unit.dimension)
     if set(powers) <= set(_BASES):
         exponents = {_BASES[base]: str(int(power)) for base, power in powers.items()}
-        ElementTree.SubElement(definition, "BaseUnit", {**exponents, "factor": number(unit.si)})
+        ElementTree.SubElement(definition, "BaseUnit", {**exponents, "factor": number_literal(unit.si)})
 
 
-def verify(folder: Path, scheme: Scheme, trial: Trial) -> Verified:
+def verify(folder: Path, scheme: NumericModel, trial: VerificationRun) -> Verified:
     """Validate by fmpy, and step through the trial as a co-simulation master does."""
-    fmpy = library("fmpy", "fmu")
+    fmpy = import_library("fmpy", "fmu")
     program("gcc")
     file = folder / FILE
     description = fmpy.read_model_description(str(file))
-    problems = library("fmpy.validation", "fmu").validate_fmu(str(file))
+    problems = import_library("fmpy.validation", "fmu").validate_fmu(str(file))
     if problems:
         raise ExportError(f"fmpy refuses the unit: {problems[0]}")
     unzipped = fmpy.extract(str(file), str(folder / "unzipped"))
-    unit = library("fmpy.fmi2", "fmu").FMU2Slave(
+    unit = import_library("fmpy.fmi2", "fmu").FMU2Slave(
         guid=description.guid, unzipDirectory=unzipped, modelIdentifier=NAME, instanceName=NAME
     )
     reference = {v.name: v.valueReference for v in description.modelVariables}

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from brightgrey.effects import Element
-from brightgrey.export.expressions.languages import LATEX, latex_name, latex_number, written
+from brightgrey.export.expressions.languages import LATEX, latex_name, latex_number, spell
 from brightgrey.export.expressions.trace import Expression, symbol, traced
-from brightgrey.export.external_tools import MissingToolError, program, run
-from brightgrey.export.numeric_model import Scheme, scheme_of
+from brightgrey.export.external_tools import MissingToolError, program, run_program
+from brightgrey.export.numeric_model import NumericModel, numeric_model
 from brightgrey.export.registry import Exporter, Verified
-from brightgrey.export.verification import Trial, native
+from brightgrey.export.verification import VerificationRun, native
 
 __all__ = ["EXPORTER"]
 
@@ -50,7 +50,7 @@ Identified by brightgrey %(version)s from input %(input)s. Equations in SI units
 """
 
 
-def files_of(scheme: Scheme) -> dict[str, bytes]:
+def files_of(scheme: NumericModel) -> dict[str, bytes]:
     """File ``drive.tex``."""
     text = _DOCUMENT % {
         "title": _text(scheme.title),
@@ -71,11 +71,11 @@ def _text(text: str) -> str:
     return text
 
 
-def _input(scheme: Scheme) -> str:
+def _input(scheme: NumericModel) -> str:
     return "u(t - T_{d})" if sum(scheme.delay) > 0.0 else "u"
 
 
-def _state_equations(scheme: Scheme) -> Iterable[str]:
+def _state_equations(scheme: NumericModel) -> Iterable[str]:
     system = scheme.system
     names = [latex_name(name) for name in system.state_names]
     for i, name in enumerate(names):
@@ -98,7 +98,7 @@ def _sum(terms: list[tuple[float, str]]) -> str:
     return " \\\\\n&\\quad ".join(lines)
 
 
-def _elements(scheme: Scheme) -> str:
+def _elements(scheme: NumericModel) -> str:
     """Equations of the laws."""
     if not scheme.system.elements:
         return ""
@@ -114,7 +114,7 @@ def _elements(scheme: Scheme) -> str:
         else:
             own = {q.symbol: placed.parameter(q.symbol) for q in placed.effect.parameters}
             phi = traced(element.law, [f"port{i}" for i in range(len(ports))])[0]
-            lines.append(left + written(_spelled(phi, own, ports), LATEX))
+            lines.append(left + spell(_spelled(phi, own, ports), LATEX))
     return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
 
 
@@ -145,7 +145,7 @@ def _spelled(e: Expression, own: dict[str, str], ports: list[str]) -> Expression
     return Expression(e.operation, *(_spelled(o, own, ports) if isinstance(o, Expression) else o for o in e.operands))
 
 
-def _outputs(scheme: Scheme) -> Iterable[str]:
+def _outputs(scheme: NumericModel) -> Iterable[str]:
     names = [latex_name(name) for name in scheme.system.state_names]
     for output in scheme.outputs:
         row = names[output.row] if output.row < scheme.n else rf"\dot{{{names[output.row - scheme.n]}}}"
@@ -154,7 +154,7 @@ def _outputs(scheme: Scheme) -> Iterable[str]:
         yield rf"\text{{{_text(output.name)}}} &= {row}"
 
 
-def _parameters(scheme: Scheme) -> Iterable[str]:
+def _parameters(scheme: NumericModel) -> Iterable[str]:
     for name, declared in scheme.model.structure.parameters.items():
         part = scheme.model.parameters[name]
         spread = "" if part.std is None else rf" \pm {part.std:.1g}".replace("e", r"\mathrm{e}")
@@ -164,15 +164,15 @@ def _parameters(scheme: Scheme) -> Iterable[str]:
     yield rf"${latex_name('f_tanh')}$ & ${latex_number(scheme.model.settings.f_tanh)}$ & {unit} & fixed upfront \\"
 
 
-def verify(folder: Path, scheme: Scheme, trial: Trial) -> Verified:
+def verify(folder: Path, scheme: NumericModel, trial: VerificationRun) -> Verified:
     """Read the values back as they are printed, simulate with them, and set the page."""
     read = dict(_read_back((folder / FILE).read_text(encoding="utf-8")))
     parameters = {name: part.model_copy(update={"value": read[name]}) for name, part in scheme.model.parameters.items()}
-    again = scheme_of(scheme.model.model_copy(update={"parameters": parameters}))
+    again = numeric_model(scheme.model.model_copy(update={"parameters": parameters}))
     y = native(replace(again, outputs=scheme.outputs), trial.u, trial.x0)
     by = "native simulation of the values as printed"
     try:
-        run([program("pdflatex"), "-interaction=nonstopmode", "-halt-on-error", FILE], folder)
+        run_program([program("pdflatex"), "-interaction=nonstopmode", "-halt-on-error", FILE], folder)
     except MissingToolError as missing:
         return Verified(y, f"{by}; not set: {missing}")
     return Verified(y, f"{by}; set by pdflatex")

@@ -10,20 +10,20 @@ import numpy as np
 from scipy.io import loadmat, savemat
 
 from brightgrey.effects import Element
-from brightgrey.export.expressions.languages import MATLAB, assignments, number
+from brightgrey.export.expressions.languages import MATLAB, assignments, number_literal
 from brightgrey.export.expressions.trace import traced
-from brightgrey.export.external_tools import program, run
-from brightgrey.export.numeric_model import Scheme, tables
+from brightgrey.export.external_tools import program, run_program
+from brightgrey.export.numeric_model import NumericModel, propagator_tables
 from brightgrey.export.registry import Exporter, Verified
 from brightgrey.export.targets.c99 import NAME, engine, filled, header_words
-from brightgrey.export.verification import Trial
+from brightgrey.export.verification import VerificationRun
 
 __all__ = ["EXPORTER"]
 
 _RUN = f"t = load('trial.mat'); y = {NAME}(t.u, t.x0); save('-v7', 'response.mat', 'y')"
 
 
-def files_of(scheme: Scheme) -> dict[str, bytes]:
+def files_of(scheme: NumericModel) -> dict[str, bytes]:
     """Files ``drive.m`` and ``drive.mat``."""
     laws = "\n\n".join(_law(i, element) for i, (element, _) in enumerate(scheme.low.smooth))
     words = header_words(scheme) | {
@@ -40,7 +40,7 @@ def _law(i: int, element: Element) -> str:
     phi, slopes = traced(element.law, ("z",))
     lines = assignments({"force": phi, "slope": slopes[0]}, MATLAB)
     values = [
-        f"{name} = {number(float(np.ravel(p)[0]))};"
+        f"{name} = {number_literal(float(np.ravel(p)[0]))};"
         for name, p in zip(element.law.parameters, element.p, strict=True)
         if any(name in line for line in lines)
     ]
@@ -53,9 +53,9 @@ def _call(i: int, channel: int) -> str:
     return f"  [f, d] = law_{i}(z({k}));\n  force({k}) = force({k}) + f;\n  slope({k}) = slope({k}) + d;"
 
 
-def _numbers(scheme: Scheme) -> dict[str, Any]:
+def _numbers(scheme: NumericModel) -> dict[str, Any]:
     """Content of the MAT file."""
-    low, table, limits = scheme.low, tables(scheme), len(scheme.limited)
+    low, table, limits = scheme.low, propagator_tables(scheme), len(scheme.limited)
     model = scheme.model
     ends = [scheme.limits(b) for b in range(limits)]
     whole, part = scheme.delay
@@ -84,7 +84,7 @@ def _numbers(scheme: Scheme) -> dict[str, Any]:
         "limits": limits,
         "levels": scheme.tolerance.ticks,
         "ticks": 2**scheme.tolerance.ticks,
-        "bases": scheme.bases,
+        "bases": scheme.base_steps,
         "newton": scheme.tolerance.newton,
         "error": scheme.tolerance.error * scale,
         "change": scheme.tolerance.change * scale,
@@ -118,7 +118,7 @@ def _numbers(scheme: Scheme) -> dict[str, Any]:
     }
 
 
-def _rows(scheme: Scheme) -> tuple[Any, Any]:
+def _rows(scheme: NumericModel) -> tuple[Any, Any]:
     """C and D of the linear part, laws that are straight lines included."""
     n = scheme.n
     C, D = np.zeros((len(scheme.outputs), n)), np.zeros((len(scheme.outputs), 1))
@@ -138,11 +138,11 @@ def _cells(array: Any) -> Any:
     return cells
 
 
-def verify(folder: Path, scheme: Scheme, trial: Trial) -> Verified:
+def verify(folder: Path, scheme: NumericModel, trial: VerificationRun) -> Verified:
     """Run the function in GNU Octave."""
     octave = program("octave-cli")
     savemat(folder / "trial.mat", {"u": trial.u, "x0": trial.x0})
-    run([octave, "--norc", "--quiet", "--eval", _RUN], folder)
+    run_program([octave, "--norc", "--quiet", "--eval", _RUN], folder)
     y = np.atleast_2d(loadmat(folder / "response.mat")["y"])
     return Verified(y, "GNU Octave")
 

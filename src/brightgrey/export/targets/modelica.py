@@ -13,13 +13,13 @@ import numpy as np
 
 from brightgrey.effects import Element
 from brightgrey.effects.declaration import Stage
-from brightgrey.export.expressions.languages import MODELICA, number, written
+from brightgrey.export.expressions.languages import MODELICA, number_literal, spell
 from brightgrey.export.expressions.trace import Expression, symbol, traced
-from brightgrey.export.external_tools import ExportError, library
-from brightgrey.export.numeric_model import Scheme
+from brightgrey.export.external_tools import ExportError, import_library
+from brightgrey.export.numeric_model import NumericModel
 from brightgrey.export.registry import Exporter, Verified
 from brightgrey.export.targets.c99 import engine, filled, header_words
-from brightgrey.export.verification import Trial
+from brightgrey.export.verification import VerificationRun
 from brightgrey.kit.structure import Placed
 from brightgrey.recordings.units.parser import parse_unit
 
@@ -32,26 +32,26 @@ _TOLERANCES = (1e-9, 1e-8, 1e-10, 1e-7, 1e-6)
 _STAGES: tuple[str, ...] = get_args(Stage)
 
 
-def files_of(scheme: Scheme) -> dict[str, bytes]:
+def files_of(scheme: NumericModel) -> dict[str, bytes]:
     """File ``Drive.mo``."""
     drawn = all(placed.effect.modelica for placed in scheme.model.structure.placed)
     return {FILE: (_drawn(scheme) if drawn else _equations(scheme)).encode()}
 
 
-def _domain(scheme: Scheme) -> dict[str, str]:
+def _domain(scheme: NumericModel) -> dict[str, str]:
     words = ROTATION if parse_unit(scheme.model.units.motion).dimension == parse_unit("rad").dimension else TRANSLATION
     return {**words, "library": f"Modelica.Mechanics.{words['package']}"}
 
 
-def _head(scheme: Scheme) -> list[str]:
+def _head(scheme: NumericModel) -> list[str]:
     """Parameters, starts and signals, all in SI."""
     lines = [
-        f'parameter Real {_name(name)}{_unit(scheme, declared.dimension)} = {number(value)} "{declared.about}";'
+        f'parameter Real {_name(name)}{_unit(scheme, declared.dimension)} = {number_literal(value)} "{declared.about}";'
         for (name, declared), value in zip(
             scheme.model.structure.parameters.items(), scheme.model.values_si().values(), strict=True
         )
     ]
-    lines.append(f'parameter Real f_tanh = {number(scheme.settings.f_tanh)} "Gain that smooths reversals";')
+    lines.append(f'parameter Real f_tanh = {number_literal(scheme.settings.f_tanh)} "Gain that smooths reversals";')
     lines += [
         f'parameter Real start_{s.name}{_unit(scheme, s.dimension)} = 0 "State {s.name} at the begin";'
         for s in scheme.system.states
@@ -64,7 +64,7 @@ def _head(scheme: Scheme) -> list[str]:
     return lines
 
 
-def _kind(scheme: Scheme, i: int) -> str:
+def _kind(scheme: NumericModel, i: int) -> str:
     kind = scheme.outputs[i].kind
     return "position" if scheme.outputs[i].differenced else kind
 
@@ -73,12 +73,12 @@ def _name(name: str) -> str:
     return MODELICA.name(name)
 
 
-def _physical(scheme: Scheme) -> bool:
+def _physical(scheme: NumericModel) -> bool:
     """Whether the input is a torque or force, so that the components' units hold."""
     return scheme.units is not None and (scheme.units.input, scheme.units.motion) in (("N m", "rad"), ("N", "m"))
 
 
-def _unit(scheme: Scheme, dimension: Any) -> str:
+def _unit(scheme: NumericModel, dimension: Any) -> str:
     """Modelica's way to write the unit of a declaration."""
     if not _physical(scheme):
         return ""
@@ -87,7 +87,7 @@ def _unit(scheme: Scheme, dimension: Any) -> str:
     return f'(unit = "{text or 1}")'
 
 
-def _model(scheme: Scheme, declarations: list[str], equations: list[str], before: str = "") -> str:
+def _model(scheme: NumericModel, declarations: list[str], equations: list[str], before: str = "") -> str:
     words = header_words(scheme)
     body = "".join(f"  {line}\n" for line in [*_head(scheme), *declarations])
     rules = "".join(f"  {line};\n" for line in equations)
@@ -97,7 +97,7 @@ def _model(scheme: Scheme, declarations: list[str], equations: list[str], before
     return f'within ;\n{before}model Drive "{said}"\n{body}equation\n{rules}end Drive;\n'
 
 
-def _drawn(scheme: Scheme) -> str:
+def _drawn(scheme: NumericModel) -> str:
     """Model of components."""
     domain = _domain(scheme)
     components: dict[str, tuple[str, str]] = {}
@@ -129,7 +129,7 @@ def _drawn(scheme: Scheme) -> str:
     return _model(scheme, declarations, equations, "".join(f"{model}\n" for model in dict.fromkeys(models)))
 
 
-def _words(scheme: Scheme, placed: Placed, domain: Mapping[str, str]) -> dict[str, str]:
+def _words(scheme: NumericModel, placed: Placed, domain: Mapping[str, str]) -> dict[str, str]:
     """What the ``$`` words of a placed effect's drawing stand for."""
     words = {
         **domain,
@@ -141,7 +141,7 @@ def _words(scheme: Scheme, placed: Placed, domain: Mapping[str, str]) -> dict[st
     said, law = placed.effect.modelica, placed.effect.law
     if law is not None and said is not None and said.port:
         phi = traced(law, (_put(said.port, words),))[0]
-        words["law"] = written(_renamed(phi, own), MODELICA)
+        words["law"] = spell(_renamed(phi, own), MODELICA)
     return words | own
 
 
@@ -155,7 +155,7 @@ def _put(text: str, words: Mapping[str, str]) -> str:
     return Template(text).substitute(words)
 
 
-def _equations(scheme: Scheme) -> str:
+def _equations(scheme: NumericModel) -> str:
     """Model of equations, for effects that declare no drawing."""
     low, names = scheme.low, scheme.system.state_names
     x = [f"x_{name}" for name in names]
@@ -165,7 +165,7 @@ def _equations(scheme: Scheme) -> str:
     declarations.append('Real delayed "Input after the dead time";')
     whole, part = scheme.delay
     late = (whole + part) * scheme.dt
-    equations = [f"delayed = delay(u, {number(late)})" if late > 0.0 else "delayed = u"]
+    equations = [f"delayed = delay(u, {number_literal(late)})" if late > 0.0 else "delayed = u"]
     terms = [[(low.A[i, j, 0], x[j]) for j in range(scheme.n)] for i in range(scheme.n)]
     for i, row in enumerate(terms):
         row += [(low.B[i, 0], "delayed"), (low.c[i, 0], "1")]
@@ -181,9 +181,9 @@ def _equations(scheme: Scheme) -> str:
         state, low_end, high_end = scheme.limits(b)
         free = _sum(list(zip(scheme.rate(b), x, strict=True)))
         equations.append(
-            f"rate{b + 1} = if {number(high_end)} <= {number(low_end)} then 0"
-            f" elseif {x[state]} >= {number(high_end)} and {free} > 0 then 0"
-            f" elseif {x[state]} <= {number(low_end)} and {free} < 0 then 0 else {free}"
+            f"rate{b + 1} = if {number_literal(high_end)} <= {number_literal(low_end)} then 0"
+            f" elseif {x[state]} >= {number_literal(high_end)} and {free} > 0 then 0"
+            f" elseif {x[state]} <= {number_literal(low_end)} and {free} < 0 then 0 else {free}"
         )
     equations += [
         f"y{i + 1} = {x[o.row] if o.row < scheme.n else f'der({x[o.row - scheme.n]})'}"
@@ -194,17 +194,17 @@ def _equations(scheme: Scheme) -> str:
 
 def _law(element: Element, port: str) -> str:
     phi = traced(element.law, ("z",))[0]
-    values = {n: number(float(np.ravel(p)[0])) for n, p in zip(element.law.parameters, element.p, strict=True)}
-    return written(_renamed(phi, {**values, "z": port}), MODELICA)
+    values = {n: number_literal(float(np.ravel(p)[0])) for n, p in zip(element.law.parameters, element.p, strict=True)}
+    return spell(_renamed(phi, {**values, "z": port}), MODELICA)
 
 
 def _sum(terms: list[tuple[float, str]]) -> str:
-    return "(" + (" + ".join(f"({number(w)}) * {name}" for w, name in terms if w != 0.0) or "0") + ")"
+    return "(" + (" + ".join(f"({number_literal(w)}) * {name}" for w, name in terms if w != 0.0) or "0") + ")"
 
 
-def verify(folder: Path, scheme: Scheme, trial: Trial) -> Verified:
+def verify(folder: Path, scheme: NumericModel, trial: VerificationRun) -> Verified:
     """Compile and simulate by rumoca, with the standard library on MODELICAPATH or a stand-in for the classes used."""
-    rumoca = library("rumoca", "modelica")
+    rumoca = import_library("rumoca", "modelica")
     roots = [path for path in os.environ.get("MODELICAPATH", "").split(os.pathsep) if path]
     source = (folder / FILE).read_text(encoding="utf-8")
     text = (
@@ -233,7 +233,7 @@ def verify(folder: Path, scheme: Scheme, trial: Trial) -> Verified:
     return Verified(y, f"Modelica by rumoca with {where}")
 
 
-def _simulated(rumoca: Any, roots: list[str], text: str, scheme: Scheme, end: float) -> Any:
+def _simulated(rumoca: Any, roots: list[str], text: str, scheme: NumericModel, end: float) -> Any:
     """Result of the bench, or why there is none: rumoca gives up where its steps disagree, seldom at all tolerances."""
     problem = ""
     try:
@@ -254,13 +254,14 @@ def _standin() -> str:
     return filled(engine("standin.mo"), {"domains": domains})
 
 
-def _bench(scheme: Scheme, trial: Trial, late: tuple[int, float]) -> str:
+def _bench(scheme: NumericModel, trial: VerificationRun, late: tuple[int, float]) -> str:
     """Model that drives the exported one by the trial's input, `late` (whole samples, part of one) behind it."""
     starts = ", ".join(
-        f"start_{name} = {number(value)}" for name, value in zip(scheme.system.state_names, trial.x0, strict=True)
+        f"start_{name} = {number_literal(value)}"
+        for name, value in zip(scheme.system.state_names, trial.x0, strict=True)
     )
     table = [
-        number(value * scheme.input_factor)
+        number_literal(value * scheme.input_factor)
         for value in (*[trial.u[0]] * (late[0] + 1), *trial.u, trial.u[-1], trial.u[-1])
     ]
     return filled(
@@ -269,9 +270,11 @@ def _bench(scheme: Scheme, trial: Trial, late: tuple[int, float]) -> str:
             "starts": starts,
             "table": ", ".join(table),
             "size": str(len(table)),
-            "dt": number(scheme.dt),
-            "part": number(late[1]),
-            "share": f"time / {number(scheme.dt)} + {number(1.0 - late[1])} - k" if scheme.hold == "linear" else "0",
+            "dt": number_literal(scheme.dt),
+            "part": number_literal(late[1]),
+            "share": f"time / {number_literal(scheme.dt)} + {number_literal(1.0 - late[1])} - k"
+            if scheme.hold == "linear"
+            else "0",
         },
     )
 

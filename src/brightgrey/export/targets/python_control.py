@@ -10,32 +10,32 @@ from typing import Any
 import numpy as np
 
 from brightgrey.effects import Element
-from brightgrey.export.expressions.languages import PYTHON, assignments, number
+from brightgrey.export.expressions.languages import PYTHON, assignments, number_literal
 from brightgrey.export.expressions.trace import traced
-from brightgrey.export.external_tools import library
-from brightgrey.export.numeric_model import Scheme
+from brightgrey.export.external_tools import import_library
+from brightgrey.export.numeric_model import NumericModel
 from brightgrey.export.registry import Exporter, Verified
 from brightgrey.export.targets.c99 import NAME, engine, filled, header_words
 from brightgrey.export.targets.fmu import names_of
-from brightgrey.export.verification import Trial
+from brightgrey.export.verification import VerificationRun
 
 __all__ = ["EXPORTER"]
 
 FILE = f"{NAME}_control.py"
 
 
-def files_of(scheme: Scheme) -> dict[str, bytes]:
+def files_of(scheme: NumericModel) -> dict[str, bytes]:
     """File ``drive_control.py``."""
     low = scheme.low
     names = names_of(scheme)
     whole, part = scheme.delay
     limited = [_limited(scheme, b) for b in range(len(scheme.limited))]
     words = header_words(scheme) | {
-        "dead_time": number((whole + part) * scheme.dt),
+        "dead_time": number_literal((whole + part) * scheme.dt),
         "hold_name": scheme.hold,
         "state_names": _list(scheme.system.state_names),
         "signal_names": f"{names[0]!r}, {names[1:]!r}",
-        "input_factor": number(scheme.input_factor),
+        "input_factor": number_literal(scheme.input_factor),
         "output_factors": _list([o.factor for o in scheme.outputs]),
         "rows": _list([o.row for o in scheme.outputs]),
         "differenced": _list([o.differenced for o in scheme.outputs]),
@@ -47,17 +47,17 @@ def files_of(scheme: Scheme) -> dict[str, bytes]:
         "H": _list(low.H[:, :, 0]),
         "K": _list(low.through[:, 0]),
         "limited": f"[{', '.join(limited)}]",
-        "scale": number(scheme.settings.speed_scale),
+        "scale": number_literal(scheme.settings.speed_scale),
         "dispatch": "\n".join(_call(i, k) for i, (_, k) in enumerate(low.smooth)) or "    # none",
         "laws": "\n\n\n".join(_law(i, element) for i, (element, _) in enumerate(low.smooth)) or "# No law.",
     }
     return {FILE: filled(engine("control.py.in"), words).encode()}
 
 
-def _limited(scheme: Scheme, b: int) -> str:
+def _limited(scheme: NumericModel, b: int) -> str:
     state, low, high = scheme.limits(b)
     column = np.asarray(scheme.limited[b].G).reshape(-1)
-    return f"({state}, {number(low)}, {number(high)}, np.array({_list(scheme.rate(b))}), np.array({_list(column)}))"
+    return f"({state}, {number_literal(low)}, {number_literal(high)}, np.array({_list(scheme.rate(b))}), np.array({_list(column)}))"
 
 
 def _list(values: Any) -> str:
@@ -69,7 +69,7 @@ def _law(i: int, element: Element) -> str:
     phi, slopes = traced(element.law, ("z",))
     lines = assignments({"force": phi, "slope": slopes[0]}, PYTHON)
     values = [
-        f"{name} = {number(float(np.ravel(p)[0]))}"
+        f"{name} = {number_literal(float(np.ravel(p)[0]))}"
         for name, p in zip(element.law.parameters, element.p, strict=True)
         if any(name in line for line in lines)
     ]
@@ -81,9 +81,9 @@ def _call(i: int, k: int) -> str:
     return f"    f, d = _law_{i}(z[{k}])\n    force[{k}] += f\n    slope[{k}] += d"
 
 
-def verify(folder: Path, scheme: Scheme, trial: Trial) -> Verified:
+def verify(folder: Path, scheme: NumericModel, trial: VerificationRun) -> Verified:
     """Simulate by python-control, with its solver."""
-    library("control", "control")
+    import_library("control", "control")
     spec = importlib.util.spec_from_file_location("brightgrey_exported_drive", folder / FILE)
     assert spec is not None
     assert spec.loader is not None

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import csd
 
-from brightgrey.control.linear.analysis import Analysis, analyse
+from brightgrey.control.linear.analysis import Analysis, linearise_at
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
 from brightgrey.model.model import SPEED, Model
@@ -53,7 +53,7 @@ def linearised(model: Model) -> Analysis | None:
     kinds = ["velocity" if s.kind == "velocity-differenced" else s.kind for s in model.outputs]
     try:
         system = assemble(model.structure, model.values_si(), settings.f_tanh, kinds)
-        return analyse(system, speed=HALF_SPEED * settings.speed_scale)
+        return linearise_at(system, speed=HALF_SPEED * settings.speed_scale)
     except (SettingsError, np.linalg.LinAlgError):
         return None
 
@@ -138,7 +138,7 @@ def _seen(model: Model, row: int, f: Array, dt: float) -> Complex | float:
 def _caption(model: Model, analysis: Analysis, measured: bool) -> str:
     unit, factor = model.units.of(SPEED)
     text = f"Model linearised in steady motion at {significant(analysis.point.speed * factor, 3)} {unit}"
-    text += ", the gap closed." if analysis.point.piece.limited else "."
+    text += ", the gap closed." if analysis.point.contact_mode.limited else "."
     if measured:
         text += (
             f" Measured (Welch, {SEGMENTS} segments with half overlap) where the coherence exceeds {COHERENT:g};"

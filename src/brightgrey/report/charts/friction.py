@@ -10,9 +10,9 @@ from brightgrey.effects.declaration import Dimension
 from brightgrey.kit import StateSpace, assemble
 from brightgrey.model.model import SPEED, Model
 from brightgrey.report.charts.chart import Chart, Line, Panel
-from brightgrey.report.quantities.propagation import Correlation, draws
+from brightgrey.report.quantities.propagation import Correlation, parameter_draws
 
-__all__ = ["TORQUE", "friction_at", "friction_charts", "friction_of"]
+__all__ = ["TORQUE", "friction_at", "friction_charts", "friction_elements"]
 
 Array = NDArray[np.float64]
 TORQUE = Dimension(input=1, motion=0, time=0)
@@ -20,7 +20,7 @@ DRAWS = 400
 POINTS = 401
 
 
-def friction_of(system: StateSpace) -> dict[int, list[Element]]:
+def friction_elements(system: StateSpace) -> dict[int, list[Element]]:
     """Elements that take energy from a mass by its speed, by the number of the mass."""
     speeds = [i for i, state in enumerate(system.states) if state.at_rest == "speed"]
     found: dict[int, list[Element]] = {}
@@ -65,11 +65,11 @@ def friction_charts(model: Model, correlation: Correlation) -> tuple[Chart, ...]
     """
     settings = model.settings_si()
     values = model.values_si()
-    held = friction_of(assemble(model.structure, values, settings.f_tanh))
+    held = friction_elements(assemble(model.structure, values, settings.f_tanh))
     if not held:
         return ()
-    sets = draws(model, correlation, DRAWS)
-    drawn = friction_of(assemble(model.structure, sets, settings.f_tanh)) if sets else {}
+    sets = parameter_draws(model, correlation, DRAWS)
+    drawn = friction_elements(assemble(model.structure, sets, settings.f_tanh)) if sets else {}
     return tuple(_chart(model, mass, elements, drawn.get(mass)) for mass, elements in held.items())
 
 

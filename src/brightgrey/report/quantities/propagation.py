@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from brightgrey.model.model import Model
 
-__all__ = ["Correlation", "draws", "intervals"]
+__all__ = ["Correlation", "intervals", "parameter_draws"]
 
 Array = NDArray[np.float64]
 Correlation = Mapping[tuple[str, str], float]
@@ -17,7 +17,7 @@ LIMIT = 1.959963984540054  # quantile of the normal distribution at 97.5 %
 _FAR = 300.0  # in the logarithm: what cannot be told has an interval that no number holds
 
 
-def draws(model: Model, correlation: Correlation, count: int) -> dict[str, Array]:
+def parameter_draws(model: Model, correlation: Correlation, count: int) -> dict[str, Array]:
     """Parameter sets from the estimates' joint distribution, within the searched bounds.
 
     Parameters

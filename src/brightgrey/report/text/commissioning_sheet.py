@@ -14,19 +14,19 @@ from brightgrey.model.model import SPEED, Model
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.report.charts.backlash import MOTION
 from brightgrey.report.charts.frequency_response import linearised
-from brightgrey.report.charts.friction import TORQUE, friction_at, friction_of
+from brightgrey.report.charts.friction import TORQUE, friction_at, friction_elements
 from brightgrey.report.quantities.number_format import significant, with_uncertainty
 from brightgrey.report.quantities.propagation import Correlation, intervals
 from brightgrey.report.text.tables import interval_text
 
-__all__ = ["Entry", "sheet"]
+__all__ = ["SheetEntry", "commissioning_sheet"]
 
 Array = NDArray[np.float64]
 INERTIA = Dimension(input=1, motion=-1, time=2)
 
 
 @dataclass(frozen=True)
-class Entry:
+class SheetEntry:
     """One line of the sheet.
 
     Attributes
@@ -60,7 +60,7 @@ class Entry:
         return interval_text(self.interval)
 
 
-def sheet(model: Model, correlation: Correlation) -> tuple[Entry, ...]:
+def commissioning_sheet(model: Model, correlation: Correlation) -> tuple[SheetEntry, ...]:
     """Lines of the commissioning sheet that apply to a model, in its units.
 
     Parameters
@@ -89,7 +89,7 @@ def _words(model: Model) -> tuple[str, str, str]:
     return inertia, f"friction {kind}", f"constant {kind} on the drive"
 
 
-def _inertias(model: Model, correlation: Correlation) -> Iterator[Entry]:
+def _inertias(model: Model, correlation: Correlation) -> Iterator[SheetEntry]:
     names = [name for name, q in model.structure.parameters.items() if q.dimension == INERTIA]
     word, _, _ = _words(model)
     unit, factor = model.units.of(INERTIA)
@@ -99,11 +99,11 @@ def _inertias(model: Model, correlation: Correlation) -> Iterator[Entry]:
         return np.array([(sets[names[0]] + load) * factor, load / sets[names[0]]])
 
     (total, ratio), ends = _values(model, quantities), intervals(model, correlation, quantities)
-    yield Entry(f"total {word}", total, unit, ends[0], " + ".join(names))
+    yield SheetEntry(f"total {word}", total, unit, ends[0], " + ".join(names))
     if len(names) > 1:
         load = " + ".join(names[1:])
         note = f"({load}) / {names[0]}" if len(names) > 2 else f"{load} / {names[0]}"
-        yield Entry(f"{word} ratio, load to motor", ratio, "", ends[1], note)
+        yield SheetEntry(f"{word} ratio, load to motor", ratio, "", ends[1], note)
 
 
 def _values(model: Model, quantities: Callable[[Mapping[str, Array]], Array]) -> list[float]:
@@ -112,28 +112,28 @@ def _values(model: Model, quantities: Callable[[Mapping[str, Array]], Array]) ->
     return [float(value) for value in quantities(one)[:, 0]]
 
 
-def _oscillations(model: Model) -> Iterator[Entry]:
+def _oscillations(model: Model) -> Iterator[SheetEntry]:
     analysis = linearised(model)
     if analysis is None:
         return
     for word, found in (("resonance", analysis.resonances), ("antiresonance", analysis.antiresonances())):
         for number, swing in enumerate(found, start=1):
             which = word if len(found) == 1 else f"{word} {number}"
-            yield Entry(f"{which} frequency", swing.frequency, "Hz")
-            yield Entry(f"{which}, damping ratio", swing.damping, "")
+            yield SheetEntry(f"{which} frequency", swing.frequency, "Hz")
+            yield SheetEntry(f"{which}, damping ratio", swing.damping, "")
 
 
-def _friction(model: Model, correlation: Correlation) -> Iterator[Entry]:
+def _friction(model: Model, correlation: Correlation) -> Iterator[SheetEntry]:
     settings = model.settings_si()
     unit, factor = model.units.of(TORQUE)
     speed_unit, per_speed = model.units.of(SPEED)
     _, word, _ = _words(model)
     top = settings.speed_scale
-    held = friction_of(assemble(model.structure, model.values_si(), settings.f_tanh))
+    held = friction_elements(assemble(model.structure, model.values_si(), settings.f_tanh))
     for mass in held:
 
         def quantities(sets: Mapping[str, Array], mass: int = mass) -> Array:
-            elements = friction_of(assemble(model.structure, sets, settings.f_tanh))[mass]
+            elements = friction_elements(assemble(model.structure, sets, settings.f_tanh))[mass]
             still = friction_at(elements, np.zeros(1), standstill=True)
             turning = friction_at(elements, np.array([top]))
             shape = (1, len(next(iter(sets.values()))))
@@ -142,11 +142,11 @@ def _friction(model: Model, correlation: Correlation) -> Iterator[Entry]:
         values, ends = _values(model, quantities), intervals(model, correlation, quantities)
         where = "" if len(held) == 1 else f" of mass {mass}"
         at = f"at {significant(top * per_speed, 3)} {speed_unit}"
-        yield Entry(f"{word}{where} at standstill", values[0], unit, ends[0], "without smoothing of the sign")
-        yield Entry(f"{word}{where} {at}", values[1], unit, ends[1], "largest speed of the recording")
+        yield SheetEntry(f"{word}{where} at standstill", values[0], unit, ends[0], "without smoothing of the sign")
+        yield SheetEntry(f"{word}{where} {at}", values[1], unit, ends[1], "largest speed of the recording")
 
 
-def _constant(model: Model) -> Iterator[Entry]:
+def _constant(model: Model) -> Iterator[SheetEntry]:
     """Parameters of laws that depend on no state."""
     _, _, word = _words(model)
     for placed in model.structure.placed:
@@ -156,10 +156,10 @@ def _constant(model: Model) -> Iterator[Entry]:
                 name = placed.parameter(symbol)
                 part = model.parameters[name]
                 note = f"{name}, positive in the direction of positive motion"
-                yield Entry(word, part.value, part.unit, part.ci95, note)
+                yield SheetEntry(word, part.value, part.unit, part.ci95, note)
 
 
-def _gaps(model: Model) -> Iterator[Entry]:
+def _gaps(model: Model) -> Iterator[SheetEntry]:
     """Whole gaps: a declared gap is half of it."""
     system = assemble(model.structure, model.values_si(), model.settings_si().f_tanh)
     unit, factor = model.units.of(MOTION)
@@ -171,16 +171,16 @@ def _gaps(model: Model) -> Iterator[Entry]:
             ends = model.parameters[name].ci95
             share = width / model.parameters[name].value
             interval = None if ends is None else (share * ends[0], share * ends[1])
-            yield Entry("backlash at the load (whole gap)", width, unit, interval, f"{share:g} {name}")
+            yield SheetEntry("backlash at the load (whole gap)", width, unit, interval, f"{share:g} {name}")
 
 
-def _lags(model: Model) -> Iterator[Entry]:
+def _lags(model: Model) -> Iterator[SheetEntry]:
     """Times by which the input comes late."""
     late = [name for name, q in model.structure.parameters.items() if q.lag]
     for name in late:
         part = model.parameters[name]
-        yield Entry(model.structure.parameters[name].about, part.value, part.unit, part.ci95, name)
+        yield SheetEntry(model.structure.parameters[name].about, part.value, part.unit, part.ci95, name)
     if len(late) > 1:
         unit = model.parameters[late[0]].unit
         total = sum(model.parameters[name].value for name in late)
-        yield Entry("all delay of the input together", total, unit, None, " + ".join(late))
+        yield SheetEntry("all delay of the input together", total, unit, None, " + ".join(late))

@@ -14,10 +14,10 @@ __all__ = [
     "fit_row",
     "fit_rows",
     "interval_text",
+    "outcome_class",
     "parameter_rows",
     "remarks",
     "sentence",
-    "verdict",
 ]
 
 FIXED = "fixed"
@@ -122,7 +122,7 @@ def _range(pair: tuple[float, float] | None) -> str:
     return f"{significant(pair[0], 2)} … {significant(pair[1], 2)}" if pair else ""
 
 
-def verdict(model: Model) -> str:
+def outcome_class(model: Model) -> str:
     """How well which model fits, and how the estimation ended: two sentences."""
     parts = []
     for row in fit_rows(model):

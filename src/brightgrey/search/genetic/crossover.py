@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from brightgrey.kit import Placed
-from brightgrey.search.genetic.population import Draw, finish
+from brightgrey.search.genetic.population import Draw, complete_tree
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.search.genetic.tree import Node, graft
 
@@ -33,7 +33,7 @@ def join(first: Node, cut: int, branch: Node, rules: Rules, draw: Draw, rng: np.
     """
     trunk = graft(first, cut, ())
     legal, _ = _legal(branch, trunk.types, rules)
-    return finish(graft(trunk, cut, legal), rules, draw, rng)
+    return complete_tree(graft(trunk, cut, legal), rules, draw, rng)
 
 
 def _legal(branch: Node, present: tuple[Placed, ...], rules: Rules) -> tuple[tuple[Node, ...], tuple[Placed, ...]]:

@@ -10,26 +10,26 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.criteria import Criterion, criterion
 from brightgrey.search.evaluation import Estimator, Evaluated, Job
 from brightgrey.search.fits import Fits
 from brightgrey.search.genetic.history import Evaluation, Progress, Run
-from brightgrey.search.genetic.lattice_evaluator import Relatives
-from brightgrey.search.genetic.offspring import Born, near, offspring, renewed
+from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
+from brightgrey.search.genetic.offspring import Offspring, offspring, remutate_duplicates, untried_neighbours
 from brightgrey.search.genetic.population import Draw, initial
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.search.genetic.settings import GeneticSettings
 from brightgrey.search.genetic.tree import Node, tree_of, with_values
-from brightgrey.search.parallel import Stopped, in_order, pool
+from brightgrey.search.parallel import Stopped, in_order, thread_pool
 
-__all__ = ["search"]
+__all__ = ["evolve"]
 
 _LIMITED = 5  # times as long takes a simulation with a limited state
 
 
-def search(
+def evolve(
     estimator: Estimator,
     draw: Draw,
     settings: GeneticSettings | None = None,
@@ -87,10 +87,16 @@ def search(
     judge = criterion(settings.criterion, settings.k_p)
     began = time.monotonic()
     done: list[Evaluation] = []
-    born: Sequence[Born] = [Born(tree, (), "initial") for tree in initial(settings.population, rules, draw, rng)]
-    with pool(executor, workers) as workforce:
-        bench = _Bench(estimator, workforce)
-        relatives = Relatives(fits, workforce, judge) if fits is not None and settings.begin == "relatives" else None
+    born: Sequence[Offspring] = [
+        Offspring(tree, (), "initial") for tree in initial(settings.population, rules, draw, rng)
+    ]
+    with thread_pool(executor, workers) as workforce:
+        bench = _JobEvaluator(estimator, workforce)
+        relatives = (
+            LatticeEvaluator(fits, workforce, judge)
+            if fits is not None and settings.start_from == "neighbours"
+            else None
+        )
         seeking = _seeking(settings.generations, relatives)
         for generation in range(settings.generations + 1):
             try:
@@ -101,7 +107,7 @@ def search(
                     if generation in seeking:
                         spent += relatives.seek_missed()
                     done += _improved(done, relatives, judge)
-                    done[-1] = _charged(done[-1], spent + relatives.listen())
+                    done[-1] = _add_cost(done[-1], spent + relatives.update_effective_samples())
                     done, current = ([_shared(e, relatives.share, judge) for e in part] for part in (done, current))
                 if progress:
                     share = (settings.generations - generation) / (generation + 1)
@@ -115,11 +121,13 @@ def search(
             trees = [e.tree for e in current]
             chances = judge.chances([e.value for e in current], current[0].result.misfit.independent)
             children = offspring(trees, chances, settings, rules, draw, rng)
-            tried = {e.job.structure for e in done} | (relatives.hopeless() if relatives else set())
+            tried = {e.job.structure for e in done} | (relatives.eliminated() if relatives else set())
             best = [e.tree for e in Run(tuple(done)).structures() if not e.result.idle]
-            close = near(best, tried, settings, rules, draw, rng)
-            children = renewed(children, tried | {b.tree.structure for b in close}, settings, rules, draw, rng)
-            born = (*(Born(tree, (), "elite") for tree in best[: settings.elite]), *close, *children)
+            close = untried_neighbours(best, tried, settings, rules, draw, rng)
+            children = remutate_duplicates(
+                children, tried | {b.tree.structure for b in close}, settings, rules, draw, rng
+            )
+            born = (*(Offspring(tree, (), "elite") for tree in best[: settings.elite]), *close, *children)
     return Run(tuple(done))
 
 
@@ -127,18 +135,18 @@ def _start(
     settings: GeneticSettings, standard: Callable[[Structure], Mapping[str, float]] | None, fits: Fits | None
 ) -> Callable[[Node], Job]:
     """Identification of an individual, with its start; none where it is left to relatives."""
-    if settings.begin == "inherited":
+    if settings.start_from == "inherited":
         return lambda tree: Job.of(tree.structure, tree.parameters)
-    if settings.begin == "relatives":
+    if settings.start_from == "neighbours":
         if fits is None:
-            raise SettingsError("begin is 'relatives', but no fits were given")
+            raise SettingsError("start_from is 'neighbours', but no fits were given")
         return lambda tree: Job(tree.structure, ())
     if standard is None:
         raise SettingsError("begin is 'standard', but no standard start was given")
     return lambda tree: Job.of(tree.structure, standard(tree.structure))
 
 
-def _seeking(last: int, relatives: Relatives | None) -> set[int]:
+def _seeking(last: int, relatives: LatticeEvaluator | None) -> set[int]:
     """Generations after which optima that were missed are sought: early, since they say what has lost.
 
     Within narrow ranges little is missed, and it is done in the end only.
@@ -150,14 +158,16 @@ def _seeking(last: int, relatives: Relatives | None) -> set[int]:
 
 def _evaluate(
     generation: int,
-    born: Sequence[Born],
+    born: Sequence[Offspring],
     start: Callable[[Node], Job],
-    bench: _Bench | Relatives,
+    bench: _JobEvaluator | LatticeEvaluator,
     judge: Criterion,
 ) -> list[Evaluation]:
     """Identify the individuals of one generation and judge them."""
     jobs = [start(b.tree) for b in born]
-    results = bench.identify([j.structure for j in jobs]) if isinstance(bench, Relatives) else bench.identify(jobs)
+    results = (
+        bench.identify([j.structure for j in jobs]) if isinstance(bench, LatticeEvaluator) else bench.identify(jobs)
+    )
     return [
         Evaluation(
             generation=generation,
@@ -174,7 +184,7 @@ def _evaluate(
     ]
 
 
-def _improved(done: Sequence[Evaluation], relatives: Relatives, judge: Criterion) -> list[Evaluation]:
+def _improved(done: Sequence[Evaluation], relatives: LatticeEvaluator, judge: Criterion) -> list[Evaluation]:
     """Individuals of structures that are identified better than before, or were never bred, behind the latest ones."""
     latest, known = done[-1], {e.job.structure: e.tree for e in done}
     out = []
@@ -187,7 +197,7 @@ def _improved(done: Sequence[Evaluation], relatives: Relatives, judge: Criterion
                 generation=latest.generation,
                 individual=number,
                 parents=(),
-                operator="relatives",
+                operator="neighbours",
                 tree=with_values(known[structure], values) if bred else tree_of(structure, values),
                 job=Job(structure, ()),
                 result=result,
@@ -198,7 +208,7 @@ def _improved(done: Sequence[Evaluation], relatives: Relatives, judge: Criterion
     return out
 
 
-def _charged(evaluation: Evaluation, spent: Spent) -> Evaluation:
+def _add_cost(evaluation: Evaluation, spent: SimulationCount) -> Evaluation:
     """The same with what was `spent` beside it: on no individual, or without success."""
     return replace(evaluation, result=replace(evaluation.result, spent=evaluation.result.spent + spent))
 
@@ -212,7 +222,7 @@ def _shared(evaluation: Evaluation, share: float, judge: Criterion) -> Evaluatio
 
 
 @dataclass
-class _Bench:
+class _JobEvaluator:
     """Has jobs identified, each one once; those of one structure side by side."""
 
     estimator: Estimator
@@ -235,7 +245,7 @@ class _Bench:
         out = []
         for job in jobs:
             known = self.known[job]
-            out.append((known, False) if job in first else (replace(known, spent=Spent()), True))
+            out.append((known, False) if job in first else (replace(known, spent=SimulationCount()), True))
             first.discard(job)
         return out
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.search.evaluation import Evaluated, Job
 from brightgrey.search.genetic.tree import Node
 
@@ -104,9 +104,9 @@ class Run:
         return self.evaluations[-1].generation + 1
 
     @property
-    def spent(self) -> Spent:
+    def spent(self) -> SimulationCount:
         """What was simulated in all."""
-        return sum((e.result.spent for e in self.evaluations), Spent())
+        return sum((e.result.spent for e in self.evaluations), SimulationCount())
 
     @property
     def simulations(self) -> int:

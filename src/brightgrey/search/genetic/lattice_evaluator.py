@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from brightgrey.estimation.noise.autoregression import autoregression
-from brightgrey.estimation.problem.simulation_count import Spent
+from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Criterion, Misfit
 from brightgrey.search.evaluation import Evaluated
@@ -18,9 +18,9 @@ from brightgrey.search.fitting import Fitted, is_narrow
 from brightgrey.search.judging import last_descent
 from brightgrey.search.lattice import contains
 from brightgrey.search.missed import seek_missed
-from brightgrey.search.task import ROUGH, Identification
+from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 
-__all__ = ["Relatives"]
+__all__ = ["LatticeEvaluator"]
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class _Bar:
     least: dict[Structure, float] = field(default_factory=dict)
 
 
-class Relatives:
+class LatticeEvaluator:
     """Has structures identified, each one once, and once more where a relative's optimum helps.
 
     What has lost by the criterion is not handed its relatives' optima any more, from the first search for missed optima
@@ -55,10 +55,10 @@ class Relatives:
         self.fits, self.better, self.share = fits, tuple[Structure, ...](), 1.0
         self._executor, self._judge, task = executor, judge, fits.task
         self._weights = task.problem(fits.structures[0]).weights
-        self._doubt = float(task.doubt(self._weights, ROUGH).sum())
+        self._doubt = float(task.error_floor(self._weights, FAST_LEVEL_ACCURACY).sum())
         self._free: dict[Structure, int] = {}
         self._bar: _Bar | None = None
-        fits.worthwhile, self._sought = self.may_win, False
+        fits.worthwhile, self._sought = self.can_still_win, False
         self._accurate = replace(task, settings=replace(task.settings, level="accurate"))
         self._seen: dict[tuple[Structure, float], tuple[Fitted, Misfit]] = {}
 
@@ -75,8 +75,8 @@ class Relatives:
         spent = self._spent(counted)  # by the first of them: hubs serve them all
         out, first = [], set(fresh)
         for s in structures:
-            out.append((self.evaluated(s, spent if s in first else Spent()), s not in first))
-            spent = Spent() if s in first else spent
+            out.append((self.evaluated(s, spent if s in first else SimulationCount()), s not in first))
+            spent = SimulationCount() if s in first else spent
             first.discard(s)
         return out
 
@@ -86,7 +86,7 @@ class Relatives:
         task = self.fits.task
         return all(is_narrow(task.space(s, initial=True)) for s in self.fits.structures)
 
-    def may_win(self, structure: Structure, cost: float = 0.0) -> bool:
+    def can_still_win(self, structure: Structure, cost: float = 0.0) -> bool:
         """Whether a structure could be as good as the best one, by the criterion, if it left `cost`, or what others do.
 
         It leaves no less than the best fit that contains it: what has more parameters than that is worth has lost,
@@ -108,17 +108,17 @@ class Relatives:
         least = bar.least[structure]
         return least == 0.0 or self._value(max(cost, least), self._free[structure]) >= bar.best
 
-    def hopeless(self) -> set[Structure]:
+    def eliminated(self) -> set[Structure]:
         """Structures that have lost, fitted or not."""
-        return {s for s in self.fits.structures if not self.may_win(s)}
+        return {s for s in self.fits.structures if not self.can_still_win(s)}
 
-    def seek(self, structure: Structure) -> Spent:
+    def seek(self, structure: Structure) -> SimulationCount:
         """Identify a structure once more, from everywhere, if that has not been done; returns what was simulated."""
         counted = len(self.fits.spent)
         self._improved(self.fits.seek(structure, self._executor))
         return self._spent(counted)
 
-    def seek_missed(self) -> Spent:
+    def seek_missed(self) -> SimulationCount:
         """Look for optima that have been missed, those with gaps above all; returns what was simulated."""
         counted, before = len(self.fits.spent), dict(self.fits.done)
         self._sought = True
@@ -136,7 +136,7 @@ class Relatives:
     def _improved(self, better: Collection[Structure]) -> None:
         self.better = tuple(s for s in self.fits.done if s in better or s in self.better)
 
-    def listen(self) -> Spent:
+    def update_effective_samples(self) -> SimulationCount:
         """Find `share` anew: what the best fit does not explain counts as noise; returns what was simulated."""
         task = self.fits.task
         best = min((f for f in self.fits.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
@@ -145,16 +145,18 @@ class Relatives:
         residual = problem.residuals(values, task.settings)[:, 0]
         lengths = [r.samples for r in task.recordings for _ in r.outputs]
         pieces = np.split(residual, np.cumsum(lengths)[:-1])
-        self.share = sum(autoregression(piece).telling(len(piece)) for piece in pieces) / len(residual)
+        self.share = sum(autoregression(piece).effective_samples_variance(len(piece)) for piece in pieces) / len(
+            residual
+        )
         return problem.spent(1)
 
-    def _spent(self, counted: int) -> Spent:
+    def _spent(self, counted: int) -> SimulationCount:
         """What was spent on fits after the first `counted` entries."""
-        return sum(self.fits.spent[counted:], Spent())
+        return sum(self.fits.spent[counted:], SimulationCount())
 
-    def evaluated(self, structure: Structure, spent: Spent | None = None) -> Evaluated:
+    def evaluated(self, structure: Structure, spent: SimulationCount | None = None) -> Evaluated:
         """What is known of `structure` now, with what was `spent` on it; a misfit without what only made it worse."""
-        own, spent = self.fits.done[structure], spent or Spent()
+        own, spent = self.fits.done[structure], spent or SimulationCount()
         shown = own if not own.idle else next(f for f in self.fits.done.values() if not f.idle and f.cost == own.cost)
         if (shown.structure, shown.cost) not in self._seen:
             looked = self._looked(shown)
@@ -169,7 +171,7 @@ class Relatives:
         """A fit as it is judged, with what that takes, and its misfit; at level ``accurate`` where that matters."""
         doubtful = self._doubtful(fitted)
         task = self._accurate if doubtful else self.fits.task
-        seen = self._sharpened(fitted) if doubtful else replace(fitted, spent=Spent())
+        seen = self._sharpened(fitted) if doubtful else replace(fitted, spent=SimulationCount())
         spent = seen.spent + task.problem(fitted.structure).spent(1)
         return replace(seen, spent=spent), self._misfit(task, seen)
 
@@ -177,7 +179,9 @@ class Relatives:
         """Whether a fit is no worse than what the simulation of the search may be off by."""
         task = self.fits.task
         weights = task.problem(fitted.structure).weights
-        return task.settings.level == "fast" and fitted.cost <= float(task.doubt(weights, ROUGH).sum())
+        return task.settings.level == "fast" and fitted.cost <= float(
+            task.error_floor(weights, FAST_LEVEL_ACCURACY).sum()
+        )
 
     def _sharpened(self, fitted: Fitted) -> Fitted:
         """The same at level ``accurate``.
@@ -192,7 +196,7 @@ class Relatives:
         spent = self._accurate.problem(fitted.structure).spent(end.simulations)
         return replace(fitted, values=values, cost=end.cost, spent=spent, information=None)
 
-    def _misfit(self, task: Identification, fitted: Fitted) -> Misfit:
+    def _misfit(self, task: IdentificationTask, fitted: Fitted) -> Misfit:
         space = task.space(fitted.structure, initial=True)
         names = (*fitted.structure.parameters, *(n for n in space.names if n not in fitted.structure.parameters))
         (misfit,) = task.misfits(fitted.structure, {name: np.array([fitted.values[name]]) for name in names})

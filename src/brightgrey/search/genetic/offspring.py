@@ -17,14 +17,14 @@ from brightgrey.search.genetic.selection import clones, roulette
 from brightgrey.search.genetic.settings import GeneticSettings
 from brightgrey.search.genetic.tree import Node
 
-__all__ = ["Born", "mutated", "near", "offspring", "renewed"]
+__all__ = ["Offspring", "mutated", "offspring", "remutate_duplicates", "untried_neighbours"]
 
 _STEPS = ("point", "insertion", "deletion")  # mutations that change one node
 _DRAWS = 30  # of such a mutation, until a parent counts as surrounded
 
 
 @dataclass(frozen=True)
-class Born:
+class Offspring:
     """An individual before its identification.
 
     Attributes
@@ -48,7 +48,7 @@ def offspring(
     rules: Rules,
     draw: Draw,
     rng: np.random.Generator,
-) -> tuple[Born, ...]:
+) -> tuple[Offspring, ...]:
     """As many individuals as there are places left by the elite and what is near it: clones, recombinations; mutated.
 
     Parameters
@@ -65,16 +65,18 @@ def offspring(
     for number in range(size):
         first = roulette(chances, rng)
         if number < cloned:
-            child = Born(population[first], (first,), "clone")
+            child = Offspring(population[first], (first,), "clone")
         else:
             second = roulette(chances, rng)
             tree = recombine(population[first], population[second], rules, draw, rng)
-            child = Born(tree, (first, second), "recombination")
+            child = Offspring(tree, (first, second), "recombination")
         born.append(mutated(child, settings, rules, draw, rng))
     return tuple(born)
 
 
-def mutated(child: Born, settings: GeneticSettings, rules: Rules, draw: Draw, rng: np.random.Generator) -> Born:
+def mutated(
+    child: Offspring, settings: GeneticSettings, rules: Rules, draw: Draw, rng: np.random.Generator
+) -> Offspring:
     """Perform each mutation with its probability."""
     tree, names = child.tree, [child.operator]
     for name, mutate in MUTATIONS.items():
@@ -83,22 +85,22 @@ def mutated(child: Born, settings: GeneticSettings, rules: Rules, draw: Draw, rn
             if changed != tree:
                 names.append(name)
             tree = changed
-    return Born(tree, child.parents, "+".join(names))
+    return Offspring(tree, child.parents, "+".join(names))
 
 
-def renewed(
-    born: Sequence[Born],
+def remutate_duplicates(
+    born: Sequence[Offspring],
     tried: Collection[Structure],
     settings: GeneticSettings,
     rules: Rules,
     draw: Draw,
     rng: np.random.Generator,
-) -> tuple[Born, ...]:
+) -> tuple[Offspring, ...]:
     """Mutate individuals whose structure is in `tried` or came before in `born`, at most `settings.fresh` times."""
     known, out = set(tried), []
     for child in born:
         tree, names = child.tree, [child.operator]
-        for _ in range(settings.fresh):
+        for _ in range(settings.max_remutations):
             if tree.structure not in known:
                 break
             name = pick(tuple(MUTATIONS), rng)
@@ -107,21 +109,21 @@ def renewed(
                 names.append(name)
             tree = changed
         known.add(tree.structure)
-        out.append(Born(tree, child.parents, "+".join(names)))
+        out.append(Offspring(tree, child.parents, "+".join(names)))
     return tuple(out)
 
 
-def near(
+def untried_neighbours(
     best: Sequence[Node],
     tried: Collection[Structure],
     settings: GeneticSettings,
     rules: Rules,
     draw: Draw,
     rng: np.random.Generator,
-) -> tuple[Born, ...]:
+) -> tuple[Offspring, ...]:
     """Individuals with one node changed whose structures have not been tried: of the first of `best` that has such."""
     known: set[Structure] = set(tried)
-    out: list[Born] = []
+    out: list[Offspring] = []
     for tree in best:
         for _ in range(_DRAWS):
             if len(out) == settings.neighbours:
@@ -130,5 +132,5 @@ def near(
             changed = MUTATIONS[name](tree, rules, draw, rng)
             if changed.structure not in known:
                 known.add(changed.structure)
-                out.append(Born(changed, (), f"elite+{name}"))
+                out.append(Offspring(changed, (), f"elite+{name}"))
     return tuple(out)

@@ -11,7 +11,7 @@ from brightgrey.kit import Placed
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.search.genetic.tree import Node, Values, attach
 
-__all__ = ["Draw", "finish", "grow", "initial", "pick", "random_tree"]
+__all__ = ["Draw", "complete_tree", "grow", "initial", "pick", "random_tree"]
 
 T = TypeVar("T")
 Draw = Callable[[Placed, np.random.Generator], Values]
@@ -64,7 +64,7 @@ def initial(size: int, rules: Rules, draw: Draw, rng: np.random.Generator) -> tu
     return tuple(random_tree(rules, draw, rng) for _ in range(size))
 
 
-def finish(tree: Node | None, rules: Rules, draw: Draw, rng: np.random.Generator) -> Node:
+def complete_tree(tree: Node | None, rules: Rules, draw: Draw, rng: np.random.Generator) -> Node:
     """Append the multiple-mass system with the fewest masses if there is none.
 
     Where the rules exclude that one (one mass beside a backlash), one of the others is drawn: the paper leaves

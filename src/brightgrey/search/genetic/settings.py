@@ -18,16 +18,16 @@ from brightgrey.search.genetic.mutation import MUTATIONS
 
 __all__ = [
     "ASSUMED",
-    "OURS",
     "PAPER_SETTINGS",
     "PROBABILITIES",
     "RANGE",
     "RESOLUTION",
-    "Begin",
+    "TUNED_SETTINGS",
     "GeneticSettings",
+    "StartFrom",
 ]
 
-Begin = Literal["inherited", "standard", "relatives"]
+StartFrom = Literal["inherited", "standard", "neighbours"]
 
 P_CLONE = 0.2
 PROBABILITIES: Mapping[str, float] = MappingProxyType(
@@ -109,7 +109,7 @@ class GeneticSettings:
         What individuals are selected by, see :mod:`brightgrey.search.criteria`.
     k_p : float
         Weight of the number of parameters in the paper's fitness (19) (paper: 2).
-    begin : {'inherited', 'standard', 'relatives'}
+    start_from : {'inherited', 'standard', 'neighbours'}
         Where an identification starts: at the node's values, inherited or random (paper); at the same standard start
         for every individual of a structure, so that no structure is identified twice; or, by least squares only, where
         those end that a structure contains or is contained in, as in the search of all structures.
@@ -121,7 +121,7 @@ class GeneticSettings:
         An individual whose structure has been tried is mutated up to this many times, each time by a random one of
         the mutations, until it is one that has not (paper: 0).
     narrow : int
-        With `begin` 'relatives': descents of each field where a structure is sought from everywhere within narrow
+        With `start_from` 'neighbours': descents of each field where a structure is sought from everywhere within narrow
         ranges, see :class:`brightgrey.search.fitting.Options`.
     near : int
         Of each new population, individuals that differ from the best structures so far by one node and have not been
@@ -139,18 +139,26 @@ class GeneticSettings:
     mutations: Mapping[str, float] = field(default_factory=lambda: dict(PROBABILITIES))
     estimator: Estimator = "pattern-search"
     iterations: int = 500
-    patience: int = PATIENCE
+    stall_polls: int = PATIENCE
     criterion: str = "fitness"
     k_p: float = 2.0
-    begin: Begin = "inherited"
+    start_from: StartFrom = "inherited"
     elite: int = 0
-    fresh: int = 0
-    near: int = 0
-    narrow: int = 8
+    max_remutations: int = 0
+    n_neighbours: int = 0
+    n_starts_narrow: int = 8
 
     def __post_init__(self) -> None:
-        limits = {"population": 1, "generations": 0, "iterations": 1, "patience": 0, "elite": 0, "fresh": 0, "near": 0}
-        limits["narrow"] = 1
+        limits = {
+            "population": 1,
+            "generations": 0,
+            "iterations": 1,
+            "stall_polls": 0,
+            "elite": 0,
+            "max_remutations": 0,
+            "n_neighbours": 0,
+        }
+        limits["n_starts_narrow"] = 1
         for name, least in limits.items():
             value = getattr(self, name)
             if value < least:
@@ -168,36 +176,36 @@ class GeneticSettings:
         check_estimator(self.estimator)
         if self.criterion not in CRITERIA:
             raise SettingsError(unknown_name("criterion", self.criterion, CRITERIA))
-        if self.begin not in get_args(Begin):
-            raise SettingsError(unknown_name("begin", self.begin, get_args(Begin)))
-        if self.begin == "relatives" and self.estimator != "least-squares":
-            raise SettingsError("begin 'relatives' needs the estimator 'least-squares'")
+        if self.start_from not in get_args(StartFrom):
+            raise SettingsError(unknown_name("start_from", self.start_from, get_args(StartFrom)))
+        if self.start_from == "neighbours" and self.estimator != "least-squares":
+            raise SettingsError("start_from 'neighbours' needs the estimator 'least-squares'")
 
     @property
     def options(self) -> Options:
-        """How thoroughly each structure is fitted, with `begin` 'relatives'."""
-        return Options(rounds=self.iterations, narrow=self.narrow)
+        """How thoroughly each structure is fitted, with `start_from` 'neighbours'."""
+        return Options(rounds=self.iterations, narrow=self.n_starts_narrow)
 
     @property
     def neighbours(self) -> int:
         """Individuals near the best structures that a new population has room for."""
-        return min(self.near, self.population - self.elite)
+        return min(self.n_neighbours, self.population - self.elite)
 
 
 PAPER_SETTINGS = GeneticSettings()
 """The paper's setting."""
 
-OURS = GeneticSettings(
+TUNED_SETTINGS = GeneticSettings(
     population=8,
     generations=16,
     estimator="least-squares",
     iterations=30,
     criterion="bic",
-    begin="relatives",
+    start_from="neighbours",
     elite=2,
-    fresh=4,
-    near=4,
-    narrow=4,
+    max_remutations=4,
+    n_neighbours=4,
+    n_starts_narrow=4,
 )
 """A setting of ours, not the paper's: structures are identified where their relatives have ended, neighbours first.
 

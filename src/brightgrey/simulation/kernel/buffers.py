@@ -11,23 +11,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.simulation.kernel.memory_layout import SERIES_TERMS, Call, Plant, Shape, Work, solo_rows, table_rows
+from brightgrey.simulation.kernel.memory_layout import SERIES_TERMS, Call, PlantRows, Shape, Work, solo_rows, table_rows
 from brightgrey.simulation.kernel.simd import LANES
 
-__all__ = ["Plants", "address", "aligned", "block_for", "plants_for", "work_for"]
+__all__ = ["PlantBuffers", "address", "aligned", "block_for", "plants_for", "work_for"]
 
 _ENTRY = 8  # bytes of a number
 _LINE = 64  # bytes of a cache line: a register that lies across two of them takes two accesses
 _PER_CALL = ("law", "channel", "first", "turning", "limited", "outputs")
-_TABLES = tuple(name for name in Plant._fields if name not in _PER_CALL)
+_TABLES = tuple(name for name in PlantRows._fields if name not in _PER_CALL)
 
 
-class Plants(NamedTuple):
+class PlantBuffers(NamedTuple):
     """Systems in lanes for all batches of a call.
 
     Attributes
     ----------
-    first : Plant
+    first : PlantRows
         Addresses for batch 0.
     stride : int
         Bytes from one batch to the next, of everything that differs by lane.
@@ -35,14 +35,14 @@ class Plants(NamedTuple):
         What the addresses point to.
     """
 
-    first: Plant
+    first: PlantRows
     stride: int
     memory: tuple[NDArray[Any], ...]
 
 
 def plants_for(
     tables: Mapping[str, NDArray[np.float64]], numbers: Mapping[str, Sequence[int]], pick: NDArray[np.int64]
-) -> Plants:
+) -> PlantBuffers:
     """Memory that holds the parameter sets `pick`, shape (batches, LANES).
 
     Parameters
@@ -66,21 +66,21 @@ def plants_for(
     for name in _PER_CALL:
         places[name] = place
         place += len(numbers[name]) * _ENTRY
-    return Plants(Plant(**places), len(rows) * LANES * _ENTRY, (lanes, whole_numbers))
+    return PlantBuffers(PlantRows(**places), len(rows) * LANES * _ENTRY, (lanes, whole_numbers))
 
 
-def block_for(shape: Shape, plants: Plants, work: Work, call: Call) -> NDArray[np.int64]:
+def block_for(shape: Shape, plants: PlantBuffers, work: Work, call: Call) -> NDArray[np.int64]:
     """Block of one thread. All memory whose addresses it holds has to be kept alive by the caller.
 
     Parameters
     ----------
     shape : Shape
-    plants : Plants
+    plants : PlantBuffers
     work : Work
     call : Call
         Whole numbers and addresses.
     """
-    strides = [plants.stride if name in _TABLES else 0 for name in Plant._fields]
+    strides = [plants.stride if name in _TABLES else 0 for name in PlantRows._fields]
     return np.array([*shape, *work, *call, *plants.first, *plants.first, *strides], np.int64)
 
 

@@ -16,7 +16,7 @@ from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, shape_
 from brightgrey.simulation.kernel.simd import LANES, get, put, real, splat, whole
 from brightgrey.simulation.kernel.taylor_series import expand, mode_columns, value_at
 
-__all__ = ["creep"]
+__all__ = ["locate_events"]
 
 _MOST_EVENTS = 200
 _STIFF = 8.0  # time constants in a reach, from which on a free state stands as what follows the others and fades
@@ -223,7 +223,7 @@ def _creep(shape: Any, plant: Any, length: Any, value: Any, slope: Any, work: An
 
 
 @Entry
-def creep(block: Any, start: Any, lane: Any) -> None:
+def locate_events(block: Any, start: Any, lane: Any) -> None:
     """Carry one lane over the tick `start` after a sample, in two parts if the input has a knot inside; then F.
 
     Input in ``work.drive``, from ``work.x`` to ``work.end``.

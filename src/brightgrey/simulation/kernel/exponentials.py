@@ -21,7 +21,7 @@ from brightgrey.simulation.kernel.memory_layout import (
 )
 from brightgrey.simulation.kernel.simd import LANES, choose_less, get, put, real, skip, splat, whole
 
-__all__ = ["mode_matrix", "propagate", "tables"]
+__all__ = ["fill_propagator_tables", "mode_matrix", "propagate"]
 
 _DEGREE = 14
 
@@ -289,7 +289,7 @@ def _look(shape: Any, plant: Any, mode: Any, unit: Any, span: Any, work: Any) ->
 
 
 @Entry
-def tables(block: Any) -> None:
+def fill_propagator_tables(block: Any) -> None:
     """Fill ``work.tables`` for every mode and level; level l covers 2^l ticks."""
     shape, plant, work = shape_of(block), plant_of(block), work_of(block)
     tick = real(call_of(block).numbers, 0) / (shape.base_steps * (1 << shape.ticks))

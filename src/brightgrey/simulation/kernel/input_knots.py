@@ -18,7 +18,7 @@ from brightgrey.simulation.kernel.memory_layout import (
 )
 from brightgrey.simulation.kernel.simd import LANES, get, put, real, skip, whole
 
-__all__ = ["kinks"]
+__all__ = ["input_knot_weights"]
 
 
 _PARTS = 3  # spans from a knot to the end of a step, to its third or to a look end at thirds of a tick
@@ -95,7 +95,7 @@ def _row(n: Any, table: Any, at: Any, p: Any, lane: Any) -> Any:
 
 
 @Entry
-def kinks(block: Any) -> None:
+def input_knot_weights(block: Any) -> None:
     """Write the kink's weights to all step tables; in each level one step per sample has a knot inside."""
     shape, plant, work = shape_of(block), plant_of(block), work_of(block)
     tick = real(call_of(block).numbers, 0) / (shape.base_steps * (1 << shape.ticks))

@@ -7,7 +7,7 @@ from typing import Any
 from brightgrey.simulation.kernel.compilation import cached, inlined, inner
 from brightgrey.simulation.kernel.contact_modes import drive_all, drive_lane, set_mode, use_table_of
 from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, shape_of, use_batch, work_of
-from brightgrey.simulation.kernel.radau_step import leaves, step, take_all, watch
+from brightgrey.simulation.kernel.radau_step import leaves, radau_step, take_all, watch_limits
 from brightgrey.simulation.kernel.radau_step_scalar import forget
 from brightgrey.simulation.kernel.simd import (
     LANES,
@@ -23,7 +23,7 @@ from brightgrey.simulation.kernel.simd import (
 )
 from brightgrey.simulation.kernel.simd import call as invoke
 
-__all__ = ["run"]
+__all__ = ["run_batch"]
 
 _NEAR = 0.01  # of the width between limits: so far from its leader's, a lane's motion is linear to a hundredth
 
@@ -112,7 +112,7 @@ def _rejoin(shape: Any, plant: Any, call: Any, number: Any, k: Any, apart: Any, 
                 put(work.x, row, lane, own)
                 set_mode(plant, work, b, lane, mode)
             for b in range(shape.limits):
-                put(work.event, b, lane, watch(shape, plant, work, b, work.x, lane))
+                put(work.event, b, lane, watch_limits(shape, plant, work, b, work.x, lane))
             for row in range((k - 1) * call.stride, (k + 1) * call.stride, call.stride):
                 for out in range(shape.outputs):
                     at = out * shape.samples * call.stride + row + number * LANES
@@ -126,10 +126,10 @@ def _base_step(block: Any, shape: Any, plant: Any, call: Any, k: Any, base: Any,
     """Carry all lanes over one base step."""
     h = real(call.numbers, 0) / shape.base_steps
     drive_all(shape, plant, call, k, base << shape.ticks, 1 << shape.ticks, work)
-    failed, coarse = step(shape, plant, call, work.current, h, shape.points, work)
+    failed, coarse = radau_step(shape, plant, call, work.current, h, shape.points, work)
     left = 0
     for b in range(shape.limits):
-        end = watch(shape, plant, work, b, work.end, None)
+        end = watch_limits(shape, plant, work, b, work.end, None)
         left |= leaves(shape, work, b, shape.points, end, None)
     if (failed | coarse | left) & ~dead == 0:
         take_all(shape, plant, work, h)
@@ -138,7 +138,7 @@ def _base_step(block: Any, shape: Any, plant: Any, call: Any, k: Any, base: Any,
 
 
 @cached
-def run(block: Any, first: Any, last: Any) -> None:
+def run_batch(block: Any, first: Any, last: Any) -> None:
     """Simulate the batches [first, last) of a call.
 
     Parameters

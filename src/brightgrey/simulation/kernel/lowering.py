@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from brightgrey.effects import Element
 from brightgrey.kit import StateSpace
-from brightgrey.simulation.kernel.buffers import Plants, plants_for
+from brightgrey.simulation.kernel.buffers import PlantBuffers, plants_for
 from brightgrey.simulation.kernel.law_dispatch import smooth_laws
 
-__all__ = ["Lowered", "Rows", "fill", "is_sound", "lower", "tabulate", "turning_rate"]
+__all__ = ["Lowered", "Rows", "fastest_natural_frequency", "fill", "is_sound", "lower", "tabulate"]
 
 Array = NDArray[np.float64]
 Rows = dict[str, Array]
@@ -96,7 +96,7 @@ def _nothing(n: int, sets: int) -> tuple[Array, Array, Array]:
     return np.zeros((0, n, sets)), np.zeros((0, n, sets)), np.zeros((0, sets))
 
 
-def turning_rate(system: StateSpace, lowered: Lowered) -> Array:
+def fastest_natural_frequency(system: StateSpace, lowered: Lowered) -> Array:
     """Upper bound, shape (K,), of the fastest oscillation in rad/s: Gershgorin's on speed over position."""
     names = system.state_names
     speeds = [i for i, name in enumerate(names) if name.startswith("v")]
@@ -146,7 +146,7 @@ def is_sound(rows: Rows) -> NDArray[np.bool_]:
     return np.asarray(others & ~limits)
 
 
-def fill(lowered: Lowered, rows: Rows, pick: NDArray[np.int64]) -> Plants:
+def fill(lowered: Lowered, rows: Rows, pick: NDArray[np.int64]) -> PlantBuffers:
     """Tables of the kernel for the parameter sets ``pick``, shape (batches, LANES); incomplete batches repeat one.
 
     Parameters stand in `rows` in the order of the elements, as `tabulate` puts them.

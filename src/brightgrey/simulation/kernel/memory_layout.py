@@ -14,7 +14,7 @@ from brightgrey.simulation.kernel.simd import LANES, group, real, register_jitab
 
 __all__ = [
     "Call",
-    "Plant",
+    "PlantRows",
     "Shape",
     "Work",
     "call_of",
@@ -72,7 +72,7 @@ class Shape(NamedTuple):
     euler: int
 
 
-class Plant(NamedTuple):
+class PlantRows(NamedTuple):
     """Systems in lanes: ``x' = A x + B u + c + sum_k G_k F_k(H_k x + K_k u)``, and limited states.
 
     Attributes
@@ -250,8 +250,8 @@ assert SERIES_TERMS <= LANES  # the terms of a watched quantity are one row
 _WORK = len(Shape._fields)
 _CALL = _WORK + len(Work._fields)
 _PLANT = _CALL + len(Call._fields)  # of the batch at work
-_FIRST = _PLANT + len(Plant._fields)  # of batch 0
-_BYTES = _FIRST + len(Plant._fields)  # from one batch to the next
+_FIRST = _PLANT + len(PlantRows._fields)  # of batch 0
+_BYTES = _FIRST + len(PlantRows._fields)  # from one batch to the next
 
 shape_of = group(Shape, 0)
 """``shape_of(block) -> Shape``"""
@@ -259,12 +259,12 @@ work_of = group(Work, _WORK)
 """``work_of(block) -> Work`` of addresses"""
 call_of = group(Call, _CALL)
 """``call_of(block) -> Call`` of addresses"""
-plant_of = group(Plant, _PLANT)
+plant_of = group(PlantRows, _PLANT)
 """``plant_of(block) -> Plant`` of addresses, of the batch at work"""
 
-_FIELDS = len(Plant._fields)
+_FIELDS = len(PlantRows._fields)
 _DELAYED = _CALL + Call._fields.index("delayed")
-_DELAY = _PLANT + Plant._fields.index("delay")
+_DELAY = _PLANT + PlantRows._fields.index("delay")
 
 
 @register_jitable

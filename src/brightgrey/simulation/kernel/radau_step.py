@@ -14,7 +14,7 @@ from brightgrey.simulation.kernel.law_dispatch import channel_forces
 from brightgrey.simulation.kernel.memory_layout import end_rows
 from brightgrey.simulation.kernel.simd import choose_lanes, choose_less, get, lanes_not_less, put, real, splat, whole
 
-__all__ = ["estimate", "leaves", "solve", "step", "take_all", "take_lane", "take_some", "watch"]
+__all__ = ["estimate", "leaves", "radau_step", "solve_stages", "take_all", "take_lane", "take_some", "watch_limits"]
 
 
 @inlined
@@ -158,7 +158,7 @@ def leaves(shape: Any, work: Any, b: Any, points: Any, end: Any, who: Any) -> An
 
 
 @inlined
-def watch(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> Any:
+def watch_limits(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> Any:
     """Watched quantity of limited state b: the state itself where it is free, else its rate."""
     total = splat(0.0, who)
     for j in range(shape.n):
@@ -167,7 +167,7 @@ def watch(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> An
 
 
 @inlined
-def solve(
+def solve_stages(
     shape: Any,
     plant: Any,
     call: Any,
@@ -215,7 +215,7 @@ def estimate(shape: Any, plant: Any, call: Any, h: Any, work: Any, who: Any) -> 
 
 
 @inlined
-def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: Any, work: Any) -> Any:
+def radau_step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: Any, work: Any) -> Any:
     """Step from ``work.x`` to ``work.end``; returns (lanes in which Newton failed, lanes with too large an error).
 
     ``call.numbers`` holds the tolerated error estimate and the tolerated last change of Newton.
@@ -235,7 +235,7 @@ def step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: Any, wor
                 a2 = a2 + get(plant.H, k * n + i, None) * get(work.end, i, None)
             put(work.a2, k, None, a2)
         coupling = stage + (m + shape.limits * shape.points) * width
-        failed = solve(shape, plant, call, table, stage + n + 3, width, coupling, h, work, None)
+        failed = solve_stages(shape, plant, call, table, stage + n + 3, width, coupling, h, work, None)
         coarse = estimate(shape, plant, call, h, work, None)
         for i in range(n):
             start = i * width + n + 3
@@ -256,7 +256,7 @@ def _take(shape: Any, plant: Any, work: Any, h: Any, who: Any) -> None:
         put(work.force, c, who, f2)
         put(work.slope, c, who, (f2 - f1) * (1.5 / h))
     for b in range(shape.limits):
-        put(work.event, b, who, watch(shape, plant, work, b, work.end, who))
+        put(work.event, b, who, watch_limits(shape, plant, work, b, work.end, who))
     for i in range(shape.n):
         put(work.x, i, who, get(work.end, i, who))
 
@@ -281,7 +281,7 @@ def take_some(shape: Any, plant: Any, work: Any, h: Any, some: Any) -> None:
         put(work.force, c, None, choose_lanes(some, f2, get(work.force, c, None)))
         put(work.slope, c, None, choose_lanes(some, (f2 - f1) * (1.5 / h), get(work.slope, c, None)))
     for b in range(shape.limits):
-        end = watch(shape, plant, work, b, work.end, None)
+        end = watch_limits(shape, plant, work, b, work.end, None)
         put(work.event, b, None, choose_lanes(some, end, get(work.event, b, None)))
     for i in range(shape.n):
         put(work.x, i, None, choose_lanes(some, get(work.end, i, None), get(work.x, i, None)))

@@ -10,7 +10,7 @@ from typing import Any
 
 from brightgrey.simulation.kernel.compilation import inlined, inner
 from brightgrey.simulation.kernel.memory_layout import end_rows, points_of, solo_rows, table_rows
-from brightgrey.simulation.kernel.radau_step import estimate, solve
+from brightgrey.simulation.kernel.radau_step import estimate, solve_stages
 from brightgrey.simulation.kernel.simd import LANES, get, put, real, set_whole, skip, whole
 
 __all__ = ["forget", "step_lane"]
@@ -86,7 +86,7 @@ def step_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, h: Any, 
                 at = (n + 3 + j) * high * LANES
                 put(work.coupled, k * 2 * m + j, lane, real(solo, at + n + k))
                 put(work.coupled, (m + k) * 2 * m + j, lane, real(solo, at + last + k))
-        failed = solve(shape, plant, call, work.coupled, 0, 2 * m, 2 * m * m, h, work, lane)
+        failed = solve_stages(shape, plant, call, work.coupled, 0, 2 * m, 2 * m * m, h, work, lane)
         coarse = estimate(shape, plant, call, h, work, lane)
         for q in range(used):
             total = get(work.rows, q, None)

@@ -57,17 +57,17 @@ _WORDS = ir.VectorType(_WORD, LANES)
 _CONTRACT = ("contract",)
 
 
-class Lanes(types.Type):
+class LaneVector(types.Type):
     """numba type of LANES doubles in a register."""
 
     def __init__(self) -> None:
         super().__init__(name=f"lanes{LANES}")
 
 
-lanes: Any = Lanes()
+lanes: Any = LaneVector()
 
 
-@register_model(Lanes)
+@register_model(LaneVector)
 class _LanesModel(models.PrimitiveModel):
     """A register is held as an LLVM vector."""
 
@@ -338,7 +338,7 @@ _SERIES = (
 
 
 @register_jitable
-def exponential(z: Any) -> Any:
+def vector_exponential(z: Any) -> Any:
     """e^z to 4e-14 relative for |z| <= 700, cut off beyond: 2^k times a polynomial on |r| <= ln(2)/2."""
     z = choose_less(z, 700.0, z, 700.0)
     z = choose_less(-700.0, z, z, -700.0)
@@ -375,12 +375,12 @@ def _sign(z: Any) -> Any:
 
 
 def _tanh(z: Any) -> Any:
-    e = exponential(choose_less(z, 0.0, z, -z) * 2.0)
+    e = vector_exponential(choose_less(z, 0.0, z, -z) * 2.0)
     t = (1.0 - e) / (1.0 + e)
     return choose_less(z, 0.0, -t, t)
 
 
-_implement(arithmetic.exp, lambda z: exponential(z))
+_implement(arithmetic.exp, lambda z: vector_exponential(z))
 _implement(arithmetic.magnitude, _magnitude)
 _implement(arithmetic.sign, _sign)
 _implement(arithmetic.tanh, _tanh)

@@ -11,12 +11,12 @@ from typing import Any
 from brightgrey.simulation.kernel.compilation import Entry, inlined
 from brightgrey.simulation.kernel.contact_modes import drive_all, drive_lane, mode_bits, use_table, use_table_of
 from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, points_of, shape_of, table_rows, work_of
-from brightgrey.simulation.kernel.radau_step import leaves, step, take_lane, take_some, watch
+from brightgrey.simulation.kernel.radau_step import leaves, radau_step, take_lane, take_some, watch_limits
 from brightgrey.simulation.kernel.radau_step_scalar import step_lane
 from brightgrey.simulation.kernel.simd import LANES, get, put, real, set_whole, skip, whole
 from brightgrey.simulation.kernel.simd import call as invoke
 
-__all__ = ["refine", "sort", "together"]
+__all__ = ["accept_or_refine", "refine_group", "refine_lane"]
 
 _WORTHWHILE = LANES // 2  # lanes of a group from which a step of all registers costs less than one of each lane
 
@@ -27,9 +27,9 @@ def _attempt(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
     table = skip(work.tables, (bits * (shape.ticks + 1) + level) * table_rows(shape))
     points = points_of(shape, level)
-    out, coarse = step(shape, plant, call, table, (1 << level) * tick, points, work)
+    out, coarse = radau_step(shape, plant, call, table, (1 << level) * tick, points, work)
     for b in range(shape.limits):
-        out |= leaves(shape, work, b, points, watch(shape, plant, work, b, work.end, None), None)
+        out |= leaves(shape, work, b, points, watch_limits(shape, plant, work, b, work.end, None), None)
     return out, coarse
 
 
@@ -39,7 +39,7 @@ def _attempt_alone(shape: Any, plant: Any, call: Any, bits: Any, level: Any, wor
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
     out, coarse = step_lane(shape, plant, call, bits, level, (1 << level) * tick, work, lane)
     for b in range(shape.limits):
-        end = watch(shape, plant, work, b, work.end, lane)
+        end = watch_limits(shape, plant, work, b, work.end, lane)
         out |= leaves(shape, work, b, points_of(shape, level), end, lane)
     return out, coarse
 
@@ -62,7 +62,7 @@ def _reached(shape: Any, plant: Any, work: Any, level: Any, lane: Any) -> Any:
         for i in range(points + 1):
             t1 = 1.0 if i == points else 1.0 / 3.0 if points == 1 else (i + 1.0) / (points + 1.0)
             if i == points:
-                s1 = watch(shape, plant, work, b, work.end, lane)
+                s1 = watch_limits(shape, plant, work, b, work.end, lane)
             else:
                 s1 = get(work.ahead, b * shape.points + i, lane)
             if s1 > high or s1 < low:
@@ -101,11 +101,11 @@ def _pass_event(block: Any, shape: Any, plant: Any, call: Any, start: Any, work:
     for i in range(shape.n):
         put(work.x, i, lane, get(work.end, i, lane))
     for b in range(shape.limits):
-        put(work.event, b, lane, watch(shape, plant, work, b, work.x, lane))
+        put(work.event, b, lane, watch_limits(shape, plant, work, b, work.x, lane))
 
 
 @Entry
-def refine(block: Any, k: Any, base: Any, lane: Any, follow: Any, position: Any, until: Any, level: Any) -> None:
+def refine_lane(block: Any, k: Any, base: Any, lane: Any, follow: Any, position: Any, until: Any, level: Any) -> None:
     """Ticks [position, until) of base step `base` after sample k for one lane, in steps of 2^level ticks at first.
 
     From ``work.x`` on, and to it. The first lane of a group, or a lane on its own, chooses the steps and writes
@@ -141,7 +141,7 @@ def refine(block: Any, k: Any, base: Any, lane: Any, follow: Any, position: Any,
 
 
 @Entry
-def sort(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> None:
+def accept_or_refine(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> None:
     """Accept the full step of base step `base` after sample k in some lanes, and go through it in parts in the others.
 
     `failed` are lanes in which it must not be accepted, `coarse` those that ask for shorter steps if they lead.
@@ -175,7 +175,7 @@ def sort(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> 
 
 
 @Entry
-def together(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: Any) -> None:
+def refine_group(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: Any) -> None:
     """Base step `base` after sample k for a whole group in steps that its leader chooses, of 2^level ticks at first.
 
     Lanes whose own events ask for more, or that are in another mode, go through a step on their own; `dead` ones do

@@ -6,11 +6,11 @@ are hundreds of times slower than the kernel and know the paper's function set o
 """
 
 from brightgrey.simulation.reference.solution import (
-    Agreement,
     Method,
+    SolverAgreement,
     UnsettledError,
-    agreement,
+    compare_solvers,
     reference,
 )
 
-__all__ = ["Agreement", "Method", "UnsettledError", "agreement", "reference"]
+__all__ = ["Method", "SolverAgreement", "UnsettledError", "compare_solvers", "reference"]

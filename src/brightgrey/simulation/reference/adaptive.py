@@ -18,7 +18,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from brightgrey.simulation.reference.plant import Array, Plant, Segments, Trajectory
 
-__all__ = ["solve"]
+__all__ = ["solve_adaptive"]
 
 _SWITCHES = 50  # per piece of input, before chatter within rounding error is overrun
 _LOOKS = 17  # within a step
@@ -225,7 +225,9 @@ def _scales(plant: Plant, segments: Segments, x: Array) -> Array:
     return np.array([speed * float(segments.length.sum()), *twists, *[speed] * n, *current])
 
 
-def solve(plant: Plant, segments: Segments, x0: Array, *, rtol: float = 1e-11, implicit: bool = False) -> Trajectory:
+def solve_adaptive(
+    plant: Plant, segments: Segments, x0: Array, *, rtol: float = 1e-11, implicit: bool = False
+) -> Trajectory:
     """Integrate piece by piece.
 
     Parameters

@@ -17,7 +17,7 @@ from numba import njit
 
 from brightgrey.simulation.reference.plant import Array, Plant, Segments, Trajectory, difference
 
-__all__ = ["Fixed", "solve"]
+__all__ = ["Fixed", "solve_fixed_step"]
 
 # Modes of the shaft with backlash. STIFF stands for no backlash, or a gap of no width.
 STIFF, FRONT, BACK, GAP = 0, 1, 2, 3
@@ -265,7 +265,7 @@ def _integrate(plant: Plant, segments: Segments, x0: Array, step: float) -> Traj
     return Trajectory(plant.state_names, states.T, acceleration)
 
 
-def solve(plant: Plant, segments: Segments, x0: Array, tolerance: float) -> Fixed:
+def solve_fixed_step(plant: Plant, segments: Segments, x0: Array, tolerance: float) -> Fixed:
     """Halve the step until position and velocity of mass 1 change by less than `tolerance` of their peaks.
 
     Ends earlier where halving no longer helps: a system that many impacts make sensitive keeps the rounding

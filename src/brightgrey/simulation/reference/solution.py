@@ -14,7 +14,7 @@ from brightgrey.simulation.reference import adaptive as events
 from brightgrey.simulation.reference import fixed_step as fixed
 from brightgrey.simulation.reference.plant import Array, Hold, Plant, Trajectory, cut, difference
 
-__all__ = ["Agreement", "Method", "UnsettledError", "agreement", "reference"]
+__all__ = ["Method", "SolverAgreement", "UnsettledError", "compare_solvers", "reference"]
 
 Method = Literal["events", "fixed"]
 
@@ -29,7 +29,7 @@ class UnsettledError(BrightgreyError):
 
 
 @dataclass(frozen=True)
-class Agreement:
+class SolverAgreement:
     """Reference solution with what is known of its accuracy.
 
     Attributes
@@ -118,7 +118,7 @@ def reference(
     return np.stack([trajectory.output(kind) for kind in outputs])
 
 
-def agreement(
+def compare_solvers(
     structure: str | Structure,
     values: Mapping[str, float],
     u: Array,
@@ -129,14 +129,14 @@ def agreement(
     hold: Hold = "linear",
     outputs: Sequence[str] = ("position", "velocity", "acceleration"),
     both: bool = True,
-) -> Agreement:
+) -> SolverAgreement:
     """Solve by both methods and twice more with the input changed by 1e-9 of its peak.
 
     Parameters as for :func:`reference`; ``both=False`` leaves the slower method out, for long benchmarks.
 
     Returns
     -------
-    Agreement
+    SolverAgreement
 
     Raises
     ------
@@ -160,12 +160,12 @@ def agreement(
         other = _events(plant, u, dt, x0, hold)
         apart = np.array([difference(kind, found, other) for kind in outputs])
     y = np.stack([found.output(kind) for kind in outputs])
-    return Agreement(y, apart, growth, chaotic, solution.step)
+    return SolverAgreement(y, apart, growth, chaotic, solution.step)
 
 
 def _fixed(plant: Plant, u: Array, dt: float, x0: Array | None, hold: Hold) -> fixed.Fixed:
     segments = cut(u, dt, plant.T_d, hold)
-    solution = fixed.solve(plant, segments, plant.initial(x0, float(u[0])), _HALVING)
+    solution = fixed.solve_fixed_step(plant, segments, plant.initial(x0, float(u[0])), _HALVING)
     if not np.all(np.isfinite(solution.trajectory.states)):
         raise UnsettledError("the solution left the finite numbers")
     return solution
@@ -174,6 +174,6 @@ def _fixed(plant: Plant, u: Array, dt: float, x0: Array | None, hold: Hold) -> f
 def _events(plant: Plant, u: Array, dt: float, x0: Array | None, hold: Hold) -> Trajectory:
     segments = cut(u, dt, plant.T_d, hold)
     try:
-        return events.solve(plant, segments, plant.initial(x0, float(u[0])))
+        return events.solve_adaptive(plant, segments, plant.initial(x0, float(u[0])))
     except (FloatingPointError, OverflowError) as error:
         raise UnsettledError(str(error)) from error
