@@ -1,8 +1,8 @@
 """Does the fit of the true structure reach the true optimum? Random drives, from bounds found in the data only.
 
 True structures are drawn from all of the paper's grammar, their parameters over two decades
-(`brightgrey.excitation.random_drives`), the recording comes from the reference solver with white noise and rounding to a
-quarter of it. A fit succeeds if its residual sum of squares is at most 1.02 times that of the true parameters.
+(`brightgrey.excitation.random_drives`), the recording comes from the reference solver with white noise and rounding to
+a quarter of it. A fit succeeds if its residual sum of squares is at most 1.02 times that of the true parameters.
 Errors of parameters are medians over runs in which the recording shows the parameter: the standard deviation
 by the fit is below the goal.
 """

@@ -37,10 +37,8 @@ IDENTIFY = {
     "exhaustive": (*DEMO, "--search", "exhaustive", "--seed", "3"),
     "genetic-paper": (*DEMO, *GENETIC, "--iterations", "40"),
     "genetic-tuned": (*DEMO, *GENETIC, "--preset", "tuned"),
-    "emps": (*EMPS, "--input-gain", "35.150651", "--unit", "vir=N", "--unit", "qm=m", "--decimate", "4")
-    + ("--structure", "one_mass+coulomb+viscous+gravity"),
-    "mte360": (*MTE, "--output", "v1:velocity", "--unit", "v1=mm/s", "--structure", "two_mass+coulomb+viscous+gravity")
-    + ("--initial", "estimated"),
+    "emps": (*EMPS, "--decimate", "4", "--structure", "one_mass+coulomb+viscous+gravity"),
+    "mte360": (*MTE, "--structure", "two_mass+coulomb+viscous+gravity", "--initial", "estimated"),
 }
 TARGETS = ("c", "fmu", "matlab", "control", "modelica", "latex")
 COMMANDS = {
@@ -170,9 +168,8 @@ def compare(before: Path, after: Path, rtol: float, words: bool) -> int:
             bad += 1
         if numbers:
             worst = max(numbers, key=lambda k: numbers[k])
-            print(
-                f"{file}: {len(numbers)} of {len(old)} numbers differ, at most by {numbers[worst]:.2g} ({worst}: {old[worst]} was, {new[worst]} is)"
-            )
+            print(f"{file}: {len(numbers)} of {len(old)} numbers differ, at most by {numbers[worst]:.2g}")
+            print(f"    {worst}: was {old[worst]}, is {new[worst]}")
         if missing:
             print(f"{file}: {len(missing)} entries stand on one side only, such as {missing[:4]}")
         if text:

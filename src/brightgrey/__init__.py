@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from brightgrey.version import __version__
+
 if TYPE_CHECKING:
     from brightgrey.api import Result, Simulation, identify, simulate
     from brightgrey.errors import BrightgreyError
@@ -24,8 +26,6 @@ __all__ = [
     "read_recording",
     "simulate",
 ]
-
-__version__ = "0.1.0"
 
 _HOME = {
     "BrightgreyError": "brightgrey.errors",

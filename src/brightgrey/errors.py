@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import TypeVar
 
-__all__ = ["BrightgreyError", "RecordingError", "SettingsError", "StructureError", "nearest", "unknown_name"]
+__all__ = ["BrightgreyError", "RecordingError", "SettingsError", "StructureError", "nearest", "one_of", "unknown_name"]
+
+Name = TypeVar("Name", bound=str)
 
 
 class BrightgreyError(ValueError):
@@ -38,3 +41,28 @@ def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:
     guess = nearest(name, names)
     hint = f" Did you mean '{guess}'?" if guess else ""
     return f"unknown {kind} '{name}'.{hint} Allowed: {', '.join(names)}"
+
+
+def one_of(kind: str, name: object, allowed: Iterable[Name], *, error: type[BrightgreyError] = SettingsError) -> Name:
+    """Return the allowed name that equals `name`; refuse any other with what is allowed and the nearest right name.
+
+    Parameters
+    ----------
+    kind : str
+        What the name stands for, in words: ``'estimator'``.
+    name : object
+        What came.
+    allowed : iterable of str
+    error : type, optional
+        Class of the error.
+
+    Raises
+    ------
+    SettingsError
+        Or `error`, if `name` is not among the allowed ones.
+    """
+    names = list(allowed)
+    for known in names:
+        if known == name:
+            return known
+    raise error(unknown_name(kind, str(name), names))

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from brightgrey import __version__, estimation
+from brightgrey import estimation
 from brightgrey.api.differences import differences
 from brightgrey.api.result import Result
 from brightgrey.api.structure_search import SearchRequest, SearchResult, search_structure
@@ -29,6 +29,7 @@ from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search.genetic import GeneticSettings, Progress
 from brightgrey.search.survey import SearchProgress
+from brightgrey.version import __version__
 
 __all__ = ["identify"]
 

@@ -14,7 +14,6 @@ import numba
 import numpy
 import scipy
 
-from brightgrey import __version__
 from brightgrey.api.identification import identify
 from brightgrey.api.result import Result
 from brightgrey.errors import BrightgreyError
@@ -28,6 +27,7 @@ from brightgrey.runs.store import FILE
 from brightgrey.search.genetic import GeneticSettings, Progress
 from brightgrey.search.parallel import Stopped, thread_pool
 from brightgrey.search.survey import SearchProgress
+from brightgrey.version import __version__
 
 __all__ = ["StoredRun", "identify_resumable", "list_runs", "request_of"]
 

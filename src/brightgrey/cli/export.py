@@ -54,7 +54,7 @@ def export(
     done = []
     for name in to:
         with show.working(f"exporting to {name}", silent=quiet or json):
-            done.append(loaded.export(name, out, measured))
+            done.append(api.export(loaded, name, out, measured))
         if not (quiet or json):
             typer.echo(f"{name}: {', '.join(str(file) for file in done[-1].files)}\n    {done[-1].text}")
     if json:

@@ -11,7 +11,6 @@ from typing import Annotated, cast
 
 import typer
 
-from brightgrey import __version__
 from brightgrey.cli.control import analyse, control, watch
 from brightgrey.cli.demo import demo
 from brightgrey.cli.effects import effects
@@ -22,6 +21,7 @@ from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.runs import runs
 from brightgrey.cli.simulate import simulate
 from brightgrey.errors import BrightgreyError
+from brightgrey.version import __version__
 
 __all__ = ["app", "main"]
 

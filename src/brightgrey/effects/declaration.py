@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects.law import Law, friction_law
 from brightgrey.effects.modelica import Modelica, force_on_mass
 
@@ -36,7 +36,6 @@ __all__ = [
     "friction_law",
 ]
 
-Array = NDArray[np.float64]
 Values = Mapping[str, Any]
 Stage = Literal["masses", "friction", "gravity", "backlash", "current control", "delay"]
 

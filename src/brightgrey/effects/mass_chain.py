@@ -10,13 +10,12 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects.declaration import Dimension, Draft, Effect, Fault, Modelica, Parameter, Scales, State, Values
 
 __all__ = ["mass_chain"]
 
-Array = NDArray[np.float64]
 
 INERTIA = Dimension(input=1, motion=-1, time=2)
 STIFFNESS = Dimension(input=1, motion=-1, time=0)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.diagnostics.cautions import cautions
@@ -32,7 +32,6 @@ from brightgrey.simulation.settings import Level
 
 __all__ = ["Estimate", "Fit", "Outcome", "OutputFit", "Start", "fit", "predict", "settings_for"]
 
-Array = NDArray[np.float64]
 _SHARPNESS = 100.0  # default f_tanh times the largest speed
 _ELSEWHERE = 0.1  # in the searched scale
 _FINISHED = 2  # descents that are finished at the accurate level

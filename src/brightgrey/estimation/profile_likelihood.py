@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.fit import Fit
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_to_convergence
@@ -22,7 +22,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["Profile", "profile"]
 
-Array = NDArray[np.float64]
 _FIRST = 1.0  # first step, in half widths of the quadratic interval
 _GROWTH, _STEPS = 1.6, 12  # from there to 280 of them
 _FAILED = 0.25  # of the half width: by how much an end may move before the quadratic picture has failed

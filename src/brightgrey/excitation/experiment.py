@@ -32,14 +32,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-import numpy as np
-from numpy.typing import NDArray
-
+from brightgrey.arrays import Array
 from brightgrey.excitation.motion import Motion, MotionLimits, reversing
 
 __all__ = ["PAPER_EXPERIMENT", "Experiment", "driving_torque"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from ruckig import InputParameter, Result, Ruckig, Trajectory
 
+from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError
 
 __all__ = ["Motion", "MotionLimits", "moves", "reversing"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.excitation.experiment import PAPER_EXPERIMENT, Experiment
 
 __all__ = ["modes", "random_values"]
 
-Array = NDArray[np.float64]
 
 INERTIA = (0.7, 1.4)  # total, of the experiment's
 INERTIA_RATIO = 100.0

@@ -1,7 +1,7 @@
 """All numbers that simulating a model needs, lowered as for the kernel: what the exports to other languages write down.
 
-The scheme is that of :mod:`brightgrey.simulation.kernel.radau_step` at level ``accurate``. The matrix exponentials are worked out
-here, once, so that the target needs none.
+The scheme is that of :mod:`brightgrey.simulation.kernel.radau_step` at level ``accurate``. The matrix exponentials are
+worked out here, once, so that the target needs none.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Dimension, Element
 from brightgrey.kit import StateSpace, assemble
 from brightgrey.model.model import Model
@@ -25,7 +25,6 @@ from brightgrey.simulation.settings import Hold, Tolerances, tolerances
 
 __all__ = ["ModelOutput", "NumericModel", "Tables", "numeric_model", "propagator_tables"]
 
-Array = NDArray[np.float64]
 _MOTIONS = ("rad", "m")
 _INPUTS = ("N m", "N", "V", "A")
 

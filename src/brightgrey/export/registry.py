@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.export.external_tools import ExportError, MissingToolError
 from brightgrey.export.numeric_model import NumericModel, numeric_model
@@ -21,8 +19,6 @@ from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 
 __all__ = ["EXPORTS", "Export", "Exporter", "Verified", "export"]
-
-Array = NDArray[np.float64]
 
 
 class Verified(NamedTuple):

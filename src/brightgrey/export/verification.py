@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.problem.initial_state import initial_state
 from brightgrey.export.numeric_model import NumericModel
@@ -15,7 +15,6 @@ from brightgrey.simulation import Settings, response
 
 __all__ = ["VerificationRun", "deviation", "native", "verification_of", "verification_run"]
 
-Array = NDArray[np.float64]
 _SAMPLES = 600
 _DOUBLINGS = 80
 _FINER = 1e-2

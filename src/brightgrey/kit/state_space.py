@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Element, State
 
 __all__ = ["Linear", "StateSpace"]
-
-Array = NDArray[np.float64]
 
 
 class Linear(NamedTuple):

@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import Any, Literal, Self
 
 from pydantic import ConfigDict, Field, ValidationError
 
@@ -32,10 +32,6 @@ from brightgrey.recordings import Signal
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units, motion_unit
 from brightgrey.simulation import Settings
-
-if TYPE_CHECKING:
-    from brightgrey.export.registry import Export
-    from brightgrey.recordings import Recording
 
 __all__ = ["PER_SPEED", "SCHEMA", "SPEED", "Model"]
 
@@ -137,12 +133,6 @@ class Model(Part):
     def save(self, path: str | Path) -> None:
         """Write model.json to `path`, whole or not at all."""
         write_file(path, self.text().encode())
-
-    def export(self, to: str, folder: str | Path, recording: Recording | None = None) -> Export:
-        """Write the model in another tool's form and compare it there: :func:`brightgrey.export.registry.export`."""
-        from brightgrey.export.registry import export
-
-        return export(self, to, folder, recording)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

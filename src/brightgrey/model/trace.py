@@ -8,14 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.model.schema import OutputFitPart
 from brightgrey.recordings import Recording, Signal
 
 __all__ = ["Trace", "pooled_fit"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

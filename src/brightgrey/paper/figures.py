@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.recordings import Recording
 from brightgrey.report.drawing.matplotlib_figure import STYLE, quantity, thin
 
 __all__ = ["outputs"]
 
-Array = NDArray[np.float64]
 SIZE = (7.6, 6.4)  # inches
 REFERENCE = "#BBBBBB"
 # Okabe and Ito's palette without yellow; lines that lie on each other are told apart by their dashes, too.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.arrays import Array, Indices
+
 __all__ = ["fill_single", "is_constant", "resolution", "trim"]
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 # A step counts as a multiple of the smallest one if it is that close to it, in parts of the smallest.
 STEP_TOLERANCE = 0.02

@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brightgrey.errors import RecordingError, nearest
 from brightgrey.recordings.checks import is_constant
@@ -22,7 +21,6 @@ from brightgrey.recordings.window import Window, check_decimate, check_window, d
 
 __all__ = ["read_recording", "recording_from"]
 
-Array = NDArray[np.float64]
 NO_UNITS: Mapping[str, str] = MappingProxyType({})
 # A velocity with fewer levels than this between its extremes looks like counts per interval.
 COARSE = 500

@@ -9,8 +9,9 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from brightgrey.arrays import Array
 from brightgrey.errors import RecordingError, SettingsError, unknown_name
 from brightgrey.notebook_html import sparkline, table
 from brightgrey.recordings.checks import resolution
@@ -19,7 +20,6 @@ from brightgrey.recordings.units.signals import Units, check_kind, motion_unit
 
 __all__ = ["FEWEST_SAMPLES", "HOLDS", "Hold", "Recording", "Signal", "check_hold", "interval"]
 
-Array = NDArray[np.float64]
 Hold = Literal["linear", "zoh"]
 HOLDS: tuple[Hold, ...] = ("linear", "zoh")
 # Fewer cannot tell even a single mass with friction from noise.

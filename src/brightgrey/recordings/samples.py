@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array, Indices
 from brightgrey.recordings.checks import fill_single, resolution, trim
 from brightgrey.recordings.columns import Choice
 from brightgrey.recordings.formats.table import Table, tell_rows
@@ -15,9 +15,6 @@ from brightgrey.recordings.time_base import Grid, Stamps, repairs_allowed, unifo
 from brightgrey.recordings.window import Window, inside
 
 __all__ = ["Samples", "sample"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

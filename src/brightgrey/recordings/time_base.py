@@ -8,14 +8,13 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.arrays import Array, Indices
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.table import Table, tell_rows
 from brightgrey.recordings.recording import interval
 
 __all__ = ["JITTER", "REPAIRED", "Grid", "Stamps", "repairs_allowed", "uniform"]
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 # Time steps may be off by this share of the interval; they are then read as uniform.
 JITTER = 0.1

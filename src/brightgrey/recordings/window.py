@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError
 from brightgrey.recordings.recording import Hold, Recording, check_samples
 
 __all__ = ["Window", "check_decimate", "check_window", "cut_window", "decimate", "inside"]
 
-Array = NDArray[np.float64]
 # Start and end in s of the recording's time; None leaves a side open.
 Window = tuple[float | None, float | None]
 # Share of an interval by which a sample may lie outside of a window: stamps are rounded.

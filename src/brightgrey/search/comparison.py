@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import chi2, f, ncx2
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.noise.autoregression import Autoregression, levinson
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
 from brightgrey.estimation.uncertainty.covariance import noise_models
@@ -23,7 +23,6 @@ from brightgrey.kit import Structure
 
 __all__ = ["Judged", "Whitening", "chance_of", "power", "significance", "threshold"]
 
-Array = NDArray[np.float64]
 _RANK = 1e-9
 
 

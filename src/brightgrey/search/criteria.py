@@ -6,13 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError, unknown_name
 
 __all__ = ["CRITERIA", "Criterion", "Misfit", "criterion"]
 
-Array = NDArray[np.float64]
 _SURE = 1.645  # standard deviations, which a normal variable exceeds in 5 %
 
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.costs import cost_function
 from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
 from brightgrey.estimation.optimisation.pattern_fit import check_estimator
@@ -17,8 +17,6 @@ from brightgrey.search.evaluation import Estimator, Evaluated, Values
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["LeastSquares", "PatternSearch", "estimator"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.least_squares import Optimum, fit_many
 from brightgrey.estimation.optimisation.multistart import FIRST_BEGINNING, FURTHER_ROUNDS, growing_horizons, multistart
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
@@ -32,7 +32,6 @@ __all__ = [
     "tracked_from_above",
 ]
 
-Array = NDArray[np.float64]
 _KEEPS_UP = 4.0  # times the cost of a larger structure on a beginning: who is worse needs what that one has
 _DECADE = 10.0  # ranges within it are narrow
 IMPROVED = 0.999  # of the cost: what is worth another descent

@@ -7,8 +7,8 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.least_squares import Optimum, OptimumWithJacobian, evaluate, fit_many, polish
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged
@@ -20,7 +20,6 @@ from brightgrey.search.warm_start import exchanged, growing_from_zero, handed_do
 
 __all__ = ["Bench", "last_descent"]
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 _IMPROVED = 0.999  # of the cost: what counts as better
 _OWN_STARTS = 1000  # seeds from there on are not those of fields that the search has had

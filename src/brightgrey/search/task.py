@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Parameter, Scales
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.problem.initial_state import InitialStateParameter
@@ -20,7 +20,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["FAST_LEVEL_ACCURACY", "TRUSTED_ACCURACY", "IdentificationTask"]
 
-Array = NDArray[np.float64]
 TRUSTED_ACCURACY = 1e-4
 """Of an output's standard deviation: what neither simulation nor sensor is trusted in."""
 FAST_LEVEL_ACCURACY = 3e-4

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.lattice import mass_chain_of
 
 __all__ = ["exchanged", "growing_from_zero", "handed_down", "has_two_ports", "information", "two_ports"]
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 _SEEN = 1e-6  # of the largest: derivatives are good to a thousandth, and what lies below its square is their error
 

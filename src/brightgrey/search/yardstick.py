@@ -10,8 +10,8 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.kit import Placed, Structure, assemble
 from brightgrey.search.comparison import Judged, Whitening, chance_of, power, significance, threshold
 from brightgrey.search.fitting import Fitted
@@ -22,7 +22,6 @@ from brightgrey.search.warm_start import has_two_ports, two_ports
 
 __all__ = ["Yardstick"]
 
-Array = NDArray[np.float64]
 _LEVEL = 0.02  # chance of calling for an effect that is not there
 _PLACES = 10.0  # as often as Wilks says a further mass is better by chance: its resonance may be anywhere
 _MATERIAL = 1.01  # ratio of costs below which a difference does not matter, however sure it is

@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from brightgrey.arrays import Array
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.kernel.lowering import Lowered, lower
 from brightgrey.simulation.response import parts_per_sample
@@ -21,7 +22,6 @@ from brightgrey.simulation.settings import Settings, Tolerances, stepping_of, to
 
 __all__ = ["plain_response"]
 
-Array = NDArray[np.float64]
 FREE, UPPER, LOWER, CLOSED = 0, 1, -1, 2
 
 

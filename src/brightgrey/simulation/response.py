@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.kernel.buffers import address, aligned, block_for, work_for
@@ -35,7 +36,6 @@ from brightgrey.simulation.settings import Settings, stepping_of, tolerances
 
 __all__ = ["Response", "parts_per_sample", "response", "squares"]
 
-Array = NDArray[np.float64]
 _LOST = 1e9  # states this many times larger than input and speed are no motion any more
 
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from brightgrey.arrays import Array
+
 __all__ = ["CHANCE", "FEWEST", "Compared", "compare"]
 
-Array = NDArray[np.float64]
 CHANCE = 0.05  # that any sibling of a healthy family is called different
 FEWEST = 4  # siblings that can be compared
 _DRAWS = 4_000

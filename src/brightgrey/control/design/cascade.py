@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.control.linear.analysis import Analysis
 from brightgrey.control.linear.controllability import minimal_realisation
 from brightgrey.control.linear.margins import Compensator, Margins, frequencies, frequency_response, margins
@@ -16,7 +16,6 @@ from brightgrey.kit import Linear
 
 __all__ = ["Cascade", "Goal", "cascade", "position_loop", "speed_loop"]
 
-Array = NDArray[np.float64]
 _STEP = 1.5  # ratio of neighbouring gains in the search; then the last step is halved some times
 _BISECTIONS = 4
 _RESET = 4.0  # reset time in units of 1/crossover: costs 14 degrees of phase

@@ -6,15 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
 from brightgrey.simulation import Settings, response
 
 __all__ = ["Closed", "Controller", "Reference", "closed_loop", "standstill"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

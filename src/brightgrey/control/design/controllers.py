@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.control.design.cascade import Cascade
 from brightgrey.control.design.closed_loop import Reference
 from brightgrey.control.design.state_feedback import StateControl
@@ -16,8 +16,6 @@ from brightgrey.control.linear.operating_point import ContactMode, trim
 from brightgrey.excitation import Motion
 
 __all__ = ["CascadeControl", "OutputFeedback", "StateFeedback", "feedforward"]
-
-Array = NDArray[np.float64]
 
 
 def feedforward(on: ContactMode, motion: Motion, *, torque: bool = True) -> Reference:

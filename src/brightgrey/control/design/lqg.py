@@ -11,8 +11,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.control.design.controllers import StateFeedback
 from brightgrey.control.design.state_feedback import StateControl, lqr
 from brightgrey.control.filters.discretisation import DelayedInput
@@ -26,7 +26,6 @@ from brightgrey.kit import Linear, StateSpace
 
 __all__ = ["ObservedFeedback", "kalman_gain", "observed"]
 
-Array = NDArray[np.float64]
 _STEP_ERROR = 1e-4  # of the speed scale
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_continuous_are
 from scipy.signal import place_poles
 
+from brightgrey.arrays import Array
 from brightgrey.control.linear.analysis import Analysis
 from brightgrey.control.linear.margins import Compensator, Margins, margins
 from brightgrey.errors import SettingsError
@@ -22,7 +23,6 @@ from brightgrey.kit import Linear
 
 __all__ = ["FeedbackGain", "StateControl", "lqr", "place", "state_control"]
 
-Array = NDArray[np.float64]
 _ESCAPED = 1e-9  # of the fastest pole: a closed-loop pole this near to the axis has not been moved
 
 

@@ -4,8 +4,8 @@ The declarations say which parameters belong to one fault. The innovations of a 
 long as the drive is the model's; a fault makes them follow their derivative by the size of the fault. That size is
 estimated from them (Fisher's scoring), with a covariance that allows for innovations which are not quite white (Newey,
 West 1987, doi:10.2307/1913610). Through a gap no filter with one state follows the contacts; there the model is
-simulated instead (:mod:`brightgrey.control.faults.simulated_changes`). A fault is reported when it is larger than what matters, at
-the confidence asked for.
+simulated instead (:mod:`brightgrey.control.faults.simulated_changes`). A fault is reported when it is larger than what
+matters, at the confidence asked for.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from brightgrey.arrays import Array
 from brightgrey.control.faults.parameter_changes import ChangeProblem, Point, estimated
 from brightgrey.control.faults.simulated_changes import ChangeEstimate, ParameterGroup, estimate_changes
 from brightgrey.control.filters.extended_kalman import Noise
@@ -31,7 +31,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["Case", "FaultFinding", "detect_faults", "groups"]
 
-Array = NDArray[np.float64]
 _MOST_DOUBT = 0.5  # of a parameter: beyond it the prior says nothing, and steps would leave the model
 _SINGULAR = 1e10
 _TELLING = 0.5  # a change by half has to be detectable, or the recording does not decide

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.control.faults.simulated_changes import ParameterGroup
 from brightgrey.control.filters.extended_kalman import Noise, extended
 from brightgrey.control.filters.setup import prepare
@@ -22,7 +22,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["ChangeProblem", "Point", "estimated"]
 
-Array = NDArray[np.float64]
 _DIFFERENCE = 0.01  # of the logarithm: contacts make smaller ones rough
 _FACTORS = (0.6, 0.8, 1.25, 1.6, 2.2, 3.0)  # sizes tried first: contacts make the likelihood many-humped
 _FRACTIONS = (1.0, 0.5, 0.2)

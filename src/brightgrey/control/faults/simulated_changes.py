@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.least_squares import fit_many, fit_to_convergence
 from brightgrey.estimation.optimisation.multistart import multistart
 from brightgrey.estimation.problem.initial_state import output_noise
@@ -27,7 +27,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["ChangeEstimate", "ParameterGroup", "estimate_changes"]
 
-Array = NDArray[np.float64]
 _MOST = 5.0  # factor that is looked for, to either side
 _DOUBTS = 5.0  # standard deviations that what is known may be off
 _STARTS, _PATIENCE = 8, 2
@@ -98,7 +97,8 @@ def estimate_changes(
     Returns
     -------
     ChangeEstimate
-        The standard deviations allow for autocorrelated residuals, as in :mod:`brightgrey.estimation.uncertainty.covariance`.
+        The standard deviations allow for autocorrelated residuals, as in
+        :mod:`brightgrey.estimation.uncertainty.covariance`.
     """
     problem = _Informed.of(structure, [recording])
     search = _space(values, changes, recording, problem)

@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Law
 from brightgrey.kit import StateSpace
 
 __all__ = ["DelayedInput", "ElementBatch", "Propagated", "delayed_input", "matrix_exponential", "propagate"]
 
-Array = NDArray[np.float64]
 _TAYLOR = 8
 _SMALL = 0.3
 _PIECES = (4, 16, 64)

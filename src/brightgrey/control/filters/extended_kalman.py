@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 
 __all__ = ["FilterInput", "Filtered", "Noise", "Record", "Updated", "begin", "extended", "predicted", "updated"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

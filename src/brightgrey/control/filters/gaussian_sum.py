@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
+from brightgrey.arrays import Array
 from brightgrey.control.filters.extended_kalman import Filtered, Noise, Record, begin, extended, predicted, updated
 from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 
 __all__ = ["gaussian_sum"]
 
-Array = NDArray[np.float64]
 _COMPONENTS = 40
 _FILLED = 3  # of the components one in so many is in use at the start, each with its share of the gap
 _APART = 0.7  # standard deviations from the middle to a half; halves of more lose the tails when split again

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from brightgrey.arrays import Array
 from brightgrey.control.filters.extended_kalman import Noise, extended
 from brightgrey.control.filters.state_transition import FilterInput
 from brightgrey.control.linear.twist_coordinates import TwistModel, to_twist_coordinates
@@ -20,7 +21,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["PreparedRecording", "first_state", "noise_levels", "prepare", "shaft_torque"]
 
-Array = NDArray[np.float64]
 _AT_REST = 0.02  # of the speed scale: how well the first speed is known
 _TORQUES = tuple(10.0 ** (0.5 * k) for k in range(-8, 1))  # of the largest input
 _SENSORS = (0.5, 1.0, 2.0, 4.0)  # of the noise seen in the recording

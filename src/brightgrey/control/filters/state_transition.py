@@ -13,12 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.control.filters.discretisation import DelayedInput, ElementBatch, delayed_input, propagate
 from brightgrey.kit import StateSpace
 
 __all__ = ["FilterInput", "ProcessModel", "Transition"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

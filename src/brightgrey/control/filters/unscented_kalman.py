@@ -7,14 +7,13 @@ through the same step as the extended filter's expected state, each with frictio
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.control.filters.extended_kalman import Filtered, Noise, Record, begin, updated
 from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 
 __all__ = ["unscented"]
 
-Array = NDArray[np.float64]
 _ALPHA, _BETA, _KAPPA = 1.0, 2.0, 0.0
 _FLOOR = 1e-12  # of each variance: keeps the root of the covariance from failing
 

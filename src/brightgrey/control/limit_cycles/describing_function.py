@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
+from brightgrey.arrays import Array, Complex
 from brightgrey.control.limit_cycles.harmonic_balance import GapLoop, harmonic_balance
 from brightgrey.control.linear.margins import Compensator
 from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
@@ -27,8 +28,6 @@ from brightgrey.kit import StateSpace
 
 __all__ = ["LimitCycle", "describing_function", "limit_cycles", "saturation_gain"]
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 _QUADRATURE = 128
 _PERIOD = 128  # steps in which a gap is followed over a period
 _ITERATIONS = 40

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
+
+from brightgrey.arrays import Array, Complex
 
 __all__ = ["GapLoop", "HarmonicBalance", "gap_harmonics", "harmonic_balance"]
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 _HARMONICS = np.array([1, 3, 5, 7, 9])  # odd: the loop is odd
 _STEPS = 360  # in a period
 _SETTLED = 2  # periods before the one that counts

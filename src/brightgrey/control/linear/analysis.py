@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eig
 
+from brightgrey.arrays import Array, Complex
 from brightgrey.control.linear.controllability import (
     Controllability,
     controllability,
@@ -25,8 +25,6 @@ from brightgrey.kit import Linear, StateSpace
 
 __all__ = ["Analysis", "OscillatoryMode", "linearise_at", "oscillatory_modes", "zeros"]
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 _AT_REST = 1e-9  # of the fastest pole: a pole this near to the axis is on it
 
 

@@ -11,15 +11,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import matrix_balance
 from scipy.optimize import minimize
 
+from brightgrey.arrays import Array
 from brightgrey.kit import Linear
 
 __all__ = ["Controllability", "controllability", "minimal_realisation", "observability"]
 
-Array = NDArray[np.float64]
 _LOST = 1e-10  # what is left of a direction, relative to A, that counts as nothing
 
 

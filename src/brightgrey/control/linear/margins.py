@@ -7,18 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import brentq
 from scipy.signal import tf2ss
 
+from brightgrey.arrays import Array, Complex
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear
 
 __all__ = ["Compensator", "Margins", "closed_poles", "frequencies", "frequency_response", "margins", "series"]
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 _PER_DECADE = 200
 _PADE = 6
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array, Complex
 from brightgrey.control.linear.analysis import OscillatoryMode, linearise_at
 from brightgrey.control.linear.margins import frequency_response
 from brightgrey.control.linear.operating_point import contact_mode, trim
@@ -17,8 +17,6 @@ from brightgrey.kit import StateSpace
 
 __all__ = ["Band", "ModelFigures", "band", "model_figures"]
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 _ENERGY = 0.99  # of the input, that the band holds
 _POINTS = 400
 _NEAR_STANDSTILL = 3.0  # over f_tanh: there the smoothed sign of speed is 0.995

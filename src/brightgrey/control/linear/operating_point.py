@@ -12,8 +12,8 @@ from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.control.linear.twist_coordinates import TwistModel
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError, unknown_name
@@ -21,7 +21,6 @@ from brightgrey.kit import Linear, StateSpace
 
 __all__ = ["CONTACTS", "Contact", "ContactMode", "OperatingPoint", "contact_mode", "trim"]
 
-Array = NDArray[np.float64]
 Contact = Literal["forward", "backward", "gap"]
 CONTACTS: tuple[Contact, ...] = get_args(Contact)
 _STEPS = 20

@@ -10,14 +10,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import State
 from brightgrey.kit import StateSpace
 
 __all__ = ["TwistModel", "to_twist_coordinates"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

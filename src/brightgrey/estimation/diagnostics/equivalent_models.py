@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.finding import Finding
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_to_convergence
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
@@ -18,7 +18,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["resolve_lag_pole_exchange"]
 
-Array = NDArray[np.float64]
 _WIDER = 1e4  # by which the twin's parameters may leave the range that is searched
 _STEP = 1e-5  # of the logarithm, for the powers in which a pole depends on parameters
 _NO_WORSE = 4.0  # of the cost that one parameter wins by chance (95 %, per residual's variance)

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.finding import Finding
 from brightgrey.recordings import Recording
 
 __all__ = ["recording_findings", "why_uninformative"]
 
-Array = NDArray[np.float64]
 _STEADY = 0.02  # scatter of an input, relative to its mean, that still counts as constant if it is white
 _BLOCKS = (1, 4, 16, 32, 64)  # samples that are taken together, to find what follows the input
 _PAST, _SHORT_PAST = 8, 4  # blocks that tell the next one; where there are few

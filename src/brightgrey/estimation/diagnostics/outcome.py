@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.finding import Finding, Kind
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
@@ -21,7 +21,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["FitContext", "Outcome", "outcome_of", "unfitted"]
 
-Array = NDArray[np.float64]
 _CHANCE = 1e-3  # of taking what fits by chance for motion that the model explains
 _EXCHANGED = 0.9  # correlation from which two parameters can hardly be told apart
 _ORDER: tuple[str, ...] = get_args(Kind)

@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Effect, Scales, registry
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.kit import Structure
@@ -31,7 +31,6 @@ __all__ = [
     "motions",
 ]
 
-Array = NDArray[np.float64]
 _SMALL = 0.01  # of the largest torque
 _PERIODS = 3.0
 _FASTEST = 0.3  # of the sampling rate

@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.noise.autoregression import Autoregression, autoregression
 from brightgrey.estimation.uncertainty.covariance import noise_models
 
 __all__ = ["Candidate", "Detected", "detect_regressors"]
 
-Array = NDArray[np.float64]
 _MATERIAL = 0.01  # of the residual's sum of squares that has to be explained
 _RANK = 1e-9
 _NEW = 1e-6  # of a pattern that has to be new beside what is known

@@ -11,9 +11,10 @@ from scipy.fft import next_fast_len, rfft
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 
+from brightgrey.arrays import Array
+
 __all__ = ["Peak", "peak"]
 
-Array = NDArray[np.float64]
 _FEWEST_TAPERS = 4
 _PER_TAPER = 2000  # samples
 _AROUND = 0.4  # of a frequency, to both sides: what it is compared with

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Dimension, Effect, Scales, registry
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.residual_regressors import (
@@ -25,7 +25,6 @@ from brightgrey.recordings import Recording
 
 __all__ = ["Symptom", "symptoms"]
 
-Array = NDArray[np.float64]
 _LEVEL = 0.01  # chance of a symptom by residuals that follow nothing, and the same of a peak
 _LATE = 2.0  # sampling intervals from which a lag is large
 _HALF = (0.3, 0.7)  # of a sampling interval: what may be half a sample

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import solve_toeplitz
 
+from brightgrey.arrays import Array
+
 __all__ = ["Autoregression", "autoregression", "burg", "lag_sums", "levinson", "times_autocovariance"]
 
-Array = NDArray[np.float64]
 _RIDGE = 1e-9  # what no model explains of a signal's power: below it are the digits of a pure line, and poles of size 1
 _FEW = 64  # lags that are summed faster one by one
 _ROOM = 8  # the autocovariance is taken from a spectrum of so many times the length: what wraps around has decayed

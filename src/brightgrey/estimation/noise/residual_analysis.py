@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2, norm
 
 from brightgrey.errors import SettingsError
@@ -13,7 +13,6 @@ from brightgrey.estimation.noise.autoregression import autoregression, lag_sums
 
 __all__ = ["LAGS", "Residuals", "residual_analysis"]
 
-Array = NDArray[np.float64]
 LAGS = 50
 """Largest lag that is looked at."""
 _CONFIDENCE = 0.95

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.pattern_search import CostMany
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.simulation import Settings
 
 __all__ = ["cost_function"]
-
-Array = NDArray[np.float64]
 
 
 def cost_function(problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings) -> CostMany:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.levenberg_marquardt import NormalEquations, levenberg_marquardt_step
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
@@ -26,7 +27,6 @@ __all__ = [
     "polish",
 ]
 
-Array = NDArray[np.float64]
 _STEP = 1e-6  # of a forward difference, in the searched scale
 _FIRST_DAMPING = 1e-2
 _LAST_DIGITS = 1e-7  # tolerance of the final descent

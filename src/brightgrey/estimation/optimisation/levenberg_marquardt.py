@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
+
 __all__ = ["NormalEquations", "levenberg_marquardt_step"]
 
-Array = NDArray[np.float64]
 _PASSES = 3
 _TINY = 1e-12  # of the largest diagonal entry: what cannot be seen is damped as if it were that much
 

@@ -3,7 +3,8 @@
 The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Six
 things help against them. Descents begin on the beginning of the recording, where few periods have passed and
 the valleys are wide; where limits make the cost rugged, the beginning grows step by step. Other fields begin with
-simulations that are held to the measured motion, less and less (:mod:`brightgrey.estimation.problem.output_feedback`): with limits every
+simulations that are held to the measured motion, less and less (:mod:`~brightgrey.estimation.problem.output_feedback`):
+with limits every
 second one. Later fields hold offspring of the best ends so far, with some parameters drawn anew (iterated local
 search), and some that ring where the residual of the best end does. Where fields bring nothing new, resonances are
 looked for line by line. Every field holds fresh starts, so that no optimum is final.
@@ -20,8 +21,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL, Optimum, fit_many
 from brightgrey.estimation.optimisation.start_points import (
     best_diverse,
@@ -45,7 +46,6 @@ __all__ = [
     "multistart",
 ]
 
-Array = NDArray[np.float64]
 _PER_PARAMETER = 16  # candidates
 _FIRST_ROUNDS, _ROUNDS = 20, 40  # on a beginning, on the whole
 _GROWTH = 1.15  # of the beginning, with limits

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.optimisation.costs import cost_function
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, evaluate
@@ -18,7 +18,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["Estimator", "check_estimator", "pattern_descent", "pattern_searches"]
 
-Array = NDArray[np.float64]
 Estimator = Literal["least-squares", "pattern-search"]
 ESTIMATORS: tuple[Estimator, ...] = ("least-squares", "pattern-search")
 ITERATIONS = 500

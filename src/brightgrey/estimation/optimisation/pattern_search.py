@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError
 
 __all__ = ["CostMany", "PatternEnd", "pattern_search"]
 
-Array = NDArray[np.float64]
 CostMany = Callable[[Array, Array], Array]
 """Costs, shape (K,), of K points, shape (n, K), each of interest only below its limit, shape (K,): from there on it may
 be given as infinite. What is not a number counts as infinite."""

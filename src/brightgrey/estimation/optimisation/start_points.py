@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft, rfftfreq
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.simulation import Settings
 
 __all__ = ["best_diverse", "given_starts", "perturbed_starts", "resonance_scan", "starts_at_residual_peaks"]
 
-Array = NDArray[np.float64]
 _APART = 0.5  # of the median distance between candidates: starts that are unlike each other
 _SHIFTS = (0.0, 0.05, 0.3)  # standard deviations by which offspring differ from their parent
 _REDRAWN = (1, 2, 3)  # numbers of parameters that offspring have drawn anew, beside half of them

@@ -9,8 +9,8 @@ from math import comb
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.problem.scales import ORDER, speed_of
@@ -19,7 +19,6 @@ from brightgrey.recordings import Recording
 
 __all__ = ["Initial", "InitialState", "InitialStateParameter", "check_initial", "initial_state", "output_noise"]
 
-Array = NDArray[np.float64]
 Initial = Literal["auto", "rest", "samples", "estimated"]
 _INITIALS: tuple[Initial, ...] = get_args(Initial)
 _REMEMBERED = 8  # recordings of which what does not depend on parameters is kept

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brightgrey.simulation.kernel.compilation import cached
 
 __all__ = ["LARGEST", "add_products", "add_squares"]
 
-Array = NDArray[np.float64]
 LARGEST = 1e6  # of a weighted residual: squares stay finite
 
 

@@ -12,14 +12,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.kit import StateSpace
 from brightgrey.recordings import Recording
 
 __all__ = ["measured_speed", "with_output_feedback"]
-
-Array = NDArray[np.float64]
 
 
 def measured_speed(recording: Recording) -> Array | None:

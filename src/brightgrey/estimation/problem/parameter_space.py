@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Scales
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.problem.initial_state import InitialStateParameter
@@ -18,7 +19,6 @@ from brightgrey.kit import Structure
 
 __all__ = ["ParameterSpace", "parameter_space"]
 
-Array = NDArray[np.float64]
 _NEAR = 3.0  # a start near the declared one is within this factor of it
 _NEAR_SHARE = 0.6  # of the starts, in each parameter
 _AT_BOUND = 1e-4  # of the searched range

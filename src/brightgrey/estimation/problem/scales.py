@@ -14,15 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Scales
 from brightgrey.recordings import Recording
 
 __all__ = ["scales", "speed_of"]
 
-Array = NDArray[np.float64]
 
 _FILTERS = 3
 SHORTEST = 3  # samples

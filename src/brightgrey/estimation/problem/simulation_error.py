@@ -8,8 +8,8 @@ from functools import cache, cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.problem.initial_state import Initial, InitialState, InitialStateParameter, output_noise
 from brightgrey.estimation.problem.normal_equations import LARGEST, add_products, add_squares
 from brightgrey.estimation.problem.output_feedback import measured_speed, with_output_feedback
@@ -20,7 +20,6 @@ from brightgrey.simulation import Settings, response, squares
 
 __all__ = ["SimulationErrorProblem", "limited_states", "predict_many", "system_for", "systems"]
 
-Array = NDArray[np.float64]
 _FEWEST = 100  # samples of a beginning
 _LOST = 10.0  # residual of a diverged simulation, in standard deviations of the output
 

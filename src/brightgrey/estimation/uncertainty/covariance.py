@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.noise.autoregression import (
     Autoregression,
     autoregression,
@@ -24,7 +24,6 @@ from brightgrey.estimation.noise.autoregression import (
 
 __all__ = ["CovarianceEstimate", "gradient_covariance", "noise_models", "sandwich_covariance", "weakest"]
 
-Array = NDArray[np.float64]
 _CORRECTIONS = 5  # rounds in which the noise is freed from what the fit took; the fourth changes less than 1 %
 _RANK = 1e-10  # singular values below this part of the largest are none
 _CONFIDENCE = 0.95

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
@@ -18,7 +19,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["Estimate", "Estimates", "estimates_of"]
 
-Array = NDArray[np.float64]
 _LARGEST = 700.0  # exponent
 _NOTHING = 1e-3  # of the high bound: a low bound that stands for nothing
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_to_convergence
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
@@ -18,7 +19,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["Heterogeneity", "heterogeneity"]
 
-Array = NDArray[np.float64]
 _CHANCE = 0.01  # of calling recordings that agree different, over all parameters
 _NORMAL = 1.96  # standard deviations to each side of a 95 % interval
 

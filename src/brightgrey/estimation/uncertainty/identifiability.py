@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Parameter
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 
 __all__ = ["UnidentifiableDirection", "describe", "power_product", "unidentifiable_directions"]
 
-Array = NDArray[np.float64]
 _BLIND = 1e-7  # singular value, relative to the largest, from which a direction cannot be seen
 _LOOSE_LOG = 1.0  # standard deviation of a logarithm: the 95 % interval spans a factor of 50
 _LOOSE_LINEAR = 0.25  # of the range: the 95 % interval spans it

@@ -6,8 +6,8 @@ from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Element
 from brightgrey.export.expressions.languages import C, assignments, number_literal
 from brightgrey.export.expressions.trace import traced
@@ -19,7 +19,6 @@ from brightgrey.export.verification import VerificationRun
 __all__ = ["EXPORTER", "NAME", "engine", "filled", "header_words", "sources"]
 
 NAME = "drive"
-Array = NDArray[np.float64]
 
 
 def engine(name: str) -> str:

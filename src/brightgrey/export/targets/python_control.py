@@ -57,7 +57,8 @@ def files_of(scheme: NumericModel) -> dict[str, bytes]:
 def _limited(scheme: NumericModel, b: int) -> str:
     state, low, high = scheme.limits(b)
     column = np.asarray(scheme.limited[b].G).reshape(-1)
-    return f"({state}, {number_literal(low)}, {number_literal(high)}, np.array({_list(scheme.rate(b))}), np.array({_list(column)}))"
+    limits = f"{number_literal(low)}, {number_literal(high)}"
+    return f"({state}, {limits}, np.array({_list(scheme.rate(b))}), np.array({_list(column)}))"
 
 
 def _list(values: Any) -> str:

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.dialect import MISSING, Dialect, dialects, find_dialect
 from brightgrey.recordings.formats.table import Column, Table, tell_rows
@@ -23,7 +23,6 @@ from brightgrey.recordings.units.parser import is_unit
 
 __all__ = ["read_delimited"]
 
-Array = NDArray[np.float64]
 COMMENTS = ("#", "%", "//")
 # Lines looked at to find out delimiter, decimal mark and which columns hold numbers.
 SAMPLE = 200

@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.table import Column, Table
 
 __all__ = ["is_mat", "read_mat"]
 
-Array = NDArray[np.float64]
 # Matrices with more columns than this are no tables.
 WIDEST = 64
 

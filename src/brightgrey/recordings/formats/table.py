@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from brightgrey.arrays import Array, Indices
 from brightgrey.errors import RecordingError, nearest
 
 __all__ = ["Column", "Table", "tell_rows"]
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 # Column names listed in one error message.
 LISTED = 30
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Element
 from brightgrey.effects.declaration import Dimension
 from brightgrey.kit import StateSpace, assemble
@@ -19,7 +19,6 @@ from brightgrey.simulation import response
 
 __all__ = ["gap_charts", "loop"]
 
-Array = NDArray[np.float64]
 MOTION = Dimension(input=0, motion=1, time=0)
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from brightgrey.arrays import Array
 
 __all__ = ["MOST_POINTS", "Chart", "Colour", "Line", "Mark", "Panel", "thin"]
 
-Array = NDArray[np.float64]
 Colour = Literal["measured", "simulated", "residual", "second", "soft"]
 Style = Literal["line", "dashed", "points", "bars", "band"]
 MOST_POINTS = 3000  # per line; more than any page has pixels across

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import csd
 
+from brightgrey.arrays import Array, Complex
 from brightgrey.control.linear.analysis import Analysis, linearise_at
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
@@ -19,8 +19,6 @@ from brightgrey.report.quantities.number_format import significant
 
 __all__ = ["Measured", "linearised", "measured_response", "response_chart"]
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 SEGMENTS = 9  # of half overlap, so that they are five long: coherence by chance stays below 0.4
 LEAST = 64  # samples of a segment
 COHERENT = 0.8

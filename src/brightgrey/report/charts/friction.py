@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Element
 from brightgrey.effects.declaration import Dimension
 from brightgrey.kit import StateSpace, assemble
@@ -14,7 +14,6 @@ from brightgrey.report.quantities.propagation import Correlation, parameter_draw
 
 __all__ = ["TORQUE", "friction_at", "friction_charts", "friction_elements"]
 
-Array = NDArray[np.float64]
 TORQUE = Dimension(input=1, motion=0, time=0)
 DRAWS = 400
 POINTS = 401

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.model.model import Model
 
 __all__ = ["Correlation", "intervals", "parameter_draws"]
 
-Array = NDArray[np.float64]
 Correlation = Mapping[tuple[str, str], float]
 LIMIT = 1.959963984540054  # quantile of the normal distribution at 97.5 %
 _FAR = 300.0  # in the logarithm: what cannot be told has an interval that no number holds

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Dimension
 from brightgrey.kit import assemble
 from brightgrey.model.model import SPEED, Model
@@ -21,7 +21,6 @@ from brightgrey.report.text.tables import interval_text
 
 __all__ = ["SheetEntry", "commissioning_sheet"]
 
-Array = NDArray[np.float64]
 INERTIA = Dimension(input=1, motion=-1, time=2)
 
 

@@ -42,8 +42,8 @@ def cache_folder() -> Path:
     """Folder of the disk cache, named by the kernel's and all effects' sources."""
     package = Path(__file__).parents[2]
     digest = hashlib.sha256(numba.__version__.encode())
-    for room in ("effects", "simulation"):
-        for file in sorted((package / room).glob("*.py")):
+    for room in ("effects", "simulation/kernel"):
+        for file in sorted((package / room).rglob("*.py")):
             digest.update(file.read_bytes())
     home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     base = _CONFIG.CACHE_DIR or str(Path(home) / "brightgrey")

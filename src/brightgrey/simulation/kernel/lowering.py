@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Element
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.kernel.buffers import PlantBuffers, plants_for
@@ -16,7 +17,6 @@ from brightgrey.simulation.kernel.law_dispatch import smooth_laws
 
 __all__ = ["Lowered", "Rows", "fastest_natural_frequency", "fill", "is_sound", "lower", "tabulate"]
 
-Array = NDArray[np.float64]
 Rows = dict[str, Array]
 """Rows of `layout.Plant` by name, one column per parameter set."""
 

@@ -1,7 +1,7 @@
 """A step of one lane alone: its weights column by column, its states side by side in a register.
 
-The same arithmetic as :func:`brightgrey.simulation.kernel.radau_step.step`. There one lane's weights lie far apart, each in a cache
-line of its own; here they are copied out at their first use.
+The same arithmetic as :func:`brightgrey.simulation.kernel.radau_step.radau_step`. There one lane's weights lie far
+apart, each in a cache line of its own; here they are copied out at their first use.
 """
 
 from __future__ import annotations

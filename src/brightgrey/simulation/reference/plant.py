@@ -14,11 +14,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError, StructureError, unknown_name
 
 __all__ = ["Array", "Hold", "Plant", "Segments", "Trajectory", "cut", "difference"]
 
-Array = NDArray[np.float64]
 Hold = Literal["linear", "zoh"]
 
 _MASSES = {"one_mass": 1, "two_mass": 2, "three_mass": 3, "four_mass": 4}
