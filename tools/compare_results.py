@@ -57,6 +57,7 @@ RENAMED = {
     "invisible": "not observable",
     "relative": "scale unknown",
     "ours": "tuned",
+    "relatives": "neighbours",
 }
 """Words of results before this house, and what stands there now."""
 TIMED = re.compile(r"seconds|time|version|python|folder|file|made|^date|command|request")
@@ -96,7 +97,7 @@ def record(out: Path, source: Path) -> None:
 
 def values(path: Path) -> dict[str, object]:
     """All numbers and words of a file, by where they stand."""
-    if path.suffix == ".json" or (path.suffix == ".txt" and path.read_text(encoding="utf-8")[:1] in "{["):
+    if path.suffix == ".json" or (path.suffix == ".txt" and path.read_text(encoding="utf-8").startswith(("{", "["))):
         return dict(_leaves(json.loads(path.read_text(encoding="utf-8")), ""))
     if path.suffix == ".csv":
         rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))

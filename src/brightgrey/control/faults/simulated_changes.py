@@ -162,7 +162,7 @@ def _space(
 def _held(search: _Factors, i: int, value: float, begins: Array) -> tuple[_Factors, Array]:
     """Search and starts, shape (P, S), with one factor fixed."""
     rest = np.arange(len(search.names)) != i
-    part = {name: getattr(search, name)[rest] for name in ("low", "high", "start", "log", "still")}
+    part = {name: getattr(search, name)[rest] for name in ("low", "high", "start", "log", "not_sampled")}
     names = tuple(name for name, stays in zip(search.names, rest, strict=True) if stays)
     return replace(search, names=names, fixed={search.names[i]: value}, **part), begins[rest]
 
