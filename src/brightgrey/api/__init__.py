@@ -7,7 +7,7 @@ from brightgrey.api.demo import demo
 from brightgrey.api.identification import identify
 from brightgrey.api.result import Result
 from brightgrey.api.simulation import Simulation, read_for, simulate
-from brightgrey.export.registry import Export, export
+from brightgrey.exports.registry import Export, export
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording, read_recording
 

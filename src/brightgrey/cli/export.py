@@ -40,7 +40,7 @@ def export(
     """
     given = units(unit or ())
     from brightgrey.cli.terminal import results as show
-    from brightgrey.export.registry import exporter
+    from brightgrey.exports.registry import exporter
     from brightgrey.model.files import check_folder
     from brightgrey.model.model import Model
 

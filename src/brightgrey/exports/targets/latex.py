@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from brightgrey.effects import Element
-from brightgrey.export.expressions.languages import LATEX, latex_name, latex_number, spell
-from brightgrey.export.expressions.trace import Expression, symbol, traced
-from brightgrey.export.external_tools import MissingToolError, program, run_program
-from brightgrey.export.numeric_model import NumericModel, numeric_model
-from brightgrey.export.registry import Exporter, Verified
-from brightgrey.export.verification import VerificationRun, native
+from brightgrey.exports.expressions.languages import LATEX, latex_name, latex_number, spell
+from brightgrey.exports.expressions.trace import Expression, symbol, traced
+from brightgrey.exports.external_tools import MissingToolError, program, run_program
+from brightgrey.exports.numeric_model import NumericModel, numeric_model
+from brightgrey.exports.registry import Exporter, Verified
+from brightgrey.exports.verification import VerificationRun, native
 
 __all__ = ["EXPORTER"]
 

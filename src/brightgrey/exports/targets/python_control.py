@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from brightgrey.effects import Element
-from brightgrey.export.expressions.languages import PYTHON, assignments, number_literal
-from brightgrey.export.expressions.trace import traced
-from brightgrey.export.external_tools import import_library
-from brightgrey.export.numeric_model import NumericModel
-from brightgrey.export.registry import Exporter, Verified
-from brightgrey.export.targets.c99 import NAME, engine, filled, header_words
-from brightgrey.export.targets.fmu import names_of
-from brightgrey.export.verification import VerificationRun
+from brightgrey.exports.expressions.languages import PYTHON, assignments, number_literal
+from brightgrey.exports.expressions.trace import traced
+from brightgrey.exports.external_tools import import_library
+from brightgrey.exports.numeric_model import NumericModel
+from brightgrey.exports.registry import Exporter, Verified
+from brightgrey.exports.targets.c99 import NAME, engine, filled, header_words
+from brightgrey.exports.targets.fmu import names_of
+from brightgrey.exports.verification import VerificationRun
 
 __all__ = ["EXPORTER"]
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Element
-from brightgrey.export.expressions.languages import C, assignments, number_literal
-from brightgrey.export.expressions.trace import traced
-from brightgrey.export.external_tools import program, run_program
-from brightgrey.export.numeric_model import NumericModel, Tables, propagator_tables
-from brightgrey.export.registry import Exporter, Verified
-from brightgrey.export.verification import VerificationRun
+from brightgrey.exports.expressions.languages import C, assignments, number_literal
+from brightgrey.exports.expressions.trace import traced
+from brightgrey.exports.external_tools import program, run_program
+from brightgrey.exports.numeric_model import NumericModel, Tables, propagator_tables
+from brightgrey.exports.registry import Exporter, Verified
+from brightgrey.exports.verification import VerificationRun
 
 __all__ = ["EXPORTER", "NAME", "engine", "filled", "header_words", "sources"]
 
@@ -23,7 +23,7 @@ NAME = "drive"
 
 def engine(name: str) -> str:
     """Text of a file that is written by hand: the part of an export that no model changes."""
-    return files("brightgrey.export").joinpath("templates", name).read_text(encoding="utf-8")
+    return files("brightgrey.exports").joinpath("templates", name).read_text(encoding="utf-8")
 
 
 def sources(scheme: NumericModel) -> dict[str, str]:

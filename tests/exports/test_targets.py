@@ -15,12 +15,12 @@ from scipy.io import loadmat
 from brightgrey.cli import main
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.export import external_tools as tools
-from brightgrey.export import registry as exporting
-from brightgrey.export.numeric_model import numeric_model
-from brightgrey.export.registry import EXPORTS, export, exporter
-from brightgrey.export.targets import modelica
-from brightgrey.export.verification import deviation, native, verification_of, verification_run
+from brightgrey.exports import external_tools as tools
+from brightgrey.exports import registry as exporting
+from brightgrey.exports.numeric_model import numeric_model
+from brightgrey.exports.registry import EXPORTS, export, exporter
+from brightgrey.exports.targets import modelica
+from brightgrey.exports.verification import deviation, native, verification_of, verification_run
 from brightgrey.model.files import write_files
 from brightgrey.recordings import Recording
 from brightgrey.simulation.plain import plain_response
@@ -121,7 +121,7 @@ def test_same_model_same_files(to):
 
 def test_tables_are_those_of_the_plain_twin(tmp_path):
     needs("c")
-    from brightgrey.export.targets import c99 as c_code
+    from brightgrey.exports.targets import c99 as c_code
 
     scheme = numeric_model(drawn("three_mass+coulomb+stribeck+backlash+delay", 2, kinds=ALL))
     trial = verification_of(scheme)
@@ -134,7 +134,7 @@ def test_tables_are_those_of_the_plain_twin(tmp_path):
 
 def test_c_starts_anywhere_and_needs_no_start(tmp_path):
     needs("c")
-    from brightgrey.export.targets import c99 as c_code
+    from brightgrey.exports.targets import c99 as c_code
 
     scheme = numeric_model(drawn("two_mass+coulomb+backlash+current_control", 4, kinds=ALL))
     files = c_code.EXPORTER.files(scheme)
@@ -227,7 +227,7 @@ def test_mat_file_has_matrices_parameters_and_settings():
 def test_control_objects(tmp_path):
     needs("control")
     scheme = numeric_model(drawn("two_mass+coulomb+viscous+current_control", 6, kinds=ALL))
-    from brightgrey.export.targets import python_control
+    from brightgrey.exports.targets import python_control
 
     space = {}
     exec(python_control.EXPORTER.files(scheme)["drive_control.py"], space)
@@ -285,7 +285,7 @@ def test_missing_package_is_said(tmp_path, monkeypatch):
 
 def test_an_export_that_is_off_is_not_good(tmp_path, monkeypatch):
     needs("c")
-    from brightgrey.export.targets import c99 as c_code
+    from brightgrey.exports.targets import c99 as c_code
 
     honest = c_code.sources
 

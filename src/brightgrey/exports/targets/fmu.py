@@ -14,12 +14,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from brightgrey.export.expressions.languages import number_literal
-from brightgrey.export.external_tools import ExportError, MissingToolError, import_library, program, run_program
-from brightgrey.export.numeric_model import NumericModel
-from brightgrey.export.registry import Exporter, Verified
-from brightgrey.export.targets.c99 import NAME, engine, filled, sources
-from brightgrey.export.verification import VerificationRun
+from brightgrey.exports.expressions.languages import number_literal
+from brightgrey.exports.external_tools import ExportError, MissingToolError, import_library, program, run_program
+from brightgrey.exports.numeric_model import NumericModel
+from brightgrey.exports.registry import Exporter, Verified
+from brightgrey.exports.targets.c99 import NAME, engine, filled, sources
+from brightgrey.exports.verification import VerificationRun
 from brightgrey.recordings.units.parser import parse_unit
 
 __all__ = ["EXPORTER"]

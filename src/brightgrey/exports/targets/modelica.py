@@ -13,13 +13,13 @@ import numpy as np
 
 from brightgrey.effects import Element
 from brightgrey.effects.declaration import Stage
-from brightgrey.export.expressions.languages import MODELICA, number_literal, spell
-from brightgrey.export.expressions.trace import Expression, symbol, traced
-from brightgrey.export.external_tools import ExportError, import_library
-from brightgrey.export.numeric_model import NumericModel
-from brightgrey.export.registry import Exporter, Verified
-from brightgrey.export.targets.c99 import engine, filled, header_words
-from brightgrey.export.verification import VerificationRun
+from brightgrey.exports.expressions.languages import MODELICA, number_literal, spell
+from brightgrey.exports.expressions.trace import Expression, symbol, traced
+from brightgrey.exports.external_tools import ExportError, import_library
+from brightgrey.exports.numeric_model import NumericModel
+from brightgrey.exports.registry import Exporter, Verified
+from brightgrey.exports.targets.c99 import engine, filled, header_words
+from brightgrey.exports.verification import VerificationRun
 from brightgrey.kit.structure import Placed
 from brightgrey.recordings.units.parser import parse_unit
 

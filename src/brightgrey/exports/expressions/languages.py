@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from brightgrey.export.expressions.trace import Expression, walk
+from brightgrey.exports.expressions.trace import Expression, walk
 
 __all__ = [
     "LATEX",

@@ -9,7 +9,7 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.problem.initial_state import initial_state
-from brightgrey.export.numeric_model import NumericModel
+from brightgrey.exports.numeric_model import NumericModel
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 

@@ -9,8 +9,8 @@ import pytest
 from brightgrey.effects import Law, registry
 from brightgrey.effects.arithmetic import exp, magnitude, positive_part, sign, tanh
 from brightgrey.effects.declaration import friction_law
-from brightgrey.export.expressions.languages import LATEX, PYTHON, C, assignments, latex_name, number_literal, spell
-from brightgrey.export.expressions.trace import constant, symbol, traced
+from brightgrey.exports.expressions.languages import LATEX, PYTHON, C, assignments, latex_name, number_literal, spell
+from brightgrey.exports.expressions.trace import constant, symbol, traced
 
 LAWS = {name: effect.law for name, effect in registry().items() if effect.law is not None}
 PORTS = ("z", "z2")

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.export.external_tools import ExportError, MissingToolError
-from brightgrey.export.numeric_model import NumericModel, numeric_model
-from brightgrey.export.verification import VerificationRun, deviation, verification_of
+from brightgrey.exports.external_tools import ExportError, MissingToolError
+from brightgrey.exports.numeric_model import NumericModel, numeric_model
+from brightgrey.exports.verification import VerificationRun, deviation, verification_of
 from brightgrey.model.files import check_folder, write_files
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
@@ -104,7 +104,7 @@ def exporter(to: str) -> Exporter:
     """
     if to not in EXPORTS:
         raise SettingsError(unknown_name("export", to, EXPORTS))
-    found = importlib.import_module(f"brightgrey.export.targets.{EXPORTS[to]}").EXPORTER
+    found = importlib.import_module(f"brightgrey.exports.targets.{EXPORTS[to]}").EXPORTER
     assert isinstance(found, Exporter)
     return found
 

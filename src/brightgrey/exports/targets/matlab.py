@@ -10,13 +10,13 @@ import numpy as np
 from scipy.io import loadmat, savemat
 
 from brightgrey.effects import Element
-from brightgrey.export.expressions.languages import MATLAB, assignments, number_literal
-from brightgrey.export.expressions.trace import traced
-from brightgrey.export.external_tools import program, run_program
-from brightgrey.export.numeric_model import NumericModel, propagator_tables
-from brightgrey.export.registry import Exporter, Verified
-from brightgrey.export.targets.c99 import NAME, engine, filled, header_words
-from brightgrey.export.verification import VerificationRun
+from brightgrey.exports.expressions.languages import MATLAB, assignments, number_literal
+from brightgrey.exports.expressions.trace import traced
+from brightgrey.exports.external_tools import program, run_program
+from brightgrey.exports.numeric_model import NumericModel, propagator_tables
+from brightgrey.exports.registry import Exporter, Verified
+from brightgrey.exports.targets.c99 import NAME, engine, filled, header_words
+from brightgrey.exports.verification import VerificationRun
 
 __all__ = ["EXPORTER"]
 
