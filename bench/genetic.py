@@ -42,10 +42,9 @@ from brightgrey.paper.repetitions import (
     wilson_interval,
 )
 from brightgrey.runs.blas_threads import limit_blas_threads
-from brightgrey.search import estimator
 from brightgrey.search.criteria import Misfit, criterion
 from brightgrey.search.fits import Fits
-from brightgrey.search.genetic.engine import evolve
+from brightgrey.search.genetic import estimator, evolve
 from brightgrey.search.genetic.settings import PAPER_SETTINGS, PROBABILITIES, TUNED_SETTINGS
 from brightgrey.search.missed import seek_missed
 from brightgrey.search.parallel import thread_pool

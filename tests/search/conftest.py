@@ -8,7 +8,8 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search import Evaluated, IdentificationTask, Misfit
+from brightgrey.search import IdentificationTask, Misfit
+from brightgrey.search.genetic import Evaluated
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference

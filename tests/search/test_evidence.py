@@ -244,7 +244,7 @@ def test_starts_from_everywhere_are_none_that_the_search_has_had(monkeypatch):
         seen.append({tuple(begin) for begin in found.begins.T})
         return found
 
-    monkeypatch.setattr(fitting, "explore", noted)
+    monkeypatch.setattr(fitting, "multistart", noted)
     hub = fitting.from_everywhere(task, structure, fitting.Options(), 0)
     with thread_pool(None) as workers:
         bench = Bench(task, {structure: hub}, workers)

@@ -113,7 +113,9 @@ def test_without_noise_gaps_are_sought_until_the_simulation_says_no_more(exact_l
     task, values = exact_loose
     top, plain = PAPER.parse("two_mass+backlash+delay"), PAPER.parse("two_mass+delay")
     problem = task.problem(top)
-    rough, fine = (float(task.doubt(problem.weights, share).sum()) for share in (FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY))
+    rough, fine = (
+        float(task.error_floor(problem.weights, share).sum()) for share in (FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY)
+    )
     sizes = np.geomspace(1e-6, 1e-2, 200)
     beside = {name: np.full(sizes.size, value) for name, value in values.items()}
     beside["alpha"] = values["alpha"] * (1.0 + sizes)
@@ -276,7 +278,7 @@ def test_giving_up_early_changes_no_choice(task, rng):
     """The best start at each of some optima, of as many optima as asked for, as if all had been simulated through."""
     structure = PAPER.parse("two_mass+coulomb+viscous")
     problem, space = task.problem(structure), task.space(structure, initial=True)
-    tried = [space.candidates(count, rng) for count in (8, 1, 16)]
+    tried = [space.sample(count, rng) for count in (8, 1, 16)]
     costs = [problem.costs(space.named(begins), task.settings) for begins in tried]
     order = np.argsort([cost.min() for cost in costs])
     wanted = np.stack([tried[k][:, np.argmin(costs[k])] for k in order[:2]], axis=1)

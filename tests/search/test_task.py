@@ -15,8 +15,8 @@ from brightgrey.kit import PAPER, Placed
 from brightgrey.paper.experiment import assumed_bounds, first_appearance, recovery_verdict, reference_recording, task_of
 from brightgrey.paper.repetitions import RunSummary, genetic_search, summarise_run, summary, wilson_interval
 from brightgrey.recordings import Recording, Signal
-from brightgrey.search import IdentificationTask, LeastSquares, PatternSearch
-from brightgrey.search.genetic import GeneticSettings, evolve, history_csv
+from brightgrey.search import IdentificationTask
+from brightgrey.search.genetic import GeneticSettings, LeastSquares, PatternSearch, evolve, history_csv
 from brightgrey.search.genetic.settings import ASSUMED
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
@@ -53,7 +53,7 @@ def start_of(task, seed):
 @pytest.mark.parametrize(("kind", "iterations"), [(LeastSquares, 50), (PatternSearch, 500)])
 def test_both_estimators_find_the_drive(task, kind, iterations):
     structure = PAPER.parse(STRUCTURE)
-    starts = [tuple(task.standard(structure).items()), start_of(task, 3)]
+    starts = [tuple(task.default_start(structure).items()), start_of(task, 3)]
     best = min(kind(task, iterations)(structure, starts), key=lambda r: r.misfit.rss)
     for name, value in best.values:
         assert value == pytest.approx(TRUTH[name], rel=0.05)
@@ -100,8 +100,8 @@ import sys
 sys.path.insert(0, {folder!r})
 from test_task import SHORT, small_task
 from brightgrey.search.genetic import history_csv
-from brightgrey.paper.repetitions import run
-sys.stdout.write(history_csv(run(small_task(), SHORT, 11, workers=2)))
+from brightgrey.paper.repetitions import genetic_search
+sys.stdout.write(history_csv(genetic_search(small_task(), SHORT, 11, workers=2)))
 """
 
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.paper.experiment import RecoveryVerdict, first_appearance, recovery_verdict
-from brightgrey.search.estimators import estimator
-from brightgrey.search.evaluation import Estimator
 from brightgrey.search.fits import Fits
 from brightgrey.search.genetic.engine import evolve
+from brightgrey.search.genetic.estimators import estimator
+from brightgrey.search.genetic.evaluation import Estimator
 from brightgrey.search.genetic.history import Progress, Run
 from brightgrey.search.genetic.settings import GeneticSettings
 from brightgrey.search.task import IdentificationTask

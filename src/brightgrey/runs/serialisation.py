@@ -16,8 +16,9 @@ from brightgrey.estimation.optimisation.least_squares import Optimum
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
-from brightgrey.search import Evaluated, Misfit
+from brightgrey.search.criteria import Misfit
 from brightgrey.search.fitting import Fitted
+from brightgrey.search.genetic.evaluation import Evaluated
 
 __all__ = ["call_text", "canonical", "code", "digest", "name_of", "plain", "text_of", "value_of"]
 

@@ -1,20 +1,6 @@
-"""Search for the structure: which effects are at work."""
+"""Search for the structure: the effects that are at work in a drive."""
 
 from brightgrey.search.criteria import CRITERIA, Criterion, Misfit, criterion
-from brightgrey.search.estimators import LeastSquares, PatternSearch, estimator
-from brightgrey.search.evaluation import Estimator, Evaluated, Job
 from brightgrey.search.task import IdentificationTask
 
-__all__ = [
-    "CRITERIA",
-    "Criterion",
-    "Estimator",
-    "Evaluated",
-    "IdentificationTask",
-    "Job",
-    "LeastSquares",
-    "Misfit",
-    "PatternSearch",
-    "criterion",
-    "estimator",
-]
+__all__ = ["CRITERIA", "Criterion", "IdentificationTask", "Misfit", "criterion"]

@@ -10,8 +10,9 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError, unknown_name
 
-__all__ = ["CRITERIA", "Criterion", "Misfit", "criterion"]
+__all__ = ["CRITERIA", "Criterion", "Misfit", "bic", "criterion"]
 
+_TINY = 1e-300  # keeps the logarithm of a perfect fit finite
 _SURE = 1.645  # standard deviations, which a normal variable exceeds in 5 %
 
 
@@ -92,15 +93,37 @@ def fitness(misfit: Misfit, d: int, k_p: float) -> float:
     return 1.0 / (total * (1.0 + k_p * d)) if np.isfinite(total) else 0.0
 
 
-def bayes_information(misfit: Misfit, d: int) -> float:
-    """Half of the Bayesian information criterion, negative: -(sum n ln(RSS/N) + d ln n) / 2 (Schwarz 1978).
+def bic(rss: float | Sequence[float], samples: float, parameters: int, independent: float | None = None) -> float:
+    """Bayesian information criterion, smaller is better (Schwarz 1978, doi:10.1214/aos/1176344136).
 
-    doi:10.1214/aos/1176344136. N samples are worth n independent ones. Noise of unknown size, different for each
-    output; the floor as in `fitness`.
+    ``n sum over outputs of ln(RSS / N) + d ln(n outputs)``, for noise of unknown size that differs between outputs.
+
+    Parameters
+    ----------
+    rss : float or sequence of float
+        Residual sum of squares of each output.
+    samples : float
+        Samples N of each output.
+    parameters : int
+        Estimated parameters d.
+    independent : float, optional
+        Independent samples n of each output that the N are worth; all N by default.
+
+    Returns
+    -------
+    float
+        Infinite if a sum of squares is.
     """
-    n, outputs = misfit.independent, len(misfit.rss)
-    total = n * sum(float(np.log(rss / misfit.samples)) for rss in misfit.floored)
-    return -0.5 * (total + d * float(np.log(n * outputs))) if np.isfinite(total) else -np.inf
+    n = samples if independent is None else independent
+    each = (rss,) if isinstance(rss, float | int) else rss
+    likelihood = n * sum(float(np.log(max(one, _TINY) / samples)) for one in each)
+    return likelihood + parameters * float(np.log(n * len(each)))
+
+
+def negative_half_bic(misfit: Misfit, d: int) -> float:
+    """Logarithm of the odds of a model, -BIC/2, with the floor as in `fitness`; -inf if its simulation diverged."""
+    value = bic(misfit.floored, misfit.samples, d, misfit.independent)
+    return -0.5 * value if np.isfinite(value) else -np.inf
 
 
 def in_proportion(values: Sequence[float], samples: float) -> Array:
@@ -134,5 +157,5 @@ def criterion(name: str, k_p: float = 2.0) -> Criterion:
     if name == "fitness":
         return Criterion(name, lambda misfit, d: fitness(misfit, d, k_p), in_proportion)
     if name == "bic":
-        return Criterion(name, bayes_information, by_likelihood)
+        return Criterion(name, negative_half_bic, by_likelihood)
     raise SettingsError(unknown_name("criterion", name, CRITERIA))

@@ -8,6 +8,7 @@ import numpy as np
 
 from brightgrey.kit import Structure
 from brightgrey.search.comparison import Judged, threshold
+from brightgrey.search.criteria import bic
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.lattice import contains, minimal_elements, one_larger, one_smaller
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
@@ -159,7 +160,7 @@ def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collectio
     ]
 
     def promise(f: Fitted) -> tuple[float, int]:
-        return n * float(np.log(max(cost[f.structure], 1e-300))) + f.free * float(np.log(n)), f.free
+        return bic(cost[f.structure], n, f.free), f.free
 
     return min(left, key=promise).structure if left else None
 

@@ -18,8 +18,9 @@ import numpy as np
 
 from brightgrey.estimation.optimisation.multistart import is_white
 from brightgrey.kit import Placed, Structure
+from brightgrey.search.criteria import bic
 from brightgrey.search.fits import TELLING, Fits
-from brightgrey.search.fitting import IMPROVED, Fitted
+from brightgrey.search.fitting import IMPROVED
 from brightgrey.search.lattice import complexity, mass_chain_of, one_smaller
 from brightgrey.search.task import TRUSTED_ACCURACY
 from brightgrey.search.warm_start import two_ports
@@ -123,14 +124,9 @@ def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
     """
     near, doubt = fits.near(), fits.doubt(fits.leader())
     n = sum(r.y.size for r in fits.task.recordings)
-
-    def information(f: Fitted) -> float:
-        """Bayesian information criterion, as if residuals were white (Schwarz 1978)."""
-        return n * float(np.log(f.cost + doubt)) + f.free * float(np.log(n))
-
     ranked = dict[Placed, list[Structure]]()
     behind = dict[Placed, list[Structure]]()
-    for fitted in sorted(fits.done.values(), key=information):
+    for fitted in sorted(fits.done.values(), key=lambda f: bic(f.cost + doubt, n, f.free)):
         s = fitted.structure
         if two_ports(s) == gaps and not fitted.idle and fitted.cost < near:
             ranked.setdefault(mass_chain_of(s), []).append(s)

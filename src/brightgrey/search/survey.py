@@ -12,7 +12,7 @@ import numpy as np
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.kit import PAPER, Grammar, Placed, Structure
 from brightgrey.search.comparison import Judged
-from brightgrey.search.criteria import Misfit
+from brightgrey.search.criteria import Misfit, bic
 from brightgrey.search.evidence import Evidence, assess_effects, has
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted, Options
@@ -247,8 +247,8 @@ def _ranking(
         misfit = known.get(shown) if judged is None else None
         if misfit is None:
             (misfit,) = _misfits(task, [_own(shown, values, declared)])
-        value = independent * np.log(max(cost, 1e-300) / samples) + f.free * np.log(independent)
-        ranked.append(Ranked(s, f.free, misfit, float(value), s in tied))
+        value = bic(cost, samples, f.free, independent)
+        ranked.append(Ranked(s, f.free, misfit, value, s in tied))
     place = {s: i for i, s in enumerate(minimal)}
     ranked.sort(key=lambda r: (place.get(r.structure, len(place)), r.criterion, str(r.structure)))
     return tuple(ranked)

@@ -14,6 +14,7 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.kit import Placed, Structure, assemble
 from brightgrey.search.comparison import Judged, Whitening, chance_of, power, significance, threshold
+from brightgrey.search.criteria import bic
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import added_effects, mass_chain_of, one_larger, one_smaller
@@ -76,8 +77,7 @@ class Yardstick:
 
     def criterion(self, judged: Judged) -> float:
         """Bayesian information criterion (Schwarz 1978) of the whitened residuals."""
-        n = self.whitening.samples
-        return n * float(np.log(self.misfit(judged) / n)) + judged.free * float(np.log(n))
+        return bic(self.misfit(judged), self.whitening.samples, judged.free)
 
     @property
     def independent(self) -> float:

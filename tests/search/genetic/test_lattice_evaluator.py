@@ -283,32 +283,32 @@ PLAIN, FRICTION, TRUTH, MORE, TOP = map(
 def test_what_has_more_parameters_than_its_gain_is_worth_has_lost(sought, name):
     """By the criterion, if it left no less than the best fit that contains it, or than what it is offered."""
     relatives = sought({TOP: 99.8, TRUTH: 100.0, PLAIN: 1e4}, name=name)
-    lost = relatives.hopeless()
+    lost = relatives.eliminated()
     assert MORE in lost
     assert not {PLAIN, FRICTION, TRUTH} & lost
     assert all(len(s.parameters) > len(TRUTH.parameters) for s in lost)
-    assert relatives.may_win(FRICTION, 100.0)
-    assert not relatives.may_win(FRICTION, 1e6)
+    assert relatives.can_still_win(FRICTION, 100.0)
+    assert not relatives.can_still_win(FRICTION, 1e6)
 
 
 def test_what_no_fit_contains_has_not_lost(sought):
     """Nobody knows what it leaves, and growing is how it is found."""
     relatives = sought({PLAIN: 1e4, FRICTION: 9e3})
-    assert relatives.hopeless() == set()
-    assert sought({}).hopeless() == set()
+    assert relatives.eliminated() == set()
+    assert sought({}).eliminated() == set()
 
 
 @pytest.mark.parametrize("given", [{"bounds": {"f_v": (0.1, 1.0)}}, {"fixed": {"f_v": 0.1}}])
 def test_what_cannot_fade_away_bounds_nothing(sought, task, given):
     """A structure that contains another may leave more then, as in the paper's experiment."""
-    assert sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, **given)).hopeless() == set()
+    assert sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, **given)).eliminated() == set()
 
 
 def test_of_several_outputs_none_has_lost(sought, task):
     """The criterion weighs them against each other, and the sum of both says little."""
     (r,) = task.recordings
     twice = replace(r, y=np.vstack([r.y, r.y]), outputs=(r.outputs[0], replace(r.outputs[0], name="again")))
-    assert sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, recordings=(twice,))).hopeless() == set()
+    assert sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, recordings=(twice,))).eliminated() == set()
 
 
 def test_what_is_lost_in_the_sensor_s_steps_is_no_gain(sought, task):
@@ -317,8 +317,8 @@ def test_what_is_lost_in_the_sensor_s_steps_is_no_gain(sought, task):
     coarse = replace(task, recordings=(replace(r, resolution=np.array([float(r.y.std())])),))
     floor = r.samples * float(coarse.problem(TRUTH).weights[0] * r.y.std()) ** 2 / 12.0
     relatives = sought({TOP: 0.9 * floor, FRICTION: floor}, task=coarse)
-    assert relatives.may_win(FRICTION, floor)
-    assert TRUTH in relatives.hopeless()
+    assert relatives.can_still_win(FRICTION, floor)
+    assert TRUTH in relatives.eliminated()
 
 
 @pytest.mark.parametrize("worthwhile", [True, False])

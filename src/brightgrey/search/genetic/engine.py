@@ -13,8 +13,8 @@ from brightgrey.errors import SettingsError
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.criteria import Criterion, criterion
-from brightgrey.search.evaluation import Estimator, Evaluated, Job
 from brightgrey.search.fits import Fits
+from brightgrey.search.genetic.evaluation import Estimator, Evaluated, Job
 from brightgrey.search.genetic.history import Evaluation, Progress, Run
 from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
 from brightgrey.search.genetic.offspring import Offspring, offspring, remutate_duplicates, untried_neighbours

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from brightgrey.estimation.problem.simulation_count import SimulationCount
-from brightgrey.search.evaluation import Evaluated, Job
+from brightgrey.search.genetic.evaluation import Evaluated, Job
 from brightgrey.search.genetic.tree import Node
 
 __all__ = ["COLUMNS", "Evaluation", "Progress", "Run", "history_csv"]

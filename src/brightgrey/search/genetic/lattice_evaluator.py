@@ -12,9 +12,9 @@ from brightgrey.estimation.noise.autoregression import autoregression
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Criterion, Misfit
-from brightgrey.search.evaluation import Evaluated
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, is_narrow
+from brightgrey.search.genetic.evaluation import Evaluated
 from brightgrey.search.judging import last_descent
 from brightgrey.search.lattice import contains
 from brightgrey.search.missed import seek_missed

@@ -13,7 +13,7 @@ from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
 from brightgrey.estimation.optimisation.pattern_fit import check_estimator
 from brightgrey.estimation.optimisation.pattern_search import pattern_search
 from brightgrey.kit import Structure
-from brightgrey.search.evaluation import Estimator, Evaluated, Values
+from brightgrey.search.genetic.evaluation import Estimator, Evaluated, Values
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["LeastSquares", "PatternSearch", "estimator"]
