@@ -155,7 +155,7 @@ def test_states_stand_in_the_order_of_the_design():
         tail = assemble(structure, values, 1.0).state_names[2 * n :]
         assert assemble(structure, values, 1.0).state_names[: 2 * n] == tuple(names)
         assert tail in ((), ("lambda1",), ("T",), ("lambda1", "T"))
-        assert len(tail) == sum(p.effect.memory and not p.effect.masses for p in structure.placed)
+        assert len(tail) == sum(p.effect.has_states and not p.effect.masses for p in structure.placed)
 
 
 def test_wrong_values_and_outputs_are_refused():

@@ -196,7 +196,7 @@ def test_a_held_size_is_walked_to_where_a_load_rattles():
     with thread_pool(None) as workers:
         bench = Bench(task, {small: Fitted(small, values, np.inf, len(values))}, workers)
         own = bench.judge(small)
-        least = PAPER.parse("four_mass").placed[0].effect.noticeable(task.scales, own.values)
+        least = PAPER.parse("four_mass").placed[0].relevant_size(task.scales, own.values)
         held = {name: least[name] for name in ("J4", "c3", "d3")}
         found = bench.held(big, {**task.default_start(big), **own.values}, {"J3": least["J3"]}, held, own.cost)()
     assert found.cost < 1.015 * own.cost  # 1.02 at once

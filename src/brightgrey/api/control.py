@@ -20,15 +20,14 @@ from brightgrey.control.linear.analysis import Analysis
 from brightgrey.control.linear.analysis import linearise_at as analyse_system
 from brightgrey.control.linear.margins import Margins
 from brightgrey.control.linear.operating_point import CONTACTS, trim
-from brightgrey.effects import Dimension
+from brightgrey.effects import SPEED, TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
-from brightgrey.model.model import SPEED, Model
+from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 
 __all__ = ["Design", "Watch", "analyse", "design", "total_inertia", "watch", "whiteness"]
 
-TORQUE = Dimension(input=1, motion=0, time=0)
 _HALF_SPEED = 0.5
 _ERROR = 0.05  # of the speed scale: an error worth the whole torque
 _DISTURBANCE = 0.05  # of the largest torque, a sample: generous, for margins

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.control.linear.model_differences import Band, ModelFigures, band, model_figures
-from brightgrey.effects import Dimension
+from brightgrey.effects import TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
@@ -19,7 +19,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["Difference", "differences"]
 
-_TORQUE = Dimension(input=1, motion=0, time=0)
 _HALF = 0.5  # of the largest speed: where models are linearised
 _SHOWN = 6  # poles
 _NOTHING = 1e-9  # of the largest input: rounding
@@ -88,7 +87,7 @@ def _tied(evidence: Evidence) -> list[Judged]:
 
 
 def _rows(n: ModelFigures, over: Band, recording: Recording, *, first: bool) -> tuple[tuple[str, str], ...]:
-    unit, factor = recording.units.of(_TORQUE)
+    unit, factor = recording.units.of(TORQUE)
     least = _NOTHING * float(np.abs(recording.u).max())
     friction, constant = (factor * value if abs(value) > least else 0.0 for value in (n.friction, n.constant))
     within = f"{over.low:.2g} to {over.high:.3g} Hz"

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from brightgrey.effects import PER_SPEED
 from brightgrey.errors import RecordingError, SettingsError, unknown_name
 from brightgrey.kit import Structure
-from brightgrey.model.model import PER_SPEED, Model
+from brightgrey.model.model import Model
 from brightgrey.recordings import Recording, Signal
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units

@@ -1,6 +1,7 @@
 """The function set: one file per physical effect, found by listing the folder ``library``.
 
-A module of that folder that defines ``EFFECT`` is an effect. Nothing else has to be told of it.
+A module of that folder defines ``EFFECT``, or ``EFFECTS`` if it holds several. Nothing else names an effect.
+Everything that the author of an effect needs is imported from here.
 """
 
 from __future__ import annotations
@@ -12,22 +13,32 @@ from functools import cache
 from types import MappingProxyType
 
 from brightgrey.effects import library
-from brightgrey.effects.declaration import (
-    Caution,
-    Circumstances,
+from brightgrey.effects.effect import Caution, Circumstances, Effect, Fault, Parameter, SearchHints, Stage
+from brightgrey.effects.law import Law, friction_law
+from brightgrey.effects.modelica import Modelica, force_on_mass
+from brightgrey.effects.quantities import (
+    DAMPING,
+    INERTIA,
+    PER_SPEED,
+    POSITION,
+    SPEED,
+    STIFFNESS,
+    TIME,
+    TORQUE,
     Dimension,
-    Draft,
-    Effect,
-    Element,
-    Fault,
-    Law,
-    Limits,
-    Parameter,
     Scales,
-    State,
 )
+from brightgrey.effects.system import Draft, Element, Limits, State, Values, friction_stamp
 
 __all__ = [
+    "DAMPING",
+    "INERTIA",
+    "PER_SPEED",
+    "POSITION",
+    "SPEED",
+    "STIFFNESS",
+    "TIME",
+    "TORQUE",
     "Caution",
     "Circumstances",
     "Dimension",
@@ -37,9 +48,16 @@ __all__ = [
     "Fault",
     "Law",
     "Limits",
+    "Modelica",
     "Parameter",
     "Scales",
+    "SearchHints",
+    "Stage",
     "State",
+    "Values",
+    "force_on_mass",
+    "friction_law",
+    "friction_stamp",
     "registry",
 ]
 
@@ -47,6 +65,6 @@ __all__ = [
 @cache
 def registry() -> Mapping[str, Effect]:
     """All effects by name, in the order of their numbers (paper figure 7)."""
-    modules = (importlib.import_module(f"{library.__name__}.{m.name}") for m in pkgutil.iter_modules(library.__path__))
-    effects = [module.EFFECT for module in modules if hasattr(module, "EFFECT")]
+    modules = [importlib.import_module(f"{library.__name__}.{m.name}") for m in pkgutil.iter_modules(library.__path__)]
+    effects = [effect for module in modules for effect in getattr(module, "EFFECTS", None) or (module.EFFECT,)]
     return MappingProxyType({e.name: e for e in sorted(effects, key=lambda e: (e.number, e.name))})

@@ -9,8 +9,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from brightgrey.effects import Draft
-from brightgrey.effects.declaration import Stage
+from brightgrey.effects import Draft, Stage
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.kit.state_space import StateSpace
 from brightgrey.kit.structure import Placed, Structure
@@ -73,6 +72,7 @@ def assemble(
         if stage >= _SELECT_BEFORE:
             draft = _select_actuator(draft)
         own = {q.symbol: arrays[placed.parameter(q.symbol)] for q in placed.effect.parameters}
+        draft = replace(draft, owner=f"{placed.name}@{placed.place}")
         draft = placed.effect.stamp(draft, placed.place, {**own, "f_tanh": f_tanh})
     return _select_sensors(_select_actuator(draft), outputs)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
-from brightgrey.effects import Effect, Parameter, registry
+from brightgrey.effects import Effect, Parameter, Scales, registry
 from brightgrey.errors import StructureError, unknown_name
 
 __all__ = ["Placed", "Structure"]
@@ -44,6 +44,24 @@ class Placed:
     def parameter(self, symbol: str) -> str:
         """Name of the effect's parameter `symbol` at this place, e.g. ``M_C@2``."""
         return symbol if self.place == 1 else f"{symbol}@{self.place}"
+
+    def relevant_size(self, scales: Scales, values: Mapping[str, float]) -> dict[str, float]:
+        """Parameters by name, SI, of the effect at the least size that matters for control; see `Effect`.
+
+        Parameters
+        ----------
+        scales : Scales
+        values : mapping of str to float
+            Values of the model without the effect, by name.
+
+        Returns
+        -------
+        dict of str to float
+            Empty if the effect declares no such size.
+        """
+        declared = self.effect.relevant_size
+        sizes = declared(scales, values, self.place) if declared is not None else {}
+        return {self.parameter(symbol): float(value) for symbol, value in sizes.items()}
 
     def __str__(self) -> str:
         return self.name if self.place == 1 else f"{self.name}@{self.place}"
@@ -98,6 +116,11 @@ class Structure:
     def beside(self) -> frozenset[Placed]:
         """Placed effects that bring no masses."""
         return frozenset(p for p in self.placed if not p.effect.masses)
+
+    @cached_property
+    def has_hard_limit(self) -> bool:
+        """A state is kept between limits, such as the position in a gap: the cost is rugged then."""
+        return any(p.effect.has_hard_limit for p in self.placed)
 
     @cached_property
     def parameters(self) -> Mapping[str, Parameter]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from brightgrey.effects import PER_SPEED, SPEED
 from brightgrey.estimation import Estimate, Fit, Profile
 from brightgrey.kit import assemble
-from brightgrey.model.model import PER_SPEED, SCHEMA, SPEED, Model
+from brightgrey.model.model import SCHEMA, Model
 from brightgrey.model.schema import (
     CriterionPart,
     FindingPart,

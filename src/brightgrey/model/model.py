@@ -11,7 +11,7 @@ from typing import Any, Literal, Self
 
 from pydantic import ConfigDict, Field, ValidationError
 
-from brightgrey.effects import Dimension
+from brightgrey.effects import PER_SPEED, SPEED
 from brightgrey.errors import BrightgreyError, SettingsError, nearest, unknown_name
 from brightgrey.kit import Structure, function_set
 from brightgrey.model.files import write_file
@@ -33,11 +33,9 @@ from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units, motion_unit
 from brightgrey.simulation import Settings
 
-__all__ = ["PER_SPEED", "SCHEMA", "SPEED", "Model"]
+__all__ = ["SCHEMA", "Model"]
 
 SCHEMA: Literal["brightgrey/model/1"] = "brightgrey/model/1"
-SPEED = Dimension(input=0, motion=1, time=-1)
-PER_SPEED = Dimension(input=0, motion=-1, time=1)
 
 
 class Model(Part):

@@ -36,6 +36,6 @@ def _effect(effect: Effect) -> Iterator[str]:
     if law is not None:
         kept = [word for word, holds in (("odd", law.odd), ("takes energy only", law.dissipative)) if holds]
         yield from [f"- Its law is {' and '.join(kept)}."] if kept else []
-    yield from ["- It has states of its own."] if effect.memory else []
+    yield from ["- It has states of its own."] if effect.has_states else []
     yield from (f"- Mind ({c.kind}, `{'`, `'.join(c.symbols)}`): {c.text}." for c in effect.cautions)
     yield from (f"- Source: {effect.source}.", "")

@@ -32,7 +32,6 @@ from brightgrey.search.fitting import (
 from brightgrey.search.lattice import complexity, contains, mass_chain_of, maximal_submodels, minimal_supermodels
 from brightgrey.search.parallel import in_order, in_turn
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
-from brightgrey.search.warm_start import two_ports
 
 __all__ = ["TELLING", "Fits"]
 
@@ -263,7 +262,7 @@ class Fits:
             better = [t for t in better if self.worthwhile(s, self.done[t].cost)]
             offers = [self.done[t] for t in self._fresh(s, better)]
             telling = min((f.cost for f in offers), default=np.inf) < min(TELLING * own.cost, near)
-            anyway = telling and not two_ports(s)
+            anyway = telling and not s.has_hard_limit
             return (from_above, self.task, own, offers, self._how, anyway) if offers else None
 
         return self._falling(list(self.done), call, workers)
@@ -285,7 +284,7 @@ class Fits:
             self._followed.add(trail)
             return tracked_from_above, self.task, own, larger, self._how
 
-        return self._falling(list(filter(two_ports, self.done)), call, workers)
+        return self._falling([s for s in self.done if s.has_hard_limit], call, workers)
 
     def _falling(
         self,
@@ -347,8 +346,7 @@ def _hubs(structures: Sequence[Structure]) -> list[Structure]:
         return len(ports) - ports.count(1), -ports.count(1)
 
     def linear(structure: Structure) -> tuple[int, int]:
-        ports = laws(structure)
-        return sum(n > 1 for n in ports), -len(ports)
+        return sum(p.effect.has_hard_limit for p in structure.beside), -len(structure.beside)
 
     ladders: dict[Placed, list[Structure]] = {}
     for s in structures:

@@ -16,7 +16,7 @@ from brightgrey.estimation.problem.simulation_error import SimulationErrorProble
 from brightgrey.kit import Structure
 from brightgrey.search.lattice import added_effects
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
-from brightgrey.search.warm_start import handed_down, information, two_ports
+from brightgrey.search.warm_start import handed_down, information
 
 __all__ = [
     "IMPROVED",
@@ -227,7 +227,7 @@ def fit_one(
     rng = np.random.default_rng(list(seed))
     best = best_of(parents, options)
     # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
-    origins = best if best and two_ports(structure) else [*best, *others]
+    origins = best if best and structure.has_hard_limit else [*best, *others]
     drawn = np.array_split(space.sample(options.drawn * len(origins), rng), len(origins), axis=1)
     tried = [_extended(space, f, part) for f, part in zip(origins, drawn, strict=True)]
     chosen, count = best_begins(task, problem, space, tried, options.starts)

@@ -12,7 +12,6 @@ from brightgrey.search.criteria import bic
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.lattice import contains, minimal_elements, one_larger, one_smaller
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
-from brightgrey.search.warm_start import two_ports
 from brightgrey.search.yardstick import Yardstick
 
 __all__ = ["minimal_structures"]
@@ -128,8 +127,8 @@ def _fields(yardstick: Yardstick, small: Structure, big: Structure) -> int:
     """From how many fields of starts an optimum is sought; if much is between the two, only for masses without gaps."""
     left, least = (yardstick.left(yardstick.bench.judge(s)) for s in (small, big))
     if left <= _LITTLE * least:
-        return _FEW if two_ports(small) else _FIELDS
-    return _FEW if small.masses < big.masses and not two_ports(small) else 0
+        return _FEW if small.has_hard_limit else _FIELDS
+    return _FEW if small.masses < big.masses and not small.has_hard_limit else 0
 
 
 def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collection[Structure]) -> Structure | None:

@@ -23,7 +23,6 @@ from brightgrey.search.fits import TELLING, Fits
 from brightgrey.search.fitting import IMPROVED
 from brightgrey.search.lattice import complexity, mass_chain_of, one_smaller
 from brightgrey.search.task import TRUSTED_ACCURACY
-from brightgrey.search.warm_start import two_ports
 
 __all__ = ["seek_missed"]
 
@@ -128,9 +127,9 @@ def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
     behind = dict[Placed, list[Structure]]()
     for fitted in sorted(fits.done.values(), key=lambda f: bic(f.cost + doubt, n, f.free)):
         s = fitted.structure
-        if two_ports(s) == gaps and not fitted.idle and fitted.cost < near:
+        if s.has_hard_limit == gaps and not fitted.idle and fitted.cost < near:
             ranked.setdefault(mass_chain_of(s), []).append(s)
-        elif two_ports(s) == gaps:
+        elif s.has_hard_limit == gaps:
             behind.setdefault(mass_chain_of(s), []).append(s)
     first = list(ranked.items())[:_LADDERS]
     groups = ([*group, *one_smaller(group[0], behind.get(ladder, ()))] for ladder, group in first)
@@ -139,13 +138,13 @@ def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
 
 def _tells(fits: Fits, top: Structure) -> bool:
     """Whether laws of two ports take off a good part of what is left without them, with as many masses."""
-    without = (f.cost for s, f in fits.done.items() if mass_chain_of(s) == mass_chain_of(top) and not two_ports(s))
+    without = (f.cost for s, f in fits.done.items() if mass_chain_of(s) == mass_chain_of(top) and not s.has_hard_limit)
     return fits.done[top].cost < TELLING * min(without, default=np.inf)
 
 
 def _without_gaps(fits: Fits, top: Structure) -> list[Structure]:
     """The largest structure without laws of two ports that has as many masses as `top`: what that is compared with."""
-    smooth = (s for s in fits.structures if mass_chain_of(s) == mass_chain_of(top) and not two_ports(s))
+    smooth = (s for s in fits.structures if mass_chain_of(s) == mass_chain_of(top) and not s.has_hard_limit)
     return sorted(smooth, key=complexity)[-1:]
 
 
@@ -168,6 +167,6 @@ def _explained(fits: Fits) -> bool:
 def _tops(structures: Iterable[Structure]) -> list[Structure]:
     """Of every ladder with laws of two ports the largest structure that has them, fewest masses first."""
     tops: dict[Placed, Structure] = {}
-    for s in sorted(filter(two_ports, structures), key=complexity):
+    for s in sorted((s for s in structures if s.has_hard_limit), key=complexity):
         tops[mass_chain_of(s)] = s
     return sorted(tops.values(), key=complexity)

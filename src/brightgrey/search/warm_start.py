@@ -9,23 +9,13 @@ from scipy.optimize import lsq_linear
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
-from brightgrey.kit import Placed, Structure
+from brightgrey.kit import Structure
 from brightgrey.search.lattice import mass_chain_of
 
-__all__ = ["exchanged", "growing_from_zero", "handed_down", "has_two_ports", "information", "two_ports"]
+__all__ = ["exchanged", "growing_from_zero", "handed_down", "information"]
 
 Values = Mapping[str, float]
 _SEEN = 1e-6  # of the largest: derivatives are good to a thousandth, and what lies below its square is their error
-
-
-def two_ports(structure: Structure) -> bool:
-    """Whether it has a law of two ports, which takes several times as long to simulate."""
-    return any(map(has_two_ports, structure.placed))
-
-
-def has_two_ports(placed: Placed) -> bool:
-    """Whether it is such a law."""
-    return placed.effect.law is not None and placed.effect.law.ports > 1
 
 
 def information(curvature: Array, pace: Array) -> Array:
@@ -53,9 +43,9 @@ def handed_down(
     """
     here, there = mass_chain_of(structure), mass_chain_of(larger)
     out = [values]
-    if here != there and there.effect.fewer is not None:
+    if here != there and there.effect.search.merge is not None:
         present = {q.symbol: values[there.parameter(q.symbol)] for q in there.effect.parameters}
-        joined = there.effect.fewer(present, structure.masses)
+        joined = there.effect.search.merge(present, structure.masses)
         out.append({**values, **{here.parameter(symbol): v for symbol, v in joined.items()}})
     if known is not None and np.isfinite(known).all():
         made_up = _made_up(values, known, larger, space)
@@ -117,8 +107,8 @@ def exchanged(values: Values, structure: Structure, held: Collection[str]) -> li
 
 
 def _sizes(structure: Structure) -> list[str]:
-    """Parameters at whose zero an effect beside the masses, and no law of two ports, is not there."""
-    beside = [p for p in structure.placed if not (p.effect.masses or has_two_ports(p))]
+    """Parameters at whose zero an effect vanishes, of effects that have neither masses nor a hard limit."""
+    beside = [p for p in structure.placed if not (p.effect.masses or p.effect.has_hard_limit)]
     return [p.parameter(q.symbol) for p in beside for q in p.effect.parameters if q.size]
 
 

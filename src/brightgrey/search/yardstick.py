@@ -19,7 +19,6 @@ from brightgrey.search.fitting import Fitted
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import added_effects, mass_chain_of, one_larger, one_smaller
 from brightgrey.search.task import TRUSTED_ACCURACY, IdentificationTask
-from brightgrey.search.warm_start import has_two_ports, two_ports
 
 __all__ = ["Yardstick"]
 
@@ -134,7 +133,7 @@ class Yardstick:
         """Parameters of masses and gaps that have run to a bound which the user did not set."""
         names, bounds = self.bench.task.space(judged.structure, initial=True).names, self.bench.task.bounds
         ran = {name for column, name in enumerate(names) if column not in judged.inside and name not in bounds}
-        moving = [mass_chain_of(judged.structure), *filter(has_two_ports, judged.structure.placed)]
+        moving = [mass_chain_of(judged.structure), *(p for p in judged.structure.placed if p.effect.has_hard_limit)]
         return ran & {p.parameter(q.symbol) for p in moving for q in p.effect.parameters}
 
     def inertias(self, judged: Judged) -> int:
@@ -186,10 +185,9 @@ class Yardstick:
         What is fixed is asked as it is. Empty if the effect takes others as well, or declares no size.
         """
         placed, task = Placed.parse(effect), self.bench.task
-        if self.with_effect(structure, effect) is None or placed.effect.noticeable is None:
+        if self.with_effect(structure, effect) is None or placed.effect.relevant_size is None:
             return []
-        declared = placed.effect.noticeable(task.scales, self.bench.judge(structure).values)
-        sizes = {placed.parameter(symbol): float(value) for symbol, value in declared.items()}
+        sizes = placed.relevant_size(task.scales, self.bench.judge(structure).values)
         sizes |= {name: value for name, value in task.fixed.items() if name in sizes}
         for parameter in placed.effect.parameters:
             name = placed.parameter(parameter.symbol)
@@ -327,7 +325,7 @@ class Yardstick:
 
 def _has_own_motion(big: Structure, small: Structure) -> bool:
     """Whether `big` has more masses than `small`, or a gap that `small` does not have."""
-    return big.masses > small.masses or (two_ports(big) and not two_ports(small))
+    return big.masses > small.masses or (big.has_hard_limit and not small.has_hard_limit)
 
 
 def _level(tests: int, mass: bool) -> float:

@@ -57,7 +57,7 @@ def test_a_missing_effect_is_suspected(missing, left):
     title = f"{registry()[missing].title} suspected"
     assert title in found
     assert missing in found[title].advice
-    assert registry()[missing].follows in found[title].seen
+    assert registry()[missing].residual_signature in found[title].seen
 
 
 def test_stribeck_friction_is_suspected():

@@ -33,24 +33,24 @@ def demo():
     return read_recording(str(path), input="torque", outputs=["velocity:velocity"], time="t")
 
 
-@pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.spread])
+@pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.search.sample])
 def test_what_an_effect_declares_plausible_lies_within_its_bounds(name):
     effect = registry()[name]
     share = np.random.default_rng(1).random((len(effect.parameters), 200))
-    values = effect.spread(SCALES, share)
+    values = effect.search.sample(SCALES, share)
     assert values.shape == share.shape
     for parameter, row in zip(effect.parameters, values, strict=True):
         low, high = parameter.bounds(SCALES)
         assert np.mean((row >= low) & (row <= high)) >= 0.95, parameter.symbol  # the others are cut to the bounds
 
 
-@pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.regroup])
+@pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.search.perturb])
 def test_regrouping_keeps_the_total_inertia_and_all_positive(name):
     effect = registry()[name]
     rng = np.random.default_rng(1)
     share = rng.random((len(effect.parameters), 100))
-    values = effect.spread(SCALES, share)
-    other = effect.regroup(values, rng.random(share.shape), np.where(rng.random(100) < 0.5, 60.0, np.nan))
+    values = effect.search.sample(SCALES, share)
+    other = effect.search.perturb(values, rng.random(share.shape), np.where(rng.random(100) < 0.5, 60.0, np.nan))
     inertias = [k for k, p in enumerate(effect.parameters) if p.symbol.startswith("J")]
     np.testing.assert_allclose(other[inertias].sum(axis=0), values[inertias].sum(axis=0), rtol=1e-9)
     assert np.all(other > 0.0)
@@ -68,11 +68,11 @@ def test_offspring_stay_within_bounds_and_near_their_parents(demo):
     assert np.median(kept.mean(axis=0)) >= 0.5
 
 
-@pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.ways])
+@pytest.mark.parametrize("name", [name for name, effect in registry().items() if effect.search.enumerate])
 def test_ways_keep_the_total_inertia_and_are_all_unlike(name):
     effect = registry()[name]
-    values = effect.spread(SCALES, np.linspace(0.3, 0.7, len(effect.parameters))[:, None])[:, 0]
-    other = effect.ways(values, np.array([30.0, 60.0]))
+    values = effect.search.sample(SCALES, np.linspace(0.3, 0.7, len(effect.parameters))[:, None])[:, 0]
+    other = effect.search.enumerate(values, np.array([30.0, 60.0]))
     inertias = [k for k, p in enumerate(effect.parameters) if p.symbol.startswith("J")]
     assert other.shape[:2] == (len(effect.parameters), 2)
     np.testing.assert_allclose(other[inertias].sum(axis=0), values[inertias].sum(), rtol=1e-9)

@@ -6,9 +6,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from brightgrey.effects import Law, registry
+from brightgrey.effects import Law, friction_law, registry
 from brightgrey.effects.arithmetic import exp, magnitude, positive_part, sign, tanh
-from brightgrey.effects.declaration import friction_law
 from brightgrey.exports.expressions.languages import LATEX, PYTHON, C, assignments, latex_name, number_literal, spell
 from brightgrey.exports.expressions.trace import constant, symbol, traced
 
@@ -22,7 +21,7 @@ def hardening(z, p):
     return -stiffer - p[1] * positive_part(z[0]), (-3.0 * p[0] * z[0] ** 2 - p[1] * (0.5 + 0.5 * sign(z[0])),)
 
 
-NEW = Law(("k", "one_sided"), hardening, lambda z, p: (-(z[0] ** 3), -positive_part(z[0])))
+NEW = Law(("k", "one_sided"), hardening)
 
 
 @pytest.mark.parametrize(("name", "law"), [*LAWS.items(), ("new", NEW)])
@@ -47,7 +46,7 @@ def test_a_law_that_the_kit_does_not_have_compiles_in_c(tmp_path):
         a = p[0] * exp(-magnitude(v)) + p[1]
         return a, -p[0] * exp(-magnitude(v)) * sign(v)
 
-    law = friction_law(("M", "N"), amplitude, lambda v, p: (exp(-magnitude(v)), 1.0))
+    law = friction_law(("M", "N"), amplitude)
     lines = assignments({"*f": traced(law, ("z",))[0]}, C)
     body = "".join(f"{line.rstrip(';')};" for line in lines)
     (tmp_path / "law.c").write_text(

@@ -24,7 +24,6 @@ from brightgrey.control.faults.simulated_changes import ChangeEstimate, Paramete
 from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.effects import Fault
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.problem.simulation_error import limited_states
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
@@ -130,7 +129,7 @@ def detect_faults(
         raise SettingsError(f"matters is {min_change:g} (0 to {_TELLING:g}) and confidence {confidence:g} (0.5 to 1)")
     kinds = groups(structure)
     trials = [ChangeProblem(case.values, case.recording, case.noise, _changes(case, kinds)) for case in cases]
-    if limited_states(structure):
+    if structure.has_hard_limit:
         least = math.log1p(min_change)
         found = [
             estimate_changes(structure, t.values, t.changes, t.recording, settings, min_change=least) for t in trials

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from brightgrey.effects.arithmetic import negative_part, positive_part
-from brightgrey.effects.declaration import (
-    Dimension,
+from brightgrey.effects import (
+    POSITION,
     Draft,
     Effect,
     Fault,
@@ -17,16 +16,19 @@ from brightgrey.effects.declaration import (
     Limits,
     Modelica,
     Parameter,
+    Scales,
+    SearchHints,
     State,
     Values,
 )
+from brightgrey.effects.arithmetic import negative_part, positive_part
 
 
-def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+def gap_rate(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
     """Rate f_lambda of the position in the gap (eq. 5), and its slopes over free rate and position.
 
-    Paper eq. (5): the free rate z[0] between the limits, its outward part cut at them. A gap of width zero
-    (alpha = 0) leaves no rate at all.
+    The free rate z[0] holds between the limits; at a limit its outward part is cut. A gap of width zero (alpha = 0)
+    leaves no rate at all.
     """
     rate, position = z
     width = 2.0 * p[0]
@@ -37,15 +39,18 @@ def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]
     return np.where(closed, 0.0, inward), (np.where(closed, 0.0, free), np.zeros_like(free))
 
 
-def gradient(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Derivative by alpha: it moves a limit, not the rate."""
-    return (np.zeros_like(z[0]),)
+GAP_LAW = Law(("alpha",), gap_rate, ports=2)
 
 
-LAW = Law(("alpha",), value, gradient, ports=2)
+def relevant_gap(scales: Scales, values: Values, place: int) -> dict[str, float]:
+    """Gap as wide as a tenth of its shaft's twist under full torque, or 2e-5 of the travel.
+
+    Robots and gantries repeat positions to that; on three turns it is 1.3 minutes of arc, the gap of a precision gear.
+    """
+    return {"alpha": min(0.05 * scales.torque / values[f"c{place}"], 1e-5 * scales.travel)}
 
 
-def stamp(draft: Draft, place: int, values: Values) -> Draft:
+def insert_gap(draft: Draft, place: int, values: Values) -> Draft:
     """The five steps of the paper's section 2.2, at the shaft between mass `place` and the next.
 
     Spring and damper are read from the matrix as built so far (A_red of eq. 13), so that the shaft keeps its
@@ -53,7 +58,7 @@ def stamp(draft: Draft, place: int, values: Values) -> Draft:
     """
     i, j = place, place + 1
     name = f"lambda{place}"
-    draft = draft.with_state(State(name, Dimension(0, 1, 0), "zero"))  # step 1
+    draft = draft.with_state(State(name, POSITION, "zero"))  # step 1
     q_i, q_j, gap, v_i, v_j = (draft.index(s) for s in (f"q{i}", f"q{j}", name, f"v{i}", f"v{j}"))  # step 2
     A = draft.A.copy()
     A[v_i, gap] += A[v_i, q_j]  # step 3
@@ -69,8 +74,7 @@ def stamp(draft: Draft, place: int, values: Values) -> Draft:
     draft = replace(draft, A=A)
     # Step 5, the new output rows, needs no code: acceleration outputs are rows of x' (see kit.assembly).
     return draft.with_element(
-        f"backlash@{place}",
-        LAW,
+        GAP_LAW,
         (rate + stiffness_over_damping * twist, draft.unit_row(name)),
         G,
         values,
@@ -114,7 +118,7 @@ EFFECT = Effect(
     parameters=(
         Parameter(
             "alpha",
-            Dimension(input=0, motion=1, time=0),
+            POSITION,
             "half the gap",
             bounds=lambda s: (1e-6 * s.travel, 0.5 * s.travel),
             start=lambda s: 1e-3 * s.travel,
@@ -122,13 +126,11 @@ EFFECT = Effect(
             fault=Fault("backlash"),
         ),
     ),
-    # A gap as wide as a tenth of the shaft's twist under full torque, or 2e-5 of the way: robots and gantries repeat
-    # positions to that, and on three turns it is 1.3 minutes of arc, the gap of a precision gear.
-    noticeable=lambda s, values: {"alpha": min(0.05 * s.torque / values["c1"], 1e-5 * s.travel)},
-    stamp=stamp,
-    law=LAW,
-    memory=True,
-    spread=lambda s, share: 1e-5 * s.travel * 1e4**share,  # gaps of any size are plausible
+    law=GAP_LAW,
+    stamp=insert_gap,
+    relevant_size=relevant_gap,
+    # Gaps of any size are plausible: the scale is logarithmic over four decades.
+    search=SearchHints(sample=lambda s, share: 1e-5 * s.travel * 1e4**share),
     modelica=Modelica(
         instead=("shaft$place", "Gap", "alpha = $alpha, lambda(start = start_lambda$place)"),
         model=DRAWING,

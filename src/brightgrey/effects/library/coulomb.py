@@ -4,36 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.declaration import (
-    Dimension,
-    Draft,
-    Effect,
-    Fault,
-    Parameter,
-    Values,
-    force_on_mass,
-    friction_law,
-)
+from brightgrey.effects import TORQUE, Effect, Fault, Parameter, force_on_mass, friction_law, friction_stamp
 
 
-def amplitude(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
-    """Torque against the motion and its slope over speed."""
+def coulomb_torque(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
+    """Torque against the motion, M_C at any speed, and its slope over speed."""
     return p[0] + 0.0 * v, 0.0 * v
 
 
-def gradient(v: Any, p: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Derivative of the amplitude by M_C."""
-    return (1.0,)
-
-
-LAW = friction_law(("M_C",), amplitude, gradient)
-
-
-def stamp(draft: Draft, place: int, values: Values) -> Draft:
-    """Torque on the mass at `place`, from its speed (eq. 11)."""
-    speed = draft.unit_row(f"v{place}")
-    return draft.with_element(f"coulomb@{place}", LAW, (speed,), draft.B[:, place - 1], values)
-
+COULOMB_LAW = friction_law(("M_C",), coulomb_torque)
 
 EFFECT = Effect(
     name="coulomb",
@@ -47,7 +26,7 @@ EFFECT = Effect(
     parameters=(
         Parameter(
             "M_C",
-            Dimension(input=1, motion=0, time=0),
+            TORQUE,
             "Coulomb friction torque (force, in a linear axis)",
             bounds=lambda s: (1e-4 * s.torque, 2.0 * s.torque),
             start=lambda s: max(s.friction, 1e-2 * s.torque),
@@ -55,9 +34,9 @@ EFFECT = Effect(
             fault=Fault("friction"),
         ),
     ),
-    noticeable=lambda s, values: {"M_C": 0.01 * s.torque},
-    stamp=stamp,
-    law=LAW,
-    follows="the sign of speed",
+    law=COULOMB_LAW,
+    stamp=friction_stamp(COULOMB_LAW),
+    relevant_size=lambda s, values, place: {"M_C": 0.01 * s.torque},
+    residual_signature="the sign of speed",
     modelica=force_on_mass(),
 )

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Modelica, Parameter, State, Values
+from brightgrey.effects import TIME, TORQUE, Draft, Effect, Modelica, Parameter, SearchHints, State, Values
 
 
-def stamp(draft: Draft, place: int, values: Values) -> Draft:
+def prepend_lag(draft: Draft, place: int, values: Values) -> Draft:
     """Series connection from the left (eq. 16): the system's old input becomes the state T."""
     n = len(draft.states)
     B = draft.B[:, 0]
-    draft = draft.with_state(State("T", Dimension(1, 0, 0), "input"))
+    draft = draft.with_state(State("T", TORQUE, "input"))
     A = draft.A.copy()
     A[:n, n] = B
     A[n, n] = -1.0 / values["T_1"]
@@ -37,7 +37,7 @@ EFFECT = Effect(
     parameters=(
         Parameter(
             "T_1",
-            Dimension(input=0, motion=0, time=1),
+            TIME,
             "reset time of the current control loop",
             bounds=lambda s: (0.05 * s.interval, 0.1 * s.duration),
             start=lambda s: 2.0 * s.interval,
@@ -45,10 +45,11 @@ EFFECT = Effect(
             size=True,
         ),
     ),
-    noticeable=lambda s, values: {"T_1": 0.2 * s.interval},  # lags by 7 degrees at a tenth of the sampling rate
-    stamp=stamp,
-    memory=True,
-    spread=lambda s, share: 0.2 * s.interval * 250.0**share,  # a fifth of a sample to fifty
+    stamp=prepend_lag,
+    # At a tenth of the sampling rate this lags by 7 degrees.
+    relevant_size=lambda s, values, place: {"T_1": 0.2 * s.interval},
+    # From a fifth of a sample to fifty samples.
+    search=SearchHints(sample=lambda s, share: 0.2 * s.interval * 250.0**share),
     modelica=Modelica(
         block=(
             "Modelica.Blocks.Continuous.FirstOrder",

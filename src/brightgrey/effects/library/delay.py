@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Modelica, Parameter, Values
+from brightgrey.effects import TIME, Draft, Effect, Modelica, Parameter, SearchHints, Values
 
 
-def stamp(draft: Draft, place: int, values: Values) -> Draft:
+def delay_input(draft: Draft, place: int, values: Values) -> Draft:
     """Shift the input (eq. 6): u(t - T_d), and u = u[0] before the recording begins."""
     return replace(draft, dead_time=draft.dead_time + values["T_d"])
 
@@ -26,7 +26,7 @@ EFFECT = Effect(
     parameters=(
         Parameter(
             "T_d",
-            Dimension(input=0, motion=0, time=1),
+            TIME,
             "dead time of the input",
             bounds=lambda s: (0.0, 0.1 * s.duration),
             start=lambda s: s.interval,
@@ -35,8 +35,10 @@ EFFECT = Effect(
             size=True,
         ),
     ),
-    noticeable=lambda s, values: {"T_d": 0.2 * s.interval},  # lags by 7 degrees at a tenth of the sampling rate
-    stamp=stamp,
-    spread=lambda s, share: 0.1 * s.interval * 500.0**share,  # a tenth of a sample to fifty
+    stamp=delay_input,
+    # At a tenth of the sampling rate this lags by 7 degrees.
+    relevant_size=lambda s, values, place: {"T_d": 0.2 * s.interval},
+    # From a tenth of a sample to fifty samples.
+    search=SearchHints(sample=lambda s, share: 0.1 * s.interval * 500.0**share),
     modelica=Modelica(block=("Modelica.Blocks.Nonlinear.FixedDelay", "delayTime = $T_d")),
 )

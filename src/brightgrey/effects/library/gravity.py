@@ -4,25 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.declaration import Caution, Dimension, Draft, Effect, Law, Modelica, Parameter, Values
+from brightgrey.effects import TORQUE, Caution, Draft, Effect, Law, Modelica, Parameter, Values
 
 
-def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
-    """Torque; there is no port it could depend on."""
+def constant_torque(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+    """Torque M_G on the mass; it depends on no port."""
     return p[0], ()
 
 
-def gradient(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Derivative by M_G."""
-    return (1.0,)
+GRAVITY_LAW = Law(("M_G",), constant_torque, ports=0, affine=True)
 
 
-LAW = Law(("M_G",), value, gradient, ports=0, affine=True)
-
-
-def stamp(draft: Draft, place: int, values: Values) -> Draft:
-    """Torque added to the mass at `place`."""
-    return draft.with_element(f"gravity@{place}", LAW, (), draft.B[:, place - 1], values)
+def add_gravity(draft: Draft, place: int, values: Values) -> Draft:
+    """Torque on the mass at `place`."""
+    return draft.with_element(GRAVITY_LAW, (), draft.B[:, place - 1], values)
 
 
 EFFECT = Effect(
@@ -37,7 +32,7 @@ EFFECT = Effect(
     parameters=(
         Parameter(
             "M_G",
-            Dimension(input=1, motion=0, time=0),
+            TORQUE,
             "constant torque (force, in a linear axis) added to the mass",
             bounds=lambda s: (-2.0 * s.torque, 2.0 * s.torque),
             # The offset is the part of the input that only holds the load, so the load is its opposite.
@@ -46,9 +41,10 @@ EFFECT = Effect(
             size=True,
         ),
     ),
-    noticeable=lambda s, values: {"M_G": 0.01 * s.torque},
-    stamp=stamp,
-    law=LAW,
+    law=GRAVITY_LAW,
+    stamp=add_gravity,
+    relevant_size=lambda s, values, place: {"M_G": 0.01 * s.torque},
+    residual_signature="a constant torque",
     cautions=(
         Caution(
             "confounded",
@@ -63,7 +59,6 @@ EFFECT = Effect(
             "the speed never reverses, so that friction of constant size looks the same",
         ),
     ),
-    follows="a constant torque",
     modelica=Modelica(
         components=(("$library.Sources.Constant$Force", "$name", "${f}_constant = $M_G"),),
         equations=("connect($name.flange, mass$place.flange_b)",),

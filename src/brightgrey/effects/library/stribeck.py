@@ -4,43 +4,32 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.arithmetic import exp, magnitude, sign
-from brightgrey.effects.declaration import (
+from brightgrey.effects import (
+    SPEED,
+    TORQUE,
     Caution,
-    Dimension,
-    Draft,
     Effect,
     Fault,
     Parameter,
-    Values,
     force_on_mass,
     friction_law,
+    friction_stamp,
 )
+from brightgrey.effects.arithmetic import exp, magnitude, sign
 
 
-def amplitude(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
-    """Torque against the motion and its slope. |v| makes the law odd: without it (2) grows without limit for v < 0."""
+def stribeck_torque(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
+    """Torque against the motion, M_S exp(-|v|/omega_S), and its slope over speed.
+
+    |v| makes the law odd: without it, (2) grows without limit for v < 0.
+    """
     M_S, omega_S = p
     rate = 1.0 / omega_S
     a = M_S * exp(-magnitude(v) * rate)
     return a, -a * sign(v) * rate
 
 
-def gradient(v: Any, p: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Derivatives of the amplitude by M_S and omega_S."""
-    M_S, omega_S = p
-    fading = exp(-magnitude(v) / omega_S)
-    return fading, M_S * fading * magnitude(v) / (omega_S * omega_S)
-
-
-LAW = friction_law(("M_S", "omega_S"), amplitude, gradient)
-
-
-def stamp(draft: Draft, place: int, values: Values) -> Draft:
-    """Torque on the mass at `place`, from its speed (eq. 11)."""
-    speed = draft.unit_row(f"v{place}")
-    return draft.with_element(f"stribeck@{place}", LAW, (speed,), draft.B[:, place - 1], values)
-
+STRIBECK_LAW = friction_law(("M_S", "omega_S"), stribeck_torque)
 
 EFFECT = Effect(
     name="stribeck",
@@ -57,7 +46,7 @@ EFFECT = Effect(
     parameters=(
         Parameter(
             "M_S",
-            Dimension(input=1, motion=0, time=0),
+            TORQUE,
             "Stribeck friction torque at standstill in excess of Coulomb's",
             bounds=lambda s: (1e-4 * s.torque, 2.0 * s.torque),
             start=lambda s: 0.3 * max(s.friction, 3e-2 * s.torque),
@@ -66,15 +55,16 @@ EFFECT = Effect(
         ),
         Parameter(
             "omega_S",
-            Dimension(input=0, motion=1, time=-1),
+            SPEED,
             "speed at which Stribeck friction has faded to 1/e",
             bounds=lambda s: (1e-3 * s.speed, s.speed),
             start=lambda s: 0.1 * s.speed,
         ),
     ),
-    noticeable=lambda s, values: {"M_S": 0.01 * s.torque, "omega_S": 0.05 * s.speed},
-    stamp=stamp,
-    law=LAW,
+    law=STRIBECK_LAW,
+    stamp=friction_stamp(STRIBECK_LAW),
+    relevant_size=lambda s, values, place: {"M_S": 0.01 * s.torque, "omega_S": 0.05 * s.speed},
+    residual_signature="the sign of speed near standstill",
     cautions=(
         Caution(
             "confounded",
@@ -95,6 +85,5 @@ EFFECT = Effect(
             "without Coulomb friction beside it, Stribeck friction fits nearly as well as Coulomb friction would",
         ),
     ),
-    follows="the sign of speed near standstill",
     modelica=force_on_mass(),
 )

@@ -4,27 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects.declaration import Dimension, Draft, Effect, Fault, Law, Modelica, Parameter, Values
+from brightgrey.effects import DAMPING, Effect, Fault, Law, Modelica, Parameter, friction_stamp
 
 
-def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
-    """Torque and its slope over speed."""
+def viscous_torque(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+    """Torque -f_v v on the mass, and its slope over speed."""
     return -p[0] * z[0], (-p[0],)
 
 
-def gradient(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Derivative by f_v."""
-    return (-z[0],)
-
-
-LAW = Law(("f_v",), value, gradient, affine=True, odd=True, dissipative=True)
-
-
-def stamp(draft: Draft, place: int, values: Values) -> Draft:
-    """Torque on the mass at `place`, from its speed (eq. 11)."""
-    speed = draft.unit_row(f"v{place}")
-    return draft.with_element(f"viscous@{place}", LAW, (speed,), draft.B[:, place - 1], values)
-
+VISCOUS_LAW = Law(("f_v",), viscous_torque, affine=True, odd=True, dissipative=True)
 
 EFFECT = Effect(
     name="viscous",
@@ -38,7 +26,7 @@ EFFECT = Effect(
     parameters=(
         Parameter(
             "f_v",
-            Dimension(input=1, motion=-1, time=1),
+            DAMPING,
             "viscous friction coefficient",
             bounds=lambda s: (1e-5 * s.torque / s.speed, 5.0 * s.torque / s.speed),
             start=lambda s: max(s.viscous, 1e-3 * s.torque / s.speed),
@@ -46,10 +34,10 @@ EFFECT = Effect(
             fault=Fault("friction"),
         ),
     ),
-    noticeable=lambda s, values: {"f_v": 0.01 * s.torque / s.speed},
-    stamp=stamp,
-    law=LAW,
-    follows="speed",
+    law=VISCOUS_LAW,
+    stamp=friction_stamp(VISCOUS_LAW),
+    relevant_size=lambda s, values, place: {"f_v": 0.01 * s.torque / s.speed},
+    residual_signature="speed",
     modelica=Modelica(
         components=(
             ("$library.Components.Damper", "$name", "d = $f_v"),

@@ -41,8 +41,8 @@ def resolve_lag_pole_exchange(
     """
     structure = problem.structure
     linear = all(p.effect.law is None or (p.effect.law.affine and p.effect.law.ports) for p in structure.placed)
-    lags = [p for p in structure.placed if p.effect.memory and [q.lag for q in p.effect.parameters] == [True]]
-    if not linear or any(p.effect.where == "shaft" for p in structure.placed):
+    lags = [p for p in structure.placed if p.effect.has_states and [q.lag for q in p.effect.parameters] == [True]]
+    if not linear or structure.has_hard_limit:
         return best, []
     for placed in lags:
         name = placed.parameter(placed.effect.parameters[0].symbol)

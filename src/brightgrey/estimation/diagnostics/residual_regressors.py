@@ -99,7 +99,7 @@ def patterns(structure: Structure, scales: Scales, f_tanh: float) -> dict[str, t
         return np.asarray((m.position - middle) / max(0.5 * float(np.ptp(m.position)), np.finfo(float).tiny))
 
     present = {p.name for p in structure.placed}
-    missing = [e for e in registry().values() if e.follows and e.name not in present]
+    missing = [e for e in registry().values() if e.residual_signature and e.name not in present]
     return {
         **{e.name: (_torque(e, scales, f_tanh),) for e in missing},
         "direction": (lambda m: side(m) ** 2, lambda m: side(m) * m.speed / scales.speed),

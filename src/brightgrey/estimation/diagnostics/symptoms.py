@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.effects import Dimension, Effect, Scales, registry
+from brightgrey.effects import DAMPING, Effect, Scales, registry
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.residual_regressors import (
     DRIFT,
@@ -28,7 +28,6 @@ __all__ = ["Symptom", "symptoms"]
 _LEVEL = 0.01  # chance of a symptom by residuals that follow nothing, and the same of a peak
 _LATE = 2.0  # sampling intervals from which a lag is large
 _HALF = (0.3, 0.7)  # of a sampling interval: what may be half a sample
-_DAMPING = Dimension(input=1, motion=-1, time=1)
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ def _another_mass(
         p.parameter(q.symbol)
         for p in structure.placed
         for q in p.effect.parameters
-        if p.effect.masses and q.dimension == _DAMPING
+        if p.effect.masses and q.dimension == DAMPING
     ]
     late = [name for name, q in structure.parameters.items() if q.lag and values[name] > _LATE * scales.interval]
     limited = [name for name in dampings if name in at and at[name].at_bound]
@@ -107,13 +106,11 @@ def _faded(structure: Structure, values: Mapping[str, float], ended: FitContext,
     """Effects whose size ran to its bound below anything that matters."""
     found = []
     for placed in structure.placed:
-        if placed.effect.noticeable is None or placed.effect.masses:
+        if placed.effect.masses:
             continue
-        least = placed.effect.noticeable(scales, values)
         gone = [
             name
-            for symbol, size in least.items()
-            for name in [placed.parameter(symbol)]
+            for name, size in placed.relevant_size(scales, values).items()
             if name in ended.estimates.by_name
             and ended.estimates.by_name[name].at_bound == "low"
             and 0.0 <= values[name] < size
@@ -198,7 +195,7 @@ def _explains(hit: Detected) -> str:
 def _missing(effect: Effect, hit: Detected) -> Symptom:
     return Symptom(
         f"{effect.title} suspected",
-        f"the residual follows {effect.follows}, which explains {_explains(hit)}",
+        f"the residual follows {effect.residual_signature}, which explains {_explains(hit)}",
         f"try {effect.name} as well, or search for the structure",
     )
 

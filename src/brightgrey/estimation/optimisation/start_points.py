@@ -62,7 +62,7 @@ def starts_at_residual_peaks(
             turning.append(2.0 * np.pi * rfftfreq(len(piece), r.dt)[1:])
         begin += r.y.size
     weight = np.concatenate(power)
-    blocks = [(list(block.rows), block.regroup) for block in search.blocks if block.regroup is not None]
+    blocks = [(list(block.rows), block.hints.perturb) for block in search.blocks if block.hints.perturb is not None]
     if not blocks or not weight.sum() > 0.0:
         return np.zeros((len(parent), 0))
     wanted = rng.choice(np.concatenate(turning), count, p=weight / weight.sum())
@@ -94,7 +94,9 @@ def resonance_scan(
     found, costs, sets = [np.zeros((len(parent), 0))], [np.zeros(0)], 1
     if not power.any():
         return found[0], sets
-    for rows, ways in ((list(block.rows), block.ways) for block in search.blocks if block.ways is not None):
+    for rows, ways in (
+        (list(block.rows), block.hints.enumerate) for block in search.blocks if block.hints.enumerate is not None
+    ):
         each = ways(parent[rows], turning[:1]).shape[2]
         lines = np.sort(np.argsort(-power, kind="stable")[: max(_LANES // each, 1)])
         values = np.repeat(parent[:, None], len(lines) * each, axis=1)
@@ -152,11 +154,11 @@ def perturbed_starts(search: ParameterSpace, parents: Sequence[Array], fresh: Ar
     parent = np.stack(parents, axis=1)[:, chosen]
     regrouped: NDArray[np.bool_] = np.zeros(count, np.bool_)
     for block in search.blocks:
-        if block.regroup is not None:
+        if block.hints.perturb is not None:
             regrouped = np.less(rng.random(count), _REGROUPED)
             rows = np.array(block.rows)[:, None]
             share, anything = rng.random((len(rows), regrouped.sum())), np.full(regrouped.sum(), np.nan)
-            parent[rows, regrouped] = block.regroup(parent[rows, regrouped], share, anything)
+            parent[rows, regrouped] = block.hints.perturb(parent[rows, regrouped], share, anything)
     theta = np.clip(search.to_scaled(np.clip(parent, search.low[:, None], search.high[:, None])), low, high)
     shift = rng.choice(_SHIFTS, count) * rng.standard_normal(theta.shape)
     near = np.clip(theta + np.where(search.log[:, None], shift, 0.2 * shift), low, high)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from brightgrey.arrays import Array
-from brightgrey.effects import Scales
+from brightgrey.effects import Scales, SearchHints
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.problem.initial_state import InitialStateParameter
 from brightgrey.kit import Structure
@@ -28,9 +28,8 @@ class Block(NamedTuple):
     """Parameters (rows) that are drawn together, and how; see `Effect`."""
 
     rows: tuple[int, ...]
-    spread: Callable[[Scales, Array], Array]
-    regroup: Callable[[Array, Array, Array], Array] | None
-    ways: Callable[[Array, Array], Array] | None
+    sample: Callable[[Scales, Array], Array]
+    hints: SearchHints
 
 
 @dataclass(frozen=True)
@@ -122,7 +121,7 @@ class ParameterSpace:
         values = self._alone(share)
         for block in self.blocks:
             rows = list(block.rows)
-            drawn = block.spread(self.scales, share[rows])
+            drawn = block.sample(self.scales, share[rows])
             values[rows] = np.clip(drawn, self.low[rows, None], self.high[rows, None])
         values[self.not_sampled] = self.start[self.not_sampled, None]
         return values
@@ -184,6 +183,6 @@ def _together(
     """Parameters that are drawn together: those of an effect that says how, unless the user decides on one."""
     for placed in structure.placed:
         own = [placed.parameter(q.symbol) for q in placed.effect.parameters]
-        effect = placed.effect
-        if effect.spread is not None and all(name in names and name not in bounds for name in own):
-            yield Block(tuple(names.index(name) for name in own), effect.spread, effect.regroup, effect.ways)
+        hints = placed.effect.search
+        if hints.sample is not None and all(name in names and name not in bounds for name in own):
+            yield Block(tuple(names.index(name) for name in own), hints.sample, hints)

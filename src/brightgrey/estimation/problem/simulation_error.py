@@ -18,7 +18,7 @@ from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response, squares
 
-__all__ = ["SimulationErrorProblem", "limited_states", "predict_many", "system_for", "systems"]
+__all__ = ["SimulationErrorProblem", "predict_many", "system_for", "systems"]
 
 _FEWEST = 100  # samples of a beginning
 _LOST = 10.0  # residual of a diverged simulation, in standard deviations of the output
@@ -95,8 +95,8 @@ def _beginning(recording: Recording, share: float) -> Recording:
 
 
 @cache
-def limited_states(structure: Structure) -> tuple[str, ...]:
-    """Names of the states that are kept between limits: positions in gaps."""
+def _limited_states(structure: Structure) -> tuple[str, ...]:
+    """Names of the states that are kept between limits, such as positions in gaps."""
     system = assemble(structure, dict.fromkeys(structure.parameters, 1.0), 1.0)
     return tuple(system.state_names[e.limits.state] for e in system.elements if e.limits is not None)
 
@@ -135,7 +135,7 @@ class SimulationErrorProblem:
         spread = np.max([r.y.std(axis=1) for r in recordings], axis=0)
         floor = np.maximum(noise, 1e-3 * spread)
         tags = [f"#{k + 1}" if len(recordings) > 1 else "" for k in range(len(recordings))]
-        limited = limited_states(structure)
+        limited = _limited_states(structure)
         onsets = tuple(
             InitialState.of(r, initial, tag, limited, structure.masses) for r, tag in zip(recordings, tags, strict=True)
         )
@@ -159,8 +159,8 @@ class SimulationErrorProblem:
 
     @property
     def has_hard_limit(self) -> bool:
-        """Whether a state is kept between limits: then the cost is rugged."""
-        return bool(limited_states(self.structure))
+        """A state of the structure is kept between limits: the cost is rugged then."""
+        return self.structure.has_hard_limit
 
     @property
     def samples(self) -> int:

@@ -11,8 +11,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from brightgrey.effects import Element
-from brightgrey.effects.declaration import Stage
+from brightgrey.effects import Element, Stage
 from brightgrey.exports.expressions.languages import MODELICA, number_literal, spell
 from brightgrey.exports.expressions.trace import Expression, symbol, traced
 from brightgrey.exports.external_tools import ExportError, import_library

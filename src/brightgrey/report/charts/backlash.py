@@ -8,18 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.effects import Element
-from brightgrey.effects.declaration import Dimension
+from brightgrey.effects import POSITION, TORQUE, Element
 from brightgrey.kit import StateSpace, assemble
 from brightgrey.model.model import Model
 from brightgrey.model.trace import Trace
 from brightgrey.report.charts.chart import Chart, Line, Mark, Panel, thin
-from brightgrey.report.charts.friction import TORQUE
 from brightgrey.simulation import response
 
 __all__ = ["gap_charts", "loop"]
-
-MOTION = Dimension(input=0, motion=1, time=0)
 
 
 def gap_charts(model: Model, traces: Sequence[Trace]) -> tuple[Chart, ...]:
@@ -84,7 +80,7 @@ def _chart(model: Model, system: StateSpace, gap: Element, states: Array, trace:
     twist, torque = loop(system, gap, model.values_si(), states)
     assert gap.limits is not None
     place = _place(gap)
-    motion_unit, per_motion = model.units.of(MOTION)
+    motion_unit, per_motion = model.units.of(POSITION)
     torque_unit, per_torque = model.units.of(TORQUE)
     _, x, y = thin(trace.t, twist * per_motion, torque * per_torque)
     panel = Panel(

@@ -10,9 +10,10 @@ from scipy.signal import csd
 
 from brightgrey.arrays import Array, Complex
 from brightgrey.control.linear.analysis import Analysis, linearise_at
+from brightgrey.effects import SPEED
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
-from brightgrey.model.model import SPEED, Model
+from brightgrey.model.model import Model
 from brightgrey.model.trace import Trace
 from brightgrey.report.charts.chart import Chart, Line, Mark, Panel
 from brightgrey.report.quantities.number_format import significant

@@ -5,16 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.effects import Element
-from brightgrey.effects.declaration import Dimension
+from brightgrey.effects import SPEED, TORQUE, Element
 from brightgrey.kit import StateSpace, assemble
-from brightgrey.model.model import SPEED, Model
+from brightgrey.model.model import Model
 from brightgrey.report.charts.chart import Chart, Line, Panel
 from brightgrey.report.quantities.propagation import Correlation, parameter_draws
 
 __all__ = ["TORQUE", "friction_at", "friction_charts", "friction_elements"]
 
-TORQUE = Dimension(input=1, motion=0, time=0)
 DRAWS = 400
 POINTS = 401
 

@@ -8,20 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.effects import Dimension
+from brightgrey.effects import INERTIA, POSITION, SPEED, TORQUE
 from brightgrey.kit import assemble
-from brightgrey.model.model import SPEED, Model
+from brightgrey.model.model import Model
 from brightgrey.recordings.units.parser import parse_unit
-from brightgrey.report.charts.backlash import MOTION
 from brightgrey.report.charts.frequency_response import linearised
-from brightgrey.report.charts.friction import TORQUE, friction_at, friction_elements
+from brightgrey.report.charts.friction import friction_at, friction_elements
 from brightgrey.report.quantities.number_format import significant, with_uncertainty
 from brightgrey.report.quantities.propagation import Correlation, intervals
 from brightgrey.report.text.tables import interval_text
 
 __all__ = ["SheetEntry", "commissioning_sheet"]
-
-INERTIA = Dimension(input=1, motion=-1, time=2)
 
 
 @dataclass(frozen=True)
@@ -161,7 +158,7 @@ def _constant(model: Model) -> Iterator[SheetEntry]:
 def _gaps(model: Model) -> Iterator[SheetEntry]:
     """Whole gaps: a declared gap is half of it."""
     system = assemble(model.structure, model.values_si(), model.settings_si().f_tanh)
-    unit, factor = model.units.of(MOTION)
+    unit, factor = model.units.of(POSITION)
     for e in system.elements:
         if e.limits is not None:
             width = float(e.limits.upper - e.limits.lower) * factor

@@ -252,5 +252,4 @@ class _JobEvaluator:
 
 def _effort(structure: Structure) -> int:
     """Roughly how long a structure takes: by far the longest where a law of two ports is between limits."""
-    limited = any(p.effect.law is not None and p.effect.law.ports > 1 for p in structure.placed)
-    return len(structure.parameters) * (_LIMITED if limited else 1)
+    return len(structure.parameters) * (_LIMITED if structure.has_hard_limit else 1)
