@@ -19,7 +19,7 @@ import time
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
-from brightgrey.api import read_recording
+from brightgrey import read_recording
 from brightgrey.estimation import scales, settings_for
 from brightgrey.excitation import demo_recording
 from brightgrey.runs import CachingExecutor, Store, Workforce

@@ -1,4 +1,9 @@
-"""Brightgrey finds out which physical effects are at work in an electric drive train, and how large they are."""
+"""Brightgrey finds out which physical effects are at work in an electric drive train, and how large they are.
+
+A user imports from this package and from no other: ``from brightgrey import identify, read_recording``. The author of
+an effect imports from :mod:`brightgrey.effects`. No function here has the name of a package inside brightgrey, because
+the import of that package would put itself in the function's place.
+"""
 
 from __future__ import annotations
 
@@ -8,43 +13,103 @@ from typing import TYPE_CHECKING, Any
 from brightgrey.version import __version__
 
 if TYPE_CHECKING:
-    from brightgrey.api import Result, Simulation, identify, simulate
-    from brightgrey.errors import BrightgreyError
+    from brightgrey.api.control import Design, Watch, analyse, design, watch
+    from brightgrey.api.demo import demo
+    from brightgrey.api.fleet.fleet import Fleet, Member, identify_fleet
+    from brightgrey.api.fleet.manifest import Axis, read_manifest
+    from brightgrey.api.identification import identify
+    from brightgrey.api.result import Result
+    from brightgrey.api.resumable import StoredRun, identify_resumable, list_runs
+    from brightgrey.api.simulation import Simulation, read_for, simulate
+    from brightgrey.control.linear.analysis import Analysis
+    from brightgrey.control.linear.margins import Compensator, Margins
+    from brightgrey.errors import BrightgreyError, RecordingError, SettingsError, StructureError
+    from brightgrey.exports.external_tools import ExportError
+    from brightgrey.exports.registry import Export, export
     from brightgrey.kit.structure import Structure
-    from brightgrey.model.model import Model
-    from brightgrey.recordings import Recording, read_recording
+    from brightgrey.model.model import Model, load_model
+    from brightgrey.recordings.read import read_recording, recording_from
+    from brightgrey.recordings.recording import Recording, Signal
+    from brightgrey.runs.caching_executor import Budget
+    from brightgrey.runs.status import RunStatus
+    from brightgrey.runs.store import RunError
+    from brightgrey.search.genetic.settings import GeneticSettings
 
 __all__ = [
+    "Analysis",
+    "Axis",
     "BrightgreyError",
+    "Budget",
+    "Compensator",
+    "Design",
+    "Export",
+    "ExportError",
+    "Fleet",
+    "GeneticSettings",
+    "Margins",
+    "Member",
     "Model",
     "Recording",
+    "RecordingError",
     "Result",
+    "RunError",
+    "RunStatus",
+    "SettingsError",
+    "Signal",
     "Simulation",
+    "StoredRun",
     "Structure",
+    "StructureError",
+    "Watch",
     "__version__",
+    "analyse",
+    "demo",
+    "design",
+    "export",
     "identify",
+    "identify_fleet",
+    "identify_resumable",
+    "list_runs",
+    "load_model",
+    "read_for",
+    "read_manifest",
     "read_recording",
+    "recording_from",
     "simulate",
+    "watch",
 ]
 
 _HOME = {
-    "BrightgreyError": "brightgrey.errors",
-    "Model": "brightgrey.model.model",
-    "Recording": "brightgrey.recordings",
-    "Result": "brightgrey.api",
-    "Simulation": "brightgrey.api",
-    "Structure": "brightgrey.kit.structure",
-    "identify": "brightgrey.api",
-    "read_recording": "brightgrey.recordings",
-    "simulate": "brightgrey.api",
+    "api.control": ("Design", "Watch", "analyse", "design", "watch"),
+    "api.demo": ("demo",),
+    "api.fleet.fleet": ("Fleet", "Member", "identify_fleet"),
+    "api.fleet.manifest": ("Axis", "read_manifest"),
+    "api.identification": ("identify",),
+    "api.result": ("Result",),
+    "api.resumable": ("StoredRun", "identify_resumable", "list_runs"),
+    "api.simulation": ("Simulation", "read_for", "simulate"),
+    "control.linear.analysis": ("Analysis",),
+    "control.linear.margins": ("Compensator", "Margins"),
+    "errors": ("BrightgreyError", "RecordingError", "SettingsError", "StructureError"),
+    "exports.external_tools": ("ExportError",),
+    "exports.registry": ("Export", "export"),
+    "kit.structure": ("Structure",),
+    "model.model": ("Model", "load_model"),
+    "recordings.read": ("read_recording", "recording_from"),
+    "recordings.recording": ("Recording", "Signal"),
+    "runs.caching_executor": ("Budget",),
+    "runs.status": ("RunStatus",),
+    "runs.store": ("RunError",),
+    "search.genetic.settings": ("GeneticSettings",),
 }
+_MODULE = {name: f"brightgrey.{module}" for module, names in _HOME.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    """Import on first use (PEP 562): ``brightgrey --help`` must not wait for numba and scipy."""
-    if name not in _HOME:
+    """Import a name on its first use (PEP 562), because ``brightgrey --help`` must not wait for numba and scipy."""
+    if name not in _MODULE:
         raise AttributeError(f"module 'brightgrey' has no attribute '{name}'")
-    value = getattr(importlib.import_module(_HOME[name]), name)
+    value = getattr(importlib.import_module(_MODULE[name]), name)
     globals()[name] = value
     return value
 

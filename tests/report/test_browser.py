@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from brightgrey import api
+import brightgrey
 from brightgrey.model.ranking import Row
 from brightgrey.model.schema import TiesPart
 from brightgrey.report.content import Content
@@ -171,11 +171,11 @@ def test_theme_is_followed_while_the_page_is_open(browser, report):
 
 
 def demo_result(_):
-    return api.demo(workers=2)
+    return brightgrey.demo(workers=2)
 
 
 def emps_result(measured):
-    recording = api.read_recording(
+    recording = brightgrey.read_recording(
         measured("emps/DATA_EMPS.mat"),
         input="vir",
         outputs=["qm:position"],
@@ -183,18 +183,18 @@ def emps_result(measured):
         input_gain=35.15065,
         units={"vir": "N", "qm": "m"},
     )
-    return api.identify(recording, "one_mass+coulomb+viscous+gravity", starts=4)
+    return brightgrey.identify(recording, "one_mass+coulomb+viscous+gravity", starts=4)
 
 
 def mte360_result(measured):
-    recording = api.read_recording(
+    recording = brightgrey.read_recording(
         measured("mte360/velocity_response_1_5.mat"),
         input="u",
         outputs=["v1:velocity-differenced"],
         time="t",
         units={"u": "V", "v1": "mm/s"},
     )
-    return api.identify(recording, "two_mass+coulomb+viscous+gravity", starts=4)
+    return brightgrey.identify(recording, "two_mass+coulomb+viscous+gravity", starts=4)
 
 
 @pytest.mark.long

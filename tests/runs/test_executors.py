@@ -7,7 +7,7 @@ import signal
 import numpy as np
 import pytest
 
-from brightgrey.api import read_recording
+from brightgrey import read_recording
 from brightgrey.api.resumable import identify_resumable
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from brightgrey.api import identify
+from brightgrey import identify
 from brightgrey.cli.terminal.results import result as show
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation.reference import reference

@@ -185,9 +185,9 @@ def watch(
     model : Model
     recording : Recording
         With the model's signals.
-    normal : Recording
+    baseline : Recording
         One without fault, for the noise levels: that which the model was identified from.
-    matters : float
+    min_change : float
         Relative change that is not yet worth reporting, a ratio.
     confidence : float
         Probability at which a change is reported, from 0 to 1 (a ratio).

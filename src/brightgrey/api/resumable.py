@@ -31,31 +31,31 @@ from brightgrey.version import __version__
 
 __all__ = ["StoredRun", "identify_resumable", "list_runs", "request_of"]
 
-PRINTED = "printed.txt"
-_ELSEWHERE = ("recordings", "test", "start", "search", "structure", "progress", "workers", "executor")
+SUMMARY_FILE = "summary.txt"
+_NOT_IN_REQUEST = ("recordings", "test", "start", "search", "structure", "progress", "workers", "executor")
 
 
 @dataclass(frozen=True)
 class StoredRun:
-    """What a folder holds after :func:`identify_into`.
+    """Content of a folder after :func:`identify_resumable`.
 
     Attributes
     ----------
     files : mapping of str to bytes
         Results by file name.
-    printed : str
-        What was said of them.
+    summary : str
+        Text on the result that was stored with it.
     result : Result or None
-        None where an earlier call had finished the run: nothing was computed then.
+        None if an earlier call had finished the run, so that nothing was computed.
     """
 
     files: Mapping[str, bytes] = field(repr=False)
-    printed: str
+    summary: str
     result: Result | None
 
     @property
     def stopped(self) -> bool:
-        """Whether this is only the best so far."""
+        """True if the search was stopped and the result is the best one so far."""
         return self.result is not None and self.result.stopped
 
     @property
@@ -65,16 +65,16 @@ class StoredRun:
 
 
 def request_of(recordings: Recording | Sequence[Recording], structure: Any = None, **options: Any) -> dict[str, Any]:
-    """All that the result of :func:`identify` depends on, as plain data: what a run is recognised by."""
+    """Everything that the result of :func:`identify` depends on, as plain data. It identifies a run."""
     given = inspect.signature(identify).bind(recordings, structure, **options)
     given.apply_defaults()
     asked = given.arguments
     several = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    request = {name: value for name, value in asked.items() if name not in _ELSEWHERE}
+    request = {name: value for name, value in asked.items() if name not in _NOT_IN_REQUEST}
     request |= {name: sorted(set(asked[name])) for name in ("require", "exclude")}
-    request |= {f"recording {i}": _about(r) for i, r in enumerate(several, 1)}
+    request |= {f"recording {i}": _identity(r) for i, r in enumerate(several, 1)}
     if asked["test"] is not None:
-        request["test recording"] = _about(asked["test"])
+        request["test recording"] = _identity(asked["test"])
     if asked["start"] is not None:
         request["start model"] = digest(asked["start"].text())[:16]
     search = asked["search"]
@@ -90,7 +90,7 @@ def request_of(recordings: Recording | Sequence[Recording], structure: Any = Non
     return plain
 
 
-def _about(recording: Recording) -> str:
+def _identity(recording: Recording) -> str:
     return f"{recording.name} ({recording.fingerprint[:16]})"
 
 
@@ -104,42 +104,48 @@ def identify_resumable(
     stop: Stop | None = None,
     restart: bool = False,
     progress: Callable[[SearchProgress | Progress], None] | None = None,
-    printed: Callable[[Result], str] = lambda result: "",
+    summary: Callable[[Result], str] = lambda result: "",
     request: str = "",
     **options: Any,
 ) -> StoredRun:
-    """Call :func:`identify` and write its results to `folder`, with every evaluation on the way.
+    """Call :func:`identify`, keep every evaluation in `folder`, and write the results there.
 
-    Called again after an interruption of any kind, it goes on, and ends with the same bytes. After its end it gives
-    the results at once.
+    The same call continues an interrupted run and ends with the same bytes. The same call for a finished run reads
+    its results and computes nothing.
 
     Parameters
     ----------
     folder : str or Path
-        For this run alone.
+        One folder holds one run.
     recordings, structure
-        See :func:`identify`.
+        As for :func:`identify`.
     executor : Executor, optional
-        Makes the evaluations of a search; one thread if there is none.
+        Runs the evaluations of a search; one thread by default.
     budget : Budget, optional
+        Number of evaluations and seconds after which a search stops with the best structure so far.
     stop : Stop, optional
-        Ends a search with the best so far when it is told.
+        Stops a search with the best structure so far, from another thread or a signal handler.
     restart : bool
-        Forget the run that is there.
+        Delete the run in `folder` first.
     progress : callable, optional
-    printed : callable, optional
-        Text on a result that is kept with it.
+        Called after every structure or generation of a search.
+    summary : callable, optional
+        Makes the text that is stored beside the result.
     request : str
-        Command that the report gives to repeat it.
+        Command that repeats the run; the report shows it.
     options
         Further arguments of :func:`identify`.
+
+    Returns
+    -------
+    StoredRun
 
     Raises
     ------
     RunError
-        If another process is at work in `folder`, a run of another request (but for the finished fit of a given
-        structure, which is replaced) or a damaged one is there, results
-        cannot be kept, or the search was stopped before there is anything.
+        If another process uses `folder`, if it holds a damaged run or one of another request, if results cannot be
+        stored, or if the search was stopped before it had fitted a structure. The finished fit of a given structure is
+        replaced instead.
     BrightgreyError
         As :func:`identify`.
     """
@@ -148,44 +154,45 @@ def identify_resumable(
     with Store.open(folder, asked, restart=restart, cheap=_is_fit) as store:
         if store.finished:
             files = store.files()
-            said = files.pop(PRINTED, b"").decode()
-            _put_back(Path(folder), files)
-            return StoredRun(files, said, None)
+            text = files.pop(SUMMARY_FILE, b"").decode()
+            _restore(Path(folder), files)
+            return StoredRun(files, text, None)
 
-        def note(step: SearchProgress | Progress) -> None:
-            _note(store, step)
+        def on_progress(step: SearchProgress | Progress) -> None:
+            _store_progress(store, step)
             if progress is not None:
                 progress(step)
 
-        with thread_pool(executor) as workers, CachingExecutor(workers, store, budget, stop) as memory:
+        with thread_pool(executor) as workers, CachingExecutor(workers, store, budget, stop) as caching:
             try:
-                result = identify(recordings, structure, executor=memory, progress=note, **options)
+                result = identify(recordings, structure, executor=caching, progress=on_progress, **options)
             except (Stopped, KeyboardInterrupt) as reason:
-                text = f"stopped before any model was found; the same command goes on with what is kept in '{folder}'"
-                raise RunError(text) from reason
+                raise RunError(
+                    f"stopped before a structure was fitted; the same command continues with what is kept in '{folder}'"
+                ) from reason
             except RunError:
                 raise
             except BrightgreyError:
                 store.discard()  # the same request would fail again
                 raise
             finally:
-                memory.stop()
+                caching.stop()
         result = replace(result, request=request)
-        contents, said = result.contents(), printed(result)
-        _sweep(Path(folder), contents)
+        contents, text = result.contents(), summary(result)
+        _remove_temporary_files(Path(folder), contents)
         write_files(folder, contents)
         if not result.stopped:
-            store.finish({**contents, PRINTED: said.encode()})
-        return StoredRun(contents, said, result)
+            store.finish({**contents, SUMMARY_FILE: text.encode()})
+        return StoredRun(contents, text, result)
 
 
 def _is_fit(request: Mapping[str, Any]) -> bool:
-    """Whether nothing was searched: such a result is soon there again."""
+    """Return True for a request without a search, which takes seconds to repeat."""
     return request.get("structure") is not None
 
 
-def _note(store: Store, step: SearchProgress | Progress) -> None:
-    """Keep where a search stands, of a genetic one all that the next generation is drawn from."""
+def _store_progress(store: Store, step: SearchProgress | Progress) -> None:
+    """Store the progress of a search; for a genetic one also the state that the next generation is drawn from."""
     if isinstance(step, SearchProgress):
         store.stage({"name": step.name, "done": step.done, "total": step.total, "best": str(step.structure)})
         return
@@ -195,8 +202,8 @@ def _note(store: Store, step: SearchProgress | Progress) -> None:
     store.generation(step.generation, {"random": step.random, "population": trees})
 
 
-def _put_back(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write results of a finished run that are missing or have been changed."""
+def _restore(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write those results of a finished run again that are missing or have been changed."""
     lost = {
         name: content
         for name, content in files.items()
@@ -206,15 +213,24 @@ def _put_back(folder: Path, files: Mapping[str, bytes]) -> None:
         write_files(folder, lost)
 
 
-def _sweep(folder: Path, names: Mapping[str, bytes]) -> None:
-    """Remove what a killed process left of its temporary files."""
+def _remove_temporary_files(folder: Path, names: Mapping[str, bytes]) -> None:
+    """Remove temporary files that a killed process has left behind."""
     for name in names:
         for leftover in folder.glob(f".{name}.*"):
             leftover.unlink(missing_ok=True)
 
 
 def list_runs(folder: str | Path) -> list[tuple[Path, RunStatus | RunError]]:
-    """Runs in `folder` and the folders below it, each with what it is or why it cannot be read.
+    """List the runs in `folder` and in the folders below it.
+
+    Parameters
+    ----------
+    folder : str or Path
+
+    Returns
+    -------
+    list of (Path, RunStatus or RunError)
+        Folder of each run, with its status or the reason why it cannot be read.
 
     Raises
     ------

@@ -39,9 +39,9 @@ def analyse(
     """
     coefficients = _controller(controller) if controller else None
     from brightgrey.cli.terminal import control as show_work
-    from brightgrey.model.model import Model
+    from brightgrey.model.model import load_model
 
-    loaded = Model.load(model)
+    loaded = load_model(model)
     from brightgrey.api.control import analyse as run
     from brightgrey.control.linear.margins import Compensator
 
@@ -69,9 +69,9 @@ def control(
     """
     from brightgrey.cli.terminal import control as show_work
     from brightgrey.cli.terminal import results as show
-    from brightgrey.model.model import Model
+    from brightgrey.model.model import load_model
 
-    loaded = Model.load(model)
+    loaded = load_model(model)
     from brightgrey.api.control import design
 
     with show.working("designing", silent=quiet or json):
@@ -100,14 +100,14 @@ def watch(
     given = units(unit or ())
     from brightgrey.cli.terminal import control as show_work
     from brightgrey.cli.terminal import results as show
-    from brightgrey.model.model import Model
+    from brightgrey.model.model import load_model
 
-    loaded = Model.load(model)
-    from brightgrey import api
+    loaded = load_model(model)
     from brightgrey.api.control import watch as run
+    from brightgrey.api.simulation import read_for
 
     with show.working("watching", silent=quiet or json):
-        before, now = (api.read_for(loaded, f, time=time, dt=dt, units=given) for f in (baseline, recording))
+        before, now = (read_for(loaded, f, time=time, dt=dt, units=given) for f in (baseline, recording))
         found = run(loaded, now, baseline=before, min_change=min_change, confidence=confidence)
     show_work.watched(found, quiet=quiet, json=json)
 

@@ -31,10 +31,10 @@ def demo(
     from brightgrey.model.files import check_folder
 
     check_folder(out)
-    from brightgrey import api
+    from brightgrey.api.demo import demo as identify_demo
 
     with live.steps("demo", silent=quiet or json) as display:
-        result = api.demo(seed=seed, workers=workers, progress=lambda step: display(step, "demo"))
+        result = identify_demo(seed=seed, workers=workers, progress=lambda step: display(step, "demo"))
         result = replace(result, request=given(context))
         result.write(out)
     show.result(result, out, quiet=quiet, json=json)

@@ -40,21 +40,22 @@ def export(
     """
     given = units(unit or ())
     from brightgrey.cli.terminal import results as show
+    from brightgrey.exports.registry import export as export_model
     from brightgrey.exports.registry import exporter
     from brightgrey.model.files import check_folder
-    from brightgrey.model.model import Model
+    from brightgrey.model.model import load_model
 
     check_folder(out)
     for name in to:
         exporter(name)
-    loaded = Model.load(model)
-    from brightgrey import api
+    loaded = load_model(model)
+    from brightgrey.api.simulation import read_for
 
-    measured = api.read_for(loaded, recording, time=time, dt=dt, units=given) if recording else None
+    measured = read_for(loaded, recording, time=time, dt=dt, units=given) if recording else None
     done = []
     for name in to:
         with show.working(f"exporting to {name}", silent=quiet or json):
-            done.append(api.export(loaded, name, out, measured))
+            done.append(export_model(loaded, name, out, measured))
         if not (quiet or json):
             typer.echo(f"{name}: {', '.join(str(file) for file in done[-1].files)}\n    {done[-1].text}")
     if json:

@@ -105,14 +105,14 @@ def fleet(
             "hold": hold,
         }
     )
-    from brightgrey.api.fleet.fleet import fleet as run
+    from brightgrey.api.fleet.fleet import identify_fleet
     from brightgrey.cli.terminal.signals import signals
     from brightgrey.estimation.problem.initial_state import check_initial
     from brightgrey.runs import Budget, Workforce
 
     workforce, budget = Workforce(workers, processes, dask), Budget(max_evaluations, max_seconds)
     with signals() as stop, workforce.executor() as executor:
-        found = run(
+        found = identify_fleet(
             axes,
             out,
             read,
@@ -130,7 +130,7 @@ def fleet(
             stop=stop,
             restart=restart,
             done=_teller(len(axes), silent=quiet or json),
-            printed=show.text,
+            summary=show.text,
         )
     _show(found, out, quiet=quiet, json=json)
     if stop.told:
@@ -141,7 +141,7 @@ def fleet(
 
 def _reader(given: Mapping[str, Any]) -> Callable[[Path, Mapping[str, Any]], Recording]:
     """Reads a recording with the options of its axis, and those `given` where it has none."""
-    from brightgrey import api
+    from brightgrey.recordings import read_recording
     from brightgrey.recordings.recording import check_hold
 
     def read(path: Path, own: Mapping[str, Any]) -> Recording:
@@ -149,7 +149,7 @@ def _reader(given: Mapping[str, Any]) -> Callable[[Path, Mapping[str, Any]], Rec
         for name in ("input", "output"):
             if not asked[name]:
                 raise SettingsError(f"{path}: neither the manifest nor --{name} says which column is the {name}")
-        return api.read_recording(
+        return read_recording(
             path,
             input=asked["input"],
             outputs=asked["output"],

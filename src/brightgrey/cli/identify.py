@@ -204,11 +204,12 @@ def identify(
         n_neighbours=neighbours,
     )
     held = check_hold(hold)
-    from brightgrey import api
     from brightgrey.api.resumable import identify_resumable
     from brightgrey.cli.terminal.signals import signals
     from brightgrey.estimation.optimisation.pattern_fit import check_estimator
     from brightgrey.estimation.problem.initial_state import check_initial
+    from brightgrey.model.model import load_model
+    from brightgrey.recordings import Recording, read_recording
     from brightgrey.runs import Budget, Workforce
 
     method = check_estimator(estimator or "least-squares") if structure else "least-squares"
@@ -216,8 +217,8 @@ def identify(
     check_for_search(structure, processes, dask, max_evaluations, max_seconds)
     workforce, budget = Workforce(workers, processes, dask), Budget(max_evaluations, max_seconds)
 
-    def read(file: Path) -> api.Recording:
-        return api.read_recording(
+    def read(file: Path) -> Recording:
+        return read_recording(
             file,
             input=input,
             outputs=output,
@@ -246,7 +247,7 @@ def identify(
             bounds=ranges,
             fixed=constants,
             f_tanh=f_tanh,
-            start=api.Model.load(start) if start else None,
+            start=load_model(start) if start else None,
             test=read(test_recording) if test_recording else None,
             estimator=method,
             profile=profile or (),
@@ -257,7 +258,7 @@ def identify(
             budget=budget,
             stop=stop,
             restart=restart,
-            printed=lambda result: show.text(result, out),
+            summary=lambda result: show.text(result, out),
             request=given(context),
         )
     show.kept(kept, out, quiet=quiet, json=json)

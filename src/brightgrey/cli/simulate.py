@@ -32,15 +32,16 @@ def simulate(
     given = units(unit or ())
     from brightgrey.cli.terminal import results as show
     from brightgrey.model.files import check_file, write_file
-    from brightgrey.model.model import Model
+    from brightgrey.model.model import load_model
 
     if out:
         check_file(out)
-    loaded = Model.load(model)
-    from brightgrey import api
+    loaded = load_model(model)
+    from brightgrey.api.simulation import read_for
+    from brightgrey.api.simulation import simulate as simulate_model
 
     with show.working("simulating", silent=quiet or json):
-        simulation = api.simulate(loaded, api.read_for(loaded, recording, time=time, dt=dt, units=given))
+        simulation = simulate_model(loaded, read_for(loaded, recording, time=time, dt=dt, units=given))
         if out:
             write_file(out, simulation.trace.csv_text().encode())
     show.simulation(simulation, out, quiet=quiet, json=json)

@@ -33,7 +33,7 @@ from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units, motion_unit
 from brightgrey.simulation import Settings
 
-__all__ = ["SCHEMA", "Model"]
+__all__ = ["SCHEMA", "Model", "load_model"]
 
 SCHEMA: Literal["brightgrey/model/1"] = "brightgrey/model/1"
 
@@ -43,12 +43,6 @@ class Model(Part):
 
     Numbers stand in the recording's units, as in the file; :meth:`values_si` and :meth:`settings_si` give
     what the simulation takes. docs/model-json.md describes every field.
-
-    Examples
-    --------
-    >>> model = Model.load("out/model.json")  # doctest: +SKIP
-    >>> model.parameters["J1"].value, model.parameters["J1"].unit  # doctest: +SKIP
-    (0.00126, 'kg m²')
     """
 
     model_config = ConfigDict(serialize_by_alias=True)
@@ -133,34 +127,6 @@ class Model(Part):
         write_file(path, self.text().encode())
 
     @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read and check model.json.
-
-        Raises
-        ------
-        SettingsError
-            If the file cannot be read or is not JSON, or a field is missing, unknown or wrong.
-        """
-        file = Path(path)
-        try:
-            data = json.loads(file.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
-        except FileNotFoundError:
-            raise SettingsError(f"no model file '{path}'") from None
-        except OSError as error:
-            raise SettingsError(f"cannot read model file '{path}': {error.strerror}") from None
-        except UnicodeDecodeError:
-            raise SettingsError(f"model file '{path}' is not text; a model.json is wanted") from None
-        except json.JSONDecodeError as error:
-            place = f"line {error.lineno} column {error.colno}"
-            raise SettingsError(f"model file '{path}' is not JSON: {error.msg} at {place}") from None
-        except ValueError as error:  # parse_constant
-            raise SettingsError(f"model file '{path}': {error}") from None
-        try:
-            return cls.check(data)
-        except BrightgreyError as error:
-            raise SettingsError(f"model file '{path}': {error}") from None
-
-    @classmethod
     def check(cls, data: Any) -> Self:
         """Model from the content of a model.json.
 
@@ -181,6 +147,49 @@ class Model(Part):
             raise SettingsError(_first_problem(error, cls)) from None
         _check_consistent(model)
         return model
+
+
+def load_model(path: str | Path) -> Model:
+    """Read a model.json and check it.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Model
+        Its values stand in the units of the recording it was identified from.
+
+    Raises
+    ------
+    SettingsError
+        If the file cannot be read or is not JSON, or a field is missing, unknown or wrong.
+
+    Examples
+    --------
+    >>> model = load_model("out/model.json")  # doctest: +SKIP
+    >>> model.parameters["J1"].value, model.parameters["J1"].unit  # doctest: +SKIP
+    (0.00126, 'kg m²')
+    """
+    file = Path(path)
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    except FileNotFoundError:
+        raise SettingsError(f"no model file '{path}'") from None
+    except OSError as error:
+        raise SettingsError(f"cannot read model file '{path}': {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise SettingsError(f"model file '{path}' is not text; a model.json is wanted") from None
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno} column {error.colno}"
+        raise SettingsError(f"model file '{path}' is not JSON: {error.msg} at {place}") from None
+    except ValueError as error:  # parse_constant
+        raise SettingsError(f"model file '{path}': {error}") from None
+    try:
+        return Model.check(data)
+    except BrightgreyError as error:
+        raise SettingsError(f"model file '{path}': {error}") from None
 
 
 def _signal(part: SignalPart) -> Signal:

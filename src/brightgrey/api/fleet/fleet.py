@@ -1,4 +1,4 @@
-"""Many axes with the same options: one folder and one row each, and which of them differs from its siblings."""
+"""Identification of many axes with the same options, and the axes that differ from the others."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ from brightgrey.recordings import Recording
 from brightgrey.runs import Budget, Stop
 from brightgrey.runs.store import exclusive_folder
 
-__all__ = ["SUMMARY", "Fleet", "Member", "fleet"]
+__all__ = ["SUMMARY_TABLE", "Fleet", "Member", "identify_fleet"]
 
-SUMMARY = "summary.csv"
+SUMMARY_TABLE = "summary.csv"
 COMMON = "common"
 _RESIDUAL = "residual of {}"
 Read = Callable[[Path, Mapping[str, Any]], Recording]
-Printed = Callable[[Result, Path], str]
+Summary = Callable[[Result, Path], str]
 
 
 @dataclass(frozen=True)
 class Member:
-    """What became of one axis.
+    """Result of one axis.
 
     Attributes
     ----------
     name : str
     folder : Path
     model : Model or None
-        Its own; None if there is none.
+        None if the identification failed.
     compared : Model or None
-        That of the structure which the whole fleet is compared by.
+        Model of the structure by which the whole fleet is compared.
     error : str or None
-        Why there is none, or why it cannot be compared.
+        Reason why there is no model, or no model to compare.
     stopped : bool
-        The search was stopped: this is the best so far.
+        The search was stopped, and the model is the best one so far.
     differs : tuple of str
-        In what it differs from its siblings, each with its deviation.
+        Quantities in which the axis differs from the others, each with its deviation.
     """
 
     name: str
@@ -66,14 +66,14 @@ class Member:
 
 @dataclass(frozen=True)
 class Fleet:
-    """Result of :func:`fleet`.
+    """Result of :func:`identify_fleet`.
 
     Attributes
     ----------
     members : tuple of Member
         In the order of the manifest.
     structure : str or None
-        By which they are compared.
+        Structure by which the axes are compared.
     quantities : mapping of str to Compared
         Parameters, and the residual of every output.
     """
@@ -83,7 +83,7 @@ class Fleet:
     quantities: Mapping[str, Compared] = field(repr=False)
 
     def csv(self) -> str:
-        """One row for each axis; values in the recordings' units."""
+        """Table with one row per axis, as CSV text; values in the recordings' units."""
         names = list(dict.fromkeys(n for m in self.members if m.compared for n in m.compared.parameters))
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -104,7 +104,7 @@ class Fleet:
         return text.getvalue()
 
 
-def fleet(
+def identify_fleet(
     axes: Sequence[Axis],
     folder: str | Path,
     read: Read,
@@ -115,36 +115,47 @@ def fleet(
     stop: Stop | None = None,
     restart: bool = False,
     done: Callable[[Member], None] = lambda member: None,
-    printed: Printed = lambda result, folder: "",
+    summary: Summary = lambda result, folder: "",
     **options: Any,
 ) -> Fleet:
-    """Identify every axis into a folder of its own, compare them and write the summary.
+    """Identify every axis into a folder of its own, compare the axes and write ``summary.csv``.
 
-    With a given structure its parameters are compared, else those of the structure that was found most often; axes
-    where another one was found are fitted with it once more, into the folder ``common`` within theirs. Called again it
-    goes on where it was interrupted.
+    The axes are compared by the parameters of the given structure, or of the structure that was found most often. An
+    axis with another structure is fitted with the common one, too, into its folder ``common``. The same call
+    continues an interrupted run.
 
     Parameters
     ----------
     axes : sequence of Axis
     folder : str or Path
     read : callable
-        ``read(path, options of the axis)`` gives a recording.
+        ``read(path, options)`` returns the recording at `path`; the options are those of its axis.
     structure : str, optional
+        Without it the structure of every axis is searched for.
     executor, budget, stop, restart
-        See :func:`brightgrey.api.resumable.identify_into`; the budget is that of each axis.
+        As for :func:`identify_resumable`. The budget is that of each axis.
     done : callable
-        Called with every axis that has come to its end.
-    printed : callable
-        ``printed(result, folder)``, see there.
+        Called with the `Member` of every axis that is finished.
+    summary : callable
+        ``summary(result, folder)`` returns the text that is stored with the result of an axis.
     options
-        Of :func:`brightgrey.identify`.
+        Further arguments of :func:`identify`.
+
+    Returns
+    -------
+    Fleet
 
     Raises
     ------
     BrightgreyError
-        If `folder` cannot be written to, or another process is at work in it. What goes wrong with an axis stands in
-        its row.
+        If `folder` cannot be written to, or another process uses it. The error of a single axis is part of its
+        `Member` instead.
+
+    Examples
+    --------
+    >>> def read(path, options):
+    ...     return read_recording(path, input="torque", outputs=["velocity"])
+    >>> fleet = identify_fleet(read_manifest("fleet.csv"), "fleet", read, "one_mass+coulomb")  # doctest: +SKIP
     """
     target = check_folder(folder)
     same = {"executor": executor, "budget": budget, "stop": stop, "restart": restart}
@@ -153,33 +164,35 @@ def fleet(
         for axis in axes:
             into = target / axis.name
             if stop is not None and stop.told:
-                member = Member(axis.name, into, error="not begun")
+                member = Member(axis.name, into, error="not started")
             else:
-                member = _made(axis, into, read, printed, structure, {**same, **options})
+                member = _identify_axis(axis, into, read, summary, structure, {**same, **options})
             members.append(member)
             done(member)
-        common = structure or _common(members)
+        common = structure or _most_frequent_structure(members)
         if common is not None:
             alike = {**same, **_for_structure(common, options)}
             for number, (axis, m) in enumerate(zip(axes, members, strict=True)):
                 if m.model is not None and not m.stopped:
                     own = str(m.model.structure) == common
-                    other = m if own else _made(axis, m.folder / COMMON, read, printed, common, alike)
+                    other = m if own else _identify_axis(axis, m.folder / COMMON, read, summary, common, alike)
                     members[number] = replace(m, compared=other.model, error=other.error)
-        quantities = _compared([m.compared for m in members])
-        found = Fleet(tuple(_judged(m, i, quantities) for i, m in enumerate(members)), common, quantities)
-        write_file(target / SUMMARY, found.csv().encode())
+        quantities = _compare_models([m.compared for m in members])
+        found = Fleet(tuple(_with_differences(m, i, quantities) for i, m in enumerate(members)), common, quantities)
+        write_file(target / SUMMARY_TABLE, found.csv().encode())
     return found
 
 
-def _made(
-    axis: Axis, into: Path, read: Read, printed: Printed, structure: str | None, options: Mapping[str, Any]
+def _identify_axis(
+    axis: Axis, into: Path, read: Read, summary: Summary, structure: str | None, options: Mapping[str, Any]
 ) -> Member:
-    """Identify one axis; what goes wrong is part of the result."""
+    """Identify one axis; an error is part of the result."""
     try:
         recordings = [read(path, axis.options) for path in axis.recordings]
-        kept = identify_resumable(into, recordings, structure, printed=lambda result: printed(result, into), **options)
-        return Member(axis.name, into, kept.model, stopped=kept.stopped)
+        stored = identify_resumable(
+            into, recordings, structure, summary=lambda result: summary(result, into), **options
+        )
+        return Member(axis.name, into, stored.model, stopped=stored.stopped)
     except (BrightgreyError, OSError) as error:
         return Member(axis.name, into, error=str(error))
     except Exception as error:  # whatever it is, the other axes go on
@@ -195,7 +208,7 @@ def _for_structure(structure: str, options: Mapping[str, Any]) -> dict[str, Any]
     return left
 
 
-def _common(members: Sequence[Member]) -> str | None:
+def _most_frequent_structure(members: Sequence[Member]) -> str | None:
     """Structure that was found most often; of several the one with the fewest parameters."""
     found = [m.model.structure for m in members if m.model is not None and not m.stopped]
     if not found:
@@ -204,8 +217,8 @@ def _common(members: Sequence[Member]) -> str | None:
     return str(min(counts, key=lambda s: (-counts[s], len(s.parameters), str(s))))
 
 
-def _compared(models: Sequence[Model | None]) -> dict[str, Compared]:
-    """All quantities, of those models that there are."""
+def _compare_models(models: Sequence[Model | None]) -> dict[str, Compared]:
+    """Compare parameters and residuals of the models that there are."""
     one = next((m for m in models if m is not None), None)
     if one is None:
         return {}
@@ -220,7 +233,7 @@ def _compared(models: Sequence[Model | None]) -> dict[str, Compared]:
 
 
 def _parameter(model: Model | None, name: str, log: bool) -> tuple[float, float]:
-    """Value and standard deviation, of the logarithm where the parameter is always positive."""
+    """Value and standard deviation of a parameter, or of its logarithm if `log`; NaN if it was not estimated."""
     part = model.parameters[name] if model else None
     if part is None or part.std is None or part.at_bound or not part.std > 0.0:
         return math.nan, math.nan
@@ -231,8 +244,8 @@ def _logarithm(value: float | None) -> float:
     return math.log(value) if value else math.nan
 
 
-def _judged(member: Member, number: int, quantities: Mapping[str, Compared]) -> Member:
-    """Say in what an axis differs."""
+def _with_differences(member: Member, number: int, quantities: Mapping[str, Compared]) -> Member:
+    """Add the quantities in which an axis differs from the others."""
     differs = tuple(
         f"{name} {c.deviation[number]:+.1f} (limit {c.threshold:.1f})"
         for name, c in quantities.items()

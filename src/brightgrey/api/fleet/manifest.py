@@ -40,11 +40,20 @@ class Axis:
 
 
 def read_manifest(file: str | Path) -> tuple[Axis, ...]:
-    """Read a CSV file with a header and one row per axis, or a TOML file with a table ``[[axis]]`` each.
+    """Read the manifest of a fleet: a CSV file with one row per axis, or a TOML file with one table ``[[axis]]`` each.
 
     Columns (keys) are `recording`, which has to be there, `name`, and the options of ``identify`` that say what is
     in a recording. Paths are relative to the manifest; several recordings, outputs or units of one axis are separated
     by semicolons in CSV and are an array in TOML. An empty cell leaves the option as the command line has it.
+
+    Parameters
+    ----------
+    file : str or Path
+
+    Returns
+    -------
+    tuple of Axis
+        In the order of the file.
 
     Raises
     ------

@@ -18,9 +18,10 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from brightgrey.api import Result, Simulation
     from brightgrey.api.differences import Difference
+    from brightgrey.api.result import Result
     from brightgrey.api.resumable import StoredRun
+    from brightgrey.api.simulation import Simulation
     from brightgrey.model.ranking import Row
     from brightgrey.paper.reproduction import Reproduction
     from brightgrey.report.text.tables import FitRow
@@ -77,7 +78,7 @@ def kept(found: StoredRun, folder: Path, *, quiet: bool, json: bool) -> None:
         print(found.files["model.json"].decode(), end="")
     elif not quiet:
         screen().print(f"The run in {folder} was finished before; its result:", soft_wrap=True)
-        print(found.printed, end="")
+        print(found.summary, end="")
 
 
 def text(found: Result, folder: Path) -> str:
