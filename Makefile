@@ -3,7 +3,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-long check format docs bench bench-long clean
+.PHONY: help setup demo test test-long check format docs bench bench-long validation clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -39,26 +39,37 @@ docs: setup  ## the documentation in docs/build/html, strict, its examples execu
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/build/html
 
-bench: setup  ## speed and accuracy, as ratios measured in one run
-	$(BIN)/python bench/speed.py
-	$(BIN)/python bench/genetic.py speed
-	$(BIN)/python bench/identification.py
-	$(BIN)/python bench/runs.py
+bench: setup  ## speed, as ratios measured in one run; with SAVE=--save into bench/results/
+	$(BIN)/python bench/speed.py $(SAVE)
+	$(BIN)/python bench/startup.py $(SAVE)
+	$(BIN)/python bench/genetic.py $(SAVE) speed
+	$(BIN)/python bench/identification.py $(SAVE)
+	$(BIN)/python bench/runs.py $(SAVE)
 
-bench-long: setup  ## the statistics of docs/results.md
-	$(BIN)/python bench/accuracy.py
-	$(BIN)/python bench/global_optimum.py
-	$(BIN)/python bench/coverage.py
-	$(BIN)/python bench/real_recordings.py
-	$(BIN)/python bench/recovery.py run 0 200
-	$(BIN)/python bench/recovery.py table
-	$(BIN)/python bench/symptoms.py false --runs 60 --seed 101
-	$(BIN)/python bench/symptoms.py missing --runs 8
+bench-long: setup  ## the statistics of docs/validation, into bench/results/; takes days, goes on where it was stopped
+	$(BIN)/python bench/accuracy.py --per-structure 1 --seed 1 2 3 --save
+	$(BIN)/python bench/global_optimum.py --count 100 --seed 18 --noise 0.001 --save
+	$(BIN)/python bench/global_optimum.py --count 100 --seed 19 --noise 0.01 --save
+	$(BIN)/python bench/interval_coverage.py --truths 9 --draws 5 --structures 4 --seed 6 --save
+	$(BIN)/python bench/interval_coverage.py --truths 9 --draws 5 --skip 4 --seed 3 --save
+	$(BIN)/python bench/real_recordings.py --save
+	$(BIN)/python bench/recovery.py run 0 400 --seed 18 --save
+	$(BIN)/python bench/symptoms.py false --runs 60 --seed 101 --save
+	$(BIN)/python bench/symptoms.py missing --runs 8 --save
 	$(BIN)/python bench/genetic.py rates paper reference 0 100
 	$(BIN)/python bench/genetic.py rates tuned reference 0 100
 	$(BIN)/python bench/genetic.py rates paper others 0 20
-	$(BIN)/python bench/genetic.py rates tuned others 0 100
-	$(BIN)/python bench/genetic.py table
+	$(BIN)/python bench/genetic.py rates tuned others 0 20
+	$(BIN)/python bench/genetic.py --save table
+	$(BIN)/python bench/genetic.py --save exhaustive 319 360 --seed 18
+	$(BIN)/python bench/control_methods.py consistency --runs 300 --save
+	$(BIN)/python bench/control_methods.py cycles --runs 20 --save
+	$(BIN)/python bench/control_methods.py faults --structure two_mass+coulomb+viscous --runs 200 --seed 7 --save
+	$(BIN)/python bench/control_methods.py faults --structure two_mass+coulomb+viscous+backlash --runs 200 --save
+	$(BIN)/python bench/control_methods.py emps --save
+
+validation: setup  ## the pages docs/validation/*.md, made of the data in bench/results/
+	$(BIN)/python bench/validation.py
 
 clean:  ## remove what the targets above have made
 	rm -rf .venv demo docs/build .pytest_cache .mypy_cache .ruff_cache .hypothesis

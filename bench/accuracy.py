@@ -7,7 +7,7 @@ which jumps at contacts, RMS relative to RMS. Drives that are chaotic by measure
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure, assemble
 from brightgrey.simulation import Settings, response
 from brightgrey.simulation.reference import UnsettledError, compare_solvers
+from support.results import Table, arguments, publish
 
 OUTPUTS = ("position", "velocity", "acceleration")
 TARGETS = {"accurate": 1e-4, "fast": 5e-3}
@@ -34,7 +35,7 @@ class Result(NamedTuple):
 
 
 def examine(job: tuple[str, int, int, bool]) -> Result | str:
-    """Errors of one random drive, or why there is no reference."""
+    """Errors of one random drive, or the reason why there is no reference."""
     name, number, seed, both = job
     structure = Structure.parse(name)
     order = [str(s) for s in PAPER.structures()].index(name)
@@ -59,39 +60,49 @@ def examine(job: tuple[str, int, int, bool]) -> Result | str:
     return Result(name, number, known.chaotic, float(np.nanmax([*known.difference[:2], 0.0])), errors)
 
 
+def tables(results: Mapping[int, Sequence[Result]]) -> list[Table]:
+    """Errors at both levels for each seed, the drives with the largest errors, and the chaotic drives."""
+    errors, largest, chaotic = [], [], []
+    for seed, found in results.items():
+        regular = [r for r in found if not r.chaotic]
+        for level, target in TARGETS.items():
+            e = np.array([r.errors[level] for r in regular])
+            cells = [f"{f(e[:, i]):.1e}" for i in range(len(OUTPUTS)) for f in (np.median, np.nanmax)]
+            above = int((e[:, :2].max(axis=1) > target).sum())
+            errors.append([f"`{level}`", str(seed), *cells, f"{above} of {len(regular)} above {target:.0e}"])
+            worst = sorted(regular, key=lambda r, level=level: -max(r.errors[level][:2]))[:3]
+            largest += [[f"`{level}`", str(seed), f"`{r.structure}`", f"{max(r.errors[level][:2]):.1e}"] for r in worst]
+        chaotic += [[str(seed), f"`{r.structure}`", f"{max(r.errors['accurate'][:2]):.1e}"] for r in found if r.chaotic]
+    sizes = [f"{kind}, {size}" for kind in (*OUTPUTS[:2], f"{OUTPUTS[2]} (RMS)") for size in ("median", "worst")]
+    return [
+        Table("Error relative to the peak", ["level", "seed", *sizes, "drives above the limit"], errors),
+        Table("Largest errors of position or velocity", ["level", "seed", "structure", "error"], largest),
+        Table("Chaotic drives, left out above", ["seed", "structure", "error at `accurate`"], chaotic),
+    ]
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = arguments(__doc__)
     parser.add_argument("--per-structure", type=int, default=2)
     parser.add_argument("--every", type=int, default=1, help="only every n-th structure")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, nargs="+", default=[1])
     parser.add_argument("--both", action="store_true", help="solve by the slower reference method too")
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     names = [str(s) for s in PAPER.structures()][:: options.every]
-    jobs = [(name, i, options.seed, options.both) for name in names for i in range(options.per_structure)]
-    with ProcessPoolExecutor(options.workers) as pool:
-        results = list(pool.map(examine, jobs, chunksize=4))
-    unsettled = [r for r in results if isinstance(r, str)]
-    found = [r for r in results if isinstance(r, Result)]
-    regular = [r for r in found if not r.chaotic]
-    print(f"{len(jobs)} drives of {len(names)} structures, seed {options.seed}")
-    print(f"without a settled reference {len(unsettled)}, chaotic {len(found) - len(regular)}")
-    for line in unsettled:
-        print("  ", line)
-    if options.both:
-        print(f"reference methods apart: worst {max(r.difference for r in regular):.1e} of peak")
-    for level, target in TARGETS.items():
-        for i, kind in enumerate(OUTPUTS):
-            e = np.array([r.errors[level][i] for r in regular])
-            above = int((e > target).sum())
-            text = f"above {target:.0e}: {above} of {len(e)}" if i < 2 else "(RMS)"
-            print(f"{level:9} {kind:13} median {np.median(e):.1e}  worst {np.nanmax(e):.1e}  {text}")
-        worst = sorted(regular, key=lambda r: -max(r.errors[level][:2]))[:6]
-        for r in worst:
-            print(f"    {max(r.errors[level][:2]):.1e}  {r.structure} #{r.number}")
-    for r in found:
-        if r.chaotic:
-            print(f"chaotic: {max(r.errors['accurate'][:2]):.1e}  {r.structure} #{r.number}")
+    results: dict[int, list[Result]] = {}
+    for seed in options.seed:
+        jobs = [(name, i, seed, options.both) for name in names for i in range(options.per_structure)]
+        with ProcessPoolExecutor(options.workers) as pool:
+            found = list(pool.map(examine, jobs, chunksize=4))
+        results[seed] = [r for r in found if isinstance(r, Result)]
+        unsettled = [r for r in found if isinstance(r, str)]
+        print(f"seed {seed}: {len(jobs)} drives of {len(names)} structures, {len(unsettled)} without a reference")
+        print(*(f"  {line}" for line in unsettled), sep="\n", flush=True)
+        if options.both:
+            apart = max(r.difference for r in results[seed] if not r.chaotic)
+            print(f"reference methods apart: worst {apart:.1e} of peak")
+    publish("accuracy", tables(results), to_file=options.save)
 
 
 if __name__ == "__main__":

@@ -4,10 +4,11 @@
     python bench/genetic.py rates paper reference 0 100   setting, truth, first seed and the one after the last
     python bench/genetic.py rates tuned others 0 20
     python bench/genetic.py table                     all that was collected so far
-    python bench/genetic.py exhaustive 0 10           against all 448 structures: drives 0 to 9 of bench/recovery.py
+    python bench/genetic.py exhaustive 0 10 --seed 18 against all 448 structures: drives 0 to 9 of bench/recovery.py
     python bench/genetic.py exhaustive 0 10 --masses 2 --without backlash
 
-`rates` adds to a file, one row per seed, so that it can be interrupted and continued. Data come from the reference
+`rates` adds to bench/results/genetic/<setting>_<truth>.csv, one row per seed, so that it can be interrupted and
+continued; `exhaustive` adds to bench/results/genetic_exhaustive.jsonl. Data come from the reference
 solver without noise. The truths beside the paper's reference are spread over the function set; their values are off
 from the assumed ones by 17 to 40 %.
 
@@ -19,7 +20,6 @@ further fits of the same structure counted on both sides; and, harder, a quarter
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 import time
@@ -39,7 +39,6 @@ from brightgrey.paper.repetitions import (
     repetitions_csv,
     summarise_run,
     summary,
-    wilson_interval,
 )
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.criteria import Misfit, criterion
@@ -51,7 +50,9 @@ from brightgrey.search.parallel import thread_pool
 from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import UnsettledError
-from recovery import Drive, effective
+from support.drives import RandomDrive
+from support.results import RESULTS, Table, arguments, publish
+from support.statistics import effective_samples, share
 
 NOISE = 0.01
 # The paper's setting with identification that does not fail, so that only the search of structures is judged.
@@ -106,10 +107,10 @@ VALUES = dict(PAPER_EXPERIMENT.values) | {
     "T_d": 0.006,
 }
 COLUMNS = (
-    *("setting", "truth", "runs", "true structure", "95 %", "with extras"),
-    *("best of last generation", "seen", "median first", "median simulations", "of whole recordings"),
+    *("setting", "truth", "true structure found", "with extras", "best of last generation", "seen"),
+    *("median first generation", "median simulations", "of whole recordings"),
 )
-COLLECTED = Path(__file__).parents[1] / "rates"
+COLLECTED = RESULTS / "genetic"
 
 
 def task(truth):
@@ -117,20 +118,21 @@ def task(truth):
     return task_of(reference_recording(PAPER.parse(truth), values))
 
 
-def speed(workers: int) -> None:
+def speed(workers: int, seeds: int) -> Table:
     ready = task(PAPER_EXPERIMENT.structure)
     genetic_search(ready, replace(PAPER_SETTINGS, generations=0, iterations=1), 0)  # compiles
-    for seed in range(2):
+    rows = []
+    for seed in range(seeds):
         wall, cpu = time.perf_counter(), time.process_time()
         done = genetic_search(ready, PAPER_SETTINGS, seed, workers=workers)
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-        print(
-            f"one run of the paper's experiment, seed {seed}, {workers} workers: {wall:.1f} s (at most 10),"
-            f" {cpu:.1f} s of processors, {done.simulations} simulations, {done.identifications} identifications"
-        )
+        rows.append([str(seed), f"{wall:.1f}", f"{cpu:.1f}", f"{done.simulations:,}", str(done.identifications)])
+        print(*rows[-1], sep="; ", flush=True)
+    columns = ["seed", "wall s (at most 10)", "CPU s", "simulations", "identifications"]
+    return Table(f"One run of the paper's experiment, {workers} workers", columns, rows)
 
 
-class Remembering:
+class CachedEstimator:
     """Estimator that keeps its results from seed to seed; every run still counts its simulations as its own."""
 
     def __init__(self, estimate) -> None:
@@ -154,7 +156,7 @@ def rates(setting: str, truths: tuple[str, ...], first: int, last: int) -> None:
         if not wanted:
             continue
         ready, how = task(truth), SETTINGS[setting]
-        identify = Remembering(estimator(how.estimator, ready, how.iterations, how.stall_polls))
+        identify = CachedEstimator(estimator(how.estimator, ready, how.iterations, how.stall_polls))
         for seed in wanted:
             began = time.process_time()
             done = summarise_run(genetic_search(ready, how, seed, identify=identify), PAPER.parse(truth), seed)
@@ -172,7 +174,7 @@ def rates(setting: str, truths: tuple[str, ...], first: int, last: int) -> None:
             )
 
 
-def exhaustive(seed: int, first: int, last: int, setting: str, grammar: Grammar, out: Path, whole: bool) -> None:
+def exhaustive(seed: int, first: int, last: int, setting: str, grammar: Grammar, out: Path, whole: bool) -> Table:
     """Both searches on the same drives; rows are added to `out`."""
     rows = [json.loads(text) for text in out.read_text().splitlines()] if out.exists() else []
     structures = list(grammar.structures())
@@ -182,7 +184,7 @@ def exhaustive(seed: int, first: int, last: int, setting: str, grammar: Grammar,
         }:
             continue
         try:
-            drive = Drive(seed, number, structures)
+            drive = RandomDrive(seed, number, structures)
         except UnsettledError as why:
             print(f"{number:4d} left out: {why}", flush=True)
             continue
@@ -190,7 +192,7 @@ def exhaustive(seed: int, first: int, last: int, setting: str, grammar: Grammar,
         with out.open("a") as file:
             file.write(json.dumps(rows[-1]) + "\n")
         print(rows[-1], flush=True)
-    compared([r for r in rows if (r["setting"], r["grammar"]) == (setting, grammar.name)], len(structures))
+    return compared([r for r in rows if (r["setting"], r["grammar"]) == (setting, grammar.name)], len(structures))
 
 
 def part_of_paper(masses: int, without: list[str]) -> Grammar:
@@ -203,7 +205,7 @@ def part_of_paper(masses: int, without: list[str]) -> Grammar:
     return Grammar(f"{masses} masses, without {', '.join(without) or 'nothing'}", left)
 
 
-def against_all(drive: Drive, setting: str, grammar: Grammar, structures: list[Structure], whole: bool) -> dict:
+def against_all(drive: RandomDrive, setting: str, grammar: Grammar, structures: list[Structure], whole: bool) -> dict:
     """One drive: the best of all structures, and after how many fits the genetic search had one as good."""
     (recording, _), began, how = drive.recordings(NOISE), time.process_time(), SETTINGS[setting]
     known = scales([recording])
@@ -262,7 +264,7 @@ def judges(task: IdentificationTask, fitted: dict) -> dict:
     floor = r.samples * float(r.resolution[0]) ** 2 / 12.0
     best = min(fitted.values(), key=lambda f: (f.cost, f.free))
     values = {name: np.array([v]) for name, v in {**task.default_start(best.structure), **best.values}.items()}
-    independent = effective(task.problem(best.structure).residuals(values, task.settings)[:, 0])
+    independent = effective_samples(task.problem(best.structure).residuals(values, task.settings)[:, 0])
 
     def bic(cost: float, free: int) -> float:
         return criterion("bic").value(Misfit((cost / weight**2,), (floor,), r.samples, (1.0,)), free)
@@ -274,24 +276,24 @@ def judges(task: IdentificationTask, fitted: dict) -> dict:
     return {"bic": bic, "ranking": ranking}
 
 
-def compared(rows: list[dict], count: int) -> None:
-    """Print how often the genetic search found what there was."""
+def compared(rows: list[dict], count: int) -> Table:
+    """How often the genetic search found the best of all structures."""
+    shares = []
     for name in ("bic", "ranking"):
-        for what, part in (
+        for budget, part in (
             ("a quarter of the fits of all", lambda row: row["fits of all"] / 4),
             (f"a quarter of {count} fits", lambda row: count / 4),
             ("the whole run", lambda row: np.inf if row["whole"] else None),
         ):
             asked = [(r[f"{name} after"], part(r)) for r in rows if part(r)]
             hits = sum(k is not None and k <= most for k, most in asked)
-            low, high = wilson_interval(hits, len(asked)) if asked else (0.0, 1.0)
-            print(f"{name}, {what}: optimum found in {hits} of {len(asked)} ({100 * low:.0f} to {100 * high:.0f} %)")
+            shares.append([name, budget, share(hits, len(asked), percent=True)])
     rows = [r for r in rows if r["whole"]]
-    if not rows:
-        return
-    fits, shares = [r["fits"] for r in rows], [r["seconds"][1] / r["seconds"][0] for r in rows]
-    print(f"fits of the whole run: median {np.median(fits):g}, most {max(fits)}; CPU time over that of all"
-          f" {count}: median {np.median(shares):.2g}")  # fmt: skip
+    if rows:
+        fits, ratios = [r["fits"] for r in rows], [r["seconds"][1] / r["seconds"][0] for r in rows]
+        print(f"fits of the whole run: median {np.median(fits):g}, most {max(fits)}")
+        print(f"CPU time over that of all {count}: median {np.median(ratios):.2g}, most {max(ratios):.2g}")
+    return Table("Best of all structures found", ["criterion", "within", "found"], shares)
 
 
 def read(file: Path) -> list[RunSummary]:
@@ -304,25 +306,25 @@ def read(file: Path) -> list[RunSummary]:
     return [RunSummary(**{k: (int(v) if v else None) if k in numbers else v for k, v in row.items()}) for row in rows]
 
 
-def table() -> None:
-    print(f"| {' | '.join(COLUMNS)} |\n|{'---|' * len(COLUMNS)}")
+def table() -> Table:
+    """Everything that `rates` has collected."""
+    rows = []
     for file in sorted(COLLECTED.glob("*.csv")):
         setting, truth = file.stem.split("_", 1)
         s = summary(read(file))
-        low, high = s.interval
         first = "-" if s.first is None else f"{s.first:g}"
-        print(
-            f"| {setting} | `{truth}` | {s.count} | {s.true} ({100 * s.true / s.count:.0f} %) | {100 * low:.0f} to"
-            f" {100 * high:.0f} | {s.extras} | {s.last_true} | {s.seen} | {first} |"
-            f" {s.simulations:.0f} | {s.passes:.0f} |"
-        )
+        counts = [share(s.true, s.count, 0), str(s.extras), str(s.last_true), str(s.seen), first]
+        rows.append([setting, f"`{truth}`", *counts, f"{s.simulations:,.0f}", f"{s.passes:,.0f}"])
+    return Table("Success rates", COLUMNS, rows)
 
 
 def main() -> None:
     limit_blas_threads()
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = arguments(__doc__)
     tasks = parser.add_subparsers(dest="task", required=True)
-    tasks.add_parser("speed").add_argument("--workers", type=int, default=2)
+    timed = tasks.add_parser("speed")
+    timed.add_argument("--workers", type=int, default=2)
+    timed.add_argument("--seeds", type=int, default=2)
     asked = tasks.add_parser("rates")
     asked.add_argument("setting", choices=SETTINGS)
     asked.add_argument("truth", help="reference, others, or a structure")
@@ -332,23 +334,24 @@ def main() -> None:
     against = tasks.add_parser("exhaustive")
     against.add_argument("first", type=int)
     against.add_argument("last", type=int)
-    against.add_argument("--seed", type=int, default=1, help="of the drives")
+    against.add_argument("--seed", type=int, default=18, help="of the drives")
     against.add_argument("--quarter", action="store_true", help="end the genetic search after a quarter of the fits")
     against.add_argument("--masses", type=int, default=4, help="at most")
     against.add_argument("--without", nargs="*", default=[], help="effects that no structure has")
-    against.add_argument("--preset", choices=SETTINGS, default="tuned")
-    against.add_argument("--out", type=Path, default=Path("genetic.jsonl"))
+    against.add_argument("--setting", choices=SETTINGS, default="tuned")
+    against.add_argument("--out", type=Path, default=RESULTS / "genetic_exhaustive.jsonl")
     given = parser.parse_args()
     if given.task == "speed":
-        speed(given.workers)
-    elif given.task == "table":
-        table()
+        made = speed(given.workers, given.seeds)
     elif given.task == "exhaustive":
         grammar = part_of_paper(given.masses, given.without)
-        exhaustive(given.seed, given.first, given.last, given.setting, grammar, given.out, not given.quarter)
+        made = exhaustive(given.seed, given.first, given.last, given.setting, grammar, given.out, not given.quarter)
     else:
-        known = {"reference": (PAPER_EXPERIMENT.structure,), "others": OTHERS}
-        rates(given.setting, known.get(given.truth, (given.truth,)), given.first, given.last)
+        if given.task == "rates":
+            known = {"reference": (PAPER_EXPERIMENT.structure,), "others": OTHERS}
+            rates(given.setting, known.get(given.truth, (given.truth,)), given.first, given.last)
+        made = table()
+    publish("genetic", [made], to_file=given.save)
 
 
 if __name__ == "__main__":

@@ -9,10 +9,10 @@ by the fit is below the goal.
 
 from __future__ import annotations
 
-import argparse
 import re
 import time
 from collections import defaultdict
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from typing import NamedTuple
 
@@ -22,9 +22,12 @@ from brightgrey.estimation import fit, predict
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
+from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.simulation.reference import UnsettledError, reference
+from support.drives import rounded, simulated_recording
+from support.results import Table, arguments, publish
+from support.statistics import share
 
 ENOUGH = 1.02
 GOALS = {"inertia": 0.01, "stiffness": 0.02, "friction": 0.03, "gap": 0.05, "delay": 0.2}
@@ -64,10 +67,8 @@ def recording_of(structure: str, noise: float, rng: np.random.Generator) -> tupl
     (v,) = reference(structure, values, u, e.dt, f_tanh=e.f_tanh)
     size = noise * float(np.abs(v).max())
     step = 10.0 ** np.floor(np.log10(0.5 * size))
-    y = np.round((v + size * rng.standard_normal(v.size)) / step) * step
-    t = e.dt * np.arange(e.samples)
-    outputs = (Signal("velocity", "velocity", "rad/s"),)
-    return Recording("made", t, u, y[None], Signal("torque", "input", "N m"), outputs), values
+    y = rounded(v + size * rng.standard_normal(v.size), float(step))
+    return simulated_recording(u, y), values
 
 
 def examine(job: tuple[int, int, float, int]) -> Run | str:
@@ -95,57 +96,43 @@ def examine(job: tuple[int, int, float, int]) -> Run | str:
     return Run(str(structure), number, noise, ratio, seconds, found.outcome.kind, errors, pairs)
 
 
-def wilson(hits: int, count: int, z: float = 1.96) -> tuple[float, float]:
-    """95 % interval of a share (Wilson 1927)."""
-    share = hits / count
-    centre = (share + z * z / (2 * count)) / (1 + z * z / count)
-    half = z / (1 + z * z / count) * np.sqrt(share * (1 - share) / count + z * z / (4 * count * count))
-    return centre - half, centre + half
+def share_reached(runs: Sequence[Run]) -> str:
+    """How many of `runs` reach the optimum, with the 95 % interval."""
+    return share(sum(run.ratio <= ENOUGH for run in runs), len(runs), percent=True)
 
 
-def share(runs: list[Run]) -> str:
-    """How many of `runs` reach the optimum, in words."""
-    if not runs:
-        return "none"
-    hits = sum(run.ratio <= ENOUGH for run in runs)
-    low, high = (100 * limit for limit in wilson(hits, len(runs)))
-    return f"{hits} of {len(runs)} = {100 * hits / len(runs):.1f} % (95 % interval {low:.1f} to {high:.1f} %)"
+def optimum_row(seed: int, noise: float, runs: Sequence[Run]) -> list[str]:
+    """Row of the table of optima: all drives of one seed and noise."""
+    seconds = [run.seconds for run in runs]
+    parts = [[run for run in runs if ("backlash" in run.structure) == inside] for inside in (False, True)]
+    times = f"{np.median(seconds):.2f}, {np.mean(seconds):.1f}, {max(seconds):.0f}"
+    return [f"{seed}, {100 * noise:g} %", *(share_reached(part) for part in (runs, *parts)), times]
 
 
-def report(noise: float, runs: list[Run], lost: list[str]) -> None:
-    print(f"\nnoise {100 * noise:g} %: the optimum is reached in {share(runs)}; {len(lost)} without reference")
-    for text, inside in (("without", False), ("with", True)):
-        print(f"  {text} backlash: {share([run for run in runs if ('backlash' in run.structure) == inside])}")
-    seconds = sorted(run.seconds for run in runs)
-    print(
-        f"CPU time per fit: median {np.median(seconds):.2f} s, mean {np.mean(seconds):.2f} s, most {seconds[-1]:.1f} s"
-    )
-    for run in sorted(runs, key=lambda r: -r.ratio):
-        if run.ratio > ENOUGH:
-            print(f"  {run.ratio:8.3g}  {run.number} {run.structure}, {run.outcome}\n            {run.text}")
+def error_rows(noise: float, runs: Sequence[Run]) -> list[list[str]]:
+    """Rows of the table of parameter errors: one for each family of parameters."""
     pooled: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for run in runs:
         for name, pair in run.errors.items():
             family = next(f for f, pattern in FAMILIES.items() if re.fullmatch(pattern, name))
             pooled[family].append(pair)
-    print("median error of parameters (of those that the recording shows to within the goal)")
-    for family in FAMILIES:
-        if pooled[family]:
-            error, std = np.array(pooled[family]).T
-            goal = GOALS.get(family, np.inf)
-            shown = std <= goal
-            unit = "samples" if family in ("delay", "current control") else "%"
-            factor = 1.0 if unit == "samples" else 100.0
-            print(
-                f"  {family:16s} {factor * np.median(error):8.3g} {unit:8s} of all {len(error):4d},"
-                f" {factor * np.median(error[shown]) if shown.any() else np.nan:8.3g} of {shown.sum()} shown,"
-                f" goal {factor * goal:g}"
-            )
+    rows = []
+    for family in filter(pooled.get, FAMILIES):
+        error, std = np.array(pooled[family]).T
+        goal = GOALS.get(family, np.inf)
+        shown = error[std <= goal]
+        unit, factor = ("samples", 1.0) if family in ("delay", "current control") else ("%", 100.0)
+        median = f"{factor * np.median(shown):.3g} {unit} of {shown.size}" if shown.size else "none"
+        limit = f"{factor * goal:g} {unit}" if np.isfinite(goal) else ""
+        rows.append(
+            [family, f"{100 * noise:g} %", limit, median, f"{factor * np.median(error):.3g} {unit} of {error.size}"]
+        )
+    return rows
 
 
 def main() -> None:
     limit_blas_threads()
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = arguments(__doc__)
     parser.add_argument("--count", type=int, default=200, help="drives at each noise level")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--starts", type=int, default=8)
@@ -154,16 +141,25 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
     numbers = options.only or range(options.count)
+    optima, errors = [], []
     for noise in options.noise:
         jobs = [(options.seed, number, noise, options.starts) for number in numbers]
+        runs: list[Run] = []
         with ProcessPoolExecutor(options.workers) as pool:
-            results = []
             for result in pool.map(examine, jobs):
-                results.append(result)
-                if isinstance(result, Run):
-                    line = f"{result.number:4d} {result.ratio:9.4g} {result.seconds:6.1f} s  {result.structure}"
-                    print(line, flush=True)
-        report(noise, [r for r in results if isinstance(r, Run)], [r for r in results if isinstance(r, str)])
+                if isinstance(result, str):
+                    print(f"left out: {result}", flush=True)
+                    continue
+                runs.append(result)
+                print(f"{result.number:4d} {result.ratio:9.4g} {result.seconds:6.1f} s  {result.structure}", flush=True)
+        for run in sorted((run for run in runs if run.ratio > ENOUGH), key=lambda run: -run.ratio):
+            print(f"missed: {run.ratio:8.3g}  {run.number} {run.structure}, {run.outcome}\n            {run.text}")
+        optima.append(optimum_row(options.seed, noise, runs))
+        errors += error_rows(noise, runs)
+    columns = ["seed, noise", "reached", "without backlash", "with backlash", "CPU s: median, mean, most"]
+    found = Table(f"Optimum reached, seed {options.seed}", columns, optima)
+    columns = ["family", "noise", "goal", "median error where the recording shows it", "of all"]
+    publish("global-optimum", [found, Table(f"Errors, seed {options.seed}", columns, errors)], to_file=options.save)
 
 
 if __name__ == "__main__":

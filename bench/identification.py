@@ -1,4 +1,4 @@
-"""Identification of the demo's drive: time and success against what else one would use, from the same bounds.
+"""Identification of the demo's drive: time and success against other methods, from the same bounds.
 
 Contestants get the bounds that we find in the recording and starts drawn within them, and try start after start
 until the residual sum of squares is at most 1.02 times the optimum's, or their time is up. Ours is timed as users
@@ -9,10 +9,9 @@ CMA-ES (cma) and CasADi with IPOPT are optional: pip install 'brightgrey[bench]'
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib.resources import files
 from importlib.util import find_spec
@@ -30,6 +29,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.simulation import Settings
+from support.results import Table, arguments, publish
 
 ENOUGH = 1.02
 STRUCTURE = PAPER.parse(E.structure)
@@ -180,7 +180,7 @@ def timed(run: Callable[[Task, np.random.Generator, Clock], None], task: Task, s
     return clock.seconds, clock.best <= task.enough
 
 
-def ours(enough: float, seed: int) -> tuple[float, bool]:
+def by_brightgrey(enough: float, seed: int) -> tuple[float, bool]:
     begin = time.process_time()
     found = fit(STRUCTURE, [RECORDING], f_tanh=E.f_tanh, seed=seed)
     return time.process_time() - begin, found.train["velocity"].rss <= enough
@@ -191,7 +191,7 @@ RECORDING = read_recording(str(PATH), input="torque", outputs=["velocity:velocit
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = arguments(__doc__)
     parser.add_argument("--runs", type=int, default=5, help="seeds")
     parser.add_argument("--seconds", type=float, default=20.0, help="time that each run of the others is given")
     options = parser.parse_args()
@@ -201,11 +201,17 @@ def main() -> None:
     low, high = search.to_scaled(search.low), search.to_scaled(search.high)
     enough = ENOUGH * best.train["velocity"].rss
     task = Task(RECORDING.t - RECORDING.t[0], RECORDING.u, RECORDING.y[0], search, low, high, enough, options.seconds)
-    runs = [ours(enough, seed) for seed in range(max(options.runs, 10))]
-    mine = statistics.median(seconds for seconds, _ in runs)
-    print(f"{STRUCTURE} on the demo recording, CPU time to RSS <= {ENOUGH} x optimum, {options.seconds:g} s at most\n")
-    line = "{:34s} {:>10.3f} s {:>8.1f} x   {} of {}"
-    print(line.format("brightgrey, whole fit", mine, 1.0, sum(hit for _, hit in runs), len(runs)))
+    rows: list[list[str]] = []
+
+    def add(name: str, runs: Sequence[tuple[float, bool]], reference: float | None = None) -> float:
+        """One row; returns the median time."""
+        median = statistics.median(seconds for seconds, _ in runs)
+        ratio = f"{median / (reference or median):.1f}"
+        rows.append([name, f"{median:.3f}", ratio, f"{sum(hit for _, hit in runs)} of {len(runs)}"])
+        print(*rows[-1], sep="; ", flush=True)
+        return median
+
+    ours = add("brightgrey, whole fit", [by_brightgrey(enough, seed) for seed in range(max(options.runs, 10))])
     for name, needs, run in (
         ("least_squares over solve_ivp", "scipy", by_scipy),
         ("CMA-ES over our simulator", "cma", by_cma),
@@ -214,9 +220,10 @@ def main() -> None:
         if find_spec(needs) is None:
             print(f"{name:34s} left out: {needs} is not installed (pip install 'brightgrey[bench]')")
             continue
-        results = [timed(run, task, seed) for seed in range(options.runs)]
-        seconds = statistics.median(s for s, _ in results)
-        print(line.format(name, seconds, seconds / mine, sum(hit for _, hit in results), len(results)), flush=True)
+        add(name, [timed(run, task, seed) for seed in range(options.runs)], ours)
+    title = f"CPU time until RSS ≤ {ENOUGH} times the optimum, {options.seconds:g} s at most"
+    table = Table(title, ["method", "median CPU s", "times ours", "optimum reached"], rows)
+    publish("identification", [table], to_file=options.save)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Measured recordings of real drives: the tables of docs/results.md and the README.
+"""Measured recordings of real drives: the tables of docs/validation/real-recordings.md and the README.
 
     python bench/real_recordings.py [--starts N] [--only emps|mte360|seeds|structures|all|left-out]
 
@@ -7,39 +7,28 @@ Recordings are looked for in ../shared/data beside the repository, or in the fol
 
 from __future__ import annotations
 
-import argparse
 import itertools
-import os
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 
-from brightgrey import Recording, Result, identify, read_recording
+from brightgrey import Result, identify
 from brightgrey.estimation import scales, settings_for
 from brightgrey.kit import Structure
 from brightgrey.report.quantities.number_format import significant, with_uncertainty
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search import IdentificationTask
 from brightgrey.search.survey import candidates, search_exhaustively
+from support.measured import DATA, emps_recording, mte360_recording, two_mass_recordings
+from support.results import Table, arguments, publish
 
-DATA = Path(os.environ.get("BRIGHTGREY_DATA", Path(__file__).parents[2] / "shared" / "data"))
 EMPS = "one_mass+coulomb+viscous+gravity"
 MTE360 = "two_mass+coulomb+viscous+gravity"
 BEYOND_FRICTION = ("three_mass", "backlash", "current_control", "delay")  # left out for 32 structures
 ONE_MASS = ("coulomb", "viscous", "stribeck", "gravity", "current_control", "delay")
-
-
-def table(header: list[str], rows: list[list[str]]) -> None:
-    """Print a Markdown table."""
-    print("| " + " | ".join(header) + " |")
-    print("|" + "---|" * len(header))
-    for row in rows:
-        print("| " + " | ".join(row) + " |", flush=True)
-    print()
 
 
 def estimate(result: Result, name: str) -> str:
@@ -56,7 +45,7 @@ def agreeing(result: Result) -> str:
     return f"{sum(value <= 1.01 * min(rss) for value in rss)} of {len(rss)}"
 
 
-def emps(starts: int) -> None:
+def emps(starts: int) -> list[Table]:
     """Position of the EMPS from its force: four settings of f_tanh."""
     recording = emps_recording()
     default = identify(recording, EMPS, starts=starts)
@@ -82,7 +71,6 @@ def emps(starts: int) -> None:
                 result.model.outcome.kind,
             ]
         )
-    print(f"EMPS, `{EMPS}`, {recording.samples} samples:\n")
     header = [
         "f_tanh in s/m",
         "mass J1 in kg",
@@ -92,10 +80,11 @@ def emps(starts: int) -> None:
         "RMSE in mm",
         "fit in %",
     ]
-    table([*header, "starts at the optimum", "outcome"], rows)
+    title = f"EMPS, `{EMPS}`, {recording.samples} samples"
+    return [Table(title, [*header, "starts at the optimum", "outcome"], rows)]
 
 
-def mte360(starts: int) -> None:
+def mte360(starts: int) -> list[Table]:
     """Motor cart of the MTE360 drive from its voltage: two masses against every one-mass structure."""
     recording = mte360_recording("velocity_response_1_5", "v1")
     two = identify(recording, MTE360, starts=starts)
@@ -126,32 +115,15 @@ def mte360(starts: int) -> None:
                 result.model.outcome.kind,
             ]
         )
-    print(f"MTE360, velocity_response_1_5, {recording.samples} samples:\n")
-    table(["structure", "", "parameters", "RMSE in mm/s", "fit in %", "BIC", "starts at the optimum", "outcome"], rows)
-    table(
-        ["parameter", "estimate", "unit"],
-        [[n, estimate(two, n), two.model.parameters[n].unit] for n in two.model.parameters],
-    )
+    header = ["structure", "", "parameters", "RMSE in mm/s", "fit in %", "BIC", "starts at the optimum", "outcome"]
+    parameters = [[n, estimate(two, n), two.model.parameters[n].unit] for n in two.model.parameters]
+    return [
+        Table(f"MTE360, velocity_response_1_5, {recording.samples} samples", header, rows),
+        Table(f"MTE360, `{MTE360}`", ["parameter", "estimate", "unit"], parameters),
+    ]
 
 
-def mte360_recording(name: str, column: str) -> Recording:
-    """One of the MTE360 recordings."""
-    return read_recording(
-        DATA / "mte360" / f"{name}.mat",
-        input="u",
-        outputs=[f"{column}:velocity-differenced"],
-        time="t",
-        units={"u": "V", column: "mm/s"},
-    )
-
-
-def two_mass_recordings() -> dict[str, Recording]:
-    """The MTE360 recordings of the drive with a second cart."""
-    names = {"square": "1_5", "sine 1 Hz": "sine_1", "sine 3 Hz": "sine_3"}
-    return {name: mte360_recording(f"velocity_response_{file}", "v1") for name, file in names.items()}
-
-
-def seeds(starts: int, count: int = 20) -> None:
+def seeds(starts: int, count: int = 20) -> list[Table]:
     """How many of `count` seeds end within 1 % of the least RSS, without any bound given, at the `fast` level."""
     square, sine_1, sine_3 = two_mass_recordings().values()
     single = mte360_recording("single_axis_square_1_5", "v")
@@ -177,23 +149,11 @@ def seeds(starts: int, count: int = 20) -> None:
         agree = sum(cost <= 1.01 * min(costs) for cost in costs)
         rows.append([name, f"`{structure}`", f"{agree} of {count}", f"{percent:.2f}", unseen, f"{seconds:.1f}"])
     header = ["recording", "structure", "seeds at the optimum", "fit in %", "sine 1 Hz, unseen", "CPU s per fit"]
-    table(header, rows)
+    return [Table("Seeds at the optimum, nothing given", header, rows)]
 
 
-def emps_recording() -> Recording:
-    """Position of the EMPS from its force."""
-    return read_recording(
-        DATA / "emps" / "DATA_EMPS.mat",
-        input="vir",
-        outputs=["qm:position"],
-        time="t",
-        input_gain=35.15065,
-        units={"vir": "N", "qm": "m"},
-    )
-
-
-def structures(exclude: tuple[str, ...]) -> None:
-    """Which structures without some effects are minimal; whether there is a second mass."""
+def structures(exclude: tuple[str, ...]) -> list[Table]:
+    """Minimal structures without some effects, and the verdict on a second mass."""
     square, sine_1, sine_3 = two_mass_recordings().values()
     asked = candidates(exclude=exclude)
     rows = []
@@ -211,12 +171,11 @@ def structures(exclude: tuple[str, ...]) -> None:
         card = next(c for c in found.cards if c.effect == "two_mass")
         minimal = ", ".join(f"`{j.structure}`" for j in found.minimal)
         rows.append([name, minimal, f"{card.verdict}: {card.reason}", f"{time.process_time() - began:.0f}"])
-    print(f"{len(asked)} structures:\n")
-    table(["recording", "minimal", "second mass", "CPU s"], rows)
+    return [Table(f"Structures, {len(asked)} candidates", ["recording", "minimal", "second mass", "CPU s"], rows)]
 
 
-def left_out() -> None:
-    """Each MTE360 recording with a second mass predicted from the two others, by what was found from them alone.
+def left_out() -> list[Table]:
+    """Each MTE360 recording with a second mass predicted from the two others, by the models found from them alone.
 
     All structures are tried, as `identify` does. One-mass structures are judged in hindsight: the one that predicts
     best counts, not the one that fits best.
@@ -243,15 +202,16 @@ def left_out() -> None:
         first, percent = f"`{found.evidence.minimal[0].structure}`", f"{predicted[0]:.1f}"
         others = f"{min(predicted):.1f} to {max(predicted):.1f} ({len(predicted)})"
         rows.append([name, first, f"{card.verdict}: {card.reason}", percent, others, f"`{one}`", f"{ones[one]:.1f}"])
-    header = ["left out", "found", "second mass", "fit to what was left out in %", "of all minimal ones (how many)"]
-    table([*header, "one-mass structure that predicts best", "its fit in %"], rows)
+    header = ["left out", "found", "second mass", "fit to the one left out in %", "of all minimal ones (how many)"]
+    header += ["one-mass structure that predicts best", "its fit in %"]
+    return [Table("MTE360, each recording predicted from the two others", header, rows)]
 
 
 def main() -> int:
     limit_blas_threads()
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = arguments(__doc__)
     parser.add_argument("--starts", type=int, default=8, help="start points of each fit (default 8)")
-    runs = {
+    runs: dict[str, Callable[[int], list[Table]]] = {
         "emps": emps,
         "mte360": mte360,
         "seeds": seeds,
@@ -260,7 +220,7 @@ def main() -> int:
         "left-out": lambda _: left_out(),
     }
     parser.add_argument("--only", choices=runs, help="one of the tables")
-    arguments = parser.parse_args()
+    options = parser.parse_args()
     if not DATA.is_dir():
         print(
             "no recordings: lay them to ../shared/data or name their folder in BRIGHTGREY_DATA",
@@ -268,9 +228,9 @@ def main() -> int:
         )
         return 2
     for name, run in runs.items():
-        if arguments.only in (None, name):
+        if options.only in (None, name):
             began = time.perf_counter()
-            run(arguments.starts)
+            publish("real-recordings", run(options.starts), to_file=options.save)
             print(f"({time.perf_counter() - began:.0f} s)\n")
     return 0
 

@@ -1,4 +1,4 @@
-"""How much two workers gain over one in the exhaustive search, and what keeping the run costs.
+"""How much two workers gain over one in the exhaustive search, and the cost of keeping the run on disk.
 
 ``runs.py [--decimate N]`` searches all structures on the demo's recording with one worker and with two, each in a
 process of its own, and prints wall and CPU times and the efficiency: wall of one over twice the wall of two. Other work
@@ -9,13 +9,13 @@ waiting that the search has.
 
 from __future__ import annotations
 
-import argparse
 import heapq
 import json
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
@@ -26,13 +26,16 @@ from brightgrey.runs import CachingExecutor, Store, Workforce
 from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search import IdentificationTask
 from brightgrey.search.survey import candidates, search_exhaustively
+from support.results import Table, arguments, publish
 
 
 class Noted(Executor):
-    """Makes every call at once, and takes down what it cost and when its result was waited for."""
+    """Makes every call at once, and records its cost and when its result was waited for."""
 
     def __init__(self) -> None:
-        self.events: list[tuple[str, float, int]] = []  # what, CPU seconds (of the call; since the event before), call
+        self.events: list[
+            tuple[str, float, int]
+        ] = []  # kind, CPU seconds (of the call, or since the event before), call
         self.count = 0
         self.last = time.thread_time()
 
@@ -56,7 +59,7 @@ class Waited(Future):
         self.noted, self.number = noted, number
 
     def result(self, timeout=None):
-        """Note, and give what is there."""
+        """Record the waiting, and return the result."""
         noted = self.noted
         now = time.thread_time()
         noted.events += [("between", now - noted.last, 0), ("wait", 0.0, self.number)]
@@ -113,31 +116,43 @@ def search(how: str, workers: int, decimate: int) -> dict[str, object]:
     return out
 
 
+def tables(found: Mapping[tuple[str, int], Mapping[str, float]]) -> list[Table]:
+    """Times of the searches, and efficiencies on two cores beside the limit that the schedule sets."""
+    searches = [
+        [how, str(workers), f"{r['wall']:.1f}", f"{r['cpu']:.1f}", f"`{r['best']}`"]
+        for (how, workers), r in found.items()
+    ]
+    schedule, one = found["schedule", 1], found["threads", 1]["wall"]
+    gains = [[how, f"{one / (2.0 * found[how, 2]['wall']):.1%}", "85 %"] for how in ("threads", "processes", "kept")]
+    limits = [[str(n), f"{schedule['limit 1'] / (n * schedule[f'limit {n}']):.1%}"] for n in (2, 4, 8)]
+    return [
+        Table(
+            "Search of the demo recording", ["workers are", "how many", "wall s", "CPU s", "best structure"], searches
+        ),
+        Table("Efficiency of two workers on two cores", ["workers are", "efficiency", "goal"], gains),
+        Table("Limit that the schedule sets to the efficiency", ["workers", "efficiency"], limits),
+    ]
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = arguments(__doc__)
     parser.add_argument("--decimate", type=int, default=1, help="use every Nth sample of the demo's recording")
     parser.add_argument("--only", nargs=2, metavar=("HOW", "WORKERS"), help="one search, as JSON")
     options = parser.parse_args()
     if options.only:
         print(json.dumps(search(options.only[0], int(options.only[1]), options.decimate)))
         return
-    rows = {}
+    found = {}
     for how, workers in (("schedule", 1), ("threads", 1), ("threads", 2), ("processes", 2), ("kept", 2)):
         command = [sys.executable, __file__, "--decimate", str(options.decimate), "--only", how, str(workers)]
         done = subprocess.run(command, check=True, capture_output=True, text=True)
-        rows[how, workers] = row = json.loads(done.stdout)
-        print(
-            f"{how:9s} {workers} workers: wall {row['wall']:6.1f} s, CPU {row['cpu']:6.1f} s, {row['best']}", flush=True
-        )
+        found[how, workers] = row = json.loads(done.stdout)
+        print(f"{how:9s} {workers} workers: wall {row['wall']:6.1f} s, CPU {row['cpu']:6.1f} s", flush=True)
         if how == "schedule":
-            ratios = ", ".join(f"{row['limit 1'] / (n * row[f'limit {n}']):.1%} on {n}" for n in (2, 4, 8))
             print(
                 f"  {row['calls']} evaluations, the longest {row['longest']:.2f} s CPU, {row['between']:.1f} s between"
             )
-            print(f"  limit of the schedule: efficiency {ratios}", flush=True)
-    one = rows["threads", 1]["wall"]
-    for how in ("threads", "processes", "kept"):
-        print(f"efficiency on two cores, {how}: {one / (2.0 * rows[how, 2]['wall']):.1%} (goal 85 %)")
+    publish("runs", tables(found), to_file=options.save)
 
 
 if __name__ == "__main__":

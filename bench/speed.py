@@ -7,7 +7,6 @@ the ratios hold when the machine's speed drifts.
 
 from __future__ import annotations
 
-import argparse
 import ctypes
 import os
 import statistics
@@ -26,6 +25,7 @@ from brightgrey.kit import PAPER, assemble
 from brightgrey.simulation import Settings, response
 from brightgrey.simulation.reference import reference
 from brightgrey.simulation.settings import tolerances
+from support.results import Table, arguments, publish
 
 NAMES = ("J1", "J2", "c1", "d1", "M_C", "f_v", "M_S", "omega_S")
 E = PAPER_EXPERIMENT
@@ -33,9 +33,9 @@ U = E.torque()
 
 
 def compiled_c(folder: Path) -> ctypes.CDLL:
-    """Compile one_drive.c."""
+    """Compile bench/speed/one_drive.c."""
     library = folder / "one_drive.so"
-    source = Path(__file__).with_name("one_drive.c")
+    source = Path(__file__).with_name("speed") / "one_drive.c"
     options = ["-O3", "-march=native", "-ffast-math", "-shared", "-fPIC"]
     subprocess.run(["gcc", *options, str(source), "-o", str(library), "-lm"], check=True)
     return ctypes.CDLL(str(library))
@@ -85,7 +85,7 @@ def by_scipy(values: np.ndarray) -> np.ndarray:
 
 
 def by_scipy_on_the_model() -> np.ndarray:
-    """Velocity, shape (samples,), by LSODA on the assembled state space: what needs no code for this drive."""
+    """Velocity, shape (samples,), by LSODA on the assembled state space: the way that needs no code for this drive."""
     system = assemble(PAPER.parse(E.structure), E.values, E.f_tanh)
     t = E.dt * np.arange(len(U))
 
@@ -115,8 +115,53 @@ FIRST = (
 )
 
 
+def measure(sets: np.ndarray, rounds: int, folder: str) -> tuple[dict[str, list[float]], dict[str, float], float]:
+    """Times per set in s and errors over the peak of all contestants, and the difference of C and `fast`."""
+    known = reference(E.structure, E.values, U, E.dt, f_tanh=E.f_tanh)[0]
+    peak, true, count = np.abs(known).max(), sets[:, 0], sets.shape[1]
+    c = compiled_c(Path(folder))
+    apart = float(np.abs(by_c(c, sets) - by_kernel(sets, "fast")).max() / peak)
+    contestants: dict[str, tuple[Callable[[], np.ndarray], int]] = {
+        "fast": (lambda: by_kernel(sets, "fast"), count),
+        "accurate": (lambda: by_kernel(sets, "accurate"), count),
+        "scalar C": (lambda: by_c(c, sets), count),
+        "LSODA, floats": (lambda: by_scipy(true)[:, None], 1),
+        "LSODA, model": (lambda: by_scipy_on_the_model()[:, None], 1),
+    }
+    errors = {name: float(np.abs(run()[:, 0] - known).max() / peak) for name, (run, _) in contestants.items()}
+    times: dict[str, list[float]] = {name: [] for name in contestants}
+    for _ in range(rounds):
+        for name, (run, many) in contestants.items():
+            times[name].append(seconds(run) / many)
+    return times, errors, apart
+
+
+def tables(times: dict[str, list[float]], errors: dict[str, float], first: float, later: float) -> list[Table]:
+    """Speed and error of the contestants, their ratios, and times of a fresh process."""
+
+    def ratio(slow: str, quick: str) -> float:
+        return statistics.median(a / b for a, b in zip(times[slow], times[quick], strict=True))
+
+    speeds = [
+        [name, f"{1e9 * statistics.median(taken) / len(U):.1f}", f"{errors[name]:.1e}"] for name, taken in times.items()
+    ]
+    ratios = [["fast", "scalar C", f"{ratio('scalar C', 'fast'):.1f}", "3"]]
+    for slow in ("LSODA, floats", "LSODA, model"):
+        ratios.append(["accurate", slow, f"{ratio(slow, 'accurate'):.0f}", "500"])
+        ratios.append(["fast", slow, f"{ratio(slow, 'fast'):.0f}", "5000"])
+    fresh_process = [
+        ["first compile to first simulation", f"{first:.1f}", "20"],
+        ["later start to first simulation", f"{later:.2f}", "2"],
+    ]
+    return [
+        Table("Time of the simulators", ["simulator", "ns per sample and set", "error over the peak"], speeds),
+        Table("Ratios of times", ["simulator", "against", "times as fast", "goal"], ratios),
+        Table("Fresh process", ["until", "s", "goal, at most"], fresh_process),
+    ]
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = arguments(__doc__)
     parser.add_argument("--sets", type=int, default=512)
     parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args()
@@ -124,43 +169,13 @@ def main() -> None:
     true = np.array([E.values[name] for name in NAMES])
     sets = true[:, None] * np.exp(rng.uniform(-0.2, 0.2, (len(NAMES), options.sets)))
     sets[:, 0] = true
-    known = reference(E.structure, E.values, U, E.dt, f_tanh=E.f_tanh)[0]
-    peak = np.abs(known).max()
     with tempfile.TemporaryDirectory() as folder:
-        c = compiled_c(Path(folder))
-        same = float(np.abs(by_c(c, sets) - by_kernel(sets, "fast")).max() / peak)
-        contestants: dict[str, tuple[Callable[[], np.ndarray], int]] = {
-            "fast": (lambda: by_kernel(sets, "fast"), options.sets),
-            "accurate": (lambda: by_kernel(sets, "accurate"), options.sets),
-            "scalar C": (lambda: by_c(c, sets), options.sets),
-            "LSODA, floats": (lambda: by_scipy(true)[:, None], 1),
-            "LSODA, model": (lambda: by_scipy_on_the_model()[:, None], 1),
-        }
-        errors = {name: float(np.abs(run()[:, 0] - known).max() / peak) for name, (run, _) in contestants.items()}
-        times: dict[str, list[float]] = {name: [] for name in contestants}
-        for _ in range(options.rounds):
-            for name, (run, count) in contestants.items():
-                times[name].append(seconds(run) / count)
+        times, errors, apart = measure(sets, options.rounds, folder)
         first = fresh(FIRST, folder)
         later = min(fresh(FIRST, folder) for _ in range(3))
-    print(f"{E.structure}, {len(U)} samples, {options.sets} sets at once, {os.cpu_count()} cores, one thread\n")
-    for name, taken in times.items():
-        median = statistics.median(taken)
-        print(f"{name:14} {1e9 * median / len(U):10.1f} ns per sample and set   error {errors[name]:.1e} of peak")
-    print(f"\nscalar C and fast differ by {same:.1e} of peak: the same scheme and steps\n")
-
-    def ratio(slow: str, quick: str) -> float:
-        return statistics.median(a / b for a, b in zip(times[slow], times[quick], strict=True))
-
-    print(f"fast against scalar C           {ratio('scalar C', 'fast'):8.1f} x  (at least 3)")
-    for slow in ("LSODA, floats", "LSODA, model"):
-        print(f"accurate against {slow:14} {ratio(slow, 'accurate'):8.0f} x  (at least 500)")
-        print(f"fast against {slow:14}     {ratio(slow, 'fast'):8.0f} x  (at least 5000)")
-    ask = [sys.executable, "-m", "brightgrey", "--help"]
-    help_time = min(seconds(lambda: subprocess.run(ask, check=True, stdout=subprocess.DEVNULL)) for _ in range(5))
-    print(f"\nfirst compile to first simulation {first:5.1f} s (at most 20)")
-    print(f"later start to first simulation   {later:5.2f} s (at most 2)")
-    print(f"brightgrey --help                 {help_time:5.2f} s (at most 0.5)")
+    print(f"{E.structure}, {len(U)} samples, {options.sets} sets at once, {os.cpu_count()} cores, one thread")
+    print(f"scalar C and fast differ by {apart:.1e} of peak: the same scheme and steps")
+    publish("speed", tables(times, errors, first, later), to_file=options.save)
 
 
 if __name__ == "__main__":

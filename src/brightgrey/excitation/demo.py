@@ -12,6 +12,6 @@ def demo_recording() -> str:
 
     Simulated by the reference solver for :data:`brightgrey.excitation.PAPER_EXPERIMENT`; velocity carries
     white noise with a standard deviation of 0.1 % of its peak and is rounded to 0.01 rad/s. Made by
-    ``bench/make_demo_recording.py``.
+    ``tools/make_demo_recording.py``.
     """
     return files("brightgrey.excitation").joinpath("data/demo.csv").read_text(encoding="utf-8")

@@ -5,7 +5,7 @@ first-order autoregression of the same size), values rounded to 0.01 rad/s. The 
 the optimum beside it: it is the interval that is tested here, not the search. Parameters at a bound or declared not
 identifiable are left out, as are fits that did not converge; they are counted.
 
-    python bench/coverage.py [--truths 10] [--draws 10] [--skip 0] [--structures 5] [--seed 1]
+    python bench/interval_coverage.py [--truths 10] [--draws 10] [--skip 0] [--structures 5] [--seed 1]
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import argparse
 import collections
 
 import numpy as np
-from scipy.signal import lfilter
 
 from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
 from brightgrey.estimation.problem.parameter_space import parameter_space
@@ -24,9 +23,12 @@ from brightgrey.estimation.uncertainty.estimates import estimates_of
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
+from brightgrey.paper.repetitions import wilson_interval
+from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.drives import coloured_noise, simulated_recording
+from support.results import Table, arguments, publish
 
 STRUCTURES = (
     "one_mass+coulomb+viscous+gravity",
@@ -48,7 +50,7 @@ FAMILIES = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = arguments(__doc__)
     parser.add_argument("--truths", type=int, default=10, help="drives per structure")
     parser.add_argument("--draws", type=int, default=10, help="draws of noise per drive and kind of noise")
     parser.add_argument("--seed", type=int, default=1)
@@ -65,17 +67,13 @@ def main() -> None:
             for pole in POLES:
                 for _ in range(options.draws):
                     tally(counts, text, truth, noisy(clean.reshape(-1), pole, rng), pole)
-    show(counts, options)
+    publish("coverage", tables(counts, options), to_file=options.save)
 
 
 def noisy(clean: np.ndarray, pole: float, rng: np.random.Generator) -> Recording:
     """Recording with noise whose size does not depend on its colour."""
-    white = rng.standard_normal(len(clean) + 500)
-    colour = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], white)[500:]
-    y = np.round(clean + NOISE * np.abs(clean).max() * colour, 2)
-    t = PAPER_EXPERIMENT.dt * np.arange(len(y))
-    u = PAPER_EXPERIMENT.torque()
-    return Recording("drawn", t, u, y, Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),))
+    colour = coloured_noise(len(clean), pole, rng, settling=500)
+    return simulated_recording(PAPER_EXPERIMENT.torque(), np.round(clean + NOISE * np.abs(clean).max() * colour, 2))
 
 
 def tally(counts: dict, text: str, truth: dict[str, float], r: Recording, pole: float) -> None:
@@ -102,36 +100,33 @@ def tally(counts: dict, text: str, truth: dict[str, float], r: Recording, pole: 
     counts[pole, "fits"]["judged" if found.converged else "not converged"] += 1
 
 
-def wilson(held: int, of: int) -> tuple[float, float]:
-    """95 % interval of a share (Wilson 1927)."""
-    z, share = 1.96, held / of
-    middle = (share + z * z / (2 * of)) / (1 + z * z / of)
-    half = z * np.sqrt(share * (1 - share) / of + z * z / (4 * of * of)) / (1 + z * z / of)
-    return middle - half, middle + half
-
-
-def show(counts: dict, options: argparse.Namespace) -> None:
-    count = options.structures - options.skip
-    print(f"{options.truths} drives of {count} structures, {options.draws} draws each, seed {options.seed}")
-    print("| AR pole | " + " | ".join([*FAMILIES, "all"]) + " |")
-    print("|---" * (len(FAMILIES) + 2) + "|")
+def tables(counts: dict, options: argparse.Namespace) -> list[Table]:
+    """Shares of intervals that hold the truth, and how many fits and parameters were left out."""
+    covered, left_out = [], []
     for pole in POLES:
-        total: collections.Counter[str] = collections.Counter()
-        cells = []
-        for family in FAMILIES:
-            total += counts[pole, family]
-            cells.append(cell(counts[pole, family]))
+        families = [counts[pole, family] for family in FAMILIES]
+        total = sum(families, collections.Counter())
         fits = counts[pole, "fits"]
-        print(f"| {pole} | " + " | ".join([*cells, cell(total)]) + " |")
-        print(f"<!-- fits {dict(fits)}, parameters left out {total['all'] - total['judged']} -->")
+        covered.append([f"{pole:g}", *(cell(count) for count in (*families, total))])
+        left_out.append(
+            [f"{pole:g}", *(str(n) for n in (fits["judged"], fits["not converged"], total["all"] - total["judged"]))]
+        )
+    title = (
+        f"Intervals that hold the truth in %, {options.truths} drives of structures {options.skip + 1} to"
+        f" {options.structures}, {options.draws} draws each, seed {options.seed}"
+    )
+    columns = ["AR pole", "fits judged", "fits not converged", "parameters left out"]
+    return [
+        Table(title, ["AR pole", *FAMILIES, "all"], covered),
+        Table(f"Left out, seed {options.seed}", columns, left_out),
+    ]
 
 
 def cell(count: collections.Counter[str]) -> str:
     if not count["judged"]:
         return "–"
-    low, high = wilson(count["held"], count["judged"])
-    share = 100 * count["held"] / count["judged"]
-    return f"{share:.1f} ({100 * low:.1f}–{100 * high:.1f}), n {count['judged']}"
+    low, high = (100 * limit for limit in wilson_interval(count["held"], count["judged"]))
+    return f"{100 * count['held'] / count['judged']:.1f} ({low:.1f}–{high:.1f}), n {count['judged']}"
 
 
 if __name__ == "__main__":

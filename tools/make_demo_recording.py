@@ -1,4 +1,4 @@
-"""Make the demo recording that ships with the package: python bench/make_demo_recording.py.
+"""Make the demo recording that ships with the package: python tools/make_demo_recording.py.
 
 The paper's experiment (brightgrey.excitation.PAPER_EXPERIMENT), solved by the reference solver. The paper has
 no noise; a recording without any would flatter every result, so velocity gets a modest one: white, standard
@@ -21,6 +21,7 @@ TARGET = Path(__file__).parents[1] / "src/brightgrey/excitation/data/demo.csv"
 
 
 def main() -> None:
+    """Write the file."""
     e = PAPER_EXPERIMENT
     torque = np.round(e.torque(), 3) + 0.0  # no minus zero
     (velocity,) = reference(e.structure, e.values, torque, e.dt, f_tanh=e.f_tanh, method="fixed")

@@ -1,9 +1,9 @@
-"""Kalman filter, limit cycles and fault detection on simulated and measured drives: the numbers of docs/results.md.
+"""Kalman filter, limit cycles and fault detection on simulated and measured drives.
 
-    python bench/control.py consistency [--runs N] [--seed S]
-    python bench/control.py cycles [--runs N] [--seed S]
-    python bench/control.py faults [--runs N] [--seed S] [--structure S]
-    python bench/control.py emps
+    python bench/control_methods.py consistency [--runs N] [--seed S]
+    python bench/control_methods.py cycles [--runs N] [--seed S]
+    python bench/control_methods.py faults [--runs N] [--seed S] [--structure S]
+    python bench/control_methods.py emps
 
 Recordings of `consistency` and `faults` come from the reference solver (random drives in plausible ranges, the torque
 of the paper's experiment), with white noise of 0.05 % of the peak speed and quantisation of half of it.
@@ -11,7 +11,6 @@ of the paper's experiment), with white noise of 0.05 % of the peak speed and qua
 
 from __future__ import annotations
 
-import argparse
 import time
 
 import numpy as np
@@ -33,10 +32,13 @@ from brightgrey.errors import BrightgreyError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import Structure, assemble
-from brightgrey.recordings import Recording, Signal
+from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 from brightgrey.simulation.reference import UnsettledError, compare_solvers, reference
-from real_recordings import emps_recording
+from support.drives import rounded, simulated_recording
+from support.measured import emps_recording
+from support.results import Table, arguments, publish
+from support.statistics import share
 
 NOISE = 0.02  # rad/s
 STEP = 0.01  # rad/s
@@ -44,20 +46,11 @@ SETTINGS = Settings(E.f_tanh, E.speed)
 FAULTS = {"friction": 1.5, "backlash": 2.0, "load": 1.3}
 MODEL_STD = 0.02  # relative error of the model's parameters, as an identification leaves it
 ALL = "all"
+FILTER_NAMES = {"extended": "extended", "unscented": "unscented", "gaussian_sum": "sum of Gaussians"}
 FAULTY = ("two_mass+coulomb+viscous", "two_mass+coulomb+viscous+backlash")
 
 
-def wilson(hits: int, of: int) -> str:
-    """Share with its 95 % Wilson interval."""
-    if not of:
-        return "no case"
-    p, z = hits / of, 1.96
-    center = (p + z * z / (2 * of)) / (1 + z * z / of)
-    half = z * np.sqrt(p * (1 - p) / of + z * z / (4 * of * of)) / (1 + z * z / of)
-    return f"{hits} of {of} = {100 * p:.1f} % ({100 * max(center - half, 0.0):.1f} to {100 * (center + half):.1f})"
-
-
-def recorded(
+def simulate(
     structure: Structure,
     values: dict[str, float],
     rng: np.random.Generator,
@@ -66,7 +59,7 @@ def recorded(
     torque: float = 0.0,
     by_reference: bool = True,
     anywhere: bool = False,
-):
+) -> Recording:
     """Recording of a drive; `torque` is the size of a disturbance that is not recorded.
 
     With `anywhere` a gap stands anywhere at the start, its shaft relaxed; else the drive starts pushed forward.
@@ -88,9 +81,7 @@ def recorded(
         v = reference(structure, values, pushed, dt, f_tanh=E.f_tanh, hold=hold, x0=x0)[0]
     else:
         v = response(system, pushed, dt, x0, Settings(E.f_tanh, E.speed, hold=hold)).y[0, :, 0]
-    y = np.round((v + NOISE * rng.normal(size=len(v))) / STEP) * STEP
-    signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
-    return Recording("simulated", dt * np.arange(len(u)), u, y[None], *signals, hold=hold)
+    return simulated_recording(u, rounded(v + NOISE * rng.normal(size=len(v)), STEP), dt=dt, hold=hold)
 
 
 STRUCTURES = {
@@ -103,7 +94,7 @@ STRUCTURES = {
 }
 
 
-def consistency(runs: int, seed: int, name: str, by_reference: bool) -> None:
+def consistency(runs: int, seed: int, name: str, by_reference: bool) -> list[list[str]]:
     """Share of runs whose summed NIS lies in its 95 % band. Every run has a drive and noises of its own."""
     torque = 0.05
     noise = Noise(torque, np.array([np.hypot(NOISE, STEP / np.sqrt(12.0))]))
@@ -119,7 +110,7 @@ def consistency(runs: int, seed: int, name: str, by_reference: bool) -> None:
             values = random_values(structure.parameters, rng)
             try:
                 options = {"torque": torque, "by_reference": by_reference, "anywhere": True}
-                recordings.append(recorded(structure, values, rng, **options))
+                recordings.append(simulate(structure, values, rng, **options))
             except UnsettledError:
                 continue
             drawn.append(values)
@@ -130,17 +121,16 @@ def consistency(runs: int, seed: int, name: str, by_reference: bool) -> None:
             totals[run_filter.__name__] += list(run_filter(watched, noise).nis.sum(axis=0))
             spent[run_filter.__name__] += time.process_time() - begun
     low, high = chi2.ppf([0.025, 0.975], samples)
-    print(f"{name}: truth by {'the reference solver' if by_reference else 'the kernel at accurate'}, seed {seed}")
+    rows = []
     for text, found in totals.items():
         total = np.array(found)
         inside = (low < total) & (total < high)
         odd = ", ".join(f"{t / samples:.3g}" for t in np.sort(total[~inside]))
-        spread = float(np.std((total - samples) / np.sqrt(2.0 * samples)))
-        print(
-            f"  {text}: {wilson(int(inside.sum()), len(inside))}; above the band {int(np.sum(total >= high))}, spread "
-            f"{spread:.3g} of the expected one; {spent[text] / len(total):.2g} s each; mean NIS outside: {odd}",
-            flush=True,
-        )
+        std = float(np.std((total - samples) / np.sqrt(2.0 * samples)))
+        counts = [share(int(inside.sum()), len(inside), percent=True), str(int(np.sum(total >= high)))]
+        rows.append([f"`{name}`", FILTER_NAMES[text], *counts, f"{std:.2f}", f"{spent[text] / len(total):.2g}"])
+        print(*rows[-1], f"mean NIS outside: {odd}", sep="; ", flush=True)
+    return rows
 
 
 def fundamental(y: np.ndarray, dt: float) -> tuple[float, float]:
@@ -199,7 +189,8 @@ def cycle(structure: str, rng: np.random.Generator) -> tuple[float, float] | Non
     return f / stable[-1].frequency - 1.0, a / float(stable[-1].outputs[0]) - 1.0
 
 
-def cycles(runs: int, seed: int) -> None:
+def cycles(runs: int, seed: int) -> Table:
+    rows, good, predicted = [], 0, 0
     for name in (
         "two_mass+coulomb+viscous+current_control+delay",
         "two_mass+viscous+backlash+current_control+delay",
@@ -207,13 +198,14 @@ def cycles(runs: int, seed: int) -> None:
     ):
         errors = [e for i in range(runs) if (e := cycle(name, np.random.default_rng([seed, i])))]
         f, a = np.abs(np.array(errors)).T if errors else (np.zeros(0), np.zeros(0))
-        good = int(np.sum((f <= 0.15) & (a <= 0.15)))
-        print(
-            f"{name}: within 15 % {wilson(good, len(errors))}; predicted in {len(errors)} of {runs}; "
-            f"median error of frequency {100 * np.median(f):.1f} %, of amplitude {100 * np.median(a):.1f} %, "
-            f"worst {100 * f.max():.0f} and {100 * a.max():.0f} %",
-            flush=True,
-        )
+        within = int(np.sum((f <= 0.15) & (a <= 0.15)))
+        sizes = [f"{100 * np.median(e):.1f} % ({100 * e.max():.0f} %)" if errors else "" for e in (f, a)]
+        rows.append([f"`{name}`", share(within, len(errors), 0, percent=True), f"{len(errors)} of {runs}", *sizes])
+        print(*rows[-1], sep="; ", flush=True)
+        good, predicted = good + within, predicted + len(errors)
+    rows.append(["all", share(good, predicted, 0, percent=True), f"{predicted} of {3 * runs}", "", ""])
+    columns = ["loop", "within 15 % in both", "predicted", "error of frequency: median (worst)", "of amplitude"]
+    return Table("Limit cycles", columns, rows)
 
 
 def cases_of(structure: Structure, run: int, seed: int, by_reference: bool) -> list[tuple[str, Case]] | None:
@@ -228,19 +220,19 @@ def cases_of(structure: Structure, run: int, seed: int, by_reference: bool) -> l
     model = {n: v * float(np.exp(MODEL_STD * rng.normal())) for n, v in truth.items()}
     std = {n: MODEL_STD * abs(v) for n, v in model.items()}
     noise = noise_levels(
-        structure, model, recorded(structure, truth, rng, every=2, by_reference=by_reference), SETTINGS
+        structure, model, simulate(structure, truth, rng, every=2, by_reference=by_reference), SETTINGS
     )
     cases = []
     for broken in (None, *kinds):
         factor = FAULTS[broken.subject] if broken else 1.0
         now = {n: v * (factor if broken and n in kinds[broken] else 1.0) for n, v in truth.items()}
-        recording = recorded(structure, now, rng, every=2, by_reference=by_reference)
+        recording = simulate(structure, now, rng, every=2, by_reference=by_reference)
         cases.append((broken.subject if broken else "", Case(model, recording, noise, std)))
     return cases
 
 
-def watch(name: str, runs: int, seed: int, by_reference: bool) -> None:
-    """Detections and false alarms; counted anew after every twenty drives."""
+def faults(name: str, runs: int, seed: int, by_reference: bool) -> Table:
+    """Detections and false alarms; printed anew after every twenty drives."""
     structure = Structure.parse(name)
     cases: list[tuple[str, Case]] = []
     results: list[tuple[FaultFinding, ...]] = []
@@ -256,64 +248,76 @@ def watch(name: str, runs: int, seed: int, by_reference: bool) -> None:
             drawn += found or []
         cases += drawn
         results += detect_faults(structure, SETTINGS, [case for _, case in drawn])
-        last = first + 20 >= runs
         print(f"{name}: {min(first + 20, runs) - left_out} drives, seed {seed}, {left_out} chaotic ones left out")
-        counted(structure, cases, results, every_miss=last)
+        rows = fault_rows(structure, cases, results)
+        print(*("; ".join(row) for row in rows), sep="\n", flush=True)
+    print_wrong(structure, cases, results)
+    columns = ["fault", "detected", "not decidable", "alarmed without cause"]
+    return Table(f"Faults of `{name}`, seed {seed}, {left_out} chaotic drives left out", columns, rows)
 
 
-def counted(
-    structure: Structure, cases: list[tuple[str, Case]], results: list[tuple[FaultFinding, ...]], *, every_miss: bool
-) -> None:
-    """Print shares of detections and false alarms."""
-    alarms = [any(f.verdict == "changed" for f in fs) for (b, _), fs in zip(cases, results, strict=True) if not b]
-    print(f"  healthy recordings with any alarm: {wilson(sum(alarms), len(alarms))}")
+def fault_rows(
+    structure: Structure, cases: list[tuple[str, Case]], results: list[tuple[FaultFinding, ...]]
+) -> list[list[str]]:
+    """Shares of detections and false alarms."""
+    rows = []
     for subject in (fault.subject for fault in groups(structure)):
         own = [(b, next(f for f in fs if f.subject == subject)) for (b, _), fs in zip(cases, results, strict=True)]
         guilty = [f for b, f in own if b == subject]
         others = [f for b, f in own if b != subject]
         hits, false = (sum(f.verdict == "changed" for f in part) for part in (guilty, others))
-        open_ones = sum(f.verdict == "not decidable" for f in guilty)
-        print(
-            f"  {subject}: detected {wilson(hits, len(guilty))}, not decidable {open_ones}; "
-            f"alarmed without cause {wilson(false, len(others))}",
-            flush=True,
-        )
-        for (_, case), (b, f) in zip(cases, own, strict=True):
-            if every_miss and (b == subject) != (f.verdict == "changed"):
+        undecided = sum(f.verdict == "not decidable" for f in guilty)
+        detected, alarmed = share(hits, len(guilty), percent=True), share(false, len(others), percent=True)
+        rows.append([f"{subject} × {FAULTS[subject]:g}", detected, str(undecided), alarmed])
+    alarms = [any(f.verdict == "changed" for f in fs) for (b, _), fs in zip(cases, results, strict=True) if not b]
+    return [*rows, ["none (healthy recordings)", "", "", share(sum(alarms), len(alarms), percent=True)]]
+
+
+def print_wrong(structure: Structure, cases: list[tuple[str, Case]], results: list[tuple[FaultFinding, ...]]) -> None:
+    """Print every missed fault and every false alarm."""
+    for (broken, case), findings in zip(cases, results, strict=True):
+        for f in findings:
+            if (broken == f.subject) != (f.verdict == "changed"):
                 brief = {n: float(f"{v:.2g}") for n, v in case.values.items()}
-                print(f"    {b or 'healthy'}: {f.text}  {brief}")
+                print(f"    {broken or 'healthy'}: {f.text}  {brief}")
 
 
-def emps() -> None:
-    """The filter over the measured axis: what the innovations say about its model."""
+def emps() -> list[Table]:
+    """The filter over the measured axis: size, colour and bias of the innovations."""
     recording = emps_recording()
     model = identify(recording, "one_mass+coulomb+viscous+gravity", starts=2, level="fast").model
     structure, values, settings = model.structure, model.values_si(), model.settings_si()
     noise = noise_levels(structure, values, recording, settings)
-    seen = prepare(structure, values, recording, settings)
-    found = extended(seen.watched, noise)
+    prepared = prepare(structure, values, recording, settings)
+    found = extended(prepared.watched, noise)
     white = found.white[100:, 0, 0]
     speed = found.z[100:, 0, 1]
-    print(f"disturbing force {noise.torque:.3g} N per sample, position noise {noise.outputs[0]:.3g} m")
-    print(f"NIS mean {float((white**2).mean()):.3f}, share above 3.84: {float((white**2 > 3.84).mean()):.4f}")
+    sizes = [
+        ["disturbing force per sample", f"{noise.torque:.3g} N"],
+        ["position noise", f"{noise.outputs[0]:.3g} m"],
+        ["mean NIS", f"{float((white**2).mean()):.3f}"],
+        ["share of NIS above 3.84", f"{float((white**2 > 3.84).mean()):.4f}"],
+    ]
     for lag in (1, 2, 3, 4, 5, 10, 100):
         r = float(np.mean(white[lag:] * white[:-lag]) / np.mean(white**2))
-        print(f"autocorrelation at lag {lag:3d}: {r:+.3f} (white: within {1.96 / np.sqrt(len(white)):.3f})")
-    fast = np.abs(speed).max()
+        sizes.append([f"autocorrelation at lag {lag}", f"{r:+.3f}"])
+    sizes.append(["limit of a white autocorrelation", f"{1.96 / np.sqrt(len(white)):.3f}"])
+    fast, parts = np.abs(speed).max(), []
     for text, where in (
         ("forward", speed > 0.1 * fast),
         ("backward", speed < -0.1 * fast),
         ("near standstill", np.abs(speed) <= 0.1 * fast),
     ):
         w = white[where]
-        print(
-            f"{text:16}: mean {w.mean():+.3f} ± {1.96 * w.std() / np.sqrt(len(w)):.3f}, size {w.std():.3f}, "
-            f"{len(w)} samples"
-        )
+        parts.append([text, f"{w.mean():+.3f} ± {1.96 * w.std() / np.sqrt(len(w)):.3f}", f"{w.std():.3f}", str(len(w))])
+    return [
+        Table("Innovations of EMPS", ["quantity", "value"], sizes),
+        Table("Innovations of EMPS by motion", ["motion", "mean", "standard deviation", "samples"], parts),
+    ]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = arguments(__doc__)
     parser.add_argument("what", choices=("consistency", "cycles", "faults", "emps"))
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
@@ -321,16 +325,18 @@ def main() -> None:
     parser.add_argument("--reference", action="store_true", help="simulate by the reference solver, not the kernel")
     options = parser.parse_args()
     if options.what == "consistency":
-        for name in STRUCTURES:
-            if options.structure in (name, ALL):
-                consistency(options.runs, options.seed, name, options.reference)
+        names = [name for name in STRUCTURES if options.structure in (name, ALL)]
+        rows = [r for name in names for r in consistency(options.runs, options.seed, name, options.reference)]
+        columns = ["structure", "filter", "NIS within its 95 % band", "above it", "standard deviation", "s each"]
+        tables = [Table("Consistency of the filters", columns, rows)]
     elif options.what == "cycles":
-        cycles(options.runs, options.seed)
+        tables = [cycles(options.runs, options.seed)]
     elif options.what == "faults":
-        for name in FAULTY if options.structure == ALL else (options.structure,):
-            watch(name, options.runs, options.seed, options.reference)
+        names = FAULTY if options.structure == ALL else (options.structure,)
+        tables = [faults(name, options.runs, options.seed, options.reference) for name in names]
     else:
-        emps()
+        tables = emps()
+    publish("control", tables, to_file=options.save)
 
 
 if __name__ == "__main__":

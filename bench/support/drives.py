@@ -1,0 +1,101 @@
+"""Simulated drives of the benchmarks: excitation, coloured noise, encoder, and the recordings made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import lfilter
+
+from brightgrey.arrays import Array
+from brightgrey.excitation import PAPER_EXPERIMENT
+from brightgrey.excitation.random_drives import random_values
+from brightgrey.kit import Structure
+from brightgrey.recordings import Recording, Signal
+from brightgrey.recordings.recording import Hold
+from brightgrey.simulation.reference import reference
+
+__all__ = ["MOTIONS", "RandomDrive", "coloured_noise", "excitation", "rounded", "simulated_recording"]
+
+MOTIONS = ("reversing", "chirp", "multisine")
+AR_POLE = 0.9
+"""Pole of the first-order autoregression that half of the random drives have as noise."""
+
+
+def excitation(motion: str, rng: np.random.Generator) -> Array:
+    """Return a torque in N m as large as that of the paper's experiment and as long; `motion` is one of `MOTIONS`."""
+    e = PAPER_EXPERIMENT
+    paper = e.torque()
+    peak, t = float(np.abs(paper).max()), e.dt * np.arange(e.samples)
+    duration = e.samples * e.dt
+    if motion == "reversing":
+        return np.round(paper, 3)
+    if motion == "chirp":  # logarithmic from 1 to 100 Hz
+        rate = np.log(100.0) / duration
+        u = np.sin(2.0 * np.pi * np.expm1(rate * t) / rate)
+    else:  # the first 60 harmonics of the recording's length; lower ones are stronger, to reach about the same speed
+        k = np.arange(1, 61)
+        phase = rng.uniform(0.0, 2.0 * np.pi, k.size)
+        u = np.sum(np.sin(2.0 * np.pi * k[:, None] * t / duration + phase[:, None]) / np.sqrt(k)[:, None], axis=0)
+    ramp = np.minimum(1.0, t / 0.02)  # from rest
+    return np.round(peak * ramp * u / np.abs(u).max(), 3)
+
+
+def coloured_noise(count: int, pole: float, rng: np.random.Generator, settling: int = 200) -> Array:
+    """Return noise of unit variance: white, or a first-order autoregression after `settling` samples."""
+    white = rng.standard_normal(count + settling)
+    return np.asarray(lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], white)[settling:])
+
+
+def rounded(y: Array, step: float) -> Array:
+    """Return `y` rounded to whole steps, as an encoder gives it."""
+    return np.asarray(np.round(y / step) * step)
+
+
+def simulated_recording(
+    u: Array, velocity: Array, *, name: str = "simulated", dt: float = PAPER_EXPERIMENT.dt, hold: Hold = "linear"
+) -> Recording:
+    """Return a recording of torque in N m and velocity in rad/s."""
+    outputs = (Signal("velocity", "velocity", "rad/s"),)
+    t = dt * np.arange(velocity.size)
+    return Recording(name, t, u, velocity[None], Signal("torque", "input", "N m"), outputs, hold=hold)
+
+
+class RandomDrive:
+    """One random drive with two motions; `y` are its velocities without noise.
+
+    The structure is drawn from `candidates`, the values come from
+    :func:`brightgrey.excitation.random_drives.random_values`. Half of the drives have noise of an autoregression with
+    pole `AR_POLE`, a third of them an encoder.
+    """
+
+    def __init__(self, seed: int, number: int, candidates: Sequence[Structure]) -> None:
+        rng = np.random.default_rng([seed, number])
+        self.seed, self.number = seed, number
+        self.truth = candidates[int(rng.integers(len(candidates)))]
+        self.values = random_values(self.truth.parameters, rng)
+        self.motion = MOTIONS[number % 3]
+        self.pole = AR_POLE if rng.random() < 0.5 else 0.0
+        self.encoder = bool(rng.random() < 1.0 / 3.0)
+        kinds = (self.motion, MOTIONS[(number + 1) % 3])
+        self.u = [excitation(kind, rng) for kind in kinds]
+        e = PAPER_EXPERIMENT
+        self.y = [reference(str(self.truth), self.values, u, e.dt, f_tanh=e.f_tanh)[0] for u in self.u]
+
+    def recordings(self, noise: float) -> list[Recording]:
+        """Return a recording to identify from and one of another motion to test on.
+
+        Parameters
+        ----------
+        noise : float
+            Standard deviation of the noise over the peak of the first motion's velocity.
+        """
+        made, peak = [], float(np.abs(self.y[0]).max())
+        rng = np.random.default_rng([self.seed, self.number, round(1e6 * noise)])
+        for name, u, v in zip(("train", "test"), self.u, self.y, strict=True):
+            size = noise * peak
+            y = v + size * coloured_noise(v.size, self.pole, rng)
+            if self.encoder:  # a step of a thousandth of the peak, or half of the noise
+                y = rounded(y, max(1e-3 * peak, 0.5 * size))
+            made.append(simulated_recording(u, y, name=name))
+        return made

@@ -1,0 +1,41 @@
+"""Measured recordings: the EMPS axis and the drive MTE360, from ../shared/data or the folder BRIGHTGREY_DATA."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from brightgrey import Recording, read_recording
+
+__all__ = ["DATA", "emps_recording", "mte360_recording", "two_mass_recordings"]
+
+DATA = Path(os.environ.get("BRIGHTGREY_DATA", Path(__file__).parents[3] / "shared" / "data"))
+
+
+def mte360_recording(name: str, column: str) -> Recording:
+    """One of the MTE360 recordings."""
+    return read_recording(
+        DATA / "mte360" / f"{name}.mat",
+        input="u",
+        outputs=[f"{column}:velocity-differenced"],
+        time="t",
+        units={"u": "V", column: "mm/s"},
+    )
+
+
+def two_mass_recordings() -> dict[str, Recording]:
+    """The MTE360 recordings of the drive with a second cart."""
+    names = {"square": "1_5", "sine 1 Hz": "sine_1", "sine 3 Hz": "sine_3"}
+    return {name: mte360_recording(f"velocity_response_{file}", "v1") for name, file in names.items()}
+
+
+def emps_recording() -> Recording:
+    """Position of the EMPS from its force."""
+    return read_recording(
+        DATA / "emps" / "DATA_EMPS.mat",
+        input="vir",
+        outputs=["qm:position"],
+        time="t",
+        input_gain=35.15065,
+        units={"vir": "N", "qm": "m"},
+    )
