@@ -12,8 +12,9 @@ import numpy as np
 from brightgrey.errors import RecordingError, nearest
 from brightgrey.recordings.checks import is_constant
 from brightgrey.recordings.columns import Output, choose
+from brightgrey.recordings.formats import file_formats
 from brightgrey.recordings.formats.delimited import read_delimited
-from brightgrey.recordings.formats.mat import is_mat, read_mat
+from brightgrey.recordings.formats.file_format import FIRST_BYTES
 from brightgrey.recordings.formats.table import Column, Table
 from brightgrey.recordings.recording import Recording, Signal, check_hold
 from brightgrey.recordings.samples import Samples, sample
@@ -24,6 +25,8 @@ __all__ = ["read_recording", "recording_from"]
 NO_UNITS: Mapping[str, str] = MappingProxyType({})
 # A velocity with fewer levels than this between its extremes looks like counts per interval.
 COARSE = 500
+# First bytes of a zip archive, which workbooks are, too.
+ARCHIVE = b"PK\x03\x04"
 
 
 def read_recording(
@@ -92,9 +95,13 @@ def read_recording(
     SettingsError
         For options that are out of range or contradict each other.
     """
-    file = _existing(Path(path))
-    if is_mat(file):
-        table = read_mat(file, like=input)
+    file = Path(path)
+    start = _first_bytes(file)
+    reader = next((f for f in file_formats() if f.recognises(file, start)), None)
+    if reader is not None:
+        table = reader.read(file, input)
+    elif start.startswith(ARCHIVE):
+        raise RecordingError(f"{file.name}: this is a workbook or an archive; save the sheet as CSV and read that")
     else:
         table = read_delimited(file, delimiter=delimiter, decimal=decimal, header=header)
     return _record(
@@ -228,8 +235,8 @@ def _remarks(signals: Sequence[Signal], samples: Samples) -> list[str]:
     return remarks
 
 
-def _existing(path: Path) -> Path:
-    """Return the path if it is a file that can be read."""
+def _first_bytes(path: Path) -> bytes:
+    """Start of a file, after checking that it exists and can be read."""
     name = path.name or str(path)
     try:
         if path.is_dir():
@@ -240,9 +247,6 @@ def _existing(path: Path) -> Path:
             guess = nearest(name, files)
             raise RecordingError(f"{name}: there is no such file." + (f" Did you mean '{guess}'?" if guess else ""))
         with path.open("rb") as file:
-            start = file.read(4)
+            return file.read(FIRST_BYTES)
     except OSError as error:
         raise RecordingError(f"{name}: the file cannot be read ({error.strerror})") from error
-    if start == b"PK\x03\x04":
-        raise RecordingError(f"{name}: this is a workbook or an archive; save the sheet as CSV and read that")
-    return path

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.signal import lfilter
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Effect, Scales, registry
+from brightgrey.estimation.diagnostics.torque_patterns import TORQUE_PATTERNS, SimulatedMotion, TorquePattern
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording, Signal
@@ -26,7 +28,6 @@ __all__ = [
     "RESONANCE",
     "TIME_SHIFT",
     "ResidualRegressor",
-    "SimulatedMotion",
     "candidate_regressors",
     "motions",
 ]
@@ -67,14 +68,6 @@ class ResidualRegressor:
     frequency: float = 0.0
 
 
-@dataclass(frozen=True)
-class SimulatedMotion:
-    """Simulated motion of mass 1 in one recording, rad/s and rad (m/s, m), shape (samples,)."""
-
-    speed: Array
-    position: Array
-
-
 def motions(problem: SimulationErrorProblem, named: Mapping[str, Array], settings: Settings) -> list[SimulatedMotion]:
     """Simulated motion of mass 1 in every recording, for one parameter set."""
     found = []
@@ -85,26 +78,15 @@ def motions(problem: SimulationErrorProblem, named: Mapping[str, Array], setting
     return found
 
 
-Pattern = Callable[[SimulatedMotion], Array]
+Torques = Callable[[SimulatedMotion], tuple[Array, ...]]
 
 
-def patterns(structure: Structure, scales: Scales, f_tanh: float) -> dict[str, tuple[Pattern, ...]]:
+def patterns(structure: Structure, scales: Scales, f_tanh: float) -> dict[str, Torques]:
     """Torques, 1 at most, that may be missing: those of effects that say what follows them, and some of no effect."""
-
-    def side(m: SimulatedMotion) -> Array:
-        return np.asarray(np.tanh(f_tanh * m.speed))
-
-    def place(m: SimulatedMotion) -> Array:
-        middle = 0.5 * (m.position.max() + m.position.min())
-        return np.asarray((m.position - middle) / max(0.5 * float(np.ptp(m.position)), np.finfo(float).tiny))
-
     present = {p.name for p in structure.placed}
     missing = [e for e in registry().values() if e.residual_signature and e.name not in present]
-    return {
-        **{e.name: (_torque(e, scales, f_tanh),) for e in missing},
-        "direction": (lambda m: side(m) ** 2, lambda m: side(m) * m.speed / scales.speed),
-        "square of speed": (lambda m: side(m) * (m.speed / scales.speed) ** 2,),
-        "position": (lambda m: side(m) * place(m), lambda m: side(m) ** 2 * place(m)),
+    return {e.name: _torque(e, scales, f_tanh) for e in missing} | {
+        p.name: partial(_pattern, p, scales, f_tanh) for p in TORQUE_PATTERNS
     }
 
 
@@ -119,7 +101,8 @@ def candidate_regressors(
     size = _SMALL * scales.torque
     found = []
     for kind, torques in patterns(structure, scales, settings.f_tanh).items():
-        columns = [_answer(problem, named, settings, residual, [size * t(m) for m in moved], lags) for t in torques]
+        by_torque = zip(*([size * torque for torque in torques(m)] for m in moved), strict=True)
+        columns = [_answer(problem, named, settings, residual, list(each), lags) for each in by_torque]
         found.append(ResidualRegressor(kind, np.stack(columns, axis=1), kind in registry()))
     found.append(ResidualRegressor(DRIFT, _lines(problem), False))
     found += [ResidualRegressor(RESONANCE, _swing(problem, f, lags), frequency=f) for f in _frequencies(scales)]
@@ -128,18 +111,23 @@ def candidate_regressors(
     return [s for s in found if np.isfinite(s.columns).all() and s.columns.any()]
 
 
-def _torque(effect: Effect, scales: Scales, f_tanh: float) -> Pattern:
+def _pattern(pattern: TorquePattern, scales: Scales, f_tanh: float, motion: SimulatedMotion) -> tuple[Array, ...]:
+    """Torques of a pattern for one motion."""
+    return pattern.torques(motion, np.asarray(np.tanh(f_tanh * motion.speed)), scales)
+
+
+def _torque(effect: Effect, scales: Scales, f_tanh: float) -> Torques:
     """Torque of an effect at its declared start, over its largest value."""
     law = effect.law
     assert law is not None
     values = {q.symbol: abs(float(q.start(scales))) for q in effect.parameters} | {"f_tanh": f_tanh}
     p = tuple(values[symbol] for symbol in law.parameters)
 
-    def pattern(m: SimulatedMotion) -> Array:
+    def torques(m: SimulatedMotion) -> tuple[Array, ...]:
         torque = np.broadcast_to(law.value((m.speed,)[: law.ports], p)[0], m.speed.shape)
-        return np.asarray(torque / max(float(np.abs(torque).max()), np.finfo(float).tiny))
+        return (np.asarray(torque / max(float(np.abs(torque).max()), np.finfo(float).tiny)),)
 
-    return pattern
+    return torques
 
 
 def _answer(

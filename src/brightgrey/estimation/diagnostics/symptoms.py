@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -14,12 +15,12 @@ from brightgrey.estimation.diagnostics.residual_regressors import (
     DRIFT,
     RESONANCE,
     TIME_SHIFT,
-    SimulatedMotion,
     candidate_regressors,
     motions,
 )
 from brightgrey.estimation.diagnostics.residual_tests import Candidate, Detected, detect_regressors
 from brightgrey.estimation.diagnostics.spectral_peaks import peak
+from brightgrey.estimation.diagnostics.torque_patterns import TORQUE_PATTERNS, SimulatedMotion, TorquePattern
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 
@@ -205,28 +206,9 @@ def _swings(hit: Detected, frequency: float, structure: Structure) -> Symptom:
     return Symptom("Resonance suspected", f"{seen}, which explains {_explains(hit)}", _more_masses(structure))
 
 
-def _direction(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
-    return Symptom(
-        "Friction depends on the direction",
-        f"the residual follows a torque that is there in motion only, one way, and explains {_explains(hit)}",
-        "no effect describes it; constant torque takes a part of it, and friction near standstill is doubtful",
-    )
-
-
-def _square(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
-    return Symptom(
-        "Friction grows with the square of speed",
-        f"the residual follows the square of speed against the motion, which explains {_explains(hit)}",
-        "no effect describes it (air, churning oil); use the model within the speeds of the recording",
-    )
-
-
-def _position(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
-    return Symptom(
-        "Torque or friction depends on the position",
-        f"the residual follows position, which explains {_explains(hit)}",
-        "no effect describes it (cables, springs, a misaligned guide); keep to the part of the way that matters",
-    )
+def _torque_pattern(pattern: TorquePattern, hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
+    seen = f"the residual follows {pattern.follows}, which explains {_explains(hit)}"
+    return Symptom(pattern.title, seen, pattern.advice)
 
 
 def _drift(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
@@ -263,9 +245,7 @@ def _late(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
 
 
 _SAID: Mapping[str, Callable[[Detected, tuple[Recording, ...]], Symptom]] = {
-    "direction": _direction,
-    "square of speed": _square,
-    "position": _position,
+    **{pattern.name: partial(_torque_pattern, pattern) for pattern in TORQUE_PATTERNS},
     DRIFT: _drift,
     TIME_SHIFT: _late,
 }

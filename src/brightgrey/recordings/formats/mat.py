@@ -11,18 +11,17 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.errors import RecordingError
+from brightgrey.recordings.formats.file_format import FileFormat
 from brightgrey.recordings.formats.table import Column, Table
 
-__all__ = ["is_mat", "read_mat"]
+__all__ = ["FORMAT", "is_mat", "read_mat"]
 
 # Matrices with more columns than this are no tables.
 WIDEST = 64
 
 
-def is_mat(path: Path) -> bool:
-    """Whether a file is MATLAB's, by its name or by its first bytes."""
-    with path.open("rb") as file:
-        start = file.read(8)
+def is_mat(path: Path, start: bytes) -> bool:
+    """Recognise a MATLAB file by its name or by its first bytes."""
     return path.suffix.lower() == ".mat" or start.startswith((b"MATLAB ", b"\x89HDF"))
 
 
@@ -119,3 +118,6 @@ def _vectors(content: Mapping[str, Any]) -> tuple[dict[str, Array], list[str]]:
         else:
             others.append(key)
     return vectors, others
+
+
+FORMAT = FileFormat("MATLAB", is_mat, read_mat)

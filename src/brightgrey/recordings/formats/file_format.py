@@ -1,0 +1,34 @@
+"""Declaration of a binary file format that recordings may have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from brightgrey.recordings.formats.table import Table
+
+__all__ = ["FIRST_BYTES", "FileFormat"]
+
+FIRST_BYTES = 64
+"""Length of the start of a file that `FileFormat.recognises` is given."""
+
+
+@dataclass(frozen=True)
+class FileFormat:
+    """One format, declared as ``FORMAT`` in a module of this folder.
+
+    Attributes
+    ----------
+    title : str
+        Name that users know, e.g. ``MATLAB``.
+    recognises : callable
+        ``recognises(path, start) -> bool``; `start` holds the first bytes of the file.
+    read : callable
+        ``read(path, like) -> Table``; `like` names the input column, for files whose columns differ in length. Raises
+        RecordingError for a file that is damaged or holds no columns.
+    """
+
+    title: str
+    recognises: Callable[[Path, bytes], bool]
+    read: Callable[[Path, str], Table]
