@@ -15,7 +15,7 @@ import brightgrey
 from brightgrey import errors
 from brightgrey.effects import registry
 
-API = Path(__file__).parents[2] / "docs" / "api.md"
+API = Path(__file__).parents[2] / "docs" / "reference" / "python.md"
 ERRORS = {name for name, value in vars(errors).items() if inspect.isclass(value) and issubclass(value, ValueError)}
 SECTIONS = ("Parameters", "Returns", "Raises", "Attributes", "Notes", "Examples", "Yields")
 # What says in which unit a number stands, or that it has none.

@@ -1,4 +1,4 @@
-"""The effect of docs/add-effect.md, put as one file into a copy of the package, appears everywhere."""
+"""The effect of docs/how-to/add-effect.md, put as one file into a copy of the package, appears everywhere."""
 
 import json
 import os
@@ -41,7 +41,7 @@ def extended(tmp_path_factory):
     folder = tmp_path_factory.mktemp("extended")
     package = folder / "brightgrey"
     shutil.copytree(Path(brightgrey.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    text = (ROOT / "docs" / "add-effect.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "how-to" / "add-effect.md").read_text(encoding="utf-8")
     (name,) = re.findall(r"^`src/brightgrey/effects/library/(\w+\.py)`:$", text, re.MULTILINE)
     (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     assert not (package / "effects" / "library" / name).exists()

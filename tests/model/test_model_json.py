@@ -10,7 +10,7 @@ import pytest
 from brightgrey.errors import BrightgreyError, SettingsError
 from brightgrey.model.model import Model, load_model
 
-DOC = Path(__file__).parents[2] / "docs" / "model-json.md"
+DOC = Path(__file__).parents[2] / "docs" / "reference" / "model-json.md"
 
 
 @pytest.fixture(scope="module")

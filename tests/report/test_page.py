@@ -20,7 +20,7 @@ from brightgrey.report.text.tables import outcome_class, parameter_rows, remarks
 from brightgrey.search.evidence import EffectVerdict, Evidence
 from support.html_reader import read
 
-DOC = Path(__file__).parents[2] / "docs" / "model-json.md"
+DOC = Path(__file__).parents[2] / "docs" / "reference" / "model-json.md"
 ALWAYS = {"motion", "values", "commissioning", "model", "recording", "repeat"}
 CARDS = (
     EffectVerdict("coulomb", "needed", 0.4, None, "without it the residual is 1.4 times as large"),

@@ -42,7 +42,7 @@ class Model(Part):
     """An identified model: structure, parameters with uncertainty, and all that simulating again needs.
 
     Numbers stand in the recording's units, as in the file; :meth:`values_si` and :meth:`settings_si` give
-    what the simulation takes. docs/model-json.md describes every field.
+    what the simulation takes. docs/reference/model-json.md describes every field.
     """
 
     model_config = ConfigDict(serialize_by_alias=True)

@@ -1,4 +1,4 @@
-"""Parts of model.json, one class per object in it (docs/model-json.md is the page for readers)."""
+"""Parts of model.json, one class per object in it (docs/reference/model-json.md is the page for readers)."""
 
 from __future__ import annotations
 
