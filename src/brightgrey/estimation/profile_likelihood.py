@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import brentq
 
 from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError, unknown_name
@@ -165,6 +164,8 @@ def _end(cost: Callable[[float], float], middle: float, step: float, bound: floa
         last = abs(outer - middle) >= abs(bound - middle)
         outer = bound if last else outer
         if cost(outer) >= 0.0:
+            from scipy.optimize import brentq  # slow to import, and only profiles need it
+
             return float(brentq(cost, inner, outer, xtol=_ROOT * abs(step))), True
         if last:
             break

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import lfilter
-from scipy.stats import chi2, f, ncx2
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.noise.autoregression import Autoregression, levinson
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
 from brightgrey.estimation.uncertainty.covariance import noise_models
 from brightgrey.kit import Structure
+from brightgrey.numerics.digital_filter import lfilter
+from brightgrey.numerics.distributions import chi2, f, ncx2
 
 __all__ = ["Judged", "Whitening", "chance_of", "power", "significance", "threshold"]
 

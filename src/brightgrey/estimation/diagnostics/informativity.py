@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import f as f_distribution
-from scipy.stats import norm
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.finding import Finding
+from brightgrey.numerics.distributions import f as f_distribution
+from brightgrey.numerics.distributions import norm
 from brightgrey.recordings import Recording
 
 __all__ = ["recording_findings", "why_uninformative"]

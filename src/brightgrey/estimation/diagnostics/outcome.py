@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple, get_args
 
 import numpy as np
-from scipy.stats import chi2
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.finding import Finding, Kind
@@ -17,6 +16,7 @@ from brightgrey.estimation.problem.simulation_error import SimulationErrorProble
 from brightgrey.estimation.uncertainty.covariance import noise_models
 from brightgrey.estimation.uncertainty.estimates import Estimates
 from brightgrey.estimation.uncertainty.identifiability import describe
+from brightgrey.numerics.distributions import chi2
 from brightgrey.simulation import Settings
 
 __all__ = ["FitContext", "Outcome", "outcome_of", "unfitted"]

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from scipy.signal import lfilter
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Effect, Scales, registry
 from brightgrey.estimation.diagnostics.torque_patterns import TORQUE_PATTERNS, SimulatedMotion, TorquePattern
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.kit import Structure
+from brightgrey.numerics.digital_filter import lfilter
 from brightgrey.recordings import Recording, Signal
 from brightgrey.recordings.units.signals import KINDS
 from brightgrey.simulation import Settings

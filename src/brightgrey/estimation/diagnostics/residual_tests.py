@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
-from scipy.stats import chi2
-from scipy.stats import f as fisher
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.noise.autoregression import Autoregression, autoregression
 from brightgrey.estimation.uncertainty.covariance import noise_models
+from brightgrey.numerics.digital_filter import lfilter
+from brightgrey.numerics.distributions import chi2
+from brightgrey.numerics.distributions import f as fisher
 
 __all__ = ["Candidate", "Detected", "detect_regressors"]
 

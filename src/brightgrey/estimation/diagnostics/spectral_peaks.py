@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
-from scipy.stats import chi2
-from scipy.stats import f as fisher
 
 from brightgrey.arrays import Array
+from brightgrey.numerics.distributions import chi2
+from brightgrey.numerics.distributions import f as fisher
 
 __all__ = ["Peak", "peak"]
 

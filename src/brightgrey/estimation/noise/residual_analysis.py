@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2, norm
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.noise.autoregression import autoregression, lag_sums
+from brightgrey.numerics.distributions import chi2, norm
 
 __all__ = ["LAGS", "Residuals", "residual_analysis"]
 

@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Scales, SearchHints
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation.problem.initial_state import InitialStateParameter
 from brightgrey.kit import Structure
+from brightgrey.numerics.sobol import sobol_points
 
 __all__ = ["ParameterSpace", "parameter_space"]
 
@@ -116,8 +116,7 @@ class ParameterSpace:
 
     def sample(self, count: int, rng: np.random.Generator) -> Array:
         """Space-filling starts in SI, shape (P, count), where effects declare them plausible."""
-        sampler = qmc.Sobol(len(self.names), rng=rng)
-        share = sampler.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count].T
+        share = sobol_points(len(self.names), int(np.ceil(np.log2(max(count, 2)))), rng)[:count].T
         values = self._alone(share)
         for block in self.blocks:
             rows = list(block.rows)

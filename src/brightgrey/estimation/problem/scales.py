@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Scales
+from brightgrey.numerics.bounded_least_squares import bounded_least_squares
 from brightgrey.recordings import Recording
 
 __all__ = ["scales", "speed_of"]
@@ -251,7 +251,7 @@ def _robust(torque: Array, terms: Array) -> Array:
     for _ in range(REWEIGHTINGS):
         root = np.sqrt(weight)
         with np.errstate(invalid="ignore"):  # a column of zeros makes its path along the bounds 0 times infinity
-            x = lsq_linear(X * root[:, None], torque * root, bounds=(low, np.full(4, np.inf))).x
+            x = bounded_least_squares(X * root[:, None], torque * root, low, np.full(4, np.inf))
         r = np.abs(torque - X @ x)
         spread = 1.345 * float(np.median(r)) / 0.6745
         weight = np.minimum(1.0, spread / np.maximum(r, np.finfo(float).tiny)) if spread > 0.0 else weight

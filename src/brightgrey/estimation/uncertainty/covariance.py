@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.noise.autoregression import (
@@ -21,6 +20,7 @@ from brightgrey.estimation.noise.autoregression import (
     levinson,
     times_autocovariance,
 )
+from brightgrey.numerics.distributions import t as student
 
 __all__ = ["CovarianceEstimate", "gradient_covariance", "noise_models", "sandwich_covariance", "weakest"]
 

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_to_convergence
@@ -15,6 +14,7 @@ from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.estimation.uncertainty.covariance import sandwich_covariance
 from brightgrey.estimation.uncertainty.identifiability import unidentifiable_directions
+from brightgrey.numerics.distributions import chi2
 from brightgrey.simulation import Settings
 
 __all__ = ["Heterogeneity", "heterogeneity"]

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import csd
 
 from brightgrey.arrays import Array, Complex
 from brightgrey.control.linear.analysis import Analysis, linearise_at
@@ -15,6 +14,7 @@ from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
 from brightgrey.model.model import Model
 from brightgrey.model.trace import Trace
+from brightgrey.numerics.digital_filter import csd
 from brightgrey.report.charts.chart import Chart, Line, Mark, Panel
 from brightgrey.report.quantities.number_format import significant
 
