@@ -21,7 +21,7 @@ SECTIONS = ("Parameters", "Returns", "Raises", "Attributes", "Notes", "Examples"
 # What says in which unit a number stands, or that it has none.
 UNITS = re.compile(
     r"\bSI\b|\bunits?\b|\bin s\b|\bs\b|\bHz\b|rad|N m|1/s|\bm/s|\bm\b|ratio|percent|%|degrees|[Nn]umber|[Ff]actor"
-    r"|samples?|chance|[Cc]riterion|correlation|times\b|[Ww]eight|relative|points|[Ss]tay within|part of",
+    r"|samples?|chance|[Pp]robabilit|[Cc]riterion|correlation|times\b|[Ww]eight|relative|points|[Ss]tay within|part of",
 )
 
 

@@ -15,7 +15,7 @@ __all__ = ["RunStatus", "read_status"]
 
 @dataclass(frozen=True)
 class RunStatus:
-    """What :func:`glance` saw of a run.
+    """State of a run, as :func:`read_status` found it.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class RunStatus:
     state : {'finished', 'running', 'unfinished'}
     evaluations : int
     seconds : float
-        That the evaluations took, in sum.
+        Time in s that the evaluations took together.
     generations : int
         Of a genetic search, that are complete.
     stage : mapping

@@ -42,7 +42,7 @@ probabilities 40 %, half 34 %, no mutation 6 %; p_clone 0 and 0.5 instead of 0.2
 """
 
 PATIENCE = 12
-"""Polls without a gain of a hundredth after which a pattern search ends; docs/results.md says what that costs."""
+"""Polls without a gain of a hundredth after which a pattern search ends; docs/design says what that costs."""
 
 ASSUMED: Mapping[str, float] = MappingProxyType(
     {
@@ -102,7 +102,7 @@ class GeneticSettings:
         The paper's is pattern search.
     iterations : int
         Limit of the estimator's iterations for each individual in each generation (paper: 500).
-    patience : int
+    stall_polls : int
         A pattern search ends, too, where so many polls together lower the cost by less than a hundredth; 0 if only
         the limit counts. Not in the paper.
     criterion : str
@@ -115,15 +115,15 @@ class GeneticSettings:
         those end that a structure contains or is contained in, as in the search of all structures.
     elite : int
         Best structures so far that each new population begins with, unchanged (paper: 0). Those with an effect that is
-        known to be idle are no better than they are without it, and left out here and in `near`. With fewer others the
-        population is smaller.
-    fresh : int
+        known to be idle are no better than they are without it, and left out here and in `n_neighbours`. With fewer
+        others the population is smaller.
+    max_remutations : int
         An individual whose structure has been tried is mutated up to this many times, each time by a random one of
         the mutations, until it is one that has not (paper: 0).
-    narrow : int
+    n_starts_narrow : int
         With `start_from` 'neighbours': descents of each field where a structure is sought from everywhere within narrow
         ranges, see :class:`brightgrey.search.fitting.Options`.
-    near : int
+    n_neighbours : int
         Of each new population, individuals that differ from the best structures so far by one node and have not been
         tried, those of the very best first; as far as the elite leaves room (paper: 0).
 
