@@ -16,11 +16,10 @@ from brightgrey.cli import main
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.exports import external_tools as tools
-from brightgrey.exports import registry as exporting
 from brightgrey.exports.numeric_model import numeric_model
 from brightgrey.exports.registry import EXPORTS, export, exporter
 from brightgrey.exports.targets import modelica
-from brightgrey.exports.verification import deviation, native, verification_of, verification_run
+from brightgrey.exports.verification import compare, deviation, native, verification_of, verification_run
 from brightgrey.model.files import write_files
 from brightgrey.recordings import Recording
 from brightgrey.simulation.plain import plain_response
@@ -41,16 +40,16 @@ def needs(to):
         pytest.importorskip(PACKAGES[to], reason=f"{PACKAGES[to]} is not installed")
 
 
-def compared(to, model, folder):
+def deviation_of(to, model, folder):
     """Deviation of an export on the test input, relative to the range."""
-    scheme = numeric_model(model)
-    trial = verification_of(scheme)
+    numeric = numeric_model(model)
+    run = verification_of(numeric)
     target = exporter(to)
-    write_files(folder, target.files(scheme))
-    verified = target.verify(folder, scheme, trial)
+    write_files(folder, target.files(numeric))
+    verified = target.verify(folder, numeric, run)
     if to in OWN_SOLVER:  # these may come closer to the truth than we do
-        return min(deviation(trial.y, verified.y), deviation(trial.fine, verified.y))
-    return deviation(trial.y, verified.y)
+        return min(deviation(run.y, verified.y), deviation(run.y_fine, verified.y))
+    return deviation(run.y, verified.y)
 
 
 @pytest.mark.parametrize("to", EXPORTS)
@@ -66,7 +65,7 @@ def compared(to, model, folder):
 )
 def test_export_moves_like_the_model(to, structure, options, tmp_path):
     needs(to)
-    assert compared(to, drawn(structure, 11, **options), tmp_path) <= exporter(to).tolerance
+    assert deviation_of(to, drawn(structure, 11, **options), tmp_path) <= exporter(to).tolerance
 
 
 @pytest.mark.parametrize("to", ["c", "fmu", "matlab"])
@@ -75,7 +74,7 @@ def test_gap_whose_damper_relaxes_in_nanoseconds(to, tmp_path):
     needs(to)
     values = {"J1": 0.0165, "J2": 0.00704, "J3": 0.000972, "c1": 123e3, "c2": 0.156, "d1": 1.23e-4, "d2": 0.0398}
     drive = model("three_mass+coulomb+backlash", values | {"M_C": 0.288, "alpha": 0.7})
-    assert compared(to, drive, tmp_path) <= exporter(to).tolerance
+    assert deviation_of(to, drive, tmp_path) <= exporter(to).tolerance
 
 
 @pytest.mark.parametrize("to", ["c", "matlab"])
@@ -84,12 +83,12 @@ def test_gap_that_fades_to_what_it_follows(to, tmp_path):
     needs(to)
     c, alpha = 100.0, 1e-3
     d = c * PAPER_EXPERIMENT.dt / (128 * 20.0)
-    scheme = numeric_model(model("two_mass+backlash", {"J1": 0.01, "J2": 0.004, "c1": c, "d1": d, "alpha": alpha}))
+    numeric = numeric_model(model("two_mass+backlash", {"J1": 0.01, "J2": 0.004, "c1": c, "d1": d, "alpha": alpha}))
     for start in (0.8, 2.0, -3.1):  # twists in halves of the gap: inside, beyond a limit each way
         x0 = np.array([start * alpha, 0.0, 1.0, 0.0, -1.2 * alpha])
-        trial = verification_run(scheme, np.full(20, 0.3), x0, "a gap that fades")
-        write_files(tmp_path, exporter(to).files(scheme))
-        assert deviation(trial.y, exporter(to).verify(tmp_path, scheme, trial).y) <= exporter(to).tolerance
+        run = verification_run(numeric, np.full(20, 0.3), x0, "a gap that fades")
+        write_files(tmp_path, exporter(to).files(numeric))
+        assert deviation(run.y, exporter(to).verify(tmp_path, numeric, run).y) <= exporter(to).tolerance
 
 
 @pytest.mark.long
@@ -98,7 +97,7 @@ def test_twenty_random_structures(to, tmp_path):
     needs(to)
     worst = {}
     for i, drive in enumerate(random_models(20, 1)):
-        worst[f"{i} {drive.structure}"] = compared(to, drive, tmp_path / str(i))
+        worst[f"{i} {drive.structure}"] = deviation_of(to, drive, tmp_path / str(i))
     found = np.array(list(worst.values()))
     print(f"{to:9} median {np.median(found):.1e}  worst {found.max():.1e}  {max(worst, key=worst.get)}")
     assert found.max() <= exporter(to).tolerance
@@ -114,20 +113,20 @@ def test_random_structures_have_every_effect():
 def test_same_model_same_files(to):
     if to == "fmu":
         needs(to)
-    scheme = numeric_model(drawn("two_mass+coulomb+backlash", 5))
+    numeric = numeric_model(drawn("two_mass+coulomb+backlash", 5))
     target = exporter(to)
-    assert target.files(scheme) == target.files(scheme)
+    assert target.files(numeric) == target.files(numeric)
 
 
 def test_tables_are_those_of_the_plain_twin(tmp_path):
     needs("c")
     from brightgrey.exports.targets import c99 as c_code
 
-    scheme = numeric_model(drawn("three_mass+coulomb+stribeck+backlash+delay", 2, kinds=ALL))
-    trial = verification_of(scheme)
-    write_files(tmp_path, c_code.EXPORTER.files(scheme))
-    y = c_code.verify(tmp_path, scheme, trial).y
-    plain = plain_response(scheme.system, trial.u[:80], scheme.dt, trial.x0, scheme.settings)
+    numeric = numeric_model(drawn("three_mass+coulomb+stribeck+backlash+delay", 2, kinds=ALL))
+    run = verification_of(numeric)
+    write_files(tmp_path, c_code.EXPORTER.files(numeric))
+    y = c_code.verify(tmp_path, numeric, run).y
+    plain = plain_response(numeric.system, run.u[:80], numeric.dt, run.x0, numeric.settings)
     # Same steps, other root finders: what remains is rounding, carried on by stiff friction.
     assert np.all(np.abs(y[:, :80] - plain).max(axis=1) <= 1e-8 * np.abs(plain).max(axis=1))
 
@@ -136,17 +135,17 @@ def test_c_starts_anywhere_and_needs_no_start(tmp_path):
     needs("c")
     from brightgrey.exports.targets import c99 as c_code
 
-    scheme = numeric_model(drawn("two_mass+coulomb+backlash+current_control", 4, kinds=ALL))
-    files = c_code.EXPORTER.files(scheme)
+    numeric = numeric_model(drawn("two_mass+coulomb+backlash+current_control", 4, kinds=ALL))
+    files = c_code.EXPORTER.files(numeric)
     text = files["drive.c"].decode() + files["drive.h"].decode()
     assert "malloc" not in text
     assert [line for line in text.splitlines() if line.startswith("#include <")] == ["#include <math.h>"]
     write_files(tmp_path, files)
-    u = np.sin(0.05 * np.arange(100)) * verification_of(scheme).u.max()
-    x0 = scheme.system.rest(position=0.3, speed=2.0, u=0.1)
-    x0[scheme.system.state_names.index("lambda1")] = -0.5 * scheme.limits(0)[1]
-    trial = verification_run(scheme, u, x0, "a start in motion")
-    assert deviation(trial.y, c_code.verify(tmp_path, scheme, trial).y) < 1e-9
+    u = np.sin(0.05 * np.arange(100)) * verification_of(numeric).u.max()
+    x0 = numeric.system.rest(position=0.3, speed=2.0, u=0.1)
+    x0[numeric.system.state_names.index("lambda1")] = -0.5 * numeric.limits(0)[1]
+    run = verification_run(numeric, u, x0, "a start in motion")
+    assert deviation(run.y, c_code.verify(tmp_path, numeric, run).y) < 1e-9
 
 
 def test_fmu_says_what_it_is(tmp_path):
@@ -170,14 +169,14 @@ def test_fmu_says_what_it_is(tmp_path):
             zipped.namelist()
         )
     # By fmpy's own loop, which holds the input: as a drive whose input is held.
-    scheme = numeric_model(model)
-    u = verification_of(scheme).u[:200]
-    signals = np.array(list(zip(scheme.dt * np.arange(200), u, strict=True)), [("time", float), ("torque", float)])
-    step = scheme.dt
+    numeric = numeric_model(model)
+    u = verification_of(numeric).u[:200]
+    signals = np.array(list(zip(numeric.dt * np.arange(200), u, strict=True)), [("time", float), ("torque", float)])
+    step = numeric.dt
     result = fmpy.simulate_fmu(str(file), input=signals, output_interval=step, stop_time=199 * step)
     from dataclasses import replace
 
-    held = native(replace(scheme, settings=replace(scheme.settings, hold="zoh")), u, scheme.system.rest())
+    held = native(replace(numeric, settings=replace(numeric.settings, hold="zoh")), u, numeric.system.rest())
     assert deviation(held, result["velocity"][None, :]) < 1e-9
 
 
@@ -215,29 +214,29 @@ def test_fmu_goes_back_to_a_state_that_was_kept(tmp_path):
 
 
 def test_mat_file_has_matrices_parameters_and_settings():
-    scheme = numeric_model(drawn("two_mass+coulomb+backlash", 5))
-    content = loadmat(io.BytesIO(exporter("matlab").files(scheme)["drive.mat"]), simplify_cells=True)
-    np.testing.assert_array_equal(content["A"], scheme.low.A[:, :, 0])
-    assert content["parameters"]["J1"]["value"] == scheme.model.parameters["J1"].value
+    numeric = numeric_model(drawn("two_mass+coulomb+backlash", 5))
+    content = loadmat(io.BytesIO(exporter("matlab").files(numeric)["drive.mat"]), simplify_cells=True)
+    np.testing.assert_array_equal(content["A"], numeric.low.A[:, :, 0])
+    assert content["parameters"]["J1"]["value"] == numeric.model.parameters["J1"].value
     assert content["parameters"]["J1"]["unit"] == "kg m²"
-    assert content["settings"]["f_tanh"] == scheme.model.settings.f_tanh
-    assert content["structure"] == str(scheme.model.structure)
+    assert content["settings"]["f_tanh"] == numeric.model.settings.f_tanh
+    assert content["structure"] == str(numeric.model.structure)
 
 
 def test_control_objects(tmp_path):
     needs("control")
-    scheme = numeric_model(drawn("two_mass+coulomb+viscous+current_control", 6, kinds=ALL))
+    numeric = numeric_model(drawn("two_mass+coulomb+viscous+current_control", 6, kinds=ALL))
     from brightgrey.exports.targets import python_control
 
     space = {}
-    exec(python_control.EXPORTER.files(scheme)["drive_control.py"], space)
-    x = scheme.system.rest(speed=0.4, u=0.2)
-    linear, known = space["linear"](x, 0.2), scheme.system.linearise(x, 0.2)
+    exec(python_control.EXPORTER.files(numeric)["drive_control.py"], space)
+    x = numeric.system.rest(speed=0.4, u=0.2)
+    linear, known = space["linear"](x, 0.2), numeric.system.linearise(x, 0.2)
     for name in "ABCD":
         np.testing.assert_allclose(getattr(linear, name), getattr(known, name), rtol=1e-12, atol=1e-12)
     nonlinear = space["nonlinear"]()
-    np.testing.assert_allclose(nonlinear.dynamics(0.0, x, [0.2]), scheme.system.derivative(x, 0.2), rtol=1e-12)
-    np.testing.assert_allclose(nonlinear.output(0.0, x, [0.2]), scheme.system.output(x, 0.2), rtol=1e-12)
+    np.testing.assert_allclose(nonlinear.dynamics(0.0, x, [0.2]), numeric.system.derivative(x, 0.2), rtol=1e-12)
+    np.testing.assert_allclose(nonlinear.output(0.0, x, [0.2]), numeric.system.output(x, 0.2), rtol=1e-12)
 
 
 def test_modelica_uses_standard_components():
@@ -257,10 +256,10 @@ def test_modelica_uses_standard_components():
 
 def test_modelica_of_an_effect_without_a_drawing(tmp_path):
     needs("modelica")
-    scheme = numeric_model(drawn("two_mass+coulomb+stribeck+gravity+backlash+current_control", 8, kinds=ALL))
-    trial = verification_of(scheme)
-    (tmp_path / "Drive.mo").write_text(modelica._equations(scheme))
-    assert deviation(trial.y, modelica.verify(tmp_path, scheme, trial).y) <= modelica.EXPORTER.tolerance
+    numeric = numeric_model(drawn("two_mass+coulomb+stribeck+gravity+backlash+current_control", 8, kinds=ALL))
+    run = verification_of(numeric)
+    (tmp_path / "Drive.mo").write_text(modelica.equation_model(numeric))
+    assert deviation(run.y, modelica.verify(tmp_path, numeric, run).y) <= modelica.EXPORTER.tolerance
 
 
 @pytest.mark.parametrize("to", ["c", "matlab"])
@@ -276,11 +275,11 @@ def test_missing_package_is_said(tmp_path, monkeypatch):
     def absent(name):
         raise ImportError(name)
 
-    target, scheme = exporter("control"), numeric_model(drawn("one_mass+coulomb", 1))
-    trial = verification_of(scheme)
+    target, numeric = exporter("control"), numeric_model(drawn("one_mass+coulomb", 1))
+    run = verification_of(numeric)
     monkeypatch.setattr(tools.importlib, "import_module", absent)
-    _, text, _ = exporting._compared(target, tmp_path, scheme, trial)
-    assert text == "not verified: control is not installed (pip install 'brightgrey[control]')"
+    compared = compare(tmp_path, numeric, run, target.verify, target.tolerance)
+    assert compared.text == "not verified: control is not installed (pip install 'brightgrey[control]')"
 
 
 def test_an_export_that_is_off_is_not_good(tmp_path, monkeypatch):
@@ -289,8 +288,8 @@ def test_an_export_that_is_off_is_not_good(tmp_path, monkeypatch):
 
     honest = c_code.sources
 
-    def altered(scheme):
-        text = honest(scheme)
+    def altered(numeric):
+        text = honest(numeric)
         return text | {"drive.c": text["drive.c"].replace("d.slope = rise / DT", "d.slope = 1.01 * rise / DT")}
 
     monkeypatch.setattr(c_code, "sources", altered)

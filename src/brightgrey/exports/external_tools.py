@@ -1,4 +1,4 @@
-"""Other programs: finding and running them, and saying plainly what is missing."""
+"""Other programs and libraries: find them, run them, and name the one that is missing."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from brightgrey.errors import BrightgreyError
 
 __all__ = ["ExportError", "MissingToolError", "import_library", "program", "run_program"]
 
-_LONGEST = 600.0  # s
+TIME_LIMIT = 600.0  # s that a tool chain may take
 
 
 class MissingToolError(Exception):
-    """What an export is verified with is not there; the message says what."""
+    """The tool that verifies an export is not installed; the message names it."""
 
 
 class ExportError(BrightgreyError):
@@ -60,10 +60,10 @@ def run_program(arguments: Sequence[str | Path], folder: Path, text: str = "") -
     """
     try:
         done = subprocess.run(
-            [str(a) for a in arguments], cwd=folder, input=text, capture_output=True, text=True, timeout=_LONGEST
+            [str(a) for a in arguments], cwd=folder, input=text, capture_output=True, text=True, timeout=TIME_LIMIT
         )
     except subprocess.TimeoutExpired:
-        raise ExportError(f"{Path(arguments[0]).name} did not end within {_LONGEST:.0f} s") from None
+        raise ExportError(f"{Path(arguments[0]).name} did not end within {TIME_LIMIT:.0f} s") from None
     if done.returncode:
         lines = [line for line in (done.stderr + done.stdout).splitlines() if line.strip()]
         first = next((line for line in lines if "error" in line.lower() or line.startswith("!")), (lines or ["?"])[0])

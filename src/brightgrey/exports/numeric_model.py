@@ -1,7 +1,7 @@
-"""All numbers that simulating a model needs, lowered as for the kernel: what the exports to other languages write down.
+"""A model lowered to numbers, as the kernel takes it: the exports to other languages write these down.
 
 The scheme is that of :mod:`brightgrey.simulation.kernel.radau_step` at level ``accurate``. The matrix exponentials are
-worked out here, once, so that the target needs none.
+computed here, once, so that the target needs none.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from brightgrey.simulation.kernel.lowering import Lowered, lower
 from brightgrey.simulation.response import parts_per_sample
 from brightgrey.simulation.settings import Hold, Tolerances, tolerances
 
-__all__ = ["ModelOutput", "NumericModel", "Tables", "numeric_model", "propagator_tables"]
+__all__ = ["ModelOutput", "NumericModel", "PropagatorTables", "numeric_model", "propagator_tables"]
 
-_MOTIONS = ("rad", "m")
-_INPUTS = ("N m", "N", "V", "A")
+_COHERENT_MOTIONS = ("rad", "m")
+_COHERENT_INPUTS = ("N m", "N", "V", "A")
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class NumericModel:
     settings : Settings
         Level ``accurate``.
     tolerance : Tolerances
-    bases : int
+    base_steps : int
         Base steps per sample.
     input_factor : float
         SI value over shown value.
@@ -114,6 +114,16 @@ class NumericModel:
         return whole, samples - whole
 
     @property
+    def step_error(self) -> float:
+        """Error of a step that is accepted, in rad/s (m/s)."""
+        return self.tolerance.error * self.settings.speed_scale
+
+    @property
+    def step_change(self) -> float:
+        """Change of speed within a step that is accepted, in rad/s (m/s)."""
+        return self.tolerance.change * self.settings.speed_scale
+
+    @property
     def title(self) -> str:
         """One line that says what the model is."""
         return f"Drive train model {self.model.structure}"
@@ -122,8 +132,10 @@ class NumericModel:
     def units(self) -> Units | None:
         """Coherent SI units of this model; None if the input's has no name."""
         shown = self.model.units
-        motion = next(base for base in _MOTIONS if parse_unit(base).dimension == parse_unit(shown.motion).dimension)
-        names = (shown.input, *_INPUTS)
+        motion = next(
+            base for base in _COHERENT_MOTIONS if parse_unit(base).dimension == parse_unit(shown.motion).dimension
+        )
+        names = (shown.input, *_COHERENT_INPUTS)
         fitting = (
             u for u in map(parse_unit, names) if u.dimension == parse_unit(shown.input).dimension and u.si == 1.0
         )
@@ -144,9 +156,61 @@ class NumericModel:
         assert limits is not None
         return limits.state, float(np.ravel(limits.lower)[0]), float(np.ravel(limits.upper)[0])
 
+    def column(self, b: int) -> Array:
+        """Column by which the free rate of limited state b acts on all states, shape (n,)."""
+        return np.asarray(self.limited[b].G, float).reshape(-1)
+
+    def arrays(self) -> dict[str, Array]:
+        """All arrays of a simulation by name, m ports, l limited states and r outputs.
+
+        ``A`` (n, n), ``B`` (n,) and ``c`` (n,) of ``x' = A x + B u + c + G' F``; ``G``, ``H`` (m, n) and ``K`` (m,) of
+        the ports; ``gain`` (m,), largest entry of each row of G; ``rate``, ``column`` (l, n), ``low``, ``high`` and
+        ``limited`` (l,), limits and state; ``rest`` (n,), states at rest over the input; ``row``, ``differenced`` and
+        ``output_factor`` (r,).
+        """
+        low, b = self.low, range(len(self.limited))
+        G = low.G[:, :, 0]
+        ends = [self.limits(k) for k in b]
+        return {
+            "A": low.A[:, :, 0],
+            "B": low.B[:, 0],
+            "c": low.c[:, 0],
+            "G": G,
+            "H": low.H[:, :, 0],
+            "K": low.through[:, 0],
+            "gain": np.abs(G).max(axis=1, initial=0.0),
+            "rate": np.array([self.rate(k) for k in b]).reshape(-1, self.n),
+            "column": np.array([self.column(k) for k in b]).reshape(-1, self.n),
+            "low": np.array([end[1] for end in ends]),
+            "high": np.array([end[2] for end in ends]),
+            "limited": np.array([end[0] for end in ends], np.int64),
+            "rest": np.array([float(state.at_rest == "input") for state in self.system.states]),
+            "row": np.array([o.row for o in self.outputs], np.int64),
+            "differenced": np.array([o.differenced for o in self.outputs], np.bool_),
+            "output_factor": np.array([o.factor for o in self.outputs]),
+        }
+
+    def shown(self, y: Array, x0: Array) -> Array:
+        """Outputs of a simulation from `x0` in the recording's units, differenced where the recording's are.
+
+        Parameters
+        ----------
+        y : ndarray, shape (outputs, samples)
+            Rows of x or x' that the outputs read, SI.
+        x0 : ndarray, shape (n,)
+        """
+        out = np.array(y)
+        names = self.system.state_names
+        for row, output in enumerate(self.outputs):
+            if output.differenced:
+                speed = x0[names.index(f"v{names[output.row][1:]}")]
+                out[row] = np.diff(out[row], prepend=out[row, 0] - self.dt * speed) / self.dt
+            out[row] *= output.factor
+        return out
+
 
 @dataclass(frozen=True)
-class Tables:
+class PropagatorTables:
     """Weights of a step over 2^level ticks, by mode (bit b: limited state b is free) and level.
 
     Attributes
@@ -189,55 +253,55 @@ def numeric_model(model: Model) -> NumericModel:
     )
 
 
-def propagator_mode_matrix(scheme: NumericModel, mode: int) -> Array:
+def _mode_matrix(numeric: NumericModel, mode: int) -> Array:
     """System matrix, shape (n, n), of a mode."""
-    A = np.array(scheme.low.A[:, :, 0])
-    for b, element in enumerate(scheme.limited):
+    A = np.array(numeric.low.A[:, :, 0])
+    for b, element in enumerate(numeric.limited):
         if mode >> b & 1:
-            A += np.outer(np.asarray(element.G).reshape(-1), scheme.rate(b))
+            A += np.outer(np.asarray(element.G).reshape(-1), numeric.rate(b))
     return A
 
 
-def _propagator(scheme: NumericModel, mode: int, span: float) -> Array:
+def _propagator(numeric: NumericModel, mode: int, span: float) -> Array:
     """Top rows of the exponential: weights of x, u, its slope, 1, F at the start, its slope."""
-    n, m = scheme.n, scheme.m
+    n, m = numeric.n, numeric.m
     M = np.zeros((n + 3 + 2 * m, n + 3 + 2 * m))
-    M[:n, :n] = propagator_mode_matrix(scheme, mode)
-    M[:n, n], M[n, n + 1], M[:n, n + 2] = scheme.low.B[:, 0], 1.0, scheme.low.c[:, 0]
-    M[:n, n + 3 : n + 3 + m] = scheme.low.G[:, :, 0].T
+    M[:n, :n] = _mode_matrix(numeric, mode)
+    M[:n, n], M[n, n + 1], M[:n, n + 2] = numeric.low.B[:, 0], 1.0, numeric.low.c[:, 0]
+    M[:n, n + 3 : n + 3 + m] = numeric.low.G[:, :, 0].T
     M[n + 3 : n + 3 + m, n + 3 + m :] = np.eye(m)
     return np.asarray(expm(M * span))[:n]
 
 
-def _weights(scheme: NumericModel, mode: int, span: float, h: float, after: float) -> Array:
+def _weights(numeric: NumericModel, mode: int, span: float, h: float, after: float) -> Array:
     """Table over `span` of a step of `h`, where a knot of the input lies `after` before its end (0: none)."""
-    n, m = scheme.n, scheme.m
-    P = _propagator(scheme, mode, span)
+    n, m = numeric.n, numeric.m
+    P = _propagator(numeric, mode, span)
     value, slope = P[:, n + 3 : n + 3 + m], P[:, n + 3 + m :] * 1.5 / h
-    knot = _propagator(scheme, mode, after)[:, n : n + 2] if after > 0.0 else np.zeros((n, 2))
+    knot = _propagator(numeric, mode, after)[:, n : n + 2] if after > 0.0 else np.zeros((n, 2))
     return np.hstack([P[:, : n + 3], 1.5 * value - slope, slope - 0.5 * value, knot])
 
 
-def propagator_tables(scheme: NumericModel) -> Tables:
+def propagator_tables(numeric: NumericModel) -> PropagatorTables:
     """Step tables of all modes and levels."""
-    n, m, top = scheme.n, scheme.m, scheme.tolerance.ticks
+    n, m, top = numeric.n, numeric.m, numeric.tolerance.ticks
     ticks = 2**top
-    tick = scheme.dt / (ticks * scheme.base_steps)
-    knot = scheme.delay[1] * ticks * scheme.base_steps
+    tick = numeric.dt / (ticks * numeric.base_steps)
+    knot = numeric.delay[1] * ticks * numeric.base_steps
     knot -= int(knot / ticks) * ticks
-    modes = 2 ** len(scheme.limited)
+    modes = 2 ** len(numeric.limited)
     end = np.empty((modes, top + 1, n, n + 5 + 2 * m))
     third = np.empty_like(end)
     coupling = np.empty((modes, top + 1, 2 * m, 2 * m))
-    H = scheme.low.H[:, :, 0]
+    H = numeric.low.H[:, :, 0]
     for mode in range(modes):
         for level in range(top + 1):
             size = 2**level
             h = size * tick
-            after = size - (knot - int(knot / size) * size) if scheme.delay[1] > 0.0 else 0.0
+            after = size - (knot - int(knot / size) * size) if numeric.delay[1] > 0.0 else 0.0
             early = max(after - size * (2.0 / 3.0), 0.0)
-            end[mode, level] = _weights(scheme, mode, h, h, after * tick)
-            third[mode, level] = _weights(scheme, mode, h / 3.0, h, early * tick)
+            end[mode, level] = _weights(numeric, mode, h, h, after * tick)
+            third[mode, level] = _weights(numeric, mode, h / 3.0, h, early * tick)
             forces = slice(n + 3, n + 3 + 2 * m)
             coupling[mode, level] = np.vstack([H @ third[mode, level][:, forces], H @ end[mode, level][:, forces]])
-    return Tables(end, third, coupling)
+    return PropagatorTables(end, third, coupling)

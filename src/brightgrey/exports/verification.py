@@ -1,62 +1,128 @@
-"""What an export is held against: an input, and what the native simulation makes of it."""
+"""Verification of an export: an input, the native response to it, and the deviation of the exported model from that."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.problem.initial_state import initial_state
+from brightgrey.exports.external_tools import ExportError, MissingToolError
 from brightgrey.exports.numeric_model import NumericModel
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 
-__all__ = ["VerificationRun", "deviation", "native", "verification_of", "verification_run"]
+__all__ = [
+    "Comparison",
+    "VerificationPolicy",
+    "VerificationRun",
+    "Verified",
+    "Verify",
+    "compare",
+    "deviation",
+    "native",
+    "verification_of",
+    "verification_run",
+]
 
-_SAMPLES = 600
-_DOUBLINGS = 80
-_FINER = 1e-2
+
+@dataclass(frozen=True)
+class VerificationPolicy:
+    """Settings of the verification.
+
+    Attributes
+    ----------
+    samples : int
+        Length of the test input.
+    max_doublings : int
+        Number of times that the amplitude of the test input is doubled at most, until the model reaches half of its
+        usual speed.
+    finer : float
+        Factor on the speed scale, and so on all tolerances, of the finer native simulation.
+    nudge : float
+        Relative change of the input that shows how much the motion amplifies rounding errors.
+    """
+
+    samples: int = 600
+    max_doublings: int = 80
+    finer: float = 1e-2
+    nudge: float = 1e-10
+
+
+DEFAULT_POLICY = VerificationPolicy()
 
 
 @dataclass(frozen=True)
 class VerificationRun:
-    """An input and the native response, in the recording's units; the start in SI.
+    """An input and the native response to it, in the recording's units; the initial state in SI.
 
     Attributes
     ----------
     u : ndarray, shape (samples,)
     x0 : ndarray, shape (n,)
     y : ndarray, shape (outputs, samples)
-    of : str
-        What the input is, in words.
-    fine : ndarray, shape (outputs, samples)
-        The same with a hundredth of the tolerances: what a solver that is more exact than ours comes to.
-    sensitive : float
-        Deviation (of range) of the same simulation when the input is changed by 1e-10 of itself: an export cannot
-        come closer than a motion that amplifies rounding lets it.
+    input_text : str
+        The input in words.
+    y_fine : ndarray, shape (outputs, samples)
+        The same response with a hundredth of the tolerances. A solver that is more exact than ours comes to this.
+    input_sensitivity : float
+        Deviation (of range) of the same simulation when the input is changed by 1e-10 of itself. Where the motion
+        amplifies rounding errors, no export can come closer than this.
     """
 
     u: Array
     x0: Array
     y: Array
-    of: str
-    fine: Array
-    sensitive: float = 0.0
+    input_text: str
+    y_fine: Array
+    input_sensitivity: float = 0.0
 
 
-def native(scheme: NumericModel, u: Array, x0: Array, settings: Settings | None = None) -> Array:
+class Verified(NamedTuple):
+    """Response of the exported files, by their own tool chain.
+
+    Attributes
+    ----------
+    y : ndarray or None
+        Outputs, shape (outputs, samples), in the recording's units; None where the tool chain can only check form.
+    by : str
+        Tool and kind of check, e.g. ``gcc, compiled and run``.
+    """
+
+    y: Array | None
+    by: str
+
+
+Verify = Callable[[Path, NumericModel, VerificationRun], Verified]
+
+
+class Comparison(NamedTuple):
+    """Result of :func:`compare`.
+
+    Attributes
+    ----------
+    deviation : float or None
+        Largest difference from the native simulation relative to the range of each output; None if not simulated.
+    text : str
+        One line that says so.
+    good : bool
+        The deviation is within the tolerance, or nothing could be compared and nothing was refused.
+    """
+
+    deviation: float | None
+    text: str
+    good: bool
+
+
+def native(numeric: NumericModel, u: Array, x0: Array, settings: Settings | None = None) -> Array:
     """Outputs, shape (outputs, samples), of the native simulation; `u` and outputs in the recording's units."""
-    how = settings or scheme.settings
-    y = response(scheme.system, u * scheme.input_factor, scheme.dt, x0, how).y[:, :, 0]
-    for row, output in enumerate(scheme.outputs):
-        if output.differenced:
-            speed = scheme.system.state_names.index(f"v{scheme.system.state_names[output.row][1:]}")
-            before = y[row, 0] - scheme.dt * x0[speed]
-            y[row] = np.diff(y[row], prepend=before) / scheme.dt
-        y[row] *= output.factor
-    return np.asarray(y)
+    y = response(numeric.system, u * numeric.input_factor, numeric.dt, x0, settings or numeric.settings).y[:, :, 0]
+    return numeric.shown(y, x0)
 
 
 def deviation(y: Array, other: Array) -> float:
@@ -67,51 +133,101 @@ def deviation(y: Array, other: Array) -> float:
     return worst if np.isfinite(worst) else float("inf")
 
 
-def verification_run(scheme: NumericModel, u: Array, x0: Array, of: str) -> VerificationRun:
-    """Trial with the input `u` from `x0`."""
-    finer = replace(scheme.settings, speed_scale=_FINER * scheme.settings.speed_scale)
-    return VerificationRun(u, x0, native(scheme, u, x0), of, native(scheme, u, x0, finer))
+def compare(
+    folder: Path,
+    numeric: NumericModel,
+    run: VerificationRun,
+    verify: Verify,
+    tolerance: float,
+    policy: VerificationPolicy = DEFAULT_POLICY,
+) -> Comparison:
+    """Run the exported files in `folder` by `verify` and compare their response with the native one.
+
+    A target with a more exact solver may deviate from the native response and agree with the finer one: the error is
+    ours then, and the export is good.
+
+    Raises
+    ------
+    ExportError
+        If the tool chain refuses the files or returns outputs of another shape.
+    """
+    try:
+        verified = verify(folder, numeric, run)
+    except MissingToolError as missing:
+        return Comparison(None, f"not verified: {missing}", True)
+    if verified.y is None:
+        return Comparison(None, f"form checked, not simulated: {verified.by}", True)
+    if verified.y.shape != run.y.shape:
+        raise ExportError(f"{verified.by}: outputs of shape {verified.y.shape} came back; {run.y.shape} are wanted")
+    found = deviation(run.y, verified.y)
+    text = f"deviation {found:.1e} of range on {run.input_text} ({verified.by})"
+    if found <= tolerance:
+        return Comparison(found, text, True)
+    exact = deviation(run.y_fine, verified.y)
+    if exact <= tolerance:
+        text += f"; {exact:.1e} from a native simulation with a hundredth of the tolerances: the error is brightgrey's"
+        return Comparison(found, text, True)
+    text += f"; up to {tolerance:.0e} was to be expected"
+    if run.input_sensitivity > policy.nudge:
+        text += f", but a change of the input by {policy.nudge:.0e} already makes {run.input_sensitivity:.1e}"
+    return Comparison(found, text, False)
 
 
-def verification_of(scheme: NumericModel, recording: Recording | None = None) -> VerificationRun:
-    """Trial with the input of `recording`, or with a test input that brings the model to its usual speed.
+def verification_run(
+    numeric: NumericModel, u: Array, x0: Array, input_text: str, policy: VerificationPolicy = DEFAULT_POLICY
+) -> VerificationRun:
+    """Native response to the input `u` from the initial state `x0`; `input_text` says what input it is."""
+    finer = replace(numeric.settings, speed_scale=policy.finer * numeric.settings.speed_scale)
+    return VerificationRun(u, x0, native(numeric, u, x0), input_text, native(numeric, u, x0, finer))
+
+
+def verification_of(
+    numeric: NumericModel, recording: Recording | None = None, policy: VerificationPolicy = DEFAULT_POLICY
+) -> VerificationRun:
+    """Native response to the input of `recording`, or to a test input that brings the model to its usual speed.
 
     Raises
     ------
     SettingsError
-        If the native simulation is lost on that input, so that there is nothing to compare with.
+        If the recording is sampled at another interval than the model, or if the native simulation diverges on the
+        input, so that there is nothing to compare with.
     """
     if recording is None:
-        trial = _test_trial(scheme)
+        run = _test_run(numeric, policy)
     else:
-        if not np.isclose(recording.dt, scheme.dt, rtol=1e-6):
+        if not np.isclose(recording.dt, numeric.dt, rtol=1e-6):
             raise SettingsError(
-                f"{recording.name} is sampled every {recording.dt:g} s; the model every {scheme.dt:g} s. An export"
+                f"{recording.name} is sampled every {recording.dt:g} s; the model every {numeric.dt:g} s. An export"
                 " runs at the model's sampling interval only"
             )
-        x0 = initial_state(recording, scheme.system)
-        u = recording.u / scheme.input_factor
-        trial = verification_run(scheme, u, x0, f"the input of {recording.name}")
-    if not np.isfinite(trial.y).all():
-        raise SettingsError(f"the native simulation is lost on {trial.of}: there is nothing to compare an export with")
-    nudged = native(scheme, trial.u * (1.0 + 1e-10), trial.x0)
-    return replace(trial, sensitive=deviation(trial.y, nudged))
+        x0 = initial_state(recording, numeric.system)
+        u = recording.u / numeric.input_factor
+        run = verification_run(numeric, u, x0, f"the input of {recording.name}", policy)
+    if not np.isfinite(run.y).all():
+        raise SettingsError(
+            f"the native simulation diverges on {run.input_text}: there is nothing to compare an export with"
+        )
+    nudged = native(numeric, run.u * (1.0 + policy.nudge), run.x0)
+    return replace(run, input_sensitivity=deviation(run.y, nudged))
 
 
-def _test_trial(scheme: NumericModel) -> VerificationRun:
-    """A reversing input: up, hold, down, pause and back with a faster shake, sized by the speed it leads to."""
-    t = np.arange(_SAMPLES) / _SAMPLES
+def _test_run(numeric: NumericModel, policy: VerificationPolicy) -> VerificationRun:
+    """Run with a reversing input: up, hold, down, pause and back, with a faster shake.
+
+    The motion slides, stops, reverses and rattles within two periods. The amplitude is doubled until the model reaches
+    half of its usual speed.
+    """
+    t = np.arange(policy.samples) / policy.samples
     shape = np.sin(2.0 * np.pi * 2.0 * t) * np.where(t % 0.5 < 0.4, 1.0, 0.0) + 0.3 * np.sin(2.0 * np.pi * 17.0 * t)
     shape *= np.minimum(1.0, 20.0 * t)
-    row = np.eye(scheme.n)[[scheme.system.state_names.index("v1")]]
-    speed = replace(scheme.system, C=row, D=np.zeros((1, 1)), outputs=("velocity",), derivative_rows=(-1,))
-    x0 = scheme.system.rest()
-    size = 1e-9 * scheme.settings.speed_scale
-    alone = response(speed, 0.0 * shape, scheme.dt, x0, scheme.settings).y[0, :, 0]
-    for _ in range(_DOUBLINGS):
-        reached = response(speed, size * shape, scheme.dt, x0, scheme.settings).y[0, :, 0]
-        if not np.nanmax(np.abs(reached - alone)) < 0.5 * scheme.settings.speed_scale:
+    row = np.eye(numeric.n)[[numeric.system.state_names.index("v1")]]
+    speed = replace(numeric.system, C=row, D=np.zeros((1, 1)), outputs=("velocity",), derivative_rows=(-1,))
+    x0 = numeric.system.rest()
+    size = 1e-9 * numeric.settings.speed_scale
+    alone = response(speed, 0.0 * shape, numeric.dt, x0, numeric.settings).y[0, :, 0]
+    for _ in range(policy.max_doublings):
+        reached = response(speed, size * shape, numeric.dt, x0, numeric.settings).y[0, :, 0]
+        if not np.nanmax(np.abs(reached - alone)) < 0.5 * numeric.settings.speed_scale:
             break
         size *= 2.0
-    u = size * shape / scheme.input_factor
-    return verification_run(scheme, u, x0, "a test input")
+    return verification_run(numeric, size * shape / numeric.input_factor, x0, "a test input", policy)

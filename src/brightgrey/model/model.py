@@ -11,9 +11,9 @@ from typing import Any, Literal, Self
 
 from pydantic import ConfigDict, Field, ValidationError
 
-from brightgrey.effects import PER_SPEED, SPEED
+from brightgrey.effects import PER_SPEED, SPEED, Element
 from brightgrey.errors import BrightgreyError, SettingsError, nearest, unknown_name
-from brightgrey.kit import Structure, function_set
+from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.model.files import write_file
 from brightgrey.model.schema import (
     CriterionPart,
@@ -80,6 +80,10 @@ class Model(Part):
     def outputs(self) -> tuple[Signal, ...]:
         """The output columns, as the recording was read."""
         return tuple(_signal(part) for part in self.signals[1:])
+
+    def placed(self, element: Element) -> Placed:
+        """Placed effect that an element of the assembled model belongs to."""
+        return next(p for p in self.structure.placed if f"{p.name}@{p.place}" == element.name)
 
     def values_si(self) -> dict[str, float]:
         """Parameter values in SI units by name."""

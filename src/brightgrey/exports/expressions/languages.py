@@ -1,4 +1,4 @@
-"""How expressions are written in other languages."""
+"""Languages that expressions are written in."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from brightgrey.exports.expressions.trace import Expression, walk
+import numpy as np
+
+from brightgrey.effects import Element
+from brightgrey.exports.expressions.trace import Expression, traced, walk
 
 __all__ = [
     "LATEX",
@@ -18,12 +21,16 @@ __all__ = [
     "Language",
     "assignments",
     "latex_name",
+    "latex_number",
+    "law_statements",
     "number_literal",
+    "parameter_literals",
     "spell",
 ]
 
+# Precedence of the operators; an atom (a name, a number, a call) needs no brackets anywhere.
 _BINDING = {">=": 1, ">": 1, "<=": 1, "<": 1, "==": 1, "+": 2, "-": 2, "neg": 2, "*": 3, "/": 3}
-_ATOM = 9
+_ATOM = max(_BINDING.values()) + 1
 
 
 @dataclass(frozen=True)
@@ -34,14 +41,17 @@ class Language:
     ----------
     calls : mapping of str to str
         Of functions and operators; an infix operator that is not here is written as ``a + b``.
-    assign : str
-        Statement that names an intermediate result, with ``{name}`` and ``{value}``.
+    definition : str
+        Statement that defines a name, with ``{name}`` and ``{value}``.
+    end : str
+        End of a statement.
     name, number : callable
         Spelling of a symbol and of a number.
     """
 
     calls: Mapping[str, str]
-    assign: str
+    definition: str
+    end: str
     name: Callable[[str], str]
     number: Callable[[float], str]
 
@@ -50,10 +60,6 @@ def number_literal(value: float) -> str:
     """Shortest decimal that reads back exactly, with a point or an exponent."""
     text = repr(float(value))
     return {"inf": "HUGE_VAL", "-inf": "-HUGE_VAL"}.get(text, text)
-
-
-def _plain(name: str) -> str:
-    return name
 
 
 def latex_name(name: str) -> str:
@@ -88,8 +94,9 @@ C = Language(
         "min": "fmin({}, {})",
         "where": "({} ? {} : {})",
     },
-    "const double {name} = {value};",
-    _plain,
+    "const double {name} = {value}",
+    ";",
+    str,
     number_literal,
 )
 MATLAB = Language(
@@ -101,8 +108,9 @@ MATLAB = Language(
         "min": "min({}, {})",
         "where": "choose({}, {}, {})",
     },
-    "{name} = {value};",
-    _plain,
+    "{name} = {value}",
+    ";",
+    str,
     number_literal,
 )
 PYTHON = Language(
@@ -115,7 +123,8 @@ PYTHON = Language(
         "where": "np.where({}, {}, {})",
     },
     "{name} = {value}",
-    _plain,
+    "",
+    str,
     number_literal,
 )
 MODELICA = Language(
@@ -127,7 +136,8 @@ MODELICA = Language(
         "min": "min({}, {})",
         "where": "(if {} then {} else {})",
     },
-    "{name} = {value};",
+    "{name} = {value}",
+    ";",
     lambda name: name.replace("@", "_"),
     number_literal,
 )
@@ -146,6 +156,7 @@ LATEX = Language(
         "==": r"{} = {}",
     },
     "{name} = {value}",
+    "",
     latex_name,
     latex_number,
 )
@@ -157,7 +168,7 @@ def spell(expression: Expression, language: Language, named: Mapping[tuple[objec
 
 
 def _written(e: Expression, language: Language, named: Mapping[tuple[object, ...], str]) -> tuple[str, int]:
-    """Text, and how tightly its outermost operator binds."""
+    """Text of an expression and the precedence of its outermost operator."""
     if e.key in named:
         return named[e.key], _ATOM
     if e.operation == "symbol":
@@ -183,8 +194,10 @@ def _written(e: Expression, language: Language, named: Mapping[tuple[object, ...
 def assignments(results: Mapping[str, Expression], language: Language) -> list[str]:
     """Statements for several results; functions and parts that occur more than once are computed once.
 
-    Returns the intermediate statements, then one text ``name = value`` per result in the form of the language's
-    names; the caller writes the results.
+    Returns
+    -------
+    list of str
+        Statements that define the intermediate results, then one statement ``name = value`` per result.
     """
     parts = {part.key: part for expression in results.values() for part in walk(expression)}
     uses = Counter(o.key for part in parts.values() for o in part.operands if isinstance(o, Expression))
@@ -195,6 +208,35 @@ def assignments(results: Mapping[str, Expression], language: Language) -> list[s
         if uses[key] > 1 and part.operation not in ("symbol", "constant"):
             text = spell(part, language, named)
             name = f"t{len(named) + 1}"
-            lines.append(language.assign.format(name=name, value=text))
+            lines.append(language.definition.format(name=name, value=text))
             named[key] = name
-    return [*lines, *(f"{name} = {spell(e, language, named)}" for name, e in results.items())]
+    lines += [f"{name} = {spell(e, language, named)}" for name, e in results.items()]
+    return [line + language.end for line in lines]
+
+
+def law_statements(element: Element, language: Language, force: str = "force", slope: str = "slope") -> list[str]:
+    """Statements that compute the force of an element and its slope from the port ``z``, parameters as numbers first.
+
+    Parameters
+    ----------
+    element : Element
+        With one port.
+    language : Language
+    force, slope : str
+        Targets of the last two statements, as the language writes them.
+    """
+    phi, slopes = traced(element.law, ("z",))
+    lines = assignments({force: phi, slope: slopes[0]}, language)
+    values = [
+        language.definition.format(name=name, value=text) + language.end
+        for name, text in parameter_literals(element).items()
+        if any(name in line for line in lines)
+    ]
+    return [*values, *lines]
+
+
+def parameter_literals(element: Element) -> dict[str, str]:
+    """Parameters of an element's law, SI, as number literals by name."""
+    return {
+        name: number_literal(float(np.ravel(p)[0])) for name, p in zip(element.law.parameters, element.p, strict=True)
+    }

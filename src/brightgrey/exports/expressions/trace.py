@@ -1,4 +1,4 @@
-"""Laws as expressions: a declared law is called with symbols instead of numbers, and what it does is written down.
+"""Laws as expressions: a declared law is called with symbols instead of numbers, and its operations are recorded.
 
 A law may use ``+ - * /``, comparisons and :mod:`brightgrey.effects.arithmetic`; numpy hands all of these to the
 symbol (``__array_ufunc__``, ``__array_function__``), so that a new effect can be exported without more code.
@@ -13,7 +13,7 @@ import numpy as np
 
 from brightgrey.effects import Law
 
-__all__ = ["Expression", "constant", "symbol", "traced", "walk"]
+__all__ = ["Expression", "constant", "rename_symbols", "symbol", "traced", "walk"]
 
 _UFUNCS = {
     "add": "+",
@@ -49,7 +49,7 @@ _NUMERIC: Mapping[str, Callable[..., float]] = {
 
 
 class Expression:
-    """What a law has done with its symbols: an operation and its operands.
+    """Operation of a law on its symbols, with its operands.
 
     Attributes
     ----------
@@ -78,11 +78,11 @@ class Expression:
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Expression:
         if ufunc.__name__ not in _UFUNCS or method != "__call__" or options:
             raise TypeError(f"a law uses numpy.{ufunc.__name__}: it cannot be exported")
-        return _made(_UFUNCS[ufunc.__name__], *inputs)
+        return _simplified(_UFUNCS[ufunc.__name__], *inputs)
 
     def __array_function__(self, func: Any, types: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Expression:
         if func is np.where and len(args) == 3:
-            return _made("where", *args)
+            return _simplified("where", *args)
         if func is np.zeros_like:
             return constant(0.0)
         if func is np.ones_like:
@@ -90,34 +90,34 @@ class Expression:
         raise TypeError(f"a law uses numpy.{func.__name__}: it cannot be exported")
 
     def __add__(self, other: Any) -> Expression:
-        return _made("+", self, other)
+        return _simplified("+", self, other)
 
     def __radd__(self, other: Any) -> Expression:
-        return _made("+", other, self)
+        return _simplified("+", other, self)
 
     def __sub__(self, other: Any) -> Expression:
-        return _made("-", self, other)
+        return _simplified("-", self, other)
 
     def __rsub__(self, other: Any) -> Expression:
-        return _made("-", other, self)
+        return _simplified("-", other, self)
 
     def __mul__(self, other: Any) -> Expression:
-        return _made("*", self, other)
+        return _simplified("*", self, other)
 
     def __rmul__(self, other: Any) -> Expression:
-        return _made("*", other, self)
+        return _simplified("*", other, self)
 
     def __truediv__(self, other: Any) -> Expression:
-        return _made("/", self, other)
+        return _simplified("/", self, other)
 
     def __rtruediv__(self, other: Any) -> Expression:
-        return _made("/", other, self)
+        return _simplified("/", other, self)
 
     def __neg__(self) -> Expression:
-        return _made("neg", self)
+        return _simplified("neg", self)
 
     def __abs__(self) -> Expression:
-        return _made("abs", self)
+        return _simplified("abs", self)
 
     def __pow__(self, power: int) -> Expression:
         if power not in (2, 3):
@@ -125,19 +125,19 @@ class Expression:
         return self * self if power == 2 else self * self * self
 
     def __ge__(self, other: Any) -> Expression:
-        return _made(">=", self, other)
+        return _simplified(">=", self, other)
 
     def __gt__(self, other: Any) -> Expression:
-        return _made(">", self, other)
+        return _simplified(">", self, other)
 
     def __le__(self, other: Any) -> Expression:
-        return _made("<=", self, other)
+        return _simplified("<=", self, other)
 
     def __lt__(self, other: Any) -> Expression:
-        return _made("<", self, other)
+        return _simplified("<", self, other)
 
     def __eq__(self, other: object) -> Any:
-        return _made("==", self, other)
+        return _simplified("==", self, other)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -155,21 +155,21 @@ def constant(value: float) -> Expression:
     return Expression("constant", float(value))
 
 
-def _made(operation: str, *operands: Any) -> Expression:
-    """Expression with what is known already worked out: numbers, and sums and products with 0 and 1."""
+def _simplified(operation: str, *operands: Any) -> Expression:
+    """Expression in which numbers are computed, and sums and products with 0 and 1 are left out."""
     parts = [o if isinstance(o, Expression) else constant(o) for o in operands]
     numbers = [p.value for p in parts]
     if operation in _NUMERIC and None not in numbers:
         return constant(_NUMERIC[operation](*numbers))
     if operation in ("+", "-", "*", "/"):
-        simple = _simple(operation, parts, numbers)
+        simple = _neutral_element(operation, parts, numbers)
         if simple is not None:
             return simple
     if operation in ("*", "/"):
         signs = [p.operation == "neg" for p in parts]
         if any(signs):  # -a b = -(a b), exactly so in floating-point numbers too
-            product = _made(operation, *(p.operands[0] if n else p for p, n in zip(parts, signs, strict=True)))
-            return product if all(signs) else _made("neg", product)
+            product = _simplified(operation, *(p.operands[0] if n else p for p, n in zip(parts, signs, strict=True)))
+            return product if all(signs) else _simplified("neg", product)
     if operation == "neg" and parts[0].operation == "neg":
         return parts[0].operands[0]  # type: ignore[no-any-return]
     if operation == "where" and parts[1].key == parts[2].key:
@@ -177,7 +177,8 @@ def _made(operation: str, *operands: Any) -> Expression:
     return Expression(operation, *parts)
 
 
-def _simple(operation: str, parts: list[Expression], numbers: list[float | None]) -> Expression | None:
+def _neutral_element(operation: str, parts: list[Expression], numbers: list[float | None]) -> Expression | None:
+    """Value of an operation on 0 or 1, which needs no arithmetic; None if there is no such operand."""
     a, b = parts
     if operation == "*" and 0.0 in numbers:
         return constant(0.0)
@@ -190,7 +191,7 @@ def _simple(operation: str, parts: list[Expression], numbers: list[float | None]
     if operation == "*" and numbers[0] == 1.0:
         return b
     if operation == "-" and numbers[0] == 0.0:
-        return _made("neg", b)
+        return _simplified("neg", b)
     return None
 
 
@@ -200,7 +201,7 @@ def traced(law: Law, ports: Sequence[str]) -> tuple[Expression, tuple[Expression
     Raises
     ------
     TypeError
-        If the law does something that no expression can say.
+        If the law uses an operation that no expression has.
     """
     phi, slopes = law.value(tuple(map(symbol, ports)), tuple(map(symbol, law.parameters)))
 
@@ -211,6 +212,13 @@ def traced(law: Law, ports: Sequence[str]) -> tuple[Expression, tuple[Expression
 
 
 def walk(expression: Expression) -> list[Expression]:
-    """All parts of an expression, operands before what is made of them."""
+    """All parts of an expression, operands before the operation on them."""
     below = [part for o in expression.operands if isinstance(o, Expression) for part in walk(o)]
     return [*below, expression]
+
+
+def rename_symbols(e: Expression, names: Mapping[str, str]) -> Expression:
+    """Expression with other names of its symbols; a symbol that `names` lacks keeps its own."""
+    if e.operation == "symbol":
+        return symbol(names.get(e.operands[0], e.operands[0]))
+    return Expression(e.operation, *(rename_symbols(o, names) if isinstance(o, Expression) else o for o in e.operands))

@@ -11,19 +11,19 @@ import numpy as np
 
 from brightgrey.effects import Element
 from brightgrey.exports.expressions.languages import LATEX, latex_name, latex_number, spell
-from brightgrey.exports.expressions.trace import Expression, symbol, traced
+from brightgrey.exports.expressions.trace import rename_symbols, traced
 from brightgrey.exports.external_tools import MissingToolError, program, run_program
 from brightgrey.exports.numeric_model import NumericModel, numeric_model
-from brightgrey.exports.registry import Exporter, Verified
-from brightgrey.exports.verification import VerificationRun, native
+from brightgrey.exports.registry import Exporter
+from brightgrey.exports.verification import VerificationRun, Verified, native
 
 __all__ = ["EXPORTER"]
 
-FILE = "drive.tex"
-_PER_LINE = 3
+_DOCUMENT_FILE = "drive.tex"
+_TERMS_PER_LINE = 3  # of a sum, so that it fits the page
 _ESCAPES = str.maketrans({c: f"\\{c}" for c in "_%#&${}"} | {"\\": r"\textbackslash{}"})
 _SIGNS = {"²": "$^2$", "³": "$^3$", "°": r"$^\circ$", "µ": r"$\mu$", "μ": r"$\mu$", "·": r"$\cdot$", "⁻¹": "$^{-1}$"}
-_DOCUMENT = r"""\documentclass[a4paper,11pt]{article}
+_DOCUMENT_TEXT = r"""\documentclass[a4paper,11pt]{article}
 \usepackage{amsmath}
 \usepackage[T1]{fontenc}
 \usepackage[margin=25mm]{geometry}
@@ -50,42 +50,42 @@ Identified by brightgrey %(version)s from input %(input)s. Equations in SI units
 """
 
 
-def files_of(scheme: NumericModel) -> dict[str, bytes]:
+def files_of(numeric: NumericModel) -> dict[str, bytes]:
     """File ``drive.tex``."""
-    text = _DOCUMENT % {
-        "title": _text(scheme.title),
-        "version": _text(scheme.model.version),
-        "input": _text(f"{scheme.model.input.name} [{scheme.model.input.unit}]"),
-        "states": " \\\\\n".join(_state_equations(scheme)),
-        "elements": _elements(scheme),
-        "outputs": " \\\\\n".join(_outputs(scheme)),
-        "parameters": "\n".join(_parameters(scheme)),
+    text = _DOCUMENT_TEXT % {
+        "title": _escaped(numeric.title),
+        "version": _escaped(numeric.model.version),
+        "input": _escaped(f"{numeric.model.input.name} [{numeric.model.input.unit}]"),
+        "states": " \\\\\n".join(_state_equations(numeric)),
+        "elements": _law_equations(numeric),
+        "outputs": " \\\\\n".join(_output_equations(numeric)),
+        "parameters": "\n".join(_parameter_rows(numeric)),
     }
-    return {FILE: text.encode()}
+    return {_DOCUMENT_FILE: text.encode()}
 
 
-def _text(text: str) -> str:
+def _escaped(text: str) -> str:
     text = text.translate(_ESCAPES)
     for sign, spelled in _SIGNS.items():
         text = text.replace(sign, spelled)
     return text
 
 
-def _input(scheme: NumericModel) -> str:
-    return "u(t - T_{d})" if sum(scheme.delay) > 0.0 else "u"
+def _delayed_input(numeric: NumericModel) -> str:
+    return "u(t - T_{d})" if sum(numeric.delay) > 0.0 else "u"
 
 
-def _state_equations(scheme: NumericModel) -> Iterable[str]:
-    system = scheme.system
+def _state_equations(numeric: NumericModel) -> Iterable[str]:
+    system = numeric.system
     names = [latex_name(name) for name in system.state_names]
     for i, name in enumerate(names):
-        terms = [(float(system.A[i, j]), names[j]) for j in range(scheme.n)]
-        terms.append((float(system.B[i, 0]), _input(scheme)))
+        terms = [(float(system.A[i, j]), names[j]) for j in range(numeric.n)]
+        terms.append((float(system.B[i, 0]), _delayed_input(numeric)))
         terms += [(float(e.G[i]), rf"\varphi_{{{k + 1}}}") for k, e in enumerate(system.elements)]
-        yield rf"\dot{{{name}}} &= {_sum(terms)}"
+        yield rf"\dot{{{name}}} &= {_latex_sum(terms)}"
 
 
-def _sum(terms: list[tuple[float, str]]) -> str:
+def _latex_sum(terms: list[tuple[float, str]]) -> str:
     """Sum of numbers times symbols, broken into lines."""
     parts = []
     for weight, name in terms:
@@ -94,36 +94,40 @@ def _sum(terms: list[tuple[float, str]]) -> str:
             parts.append(f"{'-' if weight < 0.0 else '+'} {size}{name}")
     parts = parts or ["0"]
     parts[0] = parts[0].removeprefix("+ ")
-    lines = [" ".join(parts[i : i + _PER_LINE]) for i in range(0, len(parts), _PER_LINE)]
+    lines = [" ".join(parts[i : i + _TERMS_PER_LINE]) for i in range(0, len(parts), _TERMS_PER_LINE)]
     return " \\\\\n&\\quad ".join(lines)
 
 
-def _elements(scheme: NumericModel) -> str:
+def _law_equations(numeric: NumericModel) -> str:
     """Equations of the laws."""
-    if not scheme.system.elements:
+    if not numeric.system.elements:
         return ""
-    names = [latex_name(name) for name in scheme.system.state_names]
+    names = [latex_name(name) for name in numeric.system.state_names]
     lines = []
-    for k, element in enumerate(scheme.system.elements):
-        placed = next(p for p in scheme.model.structure.placed if f"{p.name}@{p.place}" == element.name)
-        ports = [_port(row, names) for row in np.asarray(element.H, float)]
+    for k, element in enumerate(numeric.system.elements):
+        placed = numeric.model.placed(element)
+        ports = [_port_text(row, names) for row in np.asarray(element.H, float)]
         left = rf"\varphi_{{{k + 1}}} &= "
-        lines.append(rf"&\text{{{_text(placed.effect.title)}}} \notag")
+        lines.append(rf"&\text{{{_escaped(placed.effect.title)}}} \notag")
         if element.limits is not None:
-            lines += _limited(element, left, ports[0].removeprefix("(").removesuffix(")"), names[element.limits.state])
+            lines += _limited_equations(
+                element, left, ports[0].removeprefix("(").removesuffix(")"), names[element.limits.state]
+            )
         else:
-            own = {q.symbol: placed.parameter(q.symbol) for q in placed.effect.parameters}
-            phi = traced(element.law, [f"port{i}" for i in range(len(ports))])[0]
-            lines.append(left + spell(_spelled(phi, own, ports), LATEX))
+            port_names = [f"port{i}" for i in range(len(ports))]
+            spelled = {q.symbol: placed.parameter(q.symbol) for q in placed.effect.parameters}
+            spelled |= {port: f"={text}" for port, text in zip(port_names, ports, strict=True)}
+            phi = traced(element.law, port_names)[0]
+            lines.append(left + spell(rename_symbols(phi, spelled), LATEX))
     return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
 
 
-def _port(row: Iterable[float], names: list[str]) -> str:
-    text = _sum([(float(weight), name) for weight, name in zip(row, names, strict=True)])
+def _port_text(row: Iterable[float], names: list[str]) -> str:
+    text = _latex_sum([(float(weight), name) for weight, name in zip(row, names, strict=True)])
     return text if "+" not in text and "-" not in text else rf"({text})"
 
 
-def _limited(element: Element, left: str, rate: str, state: str) -> list[str]:
+def _limited_equations(element: Element, left: str, rate: str, state: str) -> list[str]:
     """Equation of an integrator with saturation."""
     limits = element.limits
     assert limits is not None
@@ -136,43 +140,36 @@ def _limited(element: Element, left: str, rate: str, state: str) -> list[str]:
     return [left + r"\begin{cases}" + r" \\ ".join(cases) + r"\end{cases}", f"r &= {rate}"]
 
 
-def _spelled(e: Expression, own: dict[str, str], ports: list[str]) -> Expression:
-    """Names of parameters with their places, and what the ports read."""
-    if e.operation == "symbol":
-        name = e.operands[0]
-        port = re.fullmatch(r"port(\d+)", name)
-        return symbol(f"={ports[int(port[1])]}" if port else own.get(name, name))
-    return Expression(e.operation, *(_spelled(o, own, ports) if isinstance(o, Expression) else o for o in e.operands))
-
-
-def _outputs(scheme: NumericModel) -> Iterable[str]:
-    names = [latex_name(name) for name in scheme.system.state_names]
-    for output in scheme.outputs:
-        row = names[output.row] if output.row < scheme.n else rf"\dot{{{names[output.row - scheme.n]}}}"
+def _output_equations(numeric: NumericModel) -> Iterable[str]:
+    names = [latex_name(name) for name in numeric.system.state_names]
+    for output in numeric.outputs:
+        row = names[output.row] if output.row < numeric.n else rf"\dot{{{names[output.row - numeric.n]}}}"
         if output.differenced:
-            row = rf"\frac{{{row}(t) - {row}(t - {latex_number(scheme.dt)})}}{{{latex_number(scheme.dt)}}}"
-        yield rf"\text{{{_text(output.name)}}} &= {row}"
+            row = rf"\frac{{{row}(t) - {row}(t - {latex_number(numeric.dt)})}}{{{latex_number(numeric.dt)}}}"
+        yield rf"\text{{{_escaped(output.name)}}} &= {row}"
 
 
-def _parameters(scheme: NumericModel) -> Iterable[str]:
-    for name, declared in scheme.model.structure.parameters.items():
-        part = scheme.model.parameters[name]
-        spread = "" if part.std is None else rf" \pm {part.std:.1g}".replace("e", r"\mathrm{e}")
-        value = f"{latex_number(part.value)}{spread}"
-        yield rf"${latex_name(name)}$ & ${value}$ & {_text(part.unit)} & {_text(declared.about)} \\ % {name}"
-    unit = _text(scheme.model.settings.f_tanh_unit)
-    yield rf"${latex_name('f_tanh')}$ & ${latex_number(scheme.model.settings.f_tanh)}$ & {unit} & fixed upfront \\"
+def _parameter_rows(numeric: NumericModel) -> Iterable[str]:
+    for name, declared in numeric.model.structure.parameters.items():
+        part = numeric.model.parameters[name]
+        deviation = "" if part.std is None else rf" \pm {part.std:.1g}".replace("e", r"\mathrm{e}")
+        value = f"{latex_number(part.value)}{deviation}"
+        yield rf"${latex_name(name)}$ & ${value}$ & {_escaped(part.unit)} & {_escaped(declared.about)} \\ % {name}"
+    unit = _escaped(numeric.model.settings.f_tanh_unit)
+    yield rf"${latex_name('f_tanh')}$ & ${latex_number(numeric.model.settings.f_tanh)}$ & {unit} & fixed upfront \\"
 
 
-def verify(folder: Path, scheme: NumericModel, trial: VerificationRun) -> Verified:
+def verify(folder: Path, numeric: NumericModel, run: VerificationRun) -> Verified:
     """Read the values back as they are printed, simulate with them, and set the page."""
-    read = dict(_read_back((folder / FILE).read_text(encoding="utf-8")))
-    parameters = {name: part.model_copy(update={"value": read[name]}) for name, part in scheme.model.parameters.items()}
-    again = numeric_model(scheme.model.model_copy(update={"parameters": parameters}))
-    y = native(replace(again, outputs=scheme.outputs), trial.u, trial.x0)
+    read = dict(_read_back((folder / _DOCUMENT_FILE).read_text(encoding="utf-8")))
+    parameters = {
+        name: part.model_copy(update={"value": read[name]}) for name, part in numeric.model.parameters.items()
+    }
+    again = numeric_model(numeric.model.model_copy(update={"parameters": parameters}))
+    y = native(replace(again, outputs=numeric.outputs), run.u, run.x0)
     by = "native simulation of the values as printed"
     try:
-        run_program([program("pdflatex"), "-interaction=nonstopmode", "-halt-on-error", FILE], folder)
+        run_program([program("pdflatex"), "-interaction=nonstopmode", "-halt-on-error", _DOCUMENT_FILE], folder)
     except MissingToolError as missing:
         return Verified(y, f"{by}; not set: {missing}")
     return Verified(y, f"{by}; set by pdflatex")

@@ -11,268 +11,256 @@ from typing import Any, get_args
 
 import numpy as np
 
-from brightgrey.effects import Element, Stage
-from brightgrey.exports.expressions.languages import MODELICA, number_literal, spell
-from brightgrey.exports.expressions.trace import Expression, symbol, traced
+from brightgrey.effects import Stage
+from brightgrey.exports.expressions.languages import MODELICA, number_literal, parameter_literals, spell
+from brightgrey.exports.expressions.trace import rename_symbols, traced
 from brightgrey.exports.external_tools import ExportError, import_library
 from brightgrey.exports.numeric_model import NumericModel
-from brightgrey.exports.registry import Exporter, Verified
-from brightgrey.exports.targets.c99 import engine, filled, header_words
-from brightgrey.exports.verification import VerificationRun
+from brightgrey.exports.registry import Exporter
+from brightgrey.exports.source_text import fill, header_words, template
+from brightgrey.exports.verification import VerificationRun, Verified
 from brightgrey.kit.structure import Placed
 from brightgrey.recordings.units.parser import parse_unit
 
-__all__ = ["EXPORTER"]
+__all__ = ["EXPORTER", "component_model", "equation_model"]
 
-FILE = "Drive.mo"
+_MODEL_FILE = "Drive.mo"
 ROTATION = {"package": "Rotational", "q": "phi", "v": "w", "f": "tau", "Mass": "Inertia", "m": "J", "Force": "Torque"}
 TRANSLATION = {"package": "Translational", "q": "s", "v": "v", "f": "f", "Mass": "Mass", "m": "m", "Force": "Force"}
-_TOLERANCES = (1e-9, 1e-8, 1e-10, 1e-7, 1e-6)
+_TOLERANCES = (1e-9, 1e-8, 1e-10, 1e-7, 1e-6)  # relative, in the order in which the solver is tried with them
 _STAGES: tuple[str, ...] = get_args(Stage)
 
 
-def files_of(scheme: NumericModel) -> dict[str, bytes]:
+def files_of(numeric: NumericModel) -> dict[str, bytes]:
     """File ``Drive.mo``."""
-    drawn = all(placed.effect.modelica for placed in scheme.model.structure.placed)
-    return {FILE: (_drawn(scheme) if drawn else _equations(scheme)).encode()}
+    drawn = all(placed.effect.modelica for placed in numeric.model.structure.placed)
+    return {_MODEL_FILE: (component_model(numeric) if drawn else equation_model(numeric)).encode()}
 
 
-def _domain(scheme: NumericModel) -> dict[str, str]:
-    words = ROTATION if parse_unit(scheme.model.units.motion).dimension == parse_unit("rad").dimension else TRANSLATION
+def _domain(numeric: NumericModel) -> dict[str, str]:
+    """Words of rotational or of translational mechanics."""
+    rotates = parse_unit(numeric.model.units.motion).dimension == parse_unit("rad").dimension
+    words = ROTATION if rotates else TRANSLATION
     return {**words, "library": f"Modelica.Mechanics.{words['package']}"}
 
 
-def _head(scheme: NumericModel) -> list[str]:
-    """Parameters, starts and signals, all in SI."""
-    lines = [
-        f'parameter Real {_name(name)}{_unit(scheme, declared.dimension)} = {number_literal(value)} "{declared.about}";'
-        for (name, declared), value in zip(
-            scheme.model.structure.parameters.items(), scheme.model.values_si().values(), strict=True
-        )
-    ]
-    lines.append(f'parameter Real f_tanh = {number_literal(scheme.settings.f_tanh)} "Gain that smooths reversals";')
+def _interface(numeric: NumericModel) -> list[str]:
+    """Declarations of parameters, initial states and signals, all in SI."""
+    values = numeric.model.values_si()
+    lines = []
+    for name, declared in numeric.model.structure.parameters.items():
+        typed = f"{MODELICA.name(name)}{_unit_attribute(numeric, declared.dimension)}"
+        lines.append(f'parameter Real {typed} = {number_literal(values[name])} "{declared.about}";')
+    lines.append(f'parameter Real f_tanh = {number_literal(numeric.settings.f_tanh)} "Gain that smooths reversals";')
     lines += [
-        f'parameter Real start_{s.name}{_unit(scheme, s.dimension)} = 0 "State {s.name} at the begin";'
-        for s in scheme.system.states
+        f'parameter Real start_{s.name}{_unit_attribute(numeric, s.dimension)} = 0 "State {s.name} at the begin";'
+        for s in numeric.system.states
     ]
     lines.append('Modelica.Blocks.Interfaces.RealInput u "Input";')
     lines += [
-        f'Modelica.Blocks.Interfaces.RealOutput y{i + 1} "{_kind(scheme, i)} of mass 1";'
-        for i in range(len(scheme.outputs))
+        f'Modelica.Blocks.Interfaces.RealOutput y{i + 1} "{_kind(numeric, i)} of mass 1";'
+        for i in range(len(numeric.outputs))
     ]
     return lines
 
 
-def _kind(scheme: NumericModel, i: int) -> str:
-    kind = scheme.outputs[i].kind
-    return "position" if scheme.outputs[i].differenced else kind
+def _kind(numeric: NumericModel, i: int) -> str:
+    kind = numeric.outputs[i].kind
+    return "position" if numeric.outputs[i].differenced else kind
 
 
-def _name(name: str) -> str:
-    return MODELICA.name(name)
+def _has_mechanical_units(numeric: NumericModel) -> bool:
+    """True if the input is a torque or force, so that the units of the components hold."""
+    return numeric.units is not None and (numeric.units.input, numeric.units.motion) in (("N m", "rad"), ("N", "m"))
 
 
-def _physical(scheme: NumericModel) -> bool:
-    """Whether the input is a torque or force, so that the components' units hold."""
-    return scheme.units is not None and (scheme.units.input, scheme.units.motion) in (("N m", "rad"), ("N", "m"))
-
-
-def _unit(scheme: NumericModel, dimension: Any) -> str:
-    """Modelica's way to write the unit of a declaration."""
-    if not _physical(scheme):
+def _unit_attribute(numeric: NumericModel, dimension: Any) -> str:
+    """Attribute that declares the unit of a Modelica variable; empty where the components' units do not hold."""
+    if not _has_mechanical_units(numeric):
         return ""
-    factors = parse_unit(scheme.unit(dimension)).factors
+    factors = parse_unit(numeric.unit(dimension)).factors
     text = ".".join(s if power == 1 else f"{s}{power}" for s, power in factors)
     return f'(unit = "{text or 1}")'
 
 
-def _model(scheme: NumericModel, declarations: list[str], equations: list[str], before: str = "") -> str:
-    words = header_words(scheme)
-    body = "".join(f"  {line}\n" for line in [*_head(scheme), *declarations])
+def _model(numeric: NumericModel, declarations: list[str], equations: list[str], before: str = "") -> str:
+    """Text of the Modelica file."""
+    words = header_words(numeric)
+    body = "".join(f"  {line}\n" for line in [*_interface(numeric), *declarations])
     rules = "".join(f"  {line};\n" for line in equations)
-    said = f"{words['title']}, written by brightgrey {words['version']}. SI units throughout"
-    if not _physical(scheme):
-        said += f"; torque and force stand for the input in {scheme.model.input.unit}"
-    return f'within ;\n{before}model Drive "{said}"\n{body}equation\n{rules}end Drive;\n'
+    about = f"{words['title']}, written by brightgrey {words['version']}. SI units throughout"
+    if not _has_mechanical_units(numeric):
+        about += f"; torque and force stand for the input in {numeric.model.input.unit}"
+    return f'within ;\n{before}model Drive "{about}"\n{body}equation\n{rules}end Drive;\n'
 
 
-def _drawn(scheme: NumericModel) -> str:
-    """Model of components."""
-    domain = _domain(scheme)
+def component_model(numeric: NumericModel) -> str:
+    """Modelica text of a model of standard components; every effect has to declare its drawing."""
+    domain = _domain(numeric)
+    placed_effects = numeric.model.structure.placed
     components: dict[str, tuple[str, str]] = {}
     equations, models = [], []
-    path = "u"
-    last = sorted(scheme.model.structure.placed, key=lambda p: -_STAGES.index(p.effect.stage))
-    for placed in scheme.model.structure.placed:
-        said, words = placed.effect.modelica, _words(scheme, placed, domain)
-        assert said is not None
-        for kind, name, modifiers in said.components:
-            components[_put(name, words)] = (_put(kind, words), _put(modifiers, words))
-        equations += [_put(equation, words) for equation in said.equations]
-        if said.instead:
-            name, kind, more = (_put(text, words) for text in said.instead)
+    for placed in placed_effects:
+        drawing, words = placed.effect.modelica, _drawing_words(numeric, placed, domain)
+        assert drawing is not None
+        for kind, name, modifiers in drawing.components:
+            components[_substitute(name, words)] = (_substitute(kind, words), _substitute(modifiers, words))
+        equations += [_substitute(equation, words) for equation in drawing.equations]
+        if drawing.instead:
+            name, kind, more = (_substitute(text, words) for text in drawing.instead)
             components[name] = (kind, f"{components[name][1]}, {more}")
-        if said.model:
-            models.append(_put(said.model, words))
-    for placed in last:  # what is stamped last is nearest to the input
-        said, words = placed.effect.modelica, _words(scheme, placed, domain)
-        if said and said.block:
+        if drawing.model:
+            models.append(_substitute(drawing.model, words))
+    path = "u"
+    for placed in sorted(placed_effects, key=lambda p: -_STAGES.index(p.effect.stage)):  # the last stage is the input's
+        drawing, words = placed.effect.modelica, _drawing_words(numeric, placed, domain)
+        if drawing and drawing.block:
             name = words["name"]
-            components[name] = (_put(said.block[0], words), _put(said.block[1], words))
+            components[name] = (_substitute(drawing.block[0], words), _substitute(drawing.block[1], words))
             equations.append(f"{name}.u = {path}")
             path = f"{name}.y"
     equations.append(f"motor.{domain['f']} = {path}")
     read = {"position": domain["q"], "velocity": domain["v"], "acceleration": "a"}
-    equations += [f"y{i + 1} = mass1.{read[_kind(scheme, i)]}" for i in range(len(scheme.outputs))]
+    equations += [f"y{i + 1} = mass1.{read[_kind(numeric, i)]}" for i in range(len(numeric.outputs))]
     declarations = [f"{kind} {name}{f'({more})' if more else ''};" for name, (kind, more) in components.items()]
-    return _model(scheme, declarations, equations, "".join(f"{model}\n" for model in dict.fromkeys(models)))
+    return _model(numeric, declarations, equations, "".join(f"{model}\n" for model in dict.fromkeys(models)))
 
 
-def _words(scheme: NumericModel, placed: Placed, domain: Mapping[str, str]) -> dict[str, str]:
-    """What the ``$`` words of a placed effect's drawing stand for."""
+def _drawing_words(numeric: NumericModel, placed: Placed, domain: Mapping[str, str]) -> dict[str, str]:
+    """Meaning of the ``$`` words in the drawing of a placed effect."""
     words = {
         **domain,
         "place": str(placed.place),
         "next": str(placed.place + 1),
         "name": f"{placed.name}{placed.place}",
     }
-    own = {q.symbol: _name(placed.parameter(q.symbol)) for q in placed.effect.parameters}
-    said, law = placed.effect.modelica, placed.effect.law
-    if law is not None and said is not None and said.port:
-        phi = traced(law, (_put(said.port, words),))[0]
-        words["law"] = spell(_renamed(phi, own), MODELICA)
+    own = {q.symbol: MODELICA.name(placed.parameter(q.symbol)) for q in placed.effect.parameters}
+    drawing, law = placed.effect.modelica, placed.effect.law
+    if law is not None and drawing is not None and drawing.port:
+        phi = traced(law, (_substitute(drawing.port, words),))[0]
+        words["law"] = spell(rename_symbols(phi, own), MODELICA)
     return words | own
 
 
-def _renamed(e: Expression, names: Mapping[str, str]) -> Expression:
-    if e.operation == "symbol":
-        return symbol(names.get(e.operands[0], e.operands[0]))
-    return Expression(e.operation, *(_renamed(o, names) if isinstance(o, Expression) else o for o in e.operands))
-
-
-def _put(text: str, words: Mapping[str, str]) -> str:
+def _substitute(text: str, words: Mapping[str, str]) -> str:
     return Template(text).substitute(words)
 
 
-def _equations(scheme: NumericModel) -> str:
-    """Model of equations, for effects that declare no drawing."""
-    low, names = scheme.low, scheme.system.state_names
+def equation_model(numeric: NumericModel) -> str:
+    """Modelica text of a model of equations, for structures with an effect that declares no drawing."""
+    low, names = numeric.low, numeric.system.state_names
     x = [f"x_{name}" for name in names]
+    limited = range(len(numeric.limited))
     declarations = [f"Real {x_i}(start = start_{name}, fixed = true);" for x_i, name in zip(x, names, strict=True)]
     declarations += [f"Real F{i + 1};" for i in range(len(low.smooth))]
-    declarations += [f"Real rate{b + 1};" for b in range(len(scheme.limited))]
+    declarations += [f"Real rate{b + 1};" for b in limited]
     declarations.append('Real delayed "Input after the dead time";')
-    whole, part = scheme.delay
-    late = (whole + part) * scheme.dt
+    late = sum(numeric.delay) * numeric.dt
     equations = [f"delayed = delay(u, {number_literal(late)})" if late > 0.0 else "delayed = u"]
-    terms = [[(low.A[i, j, 0], x[j]) for j in range(scheme.n)] for i in range(scheme.n)]
-    for i, row in enumerate(terms):
-        row += [(low.B[i, 0], "delayed"), (low.c[i, 0], "1")]
+    for i in range(numeric.n):
+        row = [*zip(low.A[i, :, 0], x, strict=True), (low.B[i, 0], "delayed"), (low.c[i, 0], "1")]
         row += [(low.G[k, i, 0], f"F{e + 1}") for e, (_, k) in enumerate(low.smooth)]
-        row += [
-            (float(np.asarray(element.G).reshape(-1)[i]), f"rate{b + 1}") for b, element in enumerate(scheme.limited)
-        ]
-        equations.append(f"der({x[i]}) = {_sum(row)}")
+        row += [(numeric.column(b)[i], f"rate{b + 1}") for b in limited]
+        equations.append(f"der({x[i]}) = {_modelica_sum(row)}")
     for e, (element, k) in enumerate(low.smooth):
-        port = _sum([*zip(low.H[k, :, 0], x, strict=True), (low.through[k, 0], "delayed")])
-        equations.append(f"F{e + 1} = {_law(element, f'({port})')}")
-    for b in range(len(scheme.limited)):
-        state, low_end, high_end = scheme.limits(b)
-        free = _sum(list(zip(scheme.rate(b), x, strict=True)))
-        equations.append(
-            f"rate{b + 1} = if {number_literal(high_end)} <= {number_literal(low_end)} then 0"
-            f" elseif {x[state]} >= {number_literal(high_end)} and {free} > 0 then 0"
-            f" elseif {x[state]} <= {number_literal(low_end)} and {free} < 0 then 0 else {free}"
-        )
+        port = _modelica_sum([*zip(low.H[k, :, 0], x, strict=True), (low.through[k, 0], "delayed")])
+        phi = traced(element.law, ("z",))[0]
+        named = rename_symbols(phi, {**parameter_literals(element), "z": f"({port})"})
+        equations.append(f"F{e + 1} = {spell(named, MODELICA)}")
+    equations += [f"rate{b + 1} = {_saturated_rate(numeric, b, x)}" for b in limited]
     equations += [
-        f"y{i + 1} = {x[o.row] if o.row < scheme.n else f'der({x[o.row - scheme.n]})'}"
-        for i, o in enumerate(scheme.outputs)
+        f"y{i + 1} = {x[o.row] if o.row < numeric.n else f'der({x[o.row - numeric.n]})'}"
+        for i, o in enumerate(numeric.outputs)
     ]
-    return _model(scheme, declarations, equations)
+    return _model(numeric, declarations, equations)
 
 
-def _law(element: Element, port: str) -> str:
-    phi = traced(element.law, ("z",))[0]
-    values = {n: number_literal(float(np.ravel(p)[0])) for n, p in zip(element.law.parameters, element.p, strict=True)}
-    return spell(_renamed(phi, {**values, "z": port}), MODELICA)
+def _saturated_rate(numeric: NumericModel, b: int, x: list[str]) -> str:
+    """Rate of limited state b: its free rate, and zero where it would leave its limits."""
+    state, lower, upper = numeric.limits(b)
+    free = _modelica_sum(list(zip(numeric.rate(b), x, strict=True)))
+    low, high = number_literal(lower), number_literal(upper)
+    return (
+        f"if {high} <= {low} then 0 elseif {x[state]} >= {high} and {free} > 0 then 0"
+        f" elseif {x[state]} <= {low} and {free} < 0 then 0 else {free}"
+    )
 
 
-def _sum(terms: list[tuple[float, str]]) -> str:
+def _modelica_sum(terms: list[tuple[float, str]]) -> str:
     return "(" + (" + ".join(f"({number_literal(w)}) * {name}" for w, name in terms if w != 0.0) or "0") + ")"
 
 
-def verify(folder: Path, scheme: NumericModel, trial: VerificationRun) -> Verified:
+def verify(folder: Path, numeric: NumericModel, run: VerificationRun) -> Verified:
     """Compile and simulate by rumoca, with the standard library on MODELICAPATH or a stand-in for the classes used."""
     rumoca = import_library("rumoca", "modelica")
     roots = [path for path in os.environ.get("MODELICAPATH", "").split(os.pathsep) if path]
-    source = (folder / FILE).read_text(encoding="utf-8")
+    source = (folder / _MODEL_FILE).read_text(encoding="utf-8")
     text = (
-        (_standin() if not roots else "within ;\n")
+        (_library_stand_in() if not roots else "within ;\n")
         + re.sub(r"^within ;\n", "", source)
-        + _bench(scheme, trial, (0, 0.0) if roots else scheme.delay)
+        + _test_bench(numeric, run, (0, 0.0) if roots else numeric.delay)
     )
-    result = _simulated(rumoca, roots, text, scheme, (trial.u.size - 1) * scheme.dt)
+    result = _simulate(rumoca, roots, text, numeric, (run.u.size - 1) * numeric.dt)
     if isinstance(result, str):
         return Verified(None, f"compiled by rumoca, whose solver gave up ({result})")
     t = np.asarray(result.time)
-    y = np.empty(trial.y.shape)
-    wanted = np.arange(trial.u.size) * scheme.dt
-    at = np.searchsorted(t, wanted + 1e-6 * scheme.dt) - 1  # behind an event, where there is one
-    if np.abs(t[at] - wanted).max() > 1e-6 * scheme.dt:
+    wanted = np.arange(run.u.size) * numeric.dt
+    at = np.searchsorted(t, wanted + 1e-6 * numeric.dt) - 1  # behind an event, where there is one
+    if np.abs(t[at] - wanted).max() > 1e-6 * numeric.dt:
         raise ExportError("rumoca gave no result at some of the samples")
-    for i, output in enumerate(scheme.outputs):
-        y[i] = np.asarray(result[f"drive.y{i + 1}"])[at]
-        if output.differenced:
-            speed = trial.x0[scheme.system.state_names.index(f"v{scheme.system.state_names[output.row][1:]}")]
-            y[i] = np.diff(y[i], prepend=y[i, 0] - scheme.dt * speed) / scheme.dt
-        y[i] *= output.factor
+    y = numeric.shown(
+        np.array([np.asarray(result[f"drive.y{i + 1}"])[at] for i in range(len(numeric.outputs))]), run.x0
+    )
     where = "standard library" if roots else "a stand-in for the standard library"
-    if not roots and sum(scheme.delay) > 0.0:
+    if not roots and sum(numeric.delay) > 0.0:
         where += ", dead time in its input"
-    return Verified(y, f"Modelica by rumoca with {where}")
+    return Verified(numeric.shown(np.array(y), run.x0), f"Modelica by rumoca with {where}")
 
 
-def _simulated(rumoca: Any, roots: list[str], text: str, scheme: NumericModel, end: float) -> Any:
-    """Result of the bench, or why there is none: rumoca gives up where its steps disagree, seldom at all tolerances."""
+def _simulate(rumoca: Any, roots: list[str], text: str, numeric: NumericModel, end: float) -> Any:
+    """Result of the test bench; the complaint of rumoca's solver if it gives up at all tolerances.
+
+    It gives up where its steps disagree, seldom at all of them.
+    """
     problem = ""
     try:
         model = rumoca.Session(roots=roots).loads(text, model="Bench")
     except rumoca.RumocaError as error:
         raise ExportError(f"rumoca refuses the model: {str(error).splitlines()[0]}") from None
     for rtol in _TOLERANCES:
-        how = rumoca.SimConfig(rtol=rtol, atol=1e-2 * rtol * scheme.settings.speed_scale, solver="bdf")
+        how = rumoca.SimConfig(rtol=rtol, atol=1e-2 * rtol * numeric.settings.speed_scale, solver="bdf")
         try:
-            return model.simulate(t=(0.0, end), dt=scheme.dt, config=how)
+            return model.simulate(t=(0.0, end), dt=numeric.dt, config=how)
         except rumoca.RumocaError as error:
             problem = str(error).splitlines()[0]
     return problem
 
 
-def _standin() -> str:
-    domains = "".join(filled(engine("standin_domain.mo"), words) for words in (ROTATION, TRANSLATION))
-    return filled(engine("standin.mo"), {"domains": domains})
+def _library_stand_in() -> str:
+    domains = "".join(fill(template("standin_domain.mo"), words) for words in (ROTATION, TRANSLATION))
+    return fill(template("standin.mo"), {"domains": domains})
 
 
-def _bench(scheme: NumericModel, trial: VerificationRun, late: tuple[int, float]) -> str:
-    """Model that drives the exported one by the trial's input, `late` (whole samples, part of one) behind it."""
+def _test_bench(numeric: NumericModel, run: VerificationRun, late: tuple[int, float]) -> str:
+    """Model that drives the exported one by the input of the run, `late` by whole samples and a part of one."""
     starts = ", ".join(
         f"start_{name} = {number_literal(value)}"
-        for name, value in zip(scheme.system.state_names, trial.x0, strict=True)
+        for name, value in zip(numeric.system.state_names, run.x0, strict=True)
     )
     table = [
-        number_literal(value * scheme.input_factor)
-        for value in (*[trial.u[0]] * (late[0] + 1), *trial.u, trial.u[-1], trial.u[-1])
+        number_literal(value * numeric.input_factor)
+        for value in (*[run.u[0]] * (late[0] + 1), *run.u, run.u[-1], run.u[-1])
     ]
-    return filled(
-        engine("bench.mo"),
+    return fill(
+        template("bench.mo"),
         {
             "starts": starts,
             "table": ", ".join(table),
             "size": str(len(table)),
-            "dt": number_literal(scheme.dt),
+            "dt": number_literal(numeric.dt),
             "part": number_literal(late[1]),
-            "share": f"time / {number_literal(scheme.dt)} + {number_literal(1.0 - late[1])} - k"
-            if scheme.hold == "linear"
+            "share": f"time / {number_literal(numeric.dt)} + {number_literal(1.0 - late[1])} - k"
+            if numeric.hold == "linear"
             else "0",
         },
     )

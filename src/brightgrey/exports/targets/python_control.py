@@ -10,89 +10,71 @@ from typing import Any
 import numpy as np
 
 from brightgrey.effects import Element
-from brightgrey.exports.expressions.languages import PYTHON, assignments, number_literal
-from brightgrey.exports.expressions.trace import traced
+from brightgrey.exports.expressions.languages import PYTHON, law_statements, number_literal
 from brightgrey.exports.external_tools import import_library
 from brightgrey.exports.numeric_model import NumericModel
-from brightgrey.exports.registry import Exporter, Verified
-from brightgrey.exports.targets.c99 import NAME, engine, filled, header_words
-from brightgrey.exports.targets.fmu import names_of
-from brightgrey.exports.verification import VerificationRun
+from brightgrey.exports.registry import Exporter
+from brightgrey.exports.source_text import NAME, fill, header_words, signal_names, template
+from brightgrey.exports.verification import VerificationRun, Verified
 
 __all__ = ["EXPORTER"]
 
-FILE = f"{NAME}_control.py"
+_MODULE = f"{NAME}_control.py"
+_LAW_CALL = "    f, d = _law_{law}(z[{port}])\n    force[{port}] += f\n    slope[{port}] += d"
 
 
-def files_of(scheme: NumericModel) -> dict[str, bytes]:
+def files_of(numeric: NumericModel) -> dict[str, bytes]:
     """File ``drive_control.py``."""
-    low = scheme.low
-    names = names_of(scheme)
-    whole, part = scheme.delay
-    limited = [_limited(scheme, b) for b in range(len(scheme.limited))]
-    words = header_words(scheme) | {
-        "dead_time": number_literal((whole + part) * scheme.dt),
-        "hold_name": scheme.hold,
-        "state_names": _list(scheme.system.state_names),
+    arrays, smooth = numeric.arrays(), numeric.low.smooth
+    names = signal_names(numeric)
+    limited = [_saturated_integrator(numeric, b) for b in range(len(numeric.limited))]
+    words = header_words(numeric) | {
+        "dead_time": number_literal(sum(numeric.delay) * numeric.dt),
+        "hold_name": numeric.hold,
+        "state_names": _literal(numeric.system.state_names),
         "signal_names": f"{names[0]!r}, {names[1:]!r}",
-        "input_factor": number_literal(scheme.input_factor),
-        "output_factors": _list([o.factor for o in scheme.outputs]),
-        "rows": _list([o.row for o in scheme.outputs]),
-        "differenced": _list([o.differenced for o in scheme.outputs]),
-        "rest": _list([float(state.at_rest == "input") for state in scheme.system.states]),
-        "A": _list(low.A[:, :, 0]),
-        "B": _list(low.B[:, 0]),
-        "C0": _list(low.c[:, 0]),
-        "G": _list(low.G[:, :, 0]),
-        "H": _list(low.H[:, :, 0]),
-        "K": _list(low.through[:, 0]),
+        "input_factor": number_literal(numeric.input_factor),
+        "output_factors": _literal(arrays["output_factor"]),
+        "rows": _literal(arrays["row"]),
+        "C0": _literal(arrays["c"]),
+        **{name: _literal(arrays[name]) for name in ("differenced", "rest", "A", "B", "G", "H", "K")},
         "limited": f"[{', '.join(limited)}]",
-        "scale": number_literal(scheme.settings.speed_scale),
-        "dispatch": "\n".join(_call(i, k) for i, (_, k) in enumerate(low.smooth)) or "    # none",
-        "laws": "\n\n\n".join(_law(i, element) for i, (element, _) in enumerate(low.smooth)) or "# No law.",
+        "scale": number_literal(numeric.settings.speed_scale),
+        "dispatch": "\n".join(_LAW_CALL.format(law=i, port=k) for i, (_, k) in enumerate(smooth)) or "    # none",
+        "laws": "\n\n\n".join(_law_definition(i, element) for i, (element, _) in enumerate(smooth)) or "# No law.",
     }
-    return {FILE: filled(engine("control.py.in"), words).encode()}
+    return {_MODULE: fill(template("control.py.in"), words).encode()}
 
 
-def _limited(scheme: NumericModel, b: int) -> str:
-    state, low, high = scheme.limits(b)
-    column = np.asarray(scheme.limited[b].G).reshape(-1)
+def _saturated_integrator(numeric: NumericModel, b: int) -> str:
+    """Python literal of limited state b: state, limits, row of its free rate, column it acts by."""
+    state, low, high = numeric.limits(b)
     limits = f"{number_literal(low)}, {number_literal(high)}"
-    return f"({state}, {limits}, np.array({_list(scheme.rate(b))}), np.array({_list(column)}))"
+    return f"({state}, {limits}, np.array({_literal(numeric.rate(b))}), np.array({_literal(numeric.column(b))}))"
 
 
-def _list(values: Any) -> str:
-    """Python literal; floats read back exactly."""
+def _literal(values: Any) -> str:
+    """Python literal of an array; floats read back exactly."""
     return repr(np.asarray(values).tolist())
 
 
-def _law(i: int, element: Element) -> str:
-    phi, slopes = traced(element.law, ("z",))
-    lines = assignments({"force": phi, "slope": slopes[0]}, PYTHON)
-    values = [
-        f"{name} = {number_literal(float(np.ravel(p)[0]))}"
-        for name, p in zip(element.law.parameters, element.p, strict=True)
-        if any(name in line for line in lines)
-    ]
-    body = "\n".join(f"    {line}" for line in [*values, *lines])
+def _law_definition(i: int, element: Element) -> str:
+    """Python function of a law, from the declared one."""
+    body = "\n".join(f"    {line}" for line in law_statements(element, PYTHON))
     return f'def _law_{i}(z):\n    """{element.name}: force and slope."""\n{body}\n    return force, slope'
 
 
-def _call(i: int, k: int) -> str:
-    return f"    f, d = _law_{i}(z[{k}])\n    force[{k}] += f\n    slope[{k}] += d"
-
-
-def verify(folder: Path, scheme: NumericModel, trial: VerificationRun) -> Verified:
+def verify(folder: Path, numeric: NumericModel, run: VerificationRun) -> Verified:
     """Simulate by python-control, with its solver."""
     import_library("control", "control")
-    spec = importlib.util.spec_from_file_location("brightgrey_exported_drive", folder / FILE)
+    spec = importlib.util.spec_from_file_location("brightgrey_exported_drive", folder / _MODULE)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         spec.loader.exec_module(module)
-        y = module.simulate(trial.u, trial.x0)
+        y = module.simulate(run.u, run.x0)
     return Verified(np.asarray(y), "python-control, its own solver")
 
 
