@@ -14,9 +14,10 @@ from brightgrey.model.ranking import Row
 from brightgrey.model.trace import Trace
 from brightgrey.recordings import Signal
 from brightgrey.report.content import Content
+from brightgrey.report.notebook import result_html
 from brightgrey.report.page import page
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
-from brightgrey.report.text.tables import outcome_class, parameter_rows, remarks
+from brightgrey.report.text.tables import parameter_rows, remarks, verdict_text
 from brightgrey.search.evidence import EffectVerdict, Evidence
 from support.html_reader import read
 
@@ -131,8 +132,22 @@ def test_bounds_fixed_values_and_unknown_uncertainty_are_said(data):
     assert all(text in html for text in remarks(model))
 
 
+def test_estimate_that_its_interval_drowns__is_shown_and_called_not_identifiable(data):
+    """As on the EMPS axis: 32 N with a half width of 9100 N is no zero."""
+    data["parameters"]["M_C"] |= {"value": 32.4, "std": 4600.0, "ci95": [-9067.6, 9132.4]}
+    model = Model.check(data)
+    row = next(row for row in parameter_rows(model) if row.name == "M_C")
+    assert (row.estimate, row.note) == ("32 ± 9100", "not identifiable")
+    assert remarks(model) == ["M_C not identifiable: half of the 95 % interval is more than ten times the estimate"]
+    reader = read(page(content_for(model)))
+    shown = next(cells for cells in reader.tables["parameters"] if cells[0] == "M_C")
+    assert shown[1:3] == ["32", "9100"]
+    assert "not identifiable" in shown
+    assert "32 ± 9100" in result_html(content_for(model))
+
+
 def test_verdict_says_model_fit_and_outcome(data):
-    text = outcome_class(Model.check(data))
+    text = verdict_text(Model.check(data))
     assert text == (
         "The model is one_mass+coulomb+viscous; it fits velocity to 99.80 % (RMSE 0.04050 rad/s). Converged."
     )
@@ -143,7 +158,7 @@ def test_diverged_model_has_a_report_that_says_so(data):
     data["criterion"] = None
     data["outcome"] = {"kind": "diverged", "text": "the simulation diverged at 0.1 s"}
     model = Model.check(data)
-    assert "diverges" in outcome_class(model)
+    assert "diverges" in verdict_text(model)
     lost = trace_for(model)
     simulated = np.where(lost.t > 0.1, np.nan, lost.simulated)
     html = page(Content(model, [replace(lost, simulated=simulated)]))

@@ -1,7 +1,1 @@
-"""Export: model.json, ranking.csv, and measured beside simulated outputs."""
-
-from brightgrey.model.model import Model
-from brightgrey.model.ranking import Row, ranking_csv
-from brightgrey.model.trace import Trace, pooled_fit
-
-__all__ = ["Model", "Row", "Trace", "pooled_fit", "ranking_csv"]
+"""Exports: a model as files for other tools, each checked by the tool it is made for."""

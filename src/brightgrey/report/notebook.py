@@ -7,7 +7,7 @@ import html
 from brightgrey.notebook_html import table
 from brightgrey.report.content import Content
 from brightgrey.report.drawing.matplotlib_figure import draw, picture
-from brightgrey.report.text.tables import fit_rows, outcome_class, parameter_rows, remarks
+from brightgrey.report.text.tables import fit_rows, parameter_rows, remarks, verdict_text
 
 __all__ = ["result_html"]
 
@@ -17,7 +17,7 @@ def result_html(content: Content) -> str:
     model = content.model
     parameters = [(r.name, r.estimate, r.unit, r.note, r.about) for r in parameter_rows(model)]
     fits = [(r.output, r.on, r.fit_percent, r.rmse, r.unit) for r in fit_rows(model)]
-    parts = [f"<p><b>{html.escape(str(model.structure))}</b></p><p>{html.escape(outcome_class(model))}</p>"]
+    parts = [f"<p><b>{html.escape(str(model.structure))}</b></p><p>{html.escape(verdict_text(model))}</p>"]
     parts += [f"<p>Mind: {html.escape(text.rstrip('.'))}.</p>" for text in remarks(model)]
     parts.append(table(("Parameter", "Estimate", "Unit", "Note", "Meaning"), parameters))
     parts.append(table(("Output", "Recording", "Fit in %", "RMSE", "Unit"), fits))

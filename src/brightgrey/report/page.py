@@ -17,7 +17,7 @@ from brightgrey.report.drawing import svg
 from brightgrey.report.drawing.plotly_figure import library, plot, script
 from brightgrey.report.quantities.number_format import significant
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
-from brightgrey.report.text.tables import fit_rows, outcome_class, parameter_rows, remarks
+from brightgrey.report.text.tables import fit_rows, parameter_rows, remarks, verdict_text
 from brightgrey.search.genetic import Run
 
 __all__ = ["page"]
@@ -54,7 +54,7 @@ def page(content: Content) -> str:
     return environment.get_template("report.html.j2").render(
         content=content,
         model=model,
-        verdict=outcome_class(model),
+        verdict=verdict_text(model),
         remarks=remarks(model),
         charts=charts,
         plots=Markup(script({f"{n}-{i}": plot(c) for n, cs in charts.items() for i, c in enumerate(cs)})),

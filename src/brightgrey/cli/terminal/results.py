@@ -102,10 +102,13 @@ def _result(console: Console, found: Result, folder: Path) -> None:
     from brightgrey.report.text.tables import FIXED, fit_rows, parameter_rows, remarks, sentence
 
     console.print(Text(str(found.model.structure), style="bold"))
-    table = plain_table("parameter", "estimate >", "unit")
-    for row in parameter_rows(found.model):
+    rows = parameter_rows(found.model)
+    noted = any(row.note for row in rows)
+    table = plain_table("parameter", "estimate >", "unit", *(["note"] if noted else []))
+    for row in rows:
         doubtful = row.note and row.note != FIXED
-        table.add_row(row.name, row.estimate, row.unit, style="yellow" if doubtful else None)
+        cells = (row.name, row.estimate, row.unit, *([row.note] if noted else []))
+        table.add_row(*cells, style="yellow" if doubtful else None)
     console.print(table)
     console.print()
     _fits(console, fit_rows(found.model))

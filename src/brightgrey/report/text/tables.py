@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from brightgrey.model.model import Model
-from brightgrey.model.schema import OutputFitPart
-from brightgrey.report.quantities.number_format import significant, with_uncertainty
+from brightgrey.model.schema import OutputFitPart, ParameterPart
+from brightgrey.report.quantities.number_format import is_drowned, significant, with_uncertainty
 
 __all__ = [
     "FitRow",
@@ -14,14 +14,15 @@ __all__ = [
     "fit_row",
     "fit_rows",
     "interval_text",
-    "outcome_class",
     "parameter_rows",
     "remarks",
     "sentence",
+    "verdict_text",
 ]
 
 FIXED = "fixed"
 UNKNOWN = "uncertainty unknown"
+NOT_IDENTIFIABLE = "not identifiable"
 AT = {"low": "at its lower bound", "high": "at its upper bound"}
 
 
@@ -41,9 +42,7 @@ class ParameterRow:
     @property
     def estimate(self) -> str:
         """Value and uncertainty in one."""
-        if self.half_width:
-            return f"{self.value} ± {self.half_width}"
-        return f"{self.value} ({FIXED})" if self.note == FIXED else self.value
+        return f"{self.value} ± {self.half_width}" if self.half_width else self.value
 
 
 @dataclass(frozen=True)
@@ -66,12 +65,6 @@ def parameter_rows(model: Model) -> list[ParameterRow]:
         half_width = (part.ci95[1] - part.ci95[0]) / 2.0 if part.ci95 else None
         value, shown_half = with_uncertainty(part.value, half_width)
         fixed = name in model.settings.fixed
-        if fixed:
-            note = FIXED
-        elif part.at_bound:
-            note = AT[part.at_bound]
-        else:
-            note = "" if shown_half else UNKNOWN
         bounds = model.settings.bounds.get(name)
         rows.append(
             ParameterRow(
@@ -81,11 +74,20 @@ def parameter_rows(model: Model) -> list[ParameterRow]:
                 unit=part.unit,
                 interval=interval_text(part.ci95),
                 bounds="" if fixed else _range(bounds),
-                note=note,
+                note=FIXED if fixed else _note(part, half_width if shown_half else None, declared.scale == "log"),
                 about=declared.about,
             )
         )
     return rows
+
+
+def _note(part: ParameterPart, half_width: float | None, positive: bool) -> str:
+    """Reason to mistrust an estimate. A value that may be zero is known to be small, however wide its interval."""
+    if part.at_bound:
+        return AT[part.at_bound]
+    if half_width is None:
+        return UNKNOWN
+    return NOT_IDENTIFIABLE if positive and is_drowned(part.value, half_width) else ""
 
 
 def fit_rows(model: Model) -> list[FitRow]:
@@ -122,8 +124,8 @@ def _range(pair: tuple[float, float] | None) -> str:
     return f"{significant(pair[0], 2)} … {significant(pair[1], 2)}" if pair else ""
 
 
-def outcome_class(model: Model) -> str:
-    """How well which model fits, and how the estimation ended: two sentences."""
+def verdict_text(model: Model) -> str:
+    """Structure, fit of every output and outcome of the estimation, in two sentences."""
     parts = []
     for row in fit_rows(model):
         what = row.output if row.on == "train" else f"{row.output} of the test recording"
@@ -154,6 +156,8 @@ def remarks(model: Model) -> list[str]:
     ]
     if names := named(UNKNOWN):
         out.append(f"no uncertainty can be given for {names}")
+    if names := named(NOT_IDENTIFIABLE):
+        out.append(f"{names} {NOT_IDENTIFIABLE}: half of the 95 % interval is more than ten times the estimate")
     between = {name: part.between_recordings for name, part in model.parameters.items() if part.between_recordings}
     if between:
         listed = ", ".join(
@@ -164,5 +168,5 @@ def remarks(model: Model) -> list[str]:
         if part.profile:
             ends = " … ".join("open" if end is None else significant(end, 4) for end in part.profile.ci95)
             out.append(f"{sentence(part.profile.text)} Its 95 % interval is {ends} {part.unit}")
-    # Parameters at a bound and the outcome's own text are told already.
+    # Parameters at a bound are named above already.
     return out + [sentence(finding.text) for finding in model.outcome.findings if finding.kind != "at bound"]
