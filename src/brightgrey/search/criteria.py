@@ -9,11 +9,11 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.search.policy import SELECTION
 
 __all__ = ["CRITERIA", "Criterion", "Misfit", "bic", "criterion"]
 
 _TINY = 1e-300  # keeps the logarithm of a perfect fit finite
-_SURE = 1.645  # standard deviations, which a normal variable exceeds in 5 %
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Misfit:
         The floor is the mean of that. A uniform error's square varies by 4/5 of its mean squared, so that the mean of n
         independent ones is off by sqrt(4/5 / n): a model within that chance is not refuted, and none is better.
         """
-        most = 1.0 + _SURE * float(np.sqrt(0.8 / self.independent))
+        most = 1.0 + SELECTION.rounding_quantile * float(np.sqrt(0.8 / self.independent))
         return tuple(max(rss, most * least) for rss, least in zip(self.rss, self.least, strict=True))
 
 

@@ -19,16 +19,14 @@ from brightgrey.search.fitting import Fitted
 from brightgrey.search.lattice import mass_chain_of
 from brightgrey.search.minimal import minimal_structures
 from brightgrey.search.parallel import thread_pool
+from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.yardstick import Yardstick
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
 
 Verdict = Literal["needed", "not needed", "not decidable"]
-_SAME = 0.005  # part of the residual's RMS by which it grows at least where that is worth a number
-_SLOW = 0.5  # of all samples: residuals that are worth fewer independent ones are slow
 _AT_BOUND = "with an inertia at its bound: a lag, or a spring to a wall, looks like that"
-_NOTABLE = 0.02  # part of the residual's RMS that an effect explains from which it is not called needless
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,10 @@ def _weigh(yardstick: Yardstick, progress: Callable[[Structure], None] | None) -
     effects = _all_effects(yardstick.known)
     asked = {s: {e: yardstick.shown(s, e) for e in effects if not has(s, e)} for s in structures}  # side by side
     shown = {
-        s: {e: answer() and yardstick.gain(s, e) <= _NOTABLE and not yardstick.tells(s, e) for e, answer in of.items()}
+        s: {
+            e: answer() and yardstick.gain(s, e) <= SELECTION.notable_gain and not yardstick.tells(s, e)
+            for e, answer in of.items()
+        }
         for s, of in asked.items()
     }
     unseen = {e: [s for s in structures if not shown[s].get(e, True)] for e in effects}
@@ -167,7 +168,7 @@ def _card(yardstick: Yardstick, effect: str, found: Sequence[Structure], unseen:
 def _why_needed(loss: float | None) -> str:
     if loss is None:
         return "no structure without it fits"
-    if loss > _SAME:
+    if loss > SELECTION.reported_loss:
         return f"without it the residual is {1.0 + loss:.3g} times as large"
     return "without it the residual is as large, but other effects would explain part of that"
 
@@ -175,7 +176,7 @@ def _why_needed(loss: float | None) -> str:
 def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]) -> str:
     """Why an effect that is in no minimal structure cannot be called needless beside those `unseen`."""
     most = max(yardstick.gain(s, effect) for s in unseen)
-    if most > _NOTABLE:
+    if most > SELECTION.notable_gain:
         told = f"it explains {_number(100.0 * most)} % of the residual"
         if Placed.parse(effect).effect.masses and any(_has_no_inertia(yardstick, s, effect) for s in unseen):
             return f"{told}, but {_AT_BOUND}"
@@ -183,7 +184,7 @@ def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]
         judge = yardstick.bench.judge
         if any(big and yardstick.follows_drifts(judge(big), judge(s)) for big, s in pairs):
             return f"{told}, but at a bound, or swinging less than once, it would follow any drift"
-        slow = yardstick.independent < _SLOW * yardstick.whitening.samples
+        slow = yardstick.independent < SELECTION.slow_share * yardstick.whitening.samples
         few = "residuals as slow as these" if slow else "as few samples as these"
         return f"{told}, which may be chance with {few}"
     if any(yardstick.tells(s, effect) for s in unseen):

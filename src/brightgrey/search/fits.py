@@ -19,7 +19,6 @@ import numpy as np
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting import (
-    IMPROVED,
     Fitted,
     Options,
     at_least_as_good,
@@ -31,13 +30,11 @@ from brightgrey.search.fitting import (
 )
 from brightgrey.search.lattice import complexity, contains, mass_chain_of, maximal_submodels, minimal_supermodels
 from brightgrey.search.parallel import in_order, in_turn
+from brightgrey.search.policy import REFIT
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 
-__all__ = ["TELLING", "Fits"]
+__all__ = ["Fits"]
 
-TELLING = 0.9
-"""Of the cost: what a law of two ports takes off if it is worth a search of its own."""
-_NEAR = 4.0  # times the least cost: what is worth being followed to smaller structures
 _Item = tuple[bool, Structure]  # whether it is a hub that is sought from everywhere
 
 
@@ -115,7 +112,8 @@ class Fits:
         better = {structure} if self._taken(structure, fitted) else set()
         leader = self.done[structure]
         if not leader.idle:
-            worse = [t for t in maximal_submodels(structure, self.done) if leader.cost < IMPROVED * self.done[t].cost]
+            within = maximal_submodels(structure, self.done)
+            worse = [t for t in within if leader.cost < REFIT.improved * self.done[t].cost]
             calls = [(self.task, self.done[t], [leader], self._how, True) for t in worse]
             found = zip(worse, in_order(workers, from_above, calls), strict=True)
             better.update([t for t, result in found if self._handed(t, *result)])
@@ -145,7 +143,7 @@ class Fits:
         within = {s: maximal_submodels(s, self.done) for s in larger}
 
         def call(s: Structure) -> tuple[Any, ...] | None:
-            limit = IMPROVED * self.done[s].cost
+            limit = REFIT.improved * self.done[s].cost
             offers = self._fresh(s, [t for t in within[s] if self.done[t].cost < limit])
             if not offers:
                 return None
@@ -180,7 +178,7 @@ class Fits:
     def near(self) -> float:
         """Cost from which on a structure is far behind the best one."""
         best = self.leader()
-        return _NEAR * (best.cost + self.doubt(best))
+        return REFIT.cutoff * (best.cost + self.doubt(best))
 
     def doubt(self, fitted: Fitted) -> float:
         """Cost that the simulation's own error may leave."""
@@ -193,12 +191,12 @@ class Fits:
     def _ahead(self, fitted: Fitted) -> list[Fitted]:
         """Best fit of those around that do much better with what they have beyond it."""
         around = [self.done[t] for t in minimal_supermodels(fitted.structure, self.done)]
-        ahead = [f for f in around if not f.idle and f.cost < TELLING * fitted.cost]
+        ahead = [f for f in around if not f.idle and f.cost < REFIT.clear_gain * fitted.cost]
         return sorted(ahead, key=lambda f: f.cost)[:1]
 
     def _much_better(self, known: Fitted, new: Fitted) -> bool:
         """Keep a further fit if it is better by more than digits; whether it is."""
-        if new.cost < IMPROVED * known.cost:
+        if new.cost < REFIT.improved * known.cost:
             return self._taken(known.structure, new)
         self._noted(False, new)
         return False
@@ -261,7 +259,7 @@ class Fits:
             better = [t for t in around if self.done[t].cost < own.cost and not self.done[t].idle]
             better = [t for t in better if self.worthwhile(s, self.done[t].cost)]
             offers = [self.done[t] for t in self._fresh(s, better)]
-            telling = min((f.cost for f in offers), default=np.inf) < min(TELLING * own.cost, near)
+            telling = min((f.cost for f in offers), default=np.inf) < min(REFIT.clear_gain * own.cost, near)
             anyway = telling and not s.has_hard_limit
             return (from_above, self.task, own, offers, self._how, anyway) if offers else None
 
@@ -277,7 +275,7 @@ class Fits:
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
             larger = min((self.done[t] for t in around if not self.done[t].idle), key=lambda f: f.cost, default=own)
-            telling = larger.cost < min(TELLING * own.cost, near) and self.worthwhile(s, larger.cost)
+            telling = larger.cost < min(REFIT.clear_gain * own.cost, near) and self.worthwhile(s, larger.cost)
             trail = s, larger.structure, larger.cost
             if not telling or trail in self._followed:
                 return None

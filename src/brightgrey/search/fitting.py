@@ -15,11 +15,11 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import Structure
 from brightgrey.search.lattice import added_effects
+from brightgrey.search.policy import REFIT
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 from brightgrey.search.warm_start import handed_down, information
 
 __all__ = [
-    "IMPROVED",
     "Fitted",
     "Options",
     "at_least_as_good",
@@ -31,10 +31,6 @@ __all__ = [
     "is_narrow",
     "tracked_from_above",
 ]
-
-_KEEPS_UP = 4.0  # times the cost of a larger structure on a beginning: who is worse needs what that one has
-_DECADE = 10.0  # ranges within it are narrow
-IMPROVED = 0.999  # of the cost: what is worth another descent
 
 
 @dataclass(frozen=True)
@@ -121,7 +117,7 @@ def from_above(
     begins = np.array([[known[name] for name in space.names] for known in values]).T
     begins = np.clip(begins, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
-    if not (anyway or cost.min() < IMPROVED * own.cost):
+    if not (anyway or cost.min() < REFIT.improved * own.cost):
         return None, problem.spent(cost.size)
     begin = begins[:, [int(np.argmin(cost))]]
     (end,) = fit_many(
@@ -164,7 +160,7 @@ def tracked_from_above(
         ahead = whole.truncated(share)
         rival = float(ahead.costs(named, task.settings)[0])
         spent += ahead.spent(1)
-        if end.cost + share * doubt > _KEEPS_UP * (rival + share * doubt):
+        if end.cost + share * doubt > REFIT.keeps_up * (rival + share * doubt):
             return None, spent
     if not end.cost < own.cost:
         return None, spent
@@ -196,7 +192,7 @@ def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
 
 def is_narrow(space: ParameterSpace) -> bool:
     """Whether all ranges of positive parameters are within a decade, as those that a user gives."""
-    return bool(space.log.any() and np.all(space.high[space.log] <= _DECADE * space.low[space.log]))
+    return bool(space.log.any() and np.all(space.high[space.log] <= REFIT.narrow_range * space.low[space.log]))
 
 
 def from_everywhere(

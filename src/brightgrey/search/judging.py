@@ -15,20 +15,13 @@ from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted, Options, from_everywhere
 from brightgrey.search.lattice import contains
 from brightgrey.search.parallel import in_order
+from brightgrey.search.policy import REFIT
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 from brightgrey.search.warm_start import exchanged, growing_from_zero, handed_down, information
 
 __all__ = ["Bench", "last_descent"]
 
 Values = Mapping[str, float]
-_IMPROVED = 0.999  # of the cost: what counts as better
-_OWN_STARTS = 1000  # seeds from there on are not those of fields that the search has had
-_RELATIVES = 6  # starts that are taken over from relatives
-_SETTLED = 1e-5  # of the cost, far less than chance: N of it is 1 in a hundred thousand samples
-_NEAR = 2.0  # times the rival's cost: beyond it, digits do not matter
-_WORTH = 1.05  # times the cost that is to be beaten: what a last descent may take off
-_DESCENTS = 3  # of the best of all starts
-_WALKS = (2, 4)  # steps to a held size
 
 
 def _refit(
@@ -40,7 +33,9 @@ def _refit(
     """Descend from what relatives have found, `wanted`, best first."""
     problem, space = task.problem_and_space(structure)
     begins = _starts(task, structure, wanted, seed)
-    ends = fit_many(problem, space, task.settings, begins, limit=30, tolerance=1e-4, cost_to_beat=np.inf)
+    ends = fit_many(
+        problem, space, task.settings, begins, limit=REFIT.iterations, tolerance=REFIT.tolerance, cost_to_beat=np.inf
+    )
     return last_descent(task, structure, min(ends, key=lambda e: e.cost).values)
 
 
@@ -49,7 +44,7 @@ def _starts(
 ) -> Array:
     """Best starts from the values `wanted`, what they lack drawn, shape (P, S), SI."""
     problem, space = task.problem_and_space(structure)
-    drawn = space.sample(8, np.random.default_rng(list(seed)))
+    drawn = space.sample(REFIT.random_starts, np.random.default_rng(list(seed)))
     drawn = np.concatenate([space.start[:, None], drawn], axis=1)
     tried = []
     for values in wanted:
@@ -60,7 +55,7 @@ def _starts(
     begins = np.concatenate(tried, axis=1) if tried else drawn
     begins = np.unique(np.clip(begins, space.low[:, None], space.high[:, None]), axis=1)
     cost = problem.costs(space.named(begins), task.settings)
-    return np.asarray(begins[:, np.argsort(cost, kind="stable")[:_DESCENTS]])
+    return np.asarray(begins[:, np.argsort(cost, kind="stable")[: REFIT.descents]])
 
 
 def _refit_from(
@@ -71,7 +66,7 @@ def _refit_from(
     off = float(
         task.error_floor(task.problem(structure).weights, FAST_LEVEL_ACCURACY).sum()
     )  # what this level may be off by
-    return last_descent(task, structure, end.values) if end.cost < _WORTH * rival + off else end
+    return last_descent(task, structure, end.values) if end.cost < REFIT.polish_below * rival + off else end
 
 
 def _refit_from_everywhere(
@@ -97,9 +92,9 @@ def _refit_held(
     parts = [part for part in ([begin], exchanged(begin, structure, held)) if part]
     ends = [_descent_from_best(fixed, structure, part, rival) for part in parts]
     if fixed.problem(structure).has_hard_limit:
-        ends += [_walk(task, structure, values, moved, held, steps, rival) for steps in _WALKS]
+        ends += [_walk(task, structure, values, moved, held, steps, rival) for steps in REFIT.path_steps]
     end = min(ends, key=lambda e: e.cost)
-    return last_descent(fixed, structure, end.values) if end.cost < _NEAR * rival else end
+    return last_descent(fixed, structure, end.values) if end.cost < REFIT.compared_below * rival else end
 
 
 def _walk(
@@ -131,14 +126,16 @@ def _descent_from_best(
     begins = np.clip(np.array(table).T, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
     begin = begins[:, [int(np.argmin(cost))]]
-    (end,) = fit_many(problem, space, task.settings, begin, limit=30, tolerance=1e-4, cost_to_beat=rival)
+    (end,) = fit_many(
+        problem, space, task.settings, begin, limit=REFIT.iterations, tolerance=REFIT.tolerance, cost_to_beat=rival
+    )
     return end
 
 
 def last_descent(task: IdentificationTask, structure: Structure, begin: Array) -> Optimum:
     """Last descent of `structure` from `begin`, shape (P,), SI, at the level ``accurate``."""
     problem, space = task.problem_and_space(structure)
-    return polish(problem, space, replace(task.settings, level="accurate"), begin, tolerance=_SETTLED)
+    return polish(problem, space, replace(task.settings, level="accurate"), begin, tolerance=REFIT.polish_tolerance)
 
 
 def _judged(task: IdentificationTask, structure: Structure, end: Optimum) -> Judged:
@@ -204,7 +201,7 @@ class Bench:
         better = [
             j
             for s, j in self.judged.items()
-            if s != structure and contains(s, structure) and j.cost < _IMPROVED * own.cost
+            if s != structure and contains(s, structure) and j.cost < REFIT.improved * own.cost
         ]
         new = {(structure, j.structure, j.cost) for j in better} - self.tried
         if not new:
@@ -216,7 +213,7 @@ class Bench:
             for values in handed_down(j.values, self._information(j), j.structure, structure, space)
         ]
         end = self.executor.submit(_refit_from, self.task, structure, larger, own.cost).result()
-        if end.cost >= _IMPROVED * own.cost:
+        if end.cost >= REFIT.improved * own.cost:
             return False
         self.judged[structure] = _judged(self.task, structure, end)
         return True
@@ -229,10 +226,10 @@ class Bench:
         own, known, had = self.judged[structure], [self.fitted[structure]], self.sought.get(structure, 0)
         self.sought[structure] = had + fields
         self.vain += fields
-        first = self.seed + _OWN_STARTS + had
+        first = self.seed + REFIT.first_restart_seed + had
         calls = [(self.task, structure, seed, known) for seed in range(first, first + fields)]
         end = min(in_order(self.executor, _refit_from_everywhere, calls), key=lambda e: e.cost)
-        if end.cost >= _IMPROVED * own.cost:
+        if end.cost >= REFIT.improved * own.cost:
             return False
         self.vain = 0
         self.judged[structure] = _judged(self.task, structure, end)
@@ -270,7 +267,7 @@ class Bench:
             if s not in self.judged and (contains(s, structure) or contains(structure, s)) and not f.idle:
                 kin.append((f.cost, f.values))
         kin.sort(key=lambda item: item[0])
-        return own + [values for _, values in kin[:_RELATIVES]]
+        return own + [values for _, values in kin[: REFIT.neighbour_starts]]
 
     def outputs(self, structure: Structure, sets: Sequence[Mapping[str, float]]) -> Array:
         """Weighted residuals at the accurate level for some values, shape (residuals, K)."""

@@ -11,20 +11,13 @@ from brightgrey.search.comparison import Judged, threshold
 from brightgrey.search.criteria import bic
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.lattice import contains, minimal_elements, one_larger, one_smaller
+from brightgrey.search.policy import BUDGET, SELECTION
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
 from brightgrey.search.yardstick import Yardstick
 
 __all__ = ["minimal_structures"]
 
 Rivals = dict[Structure, dict[Structure, int]]
-_SLACK = 1.02  # ratio of costs within which a structure is always looked at
-_FIELDS = 8  # of starts, from which an optimum is sought everywhere: one of them finds hardly half of what is missed
-_FEW = 2  # the same where a further mass takes much off, or a law of two ports makes it take long
-_IN_VAIN = 16  # such fields, of whatever structures: then the search has missed little in this recording
-_LITTLE = 1.1  # ratio of what is left; where it is more, another optimum is hardly the reason
-_MOST = 24  # structures that are examined
-_AT_ONCE = 2  # refitted side by side: what is not needed after one of them is in vain
-_RARE = 1e-3
 
 
 def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], None] | None) -> list[Judged]:
@@ -44,7 +37,7 @@ def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], Non
         accepted: list[Structure] = []
         for s in looked:
             accepted = _accepted(yardstick, accepted, s, rivals)
-        while examined < _MOST or not accepted:
+        while examined < BUDGET.max_examined or not accepted:
             structure = _next(yardstick, accepted, looked)
             if structure is None:
                 break
@@ -117,18 +110,18 @@ def _loses(yardstick: Yardstick, small: Structure, big: Structure) -> bool:
     bench, tests = yardstick.bench, len(one_larger(small, yardstick.known))  # a short cut: more are compared later
     while yardstick.better(bench.judge(big), bench.judge(small), tests):
         fields = _fields(yardstick, small, big) - bench.sought.get(small, 0)
-        if fields <= 0 or bench.vain >= _IN_VAIN:
+        if fields <= 0 or bench.vain >= BUDGET.max_fruitless_restarts:
             return True
-        bench.seek(small, min(fields, _AT_ONCE))
+        bench.seek(small, min(fields, BUDGET.side_by_side))
     return False
 
 
 def _fields(yardstick: Yardstick, small: Structure, big: Structure) -> int:
     """From how many fields of starts an optimum is sought; if much is between the two, only for masses without gaps."""
     left, least = (yardstick.left(yardstick.bench.judge(s)) for s in (small, big))
-    if left <= _LITTLE * least:
-        return _FEW if small.has_hard_limit else _FIELDS
-    return _FEW if small.masses < big.masses and not small.has_hard_limit else 0
+    if left <= BUDGET.small_difference * least:
+        return BUDGET.restarts_costly if small.has_hard_limit else BUDGET.restarts
+    return BUDGET.restarts_costly if small.masses < big.masses and not small.has_hard_limit else 0
 
 
 def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collection[Structure]) -> Structure | None:
@@ -144,8 +137,8 @@ def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collectio
 
     def close(f: Fitted) -> bool:
         more = max(least.free - f.free, 1)
-        reach = float(np.exp(2.0 * threshold(more, _RARE) / n))
-        return cost[f.structure] <= max(_SLACK, reach) * cost[least.structure]
+        reach = float(np.exp(2.0 * threshold(more, SELECTION.screening_level) / n))
+        return cost[f.structure] <= max(BUDGET.always_examined, reach) * cost[least.structure]
 
     def doubtful(f: Fitted) -> bool:
         return f.cost <= rough
@@ -183,8 +176,8 @@ def _better_than(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> 
         best = min(late, key=lambda s: (bench.judged[s].cost, bench.judged[s].free, str(s)))
         tests[best] = _chances(yardstick, structure)
     compared = sorted(tests, key=lambda s: (bench.cost(s), str(s)))
-    for i in range(0, len(compared), _AT_ONCE):
-        for j in bench.judge_all(compared[i : i + _AT_ONCE]):
+    for i in range(0, len(compared), BUDGET.side_by_side):
+        for j in bench.judge_all(compared[i : i + BUDGET.side_by_side]):
             if yardstick.better(j, own, tests[j.structure]):
                 yield j.structure
 

@@ -19,17 +19,13 @@ import numpy as np
 from brightgrey.estimation.optimisation.multistart import is_white
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.criteria import bic
-from brightgrey.search.fits import TELLING, Fits
-from brightgrey.search.fitting import IMPROVED
+from brightgrey.search.fits import Fits
 from brightgrey.search.lattice import complexity, mass_chain_of, one_smaller
+from brightgrey.search.policy import BUDGET, REFIT
 from brightgrey.search.task import TRUSTED_ACCURACY
 
 __all__ = ["seek_missed"]
 
-_LADDERS, _MOST_ROUNDS = 2, 12  # whose leading structures are searched from everywhere, and how often
-_IN_VAIN = 2  # such rounds without gaps that bring nothing
-_VAIN = 0.6  # of all samples simulated before: what is spent on that with gaps without a good improvement
-_MUCH = 0.99  # of the least cost: what counts as one; with coloured noise there is always another per mille
 _Seeking = Callable[[Structure], None]
 
 
@@ -77,14 +73,14 @@ def _seek_smooth(fits: Fits, workers: Executor, seeking: _Seeking) -> set[Struct
     Returns those that are better but do not lead, whose relatives have not been fitted once more for it.
     """
     idle, better = 0, set[Structure]()
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(BUDGET.max_rounds):
         leaders = _leaders(fits, idle, gaps=False)
-        if not leaders or idle == _IN_VAIN or _explained(fits):
+        if not leaders or idle == BUDGET.fruitless_rounds or _explained(fits):
             break
         least = fits.leader().cost
         better |= _anew(fits, leaders, workers, seeking)
         idle += 1
-        if fits.leader().cost < IMPROVED * least:
+        if fits.leader().cost < REFIT.improved * least:
             fits.spread(better, workers)
             idle, better = 0, set()
     return better
@@ -96,15 +92,15 @@ def _seek_gaps(fits: Fits, workers: Executor, seeking: _Seeking) -> None:
     Not where such laws tell nothing.
     """
     idle, since = 0, fits.effort()
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(BUDGET.max_rounds):
         tells = any(_tells(fits, top) for top in _tops(fits.done))
         leaders = _leaders(fits, idle, gaps=True)
-        if not (tells and leaders) or _explained(fits) or fits.effort() - since > _VAIN * since:
+        if not (tells and leaders) or _explained(fits) or fits.effort() - since > BUDGET.fruitless_share * since:
             break
         least = fits.leader().cost
         fits.spread(_anew(fits, leaders, workers, seeking), workers)
         idle += 1
-        if fits.leader().cost < _MUCH * least:
+        if fits.leader().cost < BUDGET.round_gain * least:
             idle, since = 0, fits.effort()
 
 
@@ -131,7 +127,7 @@ def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
             ranked.setdefault(mass_chain_of(s), []).append(s)
         elif s.has_hard_limit == gaps:
             behind.setdefault(mass_chain_of(s), []).append(s)
-    first = list(ranked.items())[:_LADDERS]
+    first = list(ranked.items())[: BUDGET.leading_mass_chains]
     groups = ([*group, *one_smaller(group[0], behind.get(ladder, ()))] for ladder, group in first)
     return [group[place % len(group)] for group in groups]
 
@@ -139,7 +135,7 @@ def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
 def _tells(fits: Fits, top: Structure) -> bool:
     """Whether laws of two ports take off a good part of what is left without them, with as many masses."""
     without = (f.cost for s, f in fits.done.items() if mass_chain_of(s) == mass_chain_of(top) and not s.has_hard_limit)
-    return fits.done[top].cost < TELLING * min(without, default=np.inf)
+    return fits.done[top].cost < REFIT.clear_gain * min(without, default=np.inf)
 
 
 def _without_gaps(fits: Fits, top: Structure) -> list[Structure]:

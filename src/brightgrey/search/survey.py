@@ -18,11 +18,10 @@ from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted, Options
 from brightgrey.search.lattice import contains, one_larger
 from brightgrey.search.parallel import Stopped, thread_pool
+from brightgrey.search.policy import BUDGET
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["ExhaustiveResult", "Ranked", "SearchProgress", "candidates", "search_exhaustively"]
-
-_AT_ONCE = 32  # misfits: a simulation alone is not worth sending
 
 
 @dataclass(frozen=True)
@@ -199,7 +198,7 @@ def _misfits_ahead(
 ) -> list[tuple[Sequence[Structure], Future[list[Misfit]]]]:
     """Misfits of all structures at their own values, some dozens in a call."""
     own = [s for s, f in fitted.items() if not f.idle]
-    parts = [own[i : i + _AT_ONCE] for i in range(0, len(own), _AT_ONCE)]
+    parts = [own[i : i + BUDGET.misfits_per_call] for i in range(0, len(own), BUDGET.misfits_per_call)]
     declared = _declared(fitted)
     return [
         (part, executor.submit(_misfits, task, [_own(s, fitted[s].values, declared) for s in part])) for part in parts

@@ -18,15 +18,10 @@ from brightgrey.search.criteria import bic
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import added_effects, mass_chain_of, one_larger, one_smaller
+from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import TRUSTED_ACCURACY, IdentificationTask
 
 __all__ = ["Yardstick"]
-
-_LEVEL = 0.02  # chance of calling for an effect that is not there
-_PLACES = 10.0  # as often as Wilks says a further mass is better by chance: its resonance may be anywhere
-_MATERIAL = 1.01  # ratio of costs below which a difference does not matter, however sure it is
-_SHOWN = 0.8  # power from which a recording is said to show an effect
-_SLACK = 1e-6  # of a range: rounding of what stays at its bound
 
 
 @dataclass
@@ -89,7 +84,7 @@ class Yardstick:
         What swings or hangs loose can follow any drift. Where residuals are slow, a noise model takes their quick part
         for evidence, and a drift has none: a further mass or gap has to show in the independent samples, too.
         """
-        if self.left(small) <= _MATERIAL * self.left(big):
+        if self.left(small) <= SELECTION.min_rss_ratio * self.left(big):
             return False
         if not self.surely(big, small, tests):
             return False
@@ -105,7 +100,7 @@ class Yardstick:
         samples = self.independent_in(big)
         if self.follows_drifts(big, small):
             samples = min(samples, self.independent_in(small))
-        return chance_of(ratio, more, samples - big.free) <= _LEVEL
+        return chance_of(ratio, more, samples - big.free) <= SELECTION.false_alarm_level
 
     def follows_drifts(self, big: Judged, small: Judged) -> bool:
         """Whether `big` has a mass or gap more that has run to a bound of ours, or swings less than once.
@@ -237,7 +232,7 @@ class Yardstick:
         if big is None:
             return False
         level = _level(len(one_larger(structure, self.known)), big.masses > structure.masses)
-        return power(size, self.known[big].free - self.known[structure].free, level) >= _SHOWN
+        return power(size, self.known[big].free - self.known[structure].free, level) >= SELECTION.min_power
 
     def veil(self, structure: Structure, effect: str, change: Array) -> str | None:
         """Other effect beside which `change`, that of `effect`, would not be found; None if there is none.
@@ -262,7 +257,7 @@ class Yardstick:
         space = self.bench.task.space(judged.structure, initial=True)
         value = np.array([judged.values[name] for name in space.names])
         moved = value + space.scale_derivative(value) * steps
-        slack = _SLACK * (space.high - space.low)
+        slack = SELECTION.bound_slack * (space.high - space.low)
         inside = (moved >= space.low - slack) & (moved <= space.high + slack)
         return bool(np.all(inside | np.isin(space.names, list(self.bench.judge(structure).values))))
 
@@ -284,7 +279,9 @@ class Yardstick:
         """Whether `one` fits significantly worse than `other`, by one parameter's worth, and leaves what counts."""
         if self.trusted(one):
             return False
-        return significance(self.misfit(one), self.misfit(other), self.whitening.samples) > threshold(1, _LEVEL)
+        return significance(self.misfit(one), self.misfit(other), self.whitening.samples) > threshold(
+            1, SELECTION.false_alarm_level
+        )
 
     def with_effect(self, structure: Structure, effect: str) -> Structure | None:
         """Least structure that has `effect` beyond `structure`, one mass or one effect more."""
@@ -330,4 +327,4 @@ def _has_own_motion(big: Structure, small: Structure) -> bool:
 
 def _level(tests: int, mass: bool) -> float:
     """Level of one of several tests, by Wilks's distribution, be it of a further mass or not."""
-    return _LEVEL / max(tests, 1) / (_PLACES if mass else 1.0)
+    return SELECTION.false_alarm_level / max(tests, 1) / (SELECTION.mass_multiplicity if mass else 1.0)
