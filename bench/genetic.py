@@ -44,6 +44,8 @@ from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.criteria import Misfit, criterion
 from brightgrey.search.fits import Fits
 from brightgrey.search.genetic import estimator, evolve
+from brightgrey.search.genetic.job_evaluator import JobEvaluator
+from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
 from brightgrey.search.genetic.settings import PAPER_SETTINGS, PROBABILITIES, TUNED_SETTINGS
 from brightgrey.search.missed import seek_missed
 from brightgrey.search.parallel import thread_pool
@@ -216,16 +218,28 @@ def against_all(drive: RandomDrive, setting: str, grammar: Grammar, structures: 
         seek_missed(every, worker)
     fitted = every.done
     middle = time.process_time()
-    fits = Fits(ready, structures, options=how.options, seed=drive.number)
-    identify = estimator(how.estimator, ready, how.iterations, how.stall_polls)
     if not whole:
         how = replace(how, generations=len(every.log) // 4 // (how.population - how.elite) + 2)
-    done = evolve(
-        identify, ready.draw, how, standard=ready.default_start, fits=fits, grammar=grammar, seed=drive.number
-    )
+    judge = criterion(how.criterion, how.k_p)
+    with thread_pool(None) as worker:
+        if how.start_from == "neighbours":
+            evaluator = LatticeEvaluator(
+                ready,
+                structures,
+                worker,
+                judge,
+                options=how.options,
+                seed=drive.number,
+                generations=how.generations,
+            )
+        else:
+            identify = estimator(how.estimator, ready, how.iterations, how.stall_polls)
+            start = ready.default_start if how.start_from == "standard" else None
+            evaluator = JobEvaluator(identify, worker, judge, start)
+        done = evolve(evaluator, ready.draw, how, grammar=grammar, seed=drive.number)
     ended = time.process_time()
     made = (
-        [None if hub else (f.cost, f.free) for hub, f in fits.log]
+        [None if hub else (f.cost, f.free) for hub, f in evaluator.fits.log]
         if how.start_from == "neighbours"
         else [
             (sum(e.result.misfit.rss) * ready.problem(e.job.structure).weights[0] ** 2, e.result.n_parameters)

@@ -12,14 +12,15 @@ from brightgrey.estimation import scales
 from brightgrey.estimation.optimisation.least_squares import polish
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Placed
+from brightgrey.paper.assumed import ASSUMED
 from brightgrey.paper.experiment import assumed_bounds, first_appearance, recovery_verdict, reference_recording, task_of
 from brightgrey.paper.repetitions import RunSummary, genetic_search, summarise_run, summary, wilson_interval
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search import IdentificationTask
-from brightgrey.search.genetic import GeneticSettings, LeastSquares, PatternSearch, evolve, history_csv
-from brightgrey.search.genetic.settings import ASSUMED
+from brightgrey.search.genetic import GeneticSettings, LeastSquares, PatternSearch, history_csv
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.genetic_runs import search_with
 
 TRUTH = {"J1": 0.02, "M_C": 0.4, "f_v": 0.05}
 STRUCTURE = "one_mass+coulomb+viscous"
@@ -144,7 +145,7 @@ def test_wilson_interval():
 
 def test_repetition_and_summary(draw, estimate):
     truth = PAPER.parse("two_mass+coulomb+viscous+stribeck")
-    runs = [evolve(estimate, draw, seed=s) for s in range(12)]
+    runs = [search_with(estimate, draw, seed=s) for s in range(12)]
     rows = [summarise_run(r, truth, s) for s, r in enumerate(runs)]
     assert [r.first for r in rows] == [first_appearance(r, truth) for r in runs]
     assert all(len(r.generations.split()) == 21 for r in rows)

@@ -1,9 +1,12 @@
-"""A genetic search made by hand, without recordings."""
+"""Genetic searches without recordings: one made by hand, and one by any estimator."""
 
 from types import SimpleNamespace
 
 from brightgrey.estimation.problem.simulation_count import SimulationCount
-from brightgrey.search.genetic import Node, Run
+from brightgrey.search.criteria import criterion
+from brightgrey.search.genetic import GeneticSettings, Node, Run, evolve
+from brightgrey.search.genetic.job_evaluator import JobEvaluator
+from brightgrey.search.parallel import thread_pool
 from support.report_models import model_of
 
 
@@ -38,3 +41,11 @@ def small_run():
             individual(2, 1, 0.1, (0, 1), structure=other),
         )
     )
+
+
+def search_with(estimator, draw, settings=None, *, default_start=None, workers=1, **options):
+    """Genetic search whose individuals `estimator` identifies, each from its own start or from the default one."""
+    settings = settings or GeneticSettings()
+    with thread_pool(None, workers) as executor:
+        judge = criterion(settings.criterion, settings.k_p)
+        return evolve(JobEvaluator(estimator, executor, judge, default_start), draw, settings, **options)

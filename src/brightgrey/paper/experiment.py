@@ -10,9 +10,9 @@ import numpy as np
 from brightgrey.estimation import scales
 from brightgrey.excitation import PAPER_EXPERIMENT, Experiment
 from brightgrey.kit import PAPER, Structure
+from brightgrey.paper.assumed import ASSUMED, RANGE, RESOLUTION
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search.genetic.history import Run
-from brightgrey.search.genetic.settings import ASSUMED, RANGE, RESOLUTION
 from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference

@@ -12,12 +12,15 @@ import numpy as np
 
 from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.paper.experiment import RecoveryVerdict, first_appearance, recovery_verdict
-from brightgrey.search.fits import Fits
-from brightgrey.search.genetic.engine import evolve
+from brightgrey.search.criteria import criterion
+from brightgrey.search.genetic.engine import Evaluator, evolve
 from brightgrey.search.genetic.estimators import estimator
 from brightgrey.search.genetic.evaluation import Estimator
 from brightgrey.search.genetic.history import Progress, Run
+from brightgrey.search.genetic.job_evaluator import JobEvaluator
+from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
 from brightgrey.search.genetic.settings import GeneticSettings
+from brightgrey.search.parallel import thread_pool
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["RunSummary", "Summary", "genetic_search", "repetitions_csv", "summarise_run", "summary", "wilson_interval"]
@@ -98,20 +101,36 @@ def genetic_search(
     identify: Estimator | None = None,
     grammar: Grammar = PAPER,
 ) -> Run:
-    """One search on `task`, by the estimator of `settings` if `identify` does not give another."""
-    chosen = identify or estimator(settings.estimator, task, settings.iterations, settings.stall_polls)
-    return evolve(
-        chosen,
-        task.draw,
-        settings,
-        standard=task.default_start,
-        fits=Fits(task, tuple(grammar.structures()), options=settings.options, seed=seed),
-        grammar=grammar,
-        seed=seed,
-        workers=workers,
-        executor=executor,
-        progress=progress,
-    )
+    """Search once on `task` by genetic programming.
+
+    Parameters
+    ----------
+    task : IdentificationTask
+    settings : GeneticSettings
+    seed : int
+    workers : int
+        Threads, if there is no executor.
+    executor : concurrent.futures.Executor, optional
+        Makes the identifications; the result does not depend on it.
+    progress : callable, optional
+        Called after every generation.
+    identify : Estimator, optional
+        Replaces the estimator of `settings`.
+    grammar : Grammar
+    """
+    judge = criterion(settings.criterion, settings.k_p)
+    with thread_pool(executor, workers) as pool:
+        evaluator: Evaluator
+        if settings.start_from == "neighbours":
+            structures, last = tuple(grammar.structures()), settings.generations
+            evaluator = LatticeEvaluator(
+                task, structures, pool, judge, options=settings.options, seed=seed, generations=last
+            )
+        else:
+            chosen = identify or estimator(settings.estimator, task, settings.iterations, settings.stall_polls)
+            start = task.default_start if settings.start_from == "standard" else None
+            evaluator = JobEvaluator(chosen, pool, judge, start)
+        return evolve(evaluator, task.draw, settings, grammar=grammar, seed=seed, progress=progress)
 
 
 def summarise_run(done: Run, truth: Structure, seed: int) -> RunSummary:

@@ -53,9 +53,14 @@ class Fits:
         All fits in their order, whether each is a hub's; those made once more, from a relative's optimum, too.
     spent : list of SimulationCount
         What they have simulated, with looks at a relative's optimum that promised nothing.
-    worthwhile : callable
-        ``worthwhile(structure, cost)``: whether a structure is worth another fit from a relative's optimum if it may
-        leave that cost, but no less; always by default.
+
+    Parameters
+    ----------
+    options : Options, optional
+    seed : int
+    should_refit : callable, optional
+        ``should_refit(structure, cost)``: False if a structure is not worth another fit from a neighbour's optimum
+        that leaves at least that cost; all are by default.
     """
 
     def __init__(
@@ -65,11 +70,12 @@ class Fits:
         *,
         options: Options | None = None,
         seed: int = 0,
+        should_refit: Callable[[Structure, float], bool] = lambda structure, cost: True,
     ) -> None:
         self.task, self.done, self.hubs = task, dict[Structure, Fitted](), dict[Structure, Fitted]()
         self.log: list[tuple[bool, Fitted]] = []
         self.spent: list[SimulationCount] = []
-        self.worthwhile: Callable[[Structure, float], bool] = lambda structure, cost: True
+        self._should_refit = should_refit
         self._how, self._seed = options or Options(), seed
         self.structures = tuple(structures)
         self._order = {s: i for i, s in enumerate(structures)}
@@ -203,7 +209,7 @@ class Fits:
 
     def _settled(self, before: Sequence[Structure], latest: Sequence[Structure], workers: Executor) -> set[Structure]:
         """Fit relatives of the `latest` fits once more where that helps; returns those that got better."""
-        hopeful = [s for s in before if self.worthwhile(s, 0.0)]
+        hopeful = [s for s in before if self._should_refit(s, 0.0)]
         better = {*self.up(hopeful, latest, workers), *self._down(workers)}
         for s in sorted(self.done, key=complexity):
             within = [self.done[t] for t in maximal_submodels(s, self.done)]
@@ -257,7 +263,7 @@ class Fits:
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
             better = [t for t in around if self.done[t].cost < own.cost and not self.done[t].idle]
-            better = [t for t in better if self.worthwhile(s, self.done[t].cost)]
+            better = [t for t in better if self._should_refit(s, self.done[t].cost)]
             offers = [self.done[t] for t in self._fresh(s, better)]
             telling = min((f.cost for f in offers), default=np.inf) < min(REFIT.clear_gain * own.cost, near)
             anyway = telling and not s.has_hard_limit
@@ -275,7 +281,7 @@ class Fits:
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
             larger = min((self.done[t] for t in around if not self.done[t].idle), key=lambda f: f.cost, default=own)
-            telling = larger.cost < min(REFIT.clear_gain * own.cost, near) and self.worthwhile(s, larger.cost)
+            telling = larger.cost < min(REFIT.clear_gain * own.cost, near) and self._should_refit(s, larger.cost)
             trail = s, larger.structure, larger.cost
             if not telling or trail in self._followed:
                 return None

@@ -79,7 +79,9 @@ class Fitted:
     free : int
         Number of estimated parameters.
     idle : tuple of str
-        Effects that only made the fit worse than that of a structure without them: their values are meaningless.
+        Redundant effects: without them the structure fits better, and their values are meaningless.
+    equals : Structure or None
+        The structure without these effects, whose fit this one is; None if there are none.
     batches : int
         Batches of simulations.
     spent : SimulationCount
@@ -96,6 +98,7 @@ class Fitted:
     batches: int = 0
     spent: SimulationCount = field(default_factory=SimulationCount)
     information: Array | None = field(default=None, compare=False)
+    equals: Structure | None = None
 
 
 def best_of(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
@@ -187,7 +190,8 @@ def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
     if own.cost <= best.cost:
         return own
     idle = (*best.idle, *added_effects(own.structure, best.structure))
-    return replace(own, values={**own.values, **best.values}, cost=best.cost, idle=idle, information=None)
+    values, equals = {**own.values, **best.values}, best.equals or best.structure
+    return replace(own, values=values, cost=best.cost, idle=idle, information=None, equals=equals)
 
 
 def is_narrow(space: ParameterSpace) -> bool:

@@ -16,7 +16,7 @@ from brightgrey.search.criteria import Misfit, bic
 from brightgrey.search.evidence import Evidence, assess_effects, has
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fitting import Fitted, Options
-from brightgrey.search.lattice import contains, one_larger
+from brightgrey.search.lattice import one_larger
 from brightgrey.search.parallel import Stopped, thread_pool
 from brightgrey.search.policy import BUDGET
 from brightgrey.search.task import IdentificationTask
@@ -240,9 +240,8 @@ def _ranking(
         judged = evidence.judged.get(s) if evidence else None
         cost, values = (judged.cost, judged.values) if judged is not None else (f.cost, f.values)
         shown = s
-        if judged is None and f.idle:  # it fits as well as one without them, with their values it does not
-            shown = next(t for t, g in fitted.items() if not g.idle and g.cost == f.cost and contains(s, t))
-            values = fitted[shown].values
+        if judged is None and f.equals is not None:  # the values of its redundant effects would spoil the misfit
+            shown, values = f.equals, fitted[f.equals].values
         misfit = known.get(shown) if judged is None else None
         if misfit is None:
             (misfit,) = _misfits(task, [_own(shown, values, declared)])

@@ -6,7 +6,8 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.kit import PAPER
-from brightgrey.search.genetic import GeneticSettings, evolve, history_csv
+from brightgrey.search.genetic import GeneticSettings, history_csv
+from support.genetic_runs import search_with
 
 SMALL = GeneticSettings(generations=8)
 
@@ -20,7 +21,7 @@ def test_the_paper_is_the_default():
 
 
 def test_every_individual_of_every_generation_is_recorded(draw, estimate):
-    run = evolve(estimate, draw, SMALL, seed=3)
+    run = search_with(estimate, draw, SMALL, seed=3)
     assert [(e.generation, e.individual) for e in run.evaluations] == [(g, i) for g in range(9) for i in range(6)]
     assert all(e.parents == () and e.operator == "initial" for e in run.generation(0))
     assert all(0 <= p < 6 for e in run.evaluations for p in e.parents)
@@ -29,7 +30,7 @@ def test_every_individual_of_every_generation_is_recorded(draw, estimate):
 
 
 def test_estimates_are_the_starts_of_the_next_generation(draw, estimate):
-    run = evolve(estimate, draw, dataclasses.replace(SMALL, mutations={}), seed=3)
+    run = search_with(estimate, draw, dataclasses.replace(SMALL, mutations={}), seed=3)
     for e in run.evaluations:
         if e.operator != "clone":
             continue
@@ -47,7 +48,7 @@ def test_the_same_structure_and_start_is_identified_once(draw, estimate):
         # An estimate that is its start: clones then ask for the same again.
         return [dataclasses.replace(r, values=s) for r, s in zip(estimate(structure, starts), starts, strict=True)]
 
-    run = evolve(count, draw, dataclasses.replace(SMALL, p_clone=0.8, mutations={}), seed=1)
+    run = search_with(count, draw, dataclasses.replace(SMALL, p_clone=0.8, mutations={}), seed=1)
     assert len(asked) == len(set(asked)) == run.identifications < len(run.evaluations)
     assert run.simulations == 10 * run.identifications
     assert sum(e.repeated for e in run.evaluations) == len(run.evaluations) - len(asked)
@@ -55,10 +56,8 @@ def test_the_same_structure_and_start_is_identified_once(draw, estimate):
 
 def test_a_standard_start_identifies_every_structure_once(draw, estimate):
     settings = dataclasses.replace(SMALL, start_from="standard")
-    run = evolve(estimate, draw, settings, seed=1, standard=lambda s: dict.fromkeys(s.parameters, 1.0))
+    run = search_with(estimate, draw, settings, seed=1, default_start=lambda s: dict.fromkeys(s.parameters, 1.0))
     assert run.identifications == len({e.job.structure for e in run.evaluations})
-    with pytest.raises(SettingsError, match="standard"):
-        evolve(estimate, draw, settings)
 
 
 def test_structures_with_idle_effects_are_neither_kept_nor_looked_around(draw, estimate):
@@ -68,7 +67,7 @@ def test_structures_with_idle_effects_are_neither_kept_nor_looked_around(draw, e
         idle = tuple(str(p) for p in structure.beside if p.name == "gravity")
         return [dataclasses.replace(r, idle=idle) for r in estimate(structure, starts)]
 
-    run = evolve(weighed, draw, dataclasses.replace(SMALL, elite=2, n_neighbours=2), seed=2)
+    run = search_with(weighed, draw, dataclasses.replace(SMALL, elite=2, n_neighbours=2), seed=2)
     kept = [e for g in range(1, 9) for e in run.generation(g) if e.operator == "elite"]
     assert any(e.result.idle for e in run.evaluations)
     assert kept
@@ -76,19 +75,19 @@ def test_structures_with_idle_effects_are_neither_kept_nor_looked_around(draw, e
 
 
 def test_the_elite_stays(draw, estimate):
-    run = evolve(estimate, draw, dataclasses.replace(SMALL, elite=2), seed=4)
+    run = search_with(estimate, draw, dataclasses.replace(SMALL, elite=2), seed=4)
     values = [run.best_of(g).value for g in range(9)]
     assert values == sorted(values)
     assert [e.operator for e in run.generation(5)[:2]] == ["elite", "elite"]
 
 
 def test_the_fitter_win(draw, estimate):
-    found = [str(evolve(estimate, draw, seed=s).best.job.structure) for s in range(30)]
+    found = [str(search_with(estimate, draw, seed=s).best.job.structure) for s in range(30)]
     assert found.count("two_mass+coulomb+viscous+stribeck") >= 5  # 448 structures, 126 individuals: by chance 1 in 4
 
 
 def test_structures_are_ranked_once(draw, estimate):
-    ranked = list(evolve(estimate, draw, seed=2).structures())
+    ranked = list(search_with(estimate, draw, seed=2).structures())
     assert len({e.job.structure for e in ranked}) == len(ranked)
     assert [e.value for e in ranked] == sorted((e.value for e in ranked), reverse=True)
 
@@ -101,7 +100,7 @@ def test_an_interruption_leaves_the_best_so_far(draw, estimate):
         if progress.generation == 3:
             raise KeyboardInterrupt
 
-    run = evolve(estimate, draw, SMALL, seed=3, progress=stop)
+    run = search_with(estimate, draw, SMALL, seed=3, progress=stop)
     assert run.interrupted
     assert run.generations == 4
     assert run.best == calls[-1].best
@@ -113,7 +112,7 @@ def test_an_interruption_with_nothing_so_far(draw):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        evolve(broken, draw, SMALL)
+        search_with(broken, draw, SMALL)
 
 
 def test_a_generation_that_diverged_throughout_has_offspring(draw, estimate):
@@ -121,15 +120,15 @@ def test_a_generation_that_diverged_throughout_has_offspring(draw, estimate):
         nothing = dataclasses.replace(estimate(structure, starts[:1])[0].misfit, rss=(float("inf"),))
         return [dataclasses.replace(r, misfit=nothing) for r in estimate(structure, starts)]
 
-    run = evolve(lost, draw, SMALL, seed=1)
+    run = search_with(lost, draw, SMALL, seed=1)
     assert len(run.evaluations) == 54
     assert run.best.value == 0.0
 
 
 def test_same_seed_same_bytes_for_any_number_of_workers(draw, estimate):
-    texts = {history_csv(evolve(estimate, draw, SMALL, seed=5, workers=n)) for n in (1, 2, 4)}
+    texts = {history_csv(search_with(estimate, draw, SMALL, seed=5, workers=n)) for n in (1, 2, 4)}
     assert len(texts) == 1
-    assert history_csv(evolve(estimate, draw, SMALL, seed=6)) not in texts
+    assert history_csv(search_with(estimate, draw, SMALL, seed=6)) not in texts
 
 
 @pytest.mark.parametrize(
@@ -153,7 +152,7 @@ def test_wrong_settings(change, message):
 
 def test_a_smaller_grammar(draw, estimate):
     small = dataclasses.replace(PAPER, name="small", places={"one_mass": (1,), "two_mass": (1,), "viscous": (1,)})
-    run = evolve(estimate, draw, SMALL, grammar=small, seed=1)
+    run = search_with(estimate, draw, SMALL, grammar=small, seed=1)
     assert {str(e.job.structure) for e in run.evaluations} <= {
         *("one_mass", "two_mass", "one_mass+viscous", "two_mass+viscous"),
     }

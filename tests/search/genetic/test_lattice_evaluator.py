@@ -13,10 +13,11 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar
 from brightgrey.paper.experiment import reference_recording, task_of
+from brightgrey.paper.repetitions import genetic_search
 from brightgrey.search import criterion
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, Options, from_above, from_everywhere
-from brightgrey.search.genetic import GeneticSettings, evolve
+from brightgrey.search.genetic import GeneticSettings
 from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
 from brightgrey.search.genetic.settings import TUNED_SETTINGS
 from brightgrey.search.lattice import complexity, contains
@@ -74,7 +75,7 @@ def test_workers_change_nothing(task, pieces):
 
 
 def genetic(task, workers=1, seed=1):
-    return evolve(None, task.draw, BRIEF, fits=Fits(task, ALL, seed=seed), grammar=FEW, seed=seed, workers=workers)
+    return genetic_search(task, BRIEF, seed, grammar=FEW, workers=workers)
 
 
 def test_a_genetic_search_identifies_each_structure_with_its_relatives(task):
@@ -91,9 +92,7 @@ def test_a_genetic_search_identifies_each_structure_with_its_relatives(task):
     assert len(again) == len({e.job.structure for e in again})
 
 
-def test_relatives_need_fits_and_least_squares(task):
-    with pytest.raises(SettingsError, match="neighbours"):
-        evolve(None, task.draw, BRIEF, grammar=FEW)
+def test_start_from_neighbours__pattern_search__refused():
     with pytest.raises(SettingsError, match="least-squares"):
         GeneticSettings(start_from="neighbours")
 
@@ -106,8 +105,7 @@ def test_residuals_that_hang_together_count_as_fewer_samples(task):
     slow = replace(task, recordings=(replace(white, y=white.y + noise),))
     shares = []
     for recorded in (task, slow):
-        fits = Fits(recorded, ALL)
-        run = evolve(lambda *_: [], recorded.draw, BRIEF, fits=fits, grammar=FEW, seed=1)
+        run = genetic_search(recorded, BRIEF, 1, grammar=FEW)
         misfits = {e.result.misfit.share for e in run.evaluations}
         assert len(misfits) == 1  # all are judged alike
         shares += misfits
@@ -125,9 +123,9 @@ def test_errors_of_the_simulation_are_no_evidence():
     more = PAPER.parse(f"{truth}+gravity")
     exact = task_of(reference_recording(truth, {n: PAPER_EXPERIMENT.values[n] for n in truth.parameters}))
     with thread_pool(None) as executor:
-        relatives = LatticeEvaluator(Fits(exact, [truth, more]), executor, criterion("bic"))
+        relatives = LatticeEvaluator(exact, [truth, more], executor, criterion("bic"))
         (own, _), (large, _) = relatives.identify([truth, more])
-        again = relatives.evaluated(truth)
+        again = relatives.result_of(truth)
     assert own.misfit.rss[0] < 1.1 * own.misfit.least[0]
     value = criterion("bic").value
     assert value(own.misfit, own.n_parameters) > value(large.misfit, large.n_parameters)
@@ -166,13 +164,13 @@ def test_gaps_are_sought_among_what_a_genetic_search_has_identified(loose):
     kept = {"two_mass", "coulomb", "viscous", "backlash", "delay"}
     structures = [s for s in PAPER.structures() if set(s.names) <= kept and s.masses == 2]
     with thread_pool(None) as executor:
-        relatives = LatticeEvaluator(Fits(task, structures), executor, criterion("bic"))
+        relatives = LatticeEvaluator(task, structures, executor, criterion("bic"))
         relatives.identify(structures)
         before = relatives.fits.done[truth].cost
-        spent = relatives.seek_missed()
+        spent = relatives.restart_leaders()
     exact = task.problem(truth).costs({name: np.array([v]) for name, v in values.items()}, task.settings)[0]
     assert relatives.fits.done[truth].cost <= 1.01 * exact < 0.5 * before
-    assert truth in relatives.better
+    assert truth in relatives.improved
     assert spent.sets > 0
 
 
@@ -182,14 +180,14 @@ def test_gaps_are_sought_with_all_effects_though_nothing_of_that_was_bred(loose)
     structures = list(grammar.structures())
     top = max(structures, key=complexity)
     with thread_pool(None) as executor:
-        relatives = LatticeEvaluator(Fits(task, structures), executor, criterion("bic"))
+        relatives = LatticeEvaluator(task, structures, executor, criterion("bic"))
         relatives.identify([s for s in structures if "backlash" not in s.names])
-        relatives.seek_missed()
-        found = relatives.evaluated(top)
+        relatives.restart_leaders()
+        found = relatives.result_of(top)
     without = {**values, "f_v": 0.0}
     exact = task.problem(top).costs({name: np.array([without[name]]) for name in top.parameters}, task.settings)[0]
     assert relatives.fits.done[top].cost <= 1.01 * exact
-    assert top in relatives.better
+    assert top in relatives.improved
     assert dict(found.values).keys() == set(top.parameters)
 
 
@@ -224,13 +222,12 @@ def test_with_gaps_is_compared_with_all_other_effects_without(loose):
 def test_gaps_are_sought_early_and_in_the_end(task, true_values, monkeypatch, generations, narrow, after):
     """Within narrow ranges in the end only."""
     seen, sought = [], set()
-    monkeypatch.setattr(LatticeEvaluator, "seek_missed", lambda self: sought.add(len(seen)) or SimulationCount())
+    monkeypatch.setattr(LatticeEvaluator, "restart_leaders", lambda self: sought.add(len(seen)) or SimulationCount())
     settings = replace(TUNED_SETTINGS, population=2, generations=generations, n_neighbours=1, max_remutations=1)
     if narrow:
         values = dict.fromkeys(("f_v", "M_G"), 0.1) | true_values
         task = replace(task, bounds={name: (0.5 * v, 2.0 * v) for name, v in values.items()})
-    fits = Fits(task, ALL)
-    evolve(None, task.draw, settings, fits=fits, grammar=FEW, seed=1, progress=seen.append)
+    genetic_search(task, settings, 1, grammar=FEW, progress=seen.append)
     assert sought == after
 
 
@@ -239,8 +236,7 @@ def test_what_is_identified_beside_the_individuals_has_a_tree(loose):
     grammar = Grammar("loose", dict.fromkeys(("two_mass", "viscous", "backlash", "delay"), (1,)))
     settings = replace(TUNED_SETTINGS, population=2, generations=0)
     for seed in range(8):
-        fits = Fits(task, list(grammar.structures()))
-        run = evolve(None, task.draw, settings, fits=fits, grammar=grammar, seed=seed)
+        run = genetic_search(task, settings, seed, grammar=grammar)
         bred = {e.job.structure for e in run.evaluations if e.operator != "neighbours"}
         beside = [e for e in run.evaluations if e.job.structure not in bred]
         assert all(e.tree.parameters == dict(e.result.values) for e in beside)
@@ -256,12 +252,11 @@ def sought(task, monkeypatch):
     monkeypatch.setattr("brightgrey.search.genetic.lattice_evaluator.seek_missed", lambda fits, workers: None)
 
     def made(costs, task=task, name="bic"):
-        fits = Fits(task, ALL)
-        fits.done |= {s: Fitted(s, {}, cost, len(s.parameters)) for s, cost in costs.items()}
         with thread_pool(None) as executor:
-            relatives = LatticeEvaluator(fits, executor, criterion(name))
-            assert relatives.eliminated() == set()  # what was missed has not been sought yet
-            relatives.seek_missed()
+            relatives = LatticeEvaluator(task, ALL, executor, criterion(name))
+            relatives.fits.done |= {s: Fitted(s, {}, cost, len(s.parameters)) for s, cost in costs.items()}
+            assert relatives.eliminated() == set()  # missed optima have not been looked for yet
+            relatives.restart_leaders()
         return relatives
 
     return made
@@ -326,9 +321,13 @@ def test_what_is_lost_in_the_sensor_s_steps_is_no_gain(sought, task):
 def test_only_what_may_win_is_fitted_once_more(task, worse, worthwhile):
     """A relative's optimum that is better, a larger one's or a smaller one's, is not worth another fit otherwise."""
     simple, worse, truth = map(PAPER.parse, ("one_mass", worse, "two_mass+coulomb"))
-    fits = Fits(task, [simple, PAPER.parse("two_mass"), truth])
     asked = []
-    fits.worthwhile = lambda structure, cost: asked.append((structure, cost)) or worthwhile
+
+    def should_refit(structure, cost):
+        asked.append((structure, cost))
+        return worthwhile
+
+    fits = Fits(task, [simple, PAPER.parse("two_mass"), truth], should_refit=should_refit)
     with thread_pool(None) as executor:
         fits.add([PAPER.parse("two_mass"), truth], executor)
         fits.done[worse] = replace(fits.done[worse], cost=1e9)
@@ -343,16 +342,17 @@ def test_only_what_may_win_is_fitted_once_more(task, worse, worthwhile):
 
 def test_gaps_are_handed_down_in_every_generation(task, monkeypatch):
     structures = [PAPER.parse(f"{name}+backlash") for name in ("two_mass", "two_mass+coulomb", "two_mass+viscous")]
-    fits, asked = Fits(task, structures), []
-    monkeypatch.setattr(fits, "follow", lambda workers: asked.append(tuple(fits.done)) or {structures[0]})
+    asked = []
     with thread_pool(None) as executor:
-        relatives = LatticeEvaluator(fits, executor, criterion("bic"))
+        relatives = LatticeEvaluator(task, structures, executor, criterion("bic"))
+        fits = relatives.fits
+        monkeypatch.setattr(fits, "follow", lambda workers: asked.append(tuple(fits.done)) or {structures[0]})
         relatives.identify(structures[:1])
-        assert relatives.better == ()  # they are of this generation
+        assert relatives.improved == ()  # they are of this generation
         relatives.identify(structures[:2])
-        assert relatives.better == ()
+        assert relatives.improved == ()
         relatives.identify(structures[1:])
-        assert relatives.better == (structures[0],)
+        assert relatives.improved == (structures[0],)
         relatives.identify(structures)
     assert list(map(len, asked)) == [1, 2, 3]
 

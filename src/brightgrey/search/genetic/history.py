@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from brightgrey.estimation.problem.simulation_count import SimulationCount
+from brightgrey.search.criteria import Criterion
 from brightgrey.search.genetic.evaluation import Evaluated, Job
-from brightgrey.search.genetic.tree import Node
+from brightgrey.search.genetic.offspring import Offspring
+from brightgrey.search.genetic.tree import Node, with_values
 
 __all__ = ["COLUMNS", "Evaluation", "Progress", "Run", "history_csv"]
 
@@ -47,6 +49,31 @@ class Evaluation:
     result: Evaluated
     value: float
     repeated: bool
+
+    @classmethod
+    def of(
+        cls,
+        generation: int,
+        number: int,
+        individual: Offspring,
+        job: Job,
+        result: Evaluated,
+        criterion: Criterion,
+        *,
+        repeated: bool = False,
+    ) -> Evaluation:
+        """Evaluation of an `individual` by its `result`, with the estimates in its tree."""
+        return cls(
+            generation=generation,
+            individual=number,
+            parents=individual.parents,
+            operator=individual.operator,
+            tree=with_values(individual.tree, dict(result.values)),
+            job=job,
+            result=result,
+            value=criterion.value(result.misfit, result.n_parameters),
+            repeated=repeated,
+        )
 
 
 @dataclass(frozen=True)

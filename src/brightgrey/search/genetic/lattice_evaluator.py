@@ -1,4 +1,4 @@
-"""Individuals identified where their relatives' identifications have ended, as in the search of all structures."""
+"""Evaluation of individuals from the optima of neighbouring structures, as in the search of all structures."""
 
 from __future__ import annotations
 
@@ -13,8 +13,12 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Criterion, Misfit
 from brightgrey.search.fits import Fits
-from brightgrey.search.fitting import Fitted, is_narrow
-from brightgrey.search.genetic.evaluation import Evaluated
+from brightgrey.search.fitting import Fitted, Options, is_narrow
+from brightgrey.search.genetic.evaluation import Evaluated, Job
+from brightgrey.search.genetic.history import Evaluation, Run
+from brightgrey.search.genetic.offspring import Offspring
+from brightgrey.search.genetic.settings import HEURISTICS
+from brightgrey.search.genetic.tree import tree_of, with_values
 from brightgrey.search.judging import last_descent
 from brightgrey.search.lattice import contains
 from brightgrey.search.missed import seek_missed
@@ -25,10 +29,7 @@ __all__ = ["LatticeEvaluator"]
 
 @dataclass(frozen=True)
 class _Bar:
-    """What a structure is measured by after so many fits, and if that share of the samples is independent.
-
-    `best` is the best value of the criterion; `least` the least cost of what contains a structure, as far as asked.
-    """
+    """Best value of the criterion after so many fits, and the least cost of any fit that contains a structure."""
 
     fits: int
     share: float
@@ -37,64 +38,124 @@ class _Bar:
 
 
 class LatticeEvaluator:
-    """Has structures identified, each one once, and once more where a relative's optimum helps.
+    """Evaluator that fits each structure once, and again where the optimum of a neighbouring structure helps.
 
-    What has lost by the criterion is not handed its relatives' optima any more, from the first search for missed optima
-    on: `fits` are told so.
+    From the first search for missed optima on, a structure that has lost by the criterion is not fitted again.
+
+    Parameters
+    ----------
+    task : IdentificationTask
+    structures : sequence of Structure
+        Structures of the grammar.
+    executor : concurrent.futures.Executor
+        Makes the fits.
+    criterion : Criterion
+    options : Options, optional
+        Effort of each structure's fit.
+    seed : int
+    generations : int
+        Number of the last generation, after which missed optima are looked for.
 
     Attributes
     ----------
     fits : Fits
-    better : tuple of Structure
-        Of earlier generations, which the latest one has improved; and what was identified beside its individuals.
+    improved : tuple of Structure
+        Structures that the latest generation has improved or fitted beside its individuals.
     share : float
-        Of the samples, how many are independent by the residuals of the best fit so far.
+        Independent samples over all samples, by the residual of the best fit so far.
     """
 
-    def __init__(self, fits: Fits, executor: Executor, judge: Criterion) -> None:
-        self.fits, self.better, self.share = fits, tuple[Structure, ...](), 1.0
-        self._executor, self._judge, task = executor, judge, fits.task
-        self._weights = task.problem(fits.structures[0]).weights
-        self._doubt = float(task.error_floor(self._weights, FAST_LEVEL_ACCURACY).sum())
+    def __init__(
+        self,
+        task: IdentificationTask,
+        structures: Sequence[Structure],
+        executor: Executor,
+        criterion: Criterion,
+        *,
+        options: Options | None = None,
+        seed: int = 0,
+        generations: int = 0,
+    ) -> None:
+        self.fits = Fits(task, structures, options=options, seed=seed, should_refit=self.can_still_win)
+        self.improved, self.share = tuple[Structure, ...](), 1.0
+        self._executor, self._criterion, self._generations = executor, criterion, generations
+        self._weights = task.problem(structures[0]).weights
+        self._error_floor = float(task.error_floor(self._weights, FAST_LEVEL_ACCURACY).sum())
         self._free: dict[Structure, int] = {}
         self._bar: _Bar | None = None
-        fits.worthwhile, self._sought = self.can_still_win, False
+        self._searched_missed = False
         self._accurate = replace(task, settings=replace(task.settings, level="accurate"))
-        self._seen: dict[tuple[Structure, float], tuple[Fitted, Misfit]] = {}
+        self._assessed: dict[tuple[Structure, float], tuple[Fitted, Misfit]] = {}
+
+    def evaluate(self, generation: int, born: Sequence[Offspring]) -> list[Evaluation]:
+        """Fit the structures of a generation."""
+        results = self.identify([individual.tree.structure for individual in born])
+        return [
+            Evaluation.of(
+                generation,
+                number,
+                individual,
+                Job(individual.tree.structure, ()),
+                result,
+                self._criterion,
+                repeated=repeated,
+            )
+            for number, (individual, (result, repeated)) in enumerate(zip(born, results, strict=True))
+        ]
+
+    def revise(self, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+        """Restart the best structure, append what got better beside the individuals, and judge all by one noise model.
+
+        The simulations of the restart and of the noise model serve all structures. They are counted with the last
+        evaluation of the generation, so that the sum over all evaluations is what the search has simulated.
+        """
+        generation = evaluations[-1].generation
+        spent = self.restart(Run(tuple(evaluations)).best.job.structure)
+        if generation in self._restart_generations():
+            spent += self.restart_leaders()
+        *others, last = (*evaluations, *self._evaluations_beside(evaluations))
+        spent += self.update_effective_samples()
+        counted = replace(last, result=replace(last.result, spent=last.result.spent + spent))
+        return [self._judged_again(evaluation) for evaluation in (*others, counted)]
+
+    def eliminated(self) -> set[Structure]:
+        """Structures that have lost, fitted or not."""
+        return {s for s in self.fits.structures if not self.can_still_win(s)}
 
     def identify(self, structures: Sequence[Structure]) -> list[tuple[Evaluated, bool]]:
-        """Results in the order of `structures`, each with whether it had been there before.
+        """Results in the order of `structures`; a structure that was fitted before is marked.
 
-        Where some are new, optima with laws of two ports are handed down: what leads by then is bred next.
+        If there is a new structure, optima with a hard limit are continued to submodels: the next generation is bred
+        from the leading structures.
         """
         fits = self.fits
-        fresh = [s for s in dict.fromkeys(structures) if s not in fits.done]
+        unknown = [s for s in dict.fromkeys(structures) if s not in fits.done]
         counted = len(fits.spent)
-        better = fits.add(fresh, self._executor) | fits.follow(self._executor) if fresh else set()
-        self.better = tuple(s for s in fits.done if s in better and s not in structures)
-        spent = self._spent(counted)  # by the first of them: hubs serve them all
-        out, first = [], set(fresh)
+        better = fits.add(unknown, self._executor) | fits.follow(self._executor) if unknown else set()
+        self.improved = tuple(s for s in fits.done if s in better and s not in structures)
+        spent = self._spent(counted)  # counted with the first of them: anchors serve them all
+        out, first = [], set(unknown)
         for s in structures:
-            out.append((self.evaluated(s, spent if s in first else SimulationCount()), s not in first))
+            out.append((self.result_of(s, spent if s in first else SimulationCount()), s not in first))
             spent = SimulationCount() if s in first else spent
             first.discard(s)
         return out
 
     @property
     def narrow(self) -> bool:
-        """Whether all ranges are, as those that a user gives."""
+        """True if the ranges of all structures are narrow, as a user gives them."""
         task = self.fits.task
         return all(is_narrow(task.space(s, initial=True)) for s in self.fits.structures)
 
     def can_still_win(self, structure: Structure, cost: float = 0.0) -> bool:
-        """Whether a structure could be as good as the best one, by the criterion, if it left `cost`, or what others do.
+        """Return False if a structure cannot reach the best value of the criterion.
 
-        It leaves no less than the best fit that contains it: what has more parameters than that is worth has lost,
-        fitted or not. Where no fit contains it, several outputs are weighed against each other, what a user has bounded
-        or fixed cannot fade away, or the first search for missed optima has not begun, all may win.
+        Its cost is at least that of the best fit that contains it, and at least `cost`, the optimum that it is offered.
+        All structures may win where no such bound holds: if no fit contains the structure, if the criterion weighs
+        several outputs, if the user has bounded or fixed a parameter, and until missed optima have been looked for.
         """
         fits, task = self.fits, self.fits.task
-        if not self._sought or len(self._weights) > 1 or task.bounds or task.fixed:
+        if not self._searched_missed or len(self._weights) > 1 or task.bounds or task.fixed:
             return True
         bar = self._bar
         if bar is None or (bar.fits, bar.share) != (len(fits.log), self.share):
@@ -108,36 +169,22 @@ class LatticeEvaluator:
         least = bar.least[structure]
         return least == 0.0 or self._value(max(cost, least), self._free[structure]) >= bar.best
 
-    def eliminated(self) -> set[Structure]:
-        """Structures that have lost, fitted or not."""
-        return {s for s in self.fits.structures if not self.can_still_win(s)}
-
-    def seek(self, structure: Structure) -> SimulationCount:
-        """Identify a structure once more, from everywhere, if that has not been done; returns what was simulated."""
+    def restart(self, structure: Structure) -> SimulationCount:
+        """Fit a structure once by multistart, if that has not been done; returns what was simulated."""
         counted = len(self.fits.spent)
-        self._improved(self.fits.seek(structure, self._executor))
+        self._note_improved(self.fits.seek(structure, self._executor))
         return self._spent(counted)
 
-    def seek_missed(self) -> SimulationCount:
-        """Look for optima that have been missed, those with gaps above all; returns what was simulated."""
+    def restart_leaders(self) -> SimulationCount:
+        """Look for missed optima, above all those with a hard limit; returns what was simulated."""
         counted, before = len(self.fits.spent), dict(self.fits.done)
-        self._sought = True
+        self._searched_missed = True
         seek_missed(self.fits, self._executor)
-        self._improved({s for s, fitted in self.fits.done.items() if fitted is not before.get(s)})
+        self._note_improved({s for s, fitted in self.fits.done.items() if fitted is not before.get(s)})
         return self._spent(counted)
-
-    def _value(self, cost: float, free: int) -> float:
-        """Criterion of a fit by its cost; differences within the simulation's own error hardly count."""
-        task = self.fits.task
-        samples = sum(r.samples for r in task.recordings)
-        least = sum(r.samples * float(r.resolution[0] * self._weights[0]) ** 2 / 12.0 for r in task.recordings)
-        return self._judge.value(Misfit((cost + self._doubt,), (least,), samples, (1.0,), self.share), free)
-
-    def _improved(self, better: Collection[Structure]) -> None:
-        self.better = tuple(s for s in self.fits.done if s in better or s in self.better)
 
     def update_effective_samples(self) -> SimulationCount:
-        """Find `share` anew: what the best fit does not explain counts as noise; returns what was simulated."""
+        """Update `share` from the residual of the best fit, taken as noise; returns what was simulated."""
         task = self.fits.task
         best = min((f for f in self.fits.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
         values = {name: np.array([value]) for name, value in best.values.items()}
@@ -145,53 +192,93 @@ class LatticeEvaluator:
         residual = problem.residuals(values, task.settings)[:, 0]
         lengths = [r.samples for r in task.recordings for _ in r.outputs]
         pieces = np.split(residual, np.cumsum(lengths)[:-1])
-        self.share = sum(autoregression(piece).effective_samples_variance(len(piece)) for piece in pieces) / len(
-            residual
-        )
+        independent = sum(autoregression(piece).effective_samples_variance(len(piece)) for piece in pieces)
+        self.share = independent / len(residual)
         return problem.spent(1)
 
-    def _spent(self, counted: int) -> SimulationCount:
-        """What was spent on fits after the first `counted` entries."""
-        return sum(self.fits.spent[counted:], SimulationCount())
+    def result_of(self, structure: Structure, spent: SimulationCount | None = None) -> Evaluated:
+        """Present result of a structure, with the simulations `spent` on it.
 
-    def evaluated(self, structure: Structure, spent: SimulationCount | None = None) -> Evaluated:
-        """What is known of `structure` now, with what was `spent` on it; a misfit without what only made it worse."""
+        The misfit is that without redundant effects.
+        """
         own, spent = self.fits.done[structure], spent or SimulationCount()
-        shown = own if not own.idle else next(f for f in self.fits.done.values() if not f.idle and f.cost == own.cost)
-        if (shown.structure, shown.cost) not in self._seen:
-            looked = self._looked(shown)
-            self._seen[shown.structure, shown.cost] = looked
-            spent += looked[0].spent
-        seen, misfit = self._seen[shown.structure, shown.cost]
-        best = own if own.idle else seen
+        shown = own if own.equals is None else self.fits.done[own.equals]
+        if (shown.structure, shown.cost) not in self._assessed:
+            assessed = self._assess(shown)
+            self._assessed[shown.structure, shown.cost] = assessed
+            spent += assessed[0].spent
+        accurate, misfit = self._assessed[shown.structure, shown.cost]
+        best = own if own.idle else accurate
         values = tuple((name, float(best.values[name])) for name in structure.parameters)
         return Evaluated(values, replace(misfit, share=self.share), own.free, spent, own.idle)
 
-    def _looked(self, fitted: Fitted) -> tuple[Fitted, Misfit]:
-        """A fit as it is judged, with what that takes, and its misfit; at level ``accurate`` where that matters."""
-        doubtful = self._doubtful(fitted)
-        task = self._accurate if doubtful else self.fits.task
-        seen = self._sharpened(fitted) if doubtful else replace(fitted, spent=SimulationCount())
-        spent = seen.spent + task.problem(fitted.structure).spent(1)
-        return replace(seen, spent=spent), self._misfit(task, seen)
+    def _restart_generations(self) -> set[int]:
+        """Generations after which missed optima are looked for: early ones, too, since they say which structures lose.
 
-    def _doubtful(self, fitted: Fitted) -> bool:
-        """Whether a fit is no worse than what the simulation of the search may be off by."""
+        Within narrow ranges little is missed, and the search is made after the last generation only.
+        """
+        last = self._generations
+        return {last} if self.narrow else {last, *(max(1, last // part) for part in HEURISTICS.early_restarts)}
+
+    def _evaluations_beside(self, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+        """Evaluations of structures that got better or were never bred, numbered after the latest individuals."""
+        latest, known = evaluations[-1], {e.job.structure: e.tree for e in evaluations}
+        out = []
+        for number, structure in enumerate(self.improved, latest.individual + 1):
+            result = self.result_of(structure)
+            values = dict(result.values)
+            tree = with_values(known[structure], values) if structure in known else tree_of(structure, values)
+            individual = Offspring(tree, (), "neighbours")
+            job = Job(structure, ())
+            out.append(Evaluation.of(latest.generation, number, individual, job, result, self._criterion))
+        return out
+
+    def _judged_again(self, evaluation: Evaluation) -> Evaluation:
+        """The evaluation by the present share of independent samples."""
+        result = evaluation.result
+        misfit = replace(result.misfit, share=self.share)
+        value = self._criterion.value(misfit, result.n_parameters)
+        return replace(evaluation, result=replace(result, misfit=misfit), value=value)
+
+    def _value(self, cost: float, free: int) -> float:
+        """Criterion of a fit by its cost; differences within the simulation's own error hardly count."""
+        task = self.fits.task
+        samples = sum(r.samples for r in task.recordings)
+        least = sum(r.samples * float(r.resolution[0] * self._weights[0]) ** 2 / 12.0 for r in task.recordings)
+        misfit = Misfit((cost + self._error_floor,), (least,), samples, (1.0,), self.share)
+        return self._criterion.value(misfit, free)
+
+    def _note_improved(self, better: Collection[Structure]) -> None:
+        self.improved = tuple(s for s in self.fits.done if s in better or s in self.improved)
+
+    def _spent(self, counted: int) -> SimulationCount:
+        """Simulations of fits after the first `counted` entries."""
+        return sum(self.fits.spent[counted:], SimulationCount())
+
+    def _assess(self, fitted: Fitted) -> tuple[Fitted, Misfit]:
+        """A fit with its misfit, polished at level ``accurate`` where the search level's own error matters."""
+        within_error = self._within_error(fitted)
+        task = self._accurate if within_error else self.fits.task
+        own = self._polished(fitted) if within_error else replace(fitted, spent=SimulationCount())
+        spent = own.spent + task.problem(fitted.structure).spent(1)
+        return replace(own, spent=spent), self._misfit(task, own)
+
+    def _within_error(self, fitted: Fitted) -> bool:
+        """True if a fit's cost is no more than the error of the search's simulation."""
         task = self.fits.task
         weights = task.problem(fitted.structure).weights
-        return task.settings.level == "fast" and fitted.cost <= float(
-            task.error_floor(weights, FAST_LEVEL_ACCURACY).sum()
-        )
+        floor = float(task.error_floor(weights, FAST_LEVEL_ACCURACY).sum())
+        return task.settings.level == "fast" and fitted.cost <= floor
 
-    def _sharpened(self, fitted: Fitted) -> Fitted:
-        """The same at level ``accurate``.
+    def _polished(self, fitted: Fitted) -> Fitted:
+        """The fit at level ``accurate``.
 
-        What the simulation makes wrong is no chance: another effect takes part of it off, and a criterion that expects
-        chance takes that for evidence.
+        Errors of the simulation are not random. Another effect removes part of them, and a criterion that assumes
+        random noise takes that for evidence.
         """
         space = self._accurate.space(fitted.structure, initial=True)
-        begin = np.array([fitted.values[name] for name in space.names])
-        end = last_descent(self._accurate, fitted.structure, begin)
+        start = np.array([fitted.values[name] for name in space.names])
+        end = last_descent(self._accurate, fitted.structure, start)
         values = {**fitted.values, **dict(zip(space.names, end.values.tolist(), strict=True))}
         spent = self._accurate.problem(fitted.structure).spent(end.simulations)
         return replace(fitted, values=values, cost=end.cost, spent=spent, information=None)

@@ -14,13 +14,12 @@ from brightgrey.search.genetic.mutation import MUTATIONS
 from brightgrey.search.genetic.population import Draw, pick
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.search.genetic.selection import clones, roulette
-from brightgrey.search.genetic.settings import GeneticSettings
+from brightgrey.search.genetic.settings import HEURISTICS, GeneticSettings
 from brightgrey.search.genetic.tree import Node
 
 __all__ = ["Offspring", "mutated", "offspring", "remutate_duplicates", "untried_neighbours"]
 
 _STEPS = ("point", "insertion", "deletion")  # mutations that change one node
-_DRAWS = 30  # of such a mutation, until a parent counts as surrounded
 
 
 @dataclass(frozen=True)
@@ -125,7 +124,7 @@ def untried_neighbours(
     known: set[Structure] = set(tried)
     out: list[Offspring] = []
     for tree in best:
-        for _ in range(_DRAWS):
+        for _ in range(HEURISTICS.neighbour_draws):
             if len(out) == settings.neighbours:
                 return tuple(out)
             name = pick(_STEPS, rng)
