@@ -20,13 +20,13 @@ from scipy.stats import chi2
 from brightgrey import identify
 from brightgrey.control.design.closed_loop import closed_loop
 from brightgrey.control.design.controllers import OutputFeedback
-from brightgrey.control.faults.detection import Case, FaultFinding, detect_faults, groups
-from brightgrey.control.filters.extended_kalman import Noise, extended
-from brightgrey.control.filters.gaussian_sum import gaussian_sum
-from brightgrey.control.filters.setup import noise_levels, prepare
-from brightgrey.control.filters.unscented_kalman import unscented
-from brightgrey.control.limit_cycles.describing_function import limit_cycles
-from brightgrey.control.linear.analysis import linearise_at
+from brightgrey.control.faults.detection import FaultCase, FaultFinding, detect_faults, fault_groups
+from brightgrey.control.filters.extended_kalman import Noise, extended_kalman_filter
+from brightgrey.control.filters.gaussian_sum import gaussian_sum_filter
+from brightgrey.control.filters.setup import estimate_noise, prepare
+from brightgrey.control.filters.unscented_kalman import unscented_kalman_filter
+from brightgrey.control.limit_cycles.describing_function import predict_limit_cycles
+from brightgrey.control.linear.analysis import analyse_system
 from brightgrey.control.linear.margins import Compensator
 from brightgrey.errors import BrightgreyError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
@@ -46,7 +46,11 @@ SETTINGS = Settings(E.f_tanh, E.speed)
 FAULTS = {"friction": 1.5, "backlash": 2.0, "load": 1.3}
 MODEL_STD = 0.02  # relative error of the model's parameters, as an identification leaves it
 ALL = "all"
-FILTER_NAMES = {"extended": "extended", "unscented": "unscented", "gaussian_sum": "sum of Gaussians"}
+FILTER_NAMES = {
+    "extended_kalman_filter": "extended",
+    "unscented_kalman_filter": "unscented",
+    "gaussian_sum_filter": "sum of Gaussians",
+}
 FAULTY = ("two_mass+coulomb+viscous", "two_mass+coulomb+viscous+backlash")
 
 
@@ -85,12 +89,12 @@ def simulate(
 
 
 STRUCTURES = {
-    "one_mass+coulomb+viscous+stribeck+gravity": (extended,),
-    "two_mass+coulomb+viscous": (extended, unscented),
-    "three_mass+coulomb+viscous+stribeck": (extended,),
-    "two_mass+coulomb+viscous+stribeck+gravity+current_control+delay": (extended,),
-    "two_mass+coulomb+viscous+backlash": (extended, gaussian_sum),
-    "two_mass+coulomb+viscous+stribeck+backlash+current_control+delay": (extended, gaussian_sum),
+    "one_mass+coulomb+viscous+stribeck+gravity": (extended_kalman_filter,),
+    "two_mass+coulomb+viscous": (extended_kalman_filter, unscented_kalman_filter),
+    "three_mass+coulomb+viscous+stribeck": (extended_kalman_filter,),
+    "two_mass+coulomb+viscous+stribeck+gravity+current_control+delay": (extended_kalman_filter,),
+    "two_mass+coulomb+viscous+backlash": (extended_kalman_filter, gaussian_sum_filter),
+    "two_mass+coulomb+viscous+stribeck+backlash+current_control+delay": (extended_kalman_filter, gaussian_sum_filter),
 }
 
 
@@ -115,7 +119,7 @@ def consistency(runs: int, seed: int, name: str, by_reference: bool) -> list[lis
                 continue
             drawn.append(values)
         arrays = {n: np.array([values[n] for values in drawn]) for n in structure.parameters}
-        watched = prepare(structure, arrays, recordings, SETTINGS).watched
+        watched = prepare(structure, arrays, recordings, SETTINGS).filter_input
         for run_filter in STRUCTURES[name]:
             begun = time.process_time()
             totals[run_filter.__name__] += list(run_filter(watched, noise).nis.sum(axis=0))
@@ -168,11 +172,15 @@ def cycle(structure: str, rng: np.random.Generator) -> tuple[float, float] | Non
     system = assemble(placed, values, E.f_tanh)
     # As much gain as makes the drive's most nervous piece unstable by 5 to 40 %.
     soft = Compensator.of([1.0, 5.0], [1.0, 0.0])
-    edge = min(linearise_at(system, speed=10.0, contact=c).margins(soft, delay=dt / 2).gain for c in ("forward", "gap"))
+    edge = min(
+        analyse_system(system, speed=10.0, contact=c).margins(soft, delay=dt / 2).gain for c in ("forward", "gap")
+    )
     gain = edge * float(rng.uniform(1.05, 1.4))
     controller = Compensator.of([gain, 5.0 * gain], [1.0, 0.0])
     limit = np.inf if "backlash" in placed.names else 3.0
-    found = limit_cycles(system, controller, torque=(1e-2, 1e3), omega=(50.0, 4000.0), delay=dt / 2, limit=limit)
+    found = predict_limit_cycles(
+        system, controller, torque=(1e-2, 1e3), omega=(50.0, 4000.0), delay=dt / 2, limit=limit
+    )
     stable = [c for c in found if c.stable]
     if not stable:
         return None
@@ -208,10 +216,10 @@ def cycles(runs: int, seed: int) -> Table:
     return Table("Limit cycles", columns, rows)
 
 
-def cases_of(structure: Structure, run: int, seed: int, by_reference: bool) -> list[tuple[str, Case]] | None:
+def cases_of(structure: Structure, run: int, seed: int, by_reference: bool) -> list[tuple[str, FaultCase]] | None:
     """One drive, healthy and with each fault; None if it is chaotic. The model is off as after an identification."""
     rng = np.random.default_rng([seed, run])
-    kinds = groups(structure)
+    kinds = fault_groups(structure)
     truth = random_values(structure.parameters, rng)
     u, dt = E.torque()[::2], 2 * E.dt
     options = {"f_tanh": E.f_tanh, "outputs": ("velocity", "position"), "both": False}
@@ -219,7 +227,7 @@ def cases_of(structure: Structure, run: int, seed: int, by_reference: bool) -> l
         return None
     model = {n: v * float(np.exp(MODEL_STD * rng.normal())) for n, v in truth.items()}
     std = {n: MODEL_STD * abs(v) for n, v in model.items()}
-    noise = noise_levels(
+    noise = estimate_noise(
         structure, model, simulate(structure, truth, rng, every=2, by_reference=by_reference), SETTINGS
     )
     cases = []
@@ -227,18 +235,18 @@ def cases_of(structure: Structure, run: int, seed: int, by_reference: bool) -> l
         factor = FAULTS[broken.subject] if broken else 1.0
         now = {n: v * (factor if broken and n in kinds[broken] else 1.0) for n, v in truth.items()}
         recording = simulate(structure, now, rng, every=2, by_reference=by_reference)
-        cases.append((broken.subject if broken else "", Case(model, recording, noise, std)))
+        cases.append((broken.subject if broken else "", FaultCase(model, recording, noise, std)))
     return cases
 
 
 def faults(name: str, runs: int, seed: int, by_reference: bool) -> Table:
     """Detections and false alarms; printed anew after every twenty drives."""
     structure = Structure.parse(name)
-    cases: list[tuple[str, Case]] = []
+    cases: list[tuple[str, FaultCase]] = []
     results: list[tuple[FaultFinding, ...]] = []
     left_out = 0
     for first in range(0, runs, 20):
-        drawn: list[tuple[str, Case]] = []
+        drawn: list[tuple[str, FaultCase]] = []
         for run in range(first, min(first + 20, runs)):
             try:
                 found = cases_of(structure, run, seed, by_reference)
@@ -257,11 +265,11 @@ def faults(name: str, runs: int, seed: int, by_reference: bool) -> Table:
 
 
 def fault_rows(
-    structure: Structure, cases: list[tuple[str, Case]], results: list[tuple[FaultFinding, ...]]
+    structure: Structure, cases: list[tuple[str, FaultCase]], results: list[tuple[FaultFinding, ...]]
 ) -> list[list[str]]:
     """Shares of detections and false alarms."""
     rows = []
-    for subject in (fault.subject for fault in groups(structure)):
+    for subject in (fault.subject for fault in fault_groups(structure)):
         own = [(b, next(f for f in fs if f.subject == subject)) for (b, _), fs in zip(cases, results, strict=True)]
         guilty = [f for b, f in own if b == subject]
         others = [f for b, f in own if b != subject]
@@ -273,7 +281,9 @@ def fault_rows(
     return [*rows, ["none (healthy recordings)", "", "", share(sum(alarms), len(alarms), percent=True)]]
 
 
-def print_wrong(structure: Structure, cases: list[tuple[str, Case]], results: list[tuple[FaultFinding, ...]]) -> None:
+def print_wrong(
+    structure: Structure, cases: list[tuple[str, FaultCase]], results: list[tuple[FaultFinding, ...]]
+) -> None:
     """Print every missed fault and every false alarm."""
     for (broken, case), findings in zip(cases, results, strict=True):
         for f in findings:
@@ -287,10 +297,10 @@ def emps() -> list[Table]:
     recording = emps_recording()
     model = identify(recording, "one_mass+coulomb+viscous+gravity", starts=2, level="fast").model
     structure, values, settings = model.structure, model.values_si(), model.settings_si()
-    noise = noise_levels(structure, values, recording, settings)
+    noise = estimate_noise(structure, values, recording, settings)
     prepared = prepare(structure, values, recording, settings)
-    found = extended(prepared.watched, noise)
-    white = found.white[100:, 0, 0]
+    found = extended_kalman_filter(prepared.filter_input, noise)
+    white = found.normalised_innovations[100:, 0, 0]
     speed = found.z[100:, 0, 1]
     sizes = [
         ["disturbing force per sample", f"{noise.torque:.3g} N"],

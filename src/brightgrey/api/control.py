@@ -7,26 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.control.design.cascade import Cascade
-from brightgrey.control.design.cascade import cascade as suggest_cascade
-from brightgrey.control.design.lqg import kalman_gain
-from brightgrey.control.design.lqg import observed as with_observer
-from brightgrey.control.design.state_feedback import StateControl, state_control
-from brightgrey.control.faults.detection import Case, FaultFinding, detect_faults
-from brightgrey.control.filters.extended_kalman import Filtered, Noise
-from brightgrey.control.filters.gaussian_sum import gaussian_sum
-from brightgrey.control.filters.setup import PreparedRecording, noise_levels, prepare
-from brightgrey.control.linear.analysis import Analysis
-from brightgrey.control.linear.analysis import linearise_at as analyse_system
+from brightgrey.control.design.cascade import Cascade, design_cascade
+from brightgrey.control.design.lqg import kalman_gain, lqg_compensator
+from brightgrey.control.design.state_feedback import StateFeedbackDesign, design_state_feedback
+from brightgrey.control.faults.detection import FaultCase, FaultFinding, detect_faults
+from brightgrey.control.filters.extended_kalman import FilterResult, Noise
+from brightgrey.control.filters.gaussian_sum import gaussian_sum_filter
+from brightgrey.control.filters.setup import PreparedRecording, estimate_noise, prepare
+from brightgrey.control.linear.analysis import Analysis, analyse_system
 from brightgrey.control.linear.margins import Margins
-from brightgrey.control.linear.operating_point import CONTACTS, trim
+from brightgrey.control.linear.operating_point import CONTACTS, trim_point
 from brightgrey.effects import SPEED, TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 
-__all__ = ["Design", "Watch", "analyse", "design", "total_inertia", "watch", "whiteness"]
+__all__ = ["Design", "Watch", "analyse", "design", "innovation_correlation", "total_inertia", "watch"]
 
 _HALF_SPEED = 0.5
 _ERROR = 0.05  # of the speed scale: an error worth the whole torque
@@ -55,15 +52,17 @@ class Design:
 
     analyses: tuple[Analysis, ...]
     cascade: Cascade
-    state: StateControl
+    state_feedback: StateFeedbackDesign
     noise: Noise
-    observer: NDArray[np.float64]
+    observer_gain: NDArray[np.float64]
     delay: float
 
     @property
-    def observed(self) -> Margins:
+    def observer_margins(self) -> Margins:
         """Margins of the state control with the Kalman filter in the loop."""
-        return self.state.analysis.margins(with_observer(self.state, self.observer), delay=self.delay)
+        return self.state_feedback.analysis.margins(
+            lqg_compensator(self.state_feedback, self.observer_gain), delay=self.delay
+        )
 
 
 @dataclass(frozen=True)
@@ -80,13 +79,13 @@ class Watch:
     findings : tuple of FaultFinding
     """
 
-    seen: PreparedRecording
-    filtered: Filtered
+    prepared: PreparedRecording
+    filtered: FilterResult
     noise: Noise
     findings: tuple[FaultFinding, ...]
 
 
-def _outputs(model: Model) -> list[str]:
+def _output_kinds(model: Model) -> list[str]:
     return ["velocity" if s.kind == "velocity-differenced" else s.kind for s in model.outputs]
 
 
@@ -112,13 +111,18 @@ def analyse(model: Model, *, speed: float | None = None, contact: str = "forward
         For an unknown contact or where no such motion exists.
     """
     settings = model.settings_si()
-    system = assemble(model.structure, model.values_si(), settings.f_tanh, _outputs(model))
+    system = assemble(model.structure, model.values_si(), settings.f_tanh, _output_kinds(model))
     at = _HALF_SPEED * settings.speed_scale if speed is None else speed / model.units.of(SPEED)[1]
     return analyse_system(system, speed=at, contact=contact)
 
 
 def design(
-    model: Model, *, torque: float, sampling_time: float | None = None, computing: float = 0.0, settling: float = 0.05
+    model: Model,
+    *,
+    torque: float,
+    sampling_time: float | None = None,
+    computing_time: float = 0.0,
+    settling_time: float = 0.05,
 ) -> Design:
     """Suggest the gains of the cascade and of a state control of speed.
 
@@ -146,7 +150,7 @@ def design(
     if not torque > 0.0:
         raise SettingsError(f"torque is {torque:g}; it has to be above 0")
     dt = model.settings.sampling_time if sampling_time is None else sampling_time
-    if not (dt > 0.0 and computing >= 0.0 and settling > 0.0):
+    if not (dt > 0.0 and computing_time >= 0.0 and settling_time > 0.0):
         raise SettingsError("sampling time and settling time have to be above 0, the computing time must not be below")
     settings, values = model.settings_si(), model.values_si()
     system = assemble(model.structure, values, settings.f_tanh, ("position", "velocity"))
@@ -156,23 +160,23 @@ def design(
         analyse_system(system, speed=speed, contact=c) for c in CONTACTS if c == "forward" or (c == "gap" and gaps)
     )
     moving = assemble(model.structure, values, settings.f_tanh, ("velocity",))
-    delay = 0.5 * dt + computing
-    state = state_control(
+    delay = 0.5 * dt + computing_time
+    state = design_state_feedback(
         analyse_system(moving, speed=speed),
         largest_error=_ERROR * settings.speed_scale,
         torque=torque / model.units.of(TORQUE)[1],
-        settling=settling,
+        settling=settling_time,
     )
     noise = Noise(_DISTURBANCE * torque / model.units.of(TORQUE)[1], np.array([_SENSOR * settings.speed_scale]))
     gain = kalman_gain(state.analysis.linear, noise, dt)
-    suggested = suggest_cascade(analyses, total_inertia(analyses[0]), dt, computing=computing)
+    suggested = design_cascade(analyses, total_inertia(analyses[0]), dt, computing_time=computing_time)
     return Design(analyses, suggested, state, noise, gain, delay)
 
 
 def total_inertia(analysis: Analysis) -> float:
     """Inertia of all masses together, SI: what an acceleration adds to the torque of steady motion."""
-    on, speed = analysis.point.contact_mode, analysis.point.speed
-    return float(trim(on, speed, 1.0).u - trim(on, speed).u)
+    on, speed = analysis.operating_point.contact_mode, analysis.operating_point.speed
+    return float(trim_point(on, speed, 1.0).u - trim_point(on, speed).u)
 
 
 def watch(
@@ -197,18 +201,18 @@ def watch(
     Watch
     """
     settings, values = model.settings_si(), model.values_si()
-    noise = noise_levels(model.structure, values, baseline, settings)
+    noise = estimate_noise(model.structure, values, baseline, settings)
     std = {
         name: (part.std or 0.0) / model.units.of(model.structure.parameters[name].dimension)[1]
         for name, part in model.parameters.items()
     }
-    case = Case(values, recording, noise, std)
+    case = FaultCase(values, recording, noise, std)
     (findings,) = detect_faults(model.structure, settings, [case], min_change=min_change, confidence=confidence)
     seen = prepare(model.structure, values, recording, settings)
-    return Watch(seen, gaussian_sum(seen.watched, noise), noise, findings)
+    return Watch(seen, gaussian_sum_filter(seen.filter_input, noise), noise, findings)
 
 
-def whiteness(filtered: Filtered) -> float:
+def innovation_correlation(filtered: FilterResult) -> float:
     """Correlation of neighbouring innovations: 0 for a model that leaves only noise, 1 for one that is always off."""
-    white = filtered.white[1:, 0]
+    white = filtered.normalised_innovations[1:, 0]
     return float(np.mean(white[1:] * white[:-1]) / np.mean(white**2))

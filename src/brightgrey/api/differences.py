@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from brightgrey.control.linear.model_differences import Band, ModelFigures, band, model_figures
+from brightgrey.control.linear.model_differences import FrequencyBand, ModelFigures, excited_band, model_figures
 from brightgrey.effects import TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace, Structure, assemble
@@ -17,7 +17,7 @@ from brightgrey.search.evidence import Evidence, has
 from brightgrey.search.lattice import one_larger
 from brightgrey.simulation import Settings
 
-__all__ = ["Difference", "differences"]
+__all__ = ["ControlDifference", "compare_for_control"]
 
 _HALF = 0.5  # of the largest speed: where models are linearised
 _SHOWN = 6  # poles
@@ -25,7 +25,7 @@ _NOTHING = 1e-9  # of the largest input: rounding
 
 
 @dataclass(frozen=True)
-class Difference:
+class ControlDifference:
     """One of several structures that are tied, and what it says to a control engineer.
 
     Attributes
@@ -42,19 +42,21 @@ class Difference:
     structure: Structure
     minimal: bool
     rows: tuple[tuple[str, str], ...]
-    numbers: ModelFigures
+    figures: ModelFigures
 
 
-def differences(evidence: Evidence, recordings: Sequence[Recording], settings: Settings) -> tuple[Difference, ...]:
+def compare_for_control(
+    evidence: Evidence, recordings: Sequence[Recording], settings: Settings
+) -> tuple[ControlDifference, ...]:
     """Compare the minimal structures and those of their extensions by an optional effect that were refitted.
 
     The first is the best minimal structure, which the others are compared with. One structure alone gives none, and
     one without a steady motion (a gap that would have to carry a load) is left out.
     """
-    tied = _tied(evidence)
+    tied = _tied_structures(evidence)
     kinds = [s.kind for s in recordings[0].outputs]
     outputs = ["velocity" if kind == "velocity-differenced" else kind for kind in kinds]
-    over = band([r.u for r in recordings], min(r.dt for r in recordings))
+    over = excited_band([r.u for r in recordings], min(r.dt for r in recordings))
     made: list[tuple[Judged, StateSpace]] = []
     for judged in tied:
         own = {name: judged.values[name] for name in judged.structure.parameters}
@@ -69,12 +71,14 @@ def differences(evidence: Evidence, recordings: Sequence[Recording], settings: S
     found = model_figures([system for _, system in made], _HALF * settings.speed_scale, settings.f_tanh, over)
     least = {j.structure for j in evidence.minimal}
     return tuple(
-        Difference(judged.structure, judged.structure in least, _rows(n, over, recordings[0], first=k == 0), n)
+        ControlDifference(
+            judged.structure, judged.structure in least, _table_rows(n, over, recordings[0], first=k == 0), n
+        )
         for k, ((judged, _), n) in enumerate(zip(made, found, strict=True))
     )
 
 
-def _tied(evidence: Evidence) -> list[Judged]:
+def _tied_structures(evidence: Evidence) -> list[Judged]:
     """Minimal structures, then what they become with one optional effect, as far as refitted."""
     minimal = [j.structure for j in evidence.minimal]
     more = {
@@ -86,25 +90,29 @@ def _tied(evidence: Evidence) -> list[Judged]:
     return [*evidence.minimal, *(more[s] for s in sorted(more, key=lambda s: evidence.criterion[s]))]
 
 
-def _rows(n: ModelFigures, over: Band, recording: Recording, *, first: bool) -> tuple[tuple[str, str], ...]:
+def _table_rows(
+    n: ModelFigures, over: FrequencyBand, recording: Recording, *, first: bool
+) -> tuple[tuple[str, str], ...]:
     unit, factor = recording.units.of(TORQUE)
     least = _NOTHING * float(np.abs(recording.u).max())
-    friction, constant = (factor * value if abs(value) > least else 0.0 for value in (n.friction, n.constant))
+    friction, constant = (
+        factor * value if abs(value) > least else 0.0 for value in (n.standstill_friction, n.constant_input)
+    )
     within = f"{over.low:.2g} to {over.high:.3g} Hz"
-    ratio = "0 dB (compared with)" if first else f"{round(n.ratio, 2) + 0.0:+.2f} dB at {n.at:.3g} Hz"
+    ratio = "0 dB (compared with)" if first else f"{round(n.gain_difference, 2) + 0.0:+.2f} dB at {n.frequency:.3g} Hz"
     swings = ", ".join(f"{s.frequency:.3g} Hz (damping {s.damping:.2g})" for s in n.resonances)
     return (
         (f"gain apart, {within}", ratio),
-        (f"phase apart, {within}", "0°" if first else f"{n.phase:.1f}°"),
+        (f"phase apart, {within}", "0°" if first else f"{n.phase_difference:.1f}°"),
         ("resonances", swings or "none"),
-        ("poles in 1/s", _poles(n)),
-        ("dead time", f"{1e3 * n.lag:.3g} ms"),
+        ("poles in 1/s", _pole_text(n)),
+        ("dead time", f"{1e3 * n.dead_time:.3g} ms"),
         ("friction at standstill", f"{friction:.3g} {unit}"),
         ("constant part of the input", f"{constant:.3g} {unit}"),
     )
 
 
-def _poles(n: ModelFigures) -> str:
+def _pole_text(n: ModelFigures) -> str:
     upper = [p for p in n.poles if p.imag >= 0.0]
     parts = [f"{p.real:.3g} ± {p.imag:.3g}i" if p.imag > 1e-9 * abs(p) else f"{p.real:.3g}" for p in upper[:_SHOWN]]
     return ", ".join(parts).replace("-0,", "0,") or "none"

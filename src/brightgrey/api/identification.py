@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from brightgrey import estimation
-from brightgrey.api.differences import differences
+from brightgrey.api.differences import compare_for_control
 from brightgrey.api.result import Result
 from brightgrey.api.structure_search import SearchRequest, SearchResult, search_structure
 from brightgrey.api.to_si import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
@@ -233,7 +233,7 @@ def _result(
     else:
         ranking = (row,)
     files, evidence, run = (found.files, found.evidence, found.run) if found else ({}, None, None)
-    apart = differences(evidence, several, fit.settings) if evidence else ()
+    apart = compare_for_control(evidence, several, fit.settings) if evidence else ()
     return Result(
         model,
         (*train, *unseen),

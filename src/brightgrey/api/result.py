@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from brightgrey.api.differences import Difference
+from brightgrey.api.differences import ControlDifference
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.diagnostics.symptoms import Symptom
@@ -72,7 +72,7 @@ class Result:
     evidence: Evidence | None = field(default=None, repr=False)
     run: Run | None = field(default=None, repr=False)
     request: str = ""
-    differences: tuple[Difference, ...] = field(default=(), repr=False)
+    differences: tuple[ControlDifference, ...] = field(default=(), repr=False)
     stopped: bool = False
 
     @property

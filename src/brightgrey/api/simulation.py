@@ -72,7 +72,7 @@ def simulate(model: Model, recording: Recording) -> Simulation:
         If the recording's signals are not those of the model.
     """
     trained, came = (model.input, *model.outputs), (recording.input, *recording.outputs)
-    if [_nature(s) for s in trained] != [_nature(s) for s in came]:
+    if [_kind_and_dimension(s) for s in trained] != [_kind_and_dimension(s) for s in came]:
         raise RecordingError(
             f"{recording.name}: signals are {listed(came)}; the model was identified from {listed(trained)}"
         )
@@ -82,7 +82,7 @@ def simulate(model: Model, recording: Recording) -> Simulation:
     return Simulation(model, trace, pooled_fit([trace]), recording.notes)
 
 
-def _nature(signal: Signal) -> tuple[object, ...]:
+def _kind_and_dimension(signal: Signal) -> tuple[object, ...]:
     return signal.kind, parse_unit(signal.unit).dimension
 
 

@@ -47,7 +47,7 @@ def analyse(
 
     found = run(loaded, speed=speed, contact=contact)
     margins = found.margins(Compensator.of(*coefficients)) if coefficients else None
-    show_work.analysis(found, margins, quiet=quiet, json=json)
+    show_work.show_analysis(found, margins, quiet=quiet, json=json)
 
 
 def control(
@@ -75,8 +75,8 @@ def control(
     from brightgrey.api.control import design
 
     with show.working("designing", silent=quiet or json):
-        found = design(loaded, torque=torque, sampling_time=dt, computing=computing)
-    show_work.design(found, quiet=quiet, json=json)
+        found = design(loaded, torque=torque, sampling_time=dt, computing_time=computing)
+    show_work.show_design(found, quiet=quiet, json=json)
 
 
 def watch(
@@ -109,7 +109,7 @@ def watch(
     with show.working("watching", silent=quiet or json):
         before, now = (read_for(loaded, f, time=time, dt=dt, units=given) for f in (baseline, recording))
         found = run(loaded, now, baseline=before, min_change=min_change, confidence=confidence)
-    show_work.watched(found, quiet=quiet, json=json)
+    show_work.show_watch(found, quiet=quiet, json=json)
 
 
 def _controller(text: str) -> tuple[list[float], list[float]]:

@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
-from brightgrey.control.design.cascade import Goal, cascade
+from brightgrey.control.design.cascade import CascadeGoal, design_cascade
 from brightgrey.control.design.closed_loop import closed_loop, standstill
-from brightgrey.control.design.controllers import CascadeControl, OutputFeedback, StateFeedback, feedforward
-from brightgrey.control.design.state_feedback import lqr, place, state_control
-from brightgrey.control.linear.analysis import linearise_at
+from brightgrey.control.design.controllers import CascadeController, OutputFeedback, StateFeedback, feedforward
+from brightgrey.control.design.state_feedback import design_state_feedback, lqr, place_poles
+from brightgrey.control.linear.analysis import analyse_system
 from brightgrey.control.linear.margins import Compensator
 from brightgrey.control.linear.operating_point import contact_mode
 from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
@@ -23,7 +23,7 @@ MOTION = reversing(1.5, MotionLimits(20.0, 250.0, 15000.0), dt=DT, samples=400, 
 
 def test_lqr_is_that_of_python_control():
     control = pytest.importorskip("control")
-    linear = linearise_at(system_of("two_mass+viscous+current_control")).linear
+    linear = analyse_system(system_of("two_mass+viscous+current_control")).linear
     Q, R = np.diag([1.0, 2.0, 3.0, 0.1]), np.array([[0.5]])
     K, _, poles = control.lqr(linear.A, linear.B, Q, R)
     mine = lqr(linear.A, linear.B, Q, R)
@@ -32,18 +32,18 @@ def test_lqr_is_that_of_python_control():
 
 
 def test_poles_come_to_lie_where_they_are_wanted():
-    linear = linearise_at(system_of("two_mass+viscous")).linear
+    linear = analyse_system(system_of("two_mass+viscous")).linear
     wanted = np.array([-50.0, -60.0 + 80.0j, -60.0 - 80.0j])
-    assert_allclose(np.sort_complex(place(linear.A, linear.B, wanted).poles), np.sort_complex(wanted), rtol=1e-8)
+    assert_allclose(np.sort_complex(place_poles(linear.A, linear.B, wanted).poles), np.sort_complex(wanted), rtol=1e-8)
     with pytest.raises(SettingsError, match="2 poles for a system of order 3"):
-        place(linear.A, linear.B, [-1.0, -2.0])
+        place_poles(linear.A, linear.B, [-1.0, -2.0])
 
 
 def test_no_stabilising_solution_in_the_gap_but_in_contact():
     system = system_of("two_mass+viscous+backlash")
-    state_control(linearise_at(system, contact="backward"), largest_error=1.0, torque=5.0)
+    design_state_feedback(analyse_system(system, contact="backward"), largest_error=1.0, torque=5.0)
     with pytest.raises(SettingsError, match="stabilising"):
-        state_control(linearise_at(system, contact="gap"), largest_error=1.0, torque=5.0)
+        design_state_feedback(analyse_system(system, contact="gap"), largest_error=1.0, torque=5.0)
 
 
 def test_a_linear_drive_is_simulated_exactly():
@@ -71,7 +71,7 @@ def test_dead_time_of_a_part_of_a_sample_is_kept():
 
 def test_state_control_follows_within_the_torque_limit_and_feedforward_helps():
     system = system_of("two_mass+coulomb+viscous+gravity+backlash+current_control")
-    found = state_control(linearise_at(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
+    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
     assert np.all(found.poles.real < 0.0)
     reached = found.margins(0.5 * DT)
     assert reached.stable
@@ -87,7 +87,7 @@ def test_state_control_follows_within_the_torque_limit_and_feedforward_helps():
 
 def test_integral_action_forgets_a_disturbance():
     system = system_of("two_mass+coulomb+viscous+gravity")
-    found = state_control(linearise_at(system, speed=10.0), largest_error=1.0, torque=4.0, settling=0.02)
+    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=1.0, torque=4.0, settling=0.02)
     run = closed_loop(
         system, StateFeedback(found, standstill(500), DT), 500, DT, SETTINGS, disturbance=np.full(500, 0.8)
     )
@@ -97,9 +97,9 @@ def test_integral_action_forgets_a_disturbance():
 
 def test_the_suggested_cascade_keeps_its_goal_and_follows():
     system = system_of("two_mass+coulomb+viscous+backlash", outputs=("position", "velocity"))
-    goal = Goal()
-    analyses = [linearise_at(system, speed=10.0, contact=contact) for contact in ("forward", "gap")]
-    found = cascade(analyses, VALUES["J1"] + VALUES["J2"], DT, goal=goal)
+    goal = CascadeGoal()
+    analyses = [analyse_system(system, speed=10.0, contact=contact) for contact in ("forward", "gap")]
+    found = design_cascade(analyses, VALUES["J1"] + VALUES["J2"], DT, goal=goal)
     for reached in (*found.speed_margins, *found.position_margins):
         assert reached.stable
         assert reached.gain >= goal.gain
@@ -107,14 +107,14 @@ def test_the_suggested_cascade_keeps_its_goal_and_follows():
         assert reached.sensitivity <= goal.sensitivity
     reference = feedforward(contact_mode(to_twist_coordinates(system), "forward"), MOTION)
     names = system.state_names
-    controller = CascadeControl(found, reference, DT, names.index("q1"), names.index("v1"))
+    controller = CascadeController(found, reference, DT, names.index("q1"), names.index("v1"))
     run = closed_loop(system, controller, 400, DT, SETTINGS, limit=10.0)
     assert np.abs(run.state("q1") - MOTION.position).max() < 0.05 * MOTION.position.max()
 
 
 def test_sampling_a_compensator_keeps_its_step_response():
     lag = Compensator.of([2.0], [0.05, 1.0])
-    sampled = lag.discrete(1e-3)
+    sampled = lag.discretise(1e-3)
     state, y = np.zeros(1), []
     for _ in range(200):
         y.append(float((sampled.C @ state + sampled.D[:, 0])[0]))

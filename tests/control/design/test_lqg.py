@@ -6,11 +6,11 @@ from numpy.testing import assert_allclose
 
 from brightgrey.control.design.closed_loop import closed_loop, standstill
 from brightgrey.control.design.controllers import OutputFeedback, StateFeedback, feedforward
-from brightgrey.control.design.lqg import ObservedFeedback, kalman_gain, observed
-from brightgrey.control.design.state_feedback import state_control
+from brightgrey.control.design.lqg import ObserverFeedback, kalman_gain, lqg_compensator
+from brightgrey.control.design.state_feedback import design_state_feedback
 from brightgrey.control.filters.extended_kalman import Noise
-from brightgrey.control.linear.analysis import linearise_at
-from brightgrey.control.linear.margins import closed_poles
+from brightgrey.control.linear.analysis import analyse_system
+from brightgrey.control.linear.margins import closed_loop_poles
 from brightgrey.control.linear.operating_point import contact_mode
 from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.errors import SettingsError
@@ -25,7 +25,7 @@ FULL = "two_mass+coulomb+viscous+gravity+backlash+current_control+delay"
 
 def designed(text):
     system = system_of(text)
-    found = state_control(linearise_at(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
+    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
     return system, found, kalman_gain(found.analysis.linear, NOISE, DT)
 
 
@@ -41,7 +41,7 @@ def test_the_poles_are_those_of_the_control_and_of_the_filter():
     _, found, gain = designed("two_mass+viscous+current_control")
     A, _, C, _ = found.analysis.linear
     expected = np.concatenate([found.poles, np.linalg.eigvals(A - gain @ C)])
-    poles = closed_poles(found.analysis.linear, observed(found, gain))
+    poles = closed_loop_poles(found.analysis.linear, lqg_compensator(found, gain))
     assert_allclose(np.sort_complex(poles), np.sort_complex(expected), rtol=1e-5)
 
 
@@ -55,8 +55,8 @@ def test_the_extended_filter_and_its_linear_form_control_alike():
     """Without friction and limits, from standstill, under a disturbance."""
     system, found, gain = designed("two_mass+viscous+current_control")
     push = np.where(np.arange(300) > 20, 0.5, 0.0)
-    exact = ObservedFeedback(StateFeedback(found, standstill(300), DT), system, NOISE, 40.0)
-    plain = OutputFeedback(observed(found, gain), DT, np.zeros(300))
+    exact = ObserverFeedback(StateFeedback(found, standstill(300), DT), system, NOISE, 40.0)
+    plain = OutputFeedback(lqg_compensator(found, gain), DT, np.zeros(300))
     runs = [closed_loop(system, c, 300, DT, SETTINGS, disturbance=push).state("v1") for c in (exact, plain)]
     assert np.abs(runs[0] - runs[1]).max() < 0.2 * np.abs(runs[1]).max()
     assert np.abs(runs[0][-20:]).max() < 0.05 * np.abs(runs[0]).max()
@@ -65,13 +65,13 @@ def test_the_extended_filter_and_its_linear_form_control_alike():
 @pytest.mark.parametrize("delay", [0.0, 1.5e-3])
 def test_one_noisy_speed_is_enough_through_friction_gap_lag_and_torque_limit(delay):
     system = system_of(FULL, T_d=delay)
-    found = state_control(linearise_at(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
+    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
     motion = reversing(1.5, MotionLimits(20.0, 250.0, 15000.0), dt=DT, samples=400, before=0.02, between=0.02)
     follow = StateFeedback(found, feedforward(contact_mode(to_twist_coordinates(system), "forward"), motion), DT)
     noise = 0.02 * np.random.default_rng(1).normal(size=(400, 1))
     push = np.where(np.arange(400) > 300, 0.5, 0.0)
     errors = []
-    for controller, told in ((follow, None), (ObservedFeedback(follow, system, NOISE, 40.0), noise)):
+    for controller, told in ((follow, None), (ObserverFeedback(follow, system, NOISE, 40.0), noise)):
         run = closed_loop(system, controller, 400, DT, SETTINGS, limit=8.0, disturbance=push, noise=told)
         assert np.abs(run.u).max() <= 8.0
         errors.append(float(np.sqrt(np.mean((run.state("v1") - motion.velocity) ** 2))))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from brightgrey.control.faults.detection import Case, detect_faults, groups
+from brightgrey.control.faults.detection import FaultCase, detect_faults, fault_groups
 from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.effects import registry
 from brightgrey.errors import SettingsError
@@ -22,20 +22,20 @@ OFF = {"J1": 1.01, "c1": 0.985, "d1": 1.02, "f_v": 0.99}  # what the model does 
 def found_in(text, seed, std=0.01, torque=0.0, **changed):
     known = {name: value * OFF.get(name, 1.0) for name, value in values_of(text).items()}
     doubts = {name: std * value for name, value in known.items()}
-    case = Case(known, recorded(text, seed, torque=torque, **changed), Noise(1e-3, np.array([0.02])), doubts)
+    case = FaultCase(known, recorded(text, seed, torque=torque, **changed), Noise(1e-3, np.array([0.02])), doubts)
     (found,) = detect_faults(Structure.parse(text), SETTINGS, [case])
     return {finding.subject: finding for finding in found}
 
 
 def broken(text, subject):
-    groups_of = groups(Structure.parse(text))
+    groups_of = fault_groups(Structure.parse(text))
     names = next(names for fault, names in groups_of.items() if fault.subject == subject)
     return {name: FACTORS[subject] * values_of(text)[name] for name in names}
 
 
 def test_every_fault_is_declared_by_its_effects():
     declared = {p.fault.subject for effect in registry().values() for p in effect.parameters if p.fault}
-    found = groups(Structure.parse(EVERYTHING))
+    found = fault_groups(Structure.parse(EVERYTHING))
     assert {fault.subject for fault in found} == declared
     assert found[next(f for f in found if f.subject == "load")] == ("J2",)
 
@@ -72,7 +72,7 @@ def test_a_gap_that_does_not_show_is_not_decidable():
 def test_a_drive_that_does_not_move_tells_nothing(noise):
     still = recorded(GAP, 14, noise=0.0)
     y = noise * np.random.default_rng(14).normal(size=still.y.shape)
-    case = Case(values_of(GAP), replace(still, u=0.0 * still.u, y=y), Noise(1e-3, np.array([0.02])))
+    case = FaultCase(values_of(GAP), replace(still, u=0.0 * still.u, y=y), Noise(1e-3, np.array([0.02])))
     (found,) = detect_faults(Structure.parse(GAP), SETTINGS, [case])
     assert {f.verdict for f in found} == {"not decidable"}
 

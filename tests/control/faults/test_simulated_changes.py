@@ -40,7 +40,7 @@ def test_factors_are_found_within_their_intervals_and_noise_widens_them(speed):
     stds = []
     for noise in (0.02, 0.1):
         out = found(model, (LOAD, GAP), recording_of(speed, noise))
-        assert np.all(np.abs(out.size - np.log([1.3, 2.0])) < 4.0 * out.std)
+        assert np.all(np.abs(out.log_factors - np.log([1.3, 2.0])) < 4.0 * out.std)
         stds.append(out.std)
     assert stds[1] / stds[0] == pytest.approx([5.0, 5.0], rel=0.5)
 
@@ -49,8 +49,8 @@ def test_what_is_known_beforehand_counts_as_much_as_it_is_known(speed):
     model = {**TRUTH, "f_v": TRUTH["f_v"] / 1.1}
     recording = recording_of(speed, 0.05)
     loose, tight = (found(model, (LOAD, ParameterGroup(("f_v",), doubt)), recording) for doubt in (0.1, 1e-4))
-    assert loose.size[1] == pytest.approx(math.log(1.1), abs=4.0 * loose.std[1])
-    assert abs(tight.size[1]) < 5e-4
+    assert loose.log_factors[1] == pytest.approx(math.log(1.1), abs=4.0 * loose.std[1])
+    assert abs(tight.log_factors[1]) < 5e-4
     assert tight.std[1] == pytest.approx(1e-4, rel=0.1)
 
 
@@ -60,5 +60,5 @@ def test_a_recording_that_begins_in_motion_has_its_beginning_searched_for(speed)
     late = replace(whole, t=whole.t[cut] - whole.t[150], u=whole.u[cut], y=whole.y[:, cut])
     assert abs(late.y[0, 0]) > 0.1 * np.abs(late.y).max()
     out = found({**TRUTH, "J2": TRUTH["J2"] / 1.3}, (LOAD, GAP), late)
-    assert np.all(np.abs(out.size - np.log([1.3, 1.0])) < 4.0 * out.std)
+    assert np.all(np.abs(out.log_factors - np.log([1.3, 1.0])) < 4.0 * out.std)
     assert out.std[0] < 0.05

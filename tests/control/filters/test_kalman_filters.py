@@ -8,12 +8,12 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from scipy.stats import chi2
 
-from brightgrey.control.filters.discretisation import ElementBatch, matrix_exponential, propagate
-from brightgrey.control.filters.extended_kalman import Noise, extended
-from brightgrey.control.filters.gaussian_sum import gaussian_sum
-from brightgrey.control.filters.setup import noise_levels, prepare, shaft_torque
+from brightgrey.control.filters.discretisation import ElementBatch, matrix_exponential, propagate_states
+from brightgrey.control.filters.extended_kalman import Noise, extended_kalman_filter
+from brightgrey.control.filters.gaussian_sum import gaussian_sum_filter
+from brightgrey.control.filters.setup import estimate_noise, prepare, shaft_torque
 from brightgrey.control.filters.state_transition import ProcessModel
-from brightgrey.control.filters.unscented_kalman import unscented
+from brightgrey.control.filters.unscented_kalman import unscented_kalman_filter
 from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording, Signal
@@ -37,13 +37,15 @@ def carried(text, u, hold, **changed):
     t = E.dt * np.arange(len(u))
     signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
     seen = prepare(structure, values, Recording("none", t, u, 0.01 * u[None], *signals, hold=hold), SETTINGS)
-    watched, course = seen.watched, ProcessModel.of(seen.watched)
+    watched, course = seen.filter_input, ProcessModel.of(seen.filter_input)
     at_rest = system_of(text, **changed).rest(0.0, 0.0, float(u[0]))[None]
-    x, _ = course.start(at_rest @ seen.twisted.W.T, watched.P0, np.zeros(1), watched.system.state_names.index("v1"))
-    y = [course.measure(0, x)[0][0, 0]]
+    x, _ = course.augment(
+        at_rest @ seen.twist_model.W.T, watched.P0, np.zeros(1), watched.system.state_names.index("v1")
+    )
+    y = [course.predict_outputs(0, x)[0][0, 0]]
     for k in range(len(u) - 1):
-        x = course.carry(k, x).x
-        y.append(course.measure(k + 1, x)[0][0, 0])
+        x = course.transition(k, x).x
+        y.append(course.predict_outputs(k + 1, x)[0][0, 0])
     return np.array(y), reference(structure, values, u, E.dt, f_tanh=E.f_tanh, hold=hold)[0]
 
 
@@ -65,12 +67,12 @@ def test_derivatives_of_a_step_are_those_of_differences():
     system = to_twist_coordinates(system_of("two_mass+coulomb+viscous+stribeck+current_control")).system
     lanes = ElementBatch.of(system)
     z, u = np.array([[0.01, 0.3, 0.1, 1.0]]), np.array([2.0])
-    step = propagate(lanes, z, u, u, E.dt, np.full(1, np.inf))
+    step = propagate_states(lanes, z, u, u, E.dt, np.full(1, np.inf))
     size = 1e-6
     for i in range(4):
-        moved = propagate(lanes, z + size * np.eye(4)[i], u, u, E.dt, np.full(1, np.inf)).z - step.z
+        moved = propagate_states(lanes, z + size * np.eye(4)[i], u, u, E.dt, np.full(1, np.inf)).z - step.z
         assert_allclose(moved[0] / size, step.by_state[0, :, i], atol=1e-2 * np.abs(step.by_state).max())
-    moved = propagate(lanes, z, u + size, u + size, E.dt, np.full(1, np.inf)).z - step.z
+    moved = propagate_states(lanes, z, u + size, u + size, E.dt, np.full(1, np.inf)).z - step.z
     assert_allclose(moved[0] / size, step.by_input[0], rtol=1e-2, atol=1e-6)
 
 
@@ -78,22 +80,22 @@ def test_a_set_never_depends_on_its_neighbours():
     system = to_twist_coordinates(system_of(FULL)).system
     z = np.random.default_rng(1).normal(size=(5, len(system.states))) * 0.01
     u = np.linspace(-5.0, 5.0, 5)
-    together = propagate(ElementBatch.of(system, 5), z, u, u, 1e-3, np.full(5, 1e-5))
+    together = propagate_states(ElementBatch.of(system, 5), z, u, u, 1e-3, np.full(5, 1e-5))
     alone = [
-        propagate(ElementBatch.of(system), z[i : i + 1], u[i : i + 1], u[i : i + 1], 1e-3, np.full(1, 1e-5))
+        propagate_states(ElementBatch.of(system), z[i : i + 1], u[i : i + 1], u[i : i + 1], 1e-3, np.full(1, 1e-5))
         for i in range(5)
     ]
     for whole, *parts in zip(together, *alone, strict=True):
         assert_allclose(whole, np.concatenate(parts), rtol=1e-13, atol=1e-15)
 
 
-@pytest.mark.parametrize("run", [extended, unscented])
+@pytest.mark.parametrize("run", [extended_kalman_filter, unscented_kalman_filter])
 def test_innovations_are_as_large_as_expected(run):
     """One recording inside a band that a right filter leaves once in 10,000 times."""
     text, torque = "two_mass+coulomb+viscous+stribeck", 0.05
     recording = recorded(text, 4, torque=torque)
     seen = prepare(Structure.parse(text), values_of(text), recording, SETTINGS)
-    found = run(seen.watched, Noise(torque, np.array([0.02])))
+    found = run(seen.filter_input, Noise(torque, np.array([0.02])))
     low, high = chi2.ppf([5e-5, 1 - 5e-5], recording.samples)
     assert low < found.nis.sum() < high
 
@@ -113,8 +115,8 @@ def test_a_disturbance_that_is_late_or_felt_at_once_is_expected_as_such(text, ki
         y = y + size * rng.normal(size=500)
         signals = Signal("torque", "input", "N m"), (Signal("y", kind, "rad/s" if size < 1.0 else "rad/s²"),)
         recording = Recording("simulated", E.dt * np.arange(500), u, y[None], *signals, hold="zoh")
-        watched = prepare(structure, values, recording, SETTINGS).watched
-        total += float(extended(watched, Noise(0.05, np.array([size]))).nis.sum())
+        watched = prepare(structure, values, recording, SETTINGS).filter_input
+        total += float(extended_kalman_filter(watched, Noise(0.05, np.array([size]))).nis.sum())
     low, high = chi2.ppf([5e-5, 1 - 5e-5], 2000)
     assert low < total < high
 
@@ -134,17 +136,17 @@ def test_a_gap_of_unknown_position_leaves_innovations_as_large_as_expected():
         signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
         y = y + 0.02 * rng.normal(size=600)
         recording = Recording("simulated", E.dt * np.arange(600), u, y[None], *signals, hold="zoh")
-        watched = prepare(structure, values, recording, SETTINGS).watched
-        totals.append(float(gaussian_sum(watched, Noise(0.05, np.array([0.02]))).nis.sum()))
+        watched = prepare(structure, values, recording, SETTINGS).filter_input
+        totals.append(float(gaussian_sum_filter(watched, Noise(0.05, np.array([0.02]))).nis.sum()))
     low, high = chi2.ppf([5e-5, 1 - 5e-5], 600)
     assert all(low < total < high for total in totals)
 
 
 def test_without_a_gap_the_sum_of_gaussians_is_the_extended_filter():
     text = "two_mass+coulomb+viscous"
-    watched = prepare(Structure.parse(text), values_of(text), recorded(text, 2), SETTINGS).watched
+    watched = prepare(Structure.parse(text), values_of(text), recorded(text, 2), SETTINGS).filter_input
     noise = Noise(0.05, np.array([0.02]))
-    assert_allclose(gaussian_sum(watched, noise).z, extended(watched, noise).z, rtol=0.0, atol=0.0)
+    assert_allclose(gaussian_sum_filter(watched, noise).z, extended_kalman_filter(watched, noise).z, rtol=0.0, atol=0.0)
 
 
 def test_a_contact_that_is_hardly_open_stays_closed():
@@ -156,7 +158,7 @@ def test_a_contact_that_is_hardly_open_stays_closed():
     after = []
     for off in (0.0, 1e-15):
         z[0, names.index("lambda1")] = -2e-4 + off
-        after.append(propagate(lanes, z, u, u, 1e-3, tolerance).z)
+        after.append(propagate_states(lanes, z, u, u, 1e-3, tolerance).z)
     assert_allclose(after[1], after[0], rtol=1e-6, atol=1e-9)
 
 
@@ -168,14 +170,14 @@ def test_hidden_motion_torque_and_gap_are_estimated():
     )
     v2, gap, q1, q2, v1 = hidden
     seen = prepare(Structure.parse(text), values_of(text), recording, SETTINGS)
-    found = gaussian_sum(seen.watched, Noise(1e-3, np.array([0.02])))
-    names = seen.watched.system.state_names
+    found = gaussian_sum_filter(seen.filter_input, Noise(1e-3, np.array([0.02])))
+    names = seen.filter_input.system.state_names
     settled = slice(len(v2) // 3, None)
     assert np.sqrt(np.mean((found.z[settled, 0, names.index("v2")] - v2[settled]) ** 2)) < 0.02 * np.abs(v2).max()
     assert np.sqrt(np.mean((found.z[settled, 0, names.index("lambda1")] - gap[settled]) ** 2)) < 0.1 * VALUES["alpha"]
     wound = VALUES["c1"] * (q1 - q2 - gap)
     rates = np.gradient(q1 - q2 - gap, recording.dt)
-    torque = shaft_torque(seen.watched.system, found.likeliest[:, 0])
+    torque = shaft_torque(seen.filter_input.system, found.most_likely[:, 0])
     exact = wound + VALUES["d1"] * rates
     assert np.sqrt(np.mean((torque - exact)[settled] ** 2)) < 0.05 * np.abs(exact).max()
     assert np.abs(v1).max() > 1.0
@@ -190,12 +192,14 @@ def test_a_differenced_velocity_is_filtered_as_such():
     found = []
     for watched in (recording, replace(recording, outputs=(Signal("velocity", "velocity", "rad/s"),))):
         seen = prepare(Structure.parse(text), values_of(text), watched, SETTINGS)
-        found.append(float(np.abs(extended(seen.watched, Noise(1e-3, np.array([0.02]))).innovations).max()))
+        found.append(
+            float(np.abs(extended_kalman_filter(seen.filter_input, Noise(1e-3, np.array([0.02]))).innovations).max())
+        )
     assert found[0] < 0.02 * found[1]
 
 
 def test_noise_levels_are_found_from_a_recording():
     text = "one_mass+coulomb+viscous"
-    found = noise_levels(Structure.parse(text), values_of(text), recorded(text, 7, torque=0.1), SETTINGS)
+    found = estimate_noise(Structure.parse(text), values_of(text), recorded(text, 7, torque=0.1), SETTINGS)
     assert found.outputs[0] == pytest.approx(0.02, rel=0.3)
     assert found.torque == pytest.approx(0.1, rel=0.5)

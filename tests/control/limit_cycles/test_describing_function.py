@@ -6,9 +6,9 @@ import pytest
 from brightgrey.control.design.closed_loop import closed_loop
 from brightgrey.control.design.controllers import OutputFeedback
 from brightgrey.control.limit_cycles.describing_function import (
-    _gap_gain,
     describing_function,
-    limit_cycles,
+    gap_describing_function,
+    predict_limit_cycles,
     saturation_gain,
 )
 from brightgrey.control.linear.margins import Compensator
@@ -40,7 +40,7 @@ def test_saturation_has_its_formula():
 
 def test_a_gap_that_is_not_crossed_integrates():
     omega, feedback = np.array([50.0]), -200.0
-    found = _gap_gain(1e9, feedback, omega, np.array([1.0]))
+    found = gap_describing_function(1e9, feedback, omega, np.array([1.0]))
     assert found[0] == pytest.approx(1.0 / (1j * 50.0 + 200.0), rel=5e-2)
 
 
@@ -64,7 +64,9 @@ def fundamental(y, dt):
 def test_predicted_limit_cycles_are_found_by_simulation(text, gain, limit):
     system = system_of(text, **NERVOUS)
     controller = Compensator.of([gain, 5.0 * gain], [1.0, 0.0])
-    found = limit_cycles(system, controller, torque=(0.1, 500.0), omega=(50.0, 4000.0), delay=DT / 2, limit=limit)
+    found = predict_limit_cycles(
+        system, controller, torque=(0.1, 500.0), omega=(50.0, 4000.0), delay=DT / 2, limit=limit
+    )
     cycle = [c for c in found if c.stable][-1]
     start = system.rest()
     start[system.state_names.index("v1")] = 0.7 * cycle.outputs[0]
@@ -78,12 +80,15 @@ def test_predicted_limit_cycles_are_found_by_simulation(text, gain, limit):
 
 def test_a_quiet_loop_has_none():
     system = system_of("two_mass+viscous+current_control+delay", **NERVOUS)
-    assert limit_cycles(system, Compensator.of([0.5, 2.0], [1.0, 0.0]), torque=(0.1, 100.0), omega=(50.0, 4000.0)) == ()
+    assert (
+        predict_limit_cycles(system, Compensator.of([0.5, 2.0], [1.0, 0.0]), torque=(0.1, 100.0), omega=(50.0, 4000.0))
+        == ()
+    )
 
 
 def test_acceleration_is_refused():
     with pytest.raises(SettingsError, match="acceleration"):
-        limit_cycles(
+        predict_limit_cycles(
             system_of("one_mass", outputs=("acceleration",)),
             Compensator.of([1.0], [1.0]),
             torque=(0.1, 1.0),

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from brightgrey.control.linear.analysis import linearise_at, zeros
+from brightgrey.control.linear.analysis import analyse_system, invariant_zeros
 from brightgrey.control.linear.controllability import controllability, minimal_realisation, observability
-from brightgrey.control.linear.margins import Compensator, frequency_response, margins
-from brightgrey.control.linear.operating_point import CONTACTS, contact_mode, trim
+from brightgrey.control.linear.margins import Compensator, frequency_response, stability_margins
+from brightgrey.control.linear.operating_point import CONTACTS, contact_mode, trim_point
 from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.errors import SettingsError
 from brightgrey.excitation.random_drives import random_values
@@ -21,20 +21,20 @@ J1, J2, C1, D1 = (VALUES[name] for name in ("J1", "J2", "c1", "d1"))
 
 
 def test_two_mass_poles_and_zeros_follow_the_formulas():
-    found = linearise_at(system_of("two_mass"))
+    found = analyse_system(system_of("two_mass"))
     resonance = np.roots([1.0, D1 * (1 / J1 + 1 / J2), C1 * (1 / J1 + 1 / J2)])
     antiresonance = np.roots([1.0, D1 / J2, C1 / J2])
     assert_allclose(np.sort_complex(found.poles), np.sort_complex([0.0, *resonance]), atol=1e-9)
-    assert_allclose(np.sort_complex(zeros(found.linear)), np.sort_complex(antiresonance), rtol=1e-9)
+    assert_allclose(np.sort_complex(invariant_zeros(found.linear)), np.sort_complex(antiresonance), rtol=1e-9)
     (swing,), (dip,) = found.resonances, found.antiresonances()
     assert swing.frequency == pytest.approx(abs(resonance[0]) / (2 * np.pi))
     assert dip.damping == pytest.approx(-antiresonance[0].real / abs(antiresonance[0]))
-    assert found.verdict == "marginal"
+    assert found.stability == "marginal"
 
 
 def test_absolute_position_is_kept_only_where_something_reads_it():
-    assert linearise_at(system_of("two_mass")).states == ("twist1", "v1", "v2")
-    assert "q1" in linearise_at(system_of("two_mass", outputs=("position",))).states
+    assert analyse_system(system_of("two_mass")).states == ("twist1", "v1", "v2")
+    assert "q1" in analyse_system(system_of("two_mass", outputs=("position",))).states
 
 
 @pytest.mark.parametrize("text", ALL[::23])
@@ -45,7 +45,7 @@ def test_linearisation_is_that_of_the_kit_inside_each_piece(text):
     both = to_twist_coordinates(system)
     for contact in CONTACTS:
         on = contact_mode(both, contact)
-        z = on.start(7.0)
+        z = on.nominal_state(7.0)
         names = both.system.state_names
         if "lambda1" in names:  # shaft unwound, and pushed outwards where it is in contact
             z[names.index("twist1")] = z[names.index("lambda1")]
@@ -59,11 +59,11 @@ def test_linearisation_is_that_of_the_kit_inside_each_piece(text):
 
 def test_steady_motion_carries_friction_gravity_and_acceleration():
     system = system_of("two_mass+coulomb+viscous+gravity+backlash+current_control")
-    point = trim(contact_mode(to_twist_coordinates(system), "forward"), 10.0, 50.0)
+    point = trim_point(contact_mode(to_twist_coordinates(system), "forward"), 10.0, 50.0)
     friction = 0.9 * np.tanh(2.5 * 10.0) + 0.015 * 10.0
     assert point.u == pytest.approx(50.0 * (J1 + J2) + friction - 1.0, rel=1e-9)
     with pytest.raises(SettingsError, match="no steady motion"):
-        trim(contact_mode(to_twist_coordinates(system), "gap"), 10.0, 50.0)
+        trim_point(contact_mode(to_twist_coordinates(system), "gap"), 10.0, 50.0)
 
 
 def test_reach_finds_a_lost_state_and_its_nearness():
@@ -73,13 +73,13 @@ def test_reach_finds_a_lost_state_and_its_nearness():
     assert reached.complete
     assert reached.distance > 0.05
     assert (lost.rank, lost.distance) == (1, 0.0)
-    assert lost.where == pytest.approx(-2.0)
+    assert lost.nearest_mode == pytest.approx(-2.0)
     assert near.complete
     assert near.distance == pytest.approx(0.5e-5, rel=0.2)
 
 
 def test_an_open_gap_cuts_the_load_off():
-    found = linearise_at(system_of("two_mass+backlash"), contact="gap")
+    found = analyse_system(system_of("two_mass+backlash"), contact="gap")
     assert not found.controllability.complete
     assert not found.observability.complete
     small = minimal_realisation(found.linear)
@@ -91,10 +91,10 @@ def test_an_open_gap_cuts_the_load_off():
 
 @pytest.mark.parametrize("gain", [0.05, 0.5, 3.0])
 def test_margins_are_those_of_python_control(gain):
-    found = linearise_at(system_of("two_mass+viscous+current_control"))
+    found = analyse_system(system_of("two_mass+viscous+current_control"))
     pi = Compensator.of([gain, 20.0 * gain], [1.0, 0.0])
     mine = found.margins(pi)
-    loop = control.tf([gain, 20.0 * gain], [1.0, 0.0]) * found.control()
+    loop = control.tf([gain, 20.0 * gain], [1.0, 0.0]) * found.to_python_control()
     gm, pm, sm, _, _, _ = control.stability_margins(loop)
     assert mine.phase == pytest.approx(pm, rel=1e-3)
     assert mine.sensitivity == pytest.approx(1.0 / sm, rel=1e-3)
@@ -105,15 +105,15 @@ def test_margins_are_those_of_python_control(gain):
 
 
 def test_the_delay_margin_is_where_the_loop_turns_unstable():
-    linear = linearise_at(system_of("two_mass+viscous")).linear
+    linear = analyse_system(system_of("two_mass+viscous")).linear
     pi = Compensator.of([0.6, 6.0], [1.0, 0.0])
-    delay = margins(linear, pi).delay
-    assert margins(linear, pi, dead_time=0.97 * delay).stable
-    assert not margins(linear, pi, dead_time=1.03 * delay).stable
+    delay = stability_margins(linear, pi).delay
+    assert stability_margins(linear, pi, dead_time=0.97 * delay).stable
+    assert not stability_margins(linear, pi, dead_time=1.03 * delay).stable
 
 
 def test_dead_time_is_exact_in_the_frequency_response():
-    found = linearise_at(system_of("one_mass+viscous+delay"))
+    found = analyse_system(system_of("one_mass+viscous+delay"))
     omega, response = found.bode(np.array([10.0, 100.0]))
     expected = np.exp(-1j * omega * 1.5e-3) / (J1 * 1j * omega + 0.015)
     assert_allclose(response[0], expected, rtol=1e-12)
@@ -121,6 +121,6 @@ def test_dead_time_is_exact_in_the_frequency_response():
 
 def test_wrong_use_is_said():
     with pytest.raises(SettingsError, match="forward"):
-        linearise_at(system_of("two_mass+backlash"), contact="forwards")
+        analyse_system(system_of("two_mass+backlash"), contact="forwards")
     with pytest.raises(SettingsError, match="degree"):
         Compensator.of([1.0, 0.0], [1.0])

@@ -16,20 +16,20 @@ if TYPE_CHECKING:
     from brightgrey.control.linear.controllability import Controllability
     from brightgrey.control.linear.margins import Margins
 
-__all__ = ["analysis", "design", "watched"]
+__all__ = ["show_analysis", "show_design", "show_watch"]
 
 
-def _finite(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
 def _margins(found: Margins) -> dict[str, Any]:
     return {
         "stable": found.stable,
-        "gain": _finite(found.gain),
+        "gain": _finite_or_none(found.gain),
         "gain_down": found.gain_down,
-        "phase": _finite(found.phase),
-        "delay": _finite(found.delay),
+        "phase": _finite_or_none(found.phase),
+        "delay": _finite_or_none(found.delay),
         "sensitivity": found.sensitivity,
         "crossover": found.crossover,
     }
@@ -44,27 +44,27 @@ def _margins_line(found: Margins) -> str:
     )
 
 
-def _reach(found: Controllability) -> dict[str, Any]:
+def _rank_and_distance(found: Controllability) -> dict[str, Any]:
     return {"rank": found.rank, "order": found.order, "distance": found.distance}
 
 
-def analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json: bool) -> None:
+def show_analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json: bool) -> None:
     """Print what the linear model says."""
     if json:
         as_json(
             {
-                "speed": found.point.speed,
-                "input": found.point.u,
-                "contact": found.point.contact_mode.contact,
+                "speed": found.operating_point.speed,
+                "input": found.operating_point.u,
+                "contact": found.operating_point.contact_mode.contact,
                 "states": found.states,
-                "stability": found.verdict,
+                "stability": found.stability,
                 "poles": [[p.real, p.imag] for p in found.poles.tolist()],
                 "resonances": [s._asdict() for s in found.resonances],
                 "antiresonances": {
                     o: [s._asdict() for s in found.antiresonances(i)] for i, o in enumerate(found.outputs)
                 },
-                "controllability": _reach(found.controllability),
-                "observability": _reach(found.observability),
+                "controllability": _rank_and_distance(found.controllability),
+                "observability": _rank_and_distance(found.observability),
                 "dead_time": found.dead_time,
                 "margins": None if margins is None else _margins(margins),
             }
@@ -73,7 +73,12 @@ def analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json: boo
     if quiet:
         return
     out = screen()
-    out.print(Text(f"{found.verdict} at speed {found.point.speed:.4g}, input {found.point.u:.4g} (SI)", style="bold"))
+    out.print(
+        Text(
+            f"{found.stability} at speed {found.operating_point.speed:.4g}, input {found.operating_point.u:.4g} (SI)",
+            style="bold",
+        )
+    )
     rows = plain_table("pole in 1/s", "frequency in Hz >", "damping >")
     for pole in found.poles.tolist():
         if pole.imag > 0.0:
@@ -96,18 +101,18 @@ def analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json: boo
         out.print(f"with the controller: {_margins_line(margins)}", soft_wrap=True)
 
 
-def design(found: Design, *, quiet: bool, json: bool) -> None:
+def show_design(found: Design, *, quiet: bool, json: bool) -> None:
     """Print suggested gains and the margins they reach."""
-    c, s = found.cascade, found.state
-    contacts = [a.point.contact_mode.contact for a in found.analyses]
+    c, s = found.cascade, found.state_feedback
+    contacts = [a.operating_point.contact_mode.contact for a in found.analyses]
     reached = s.margins(found.delay)
     if json:
         as_json(
             {
                 "cascade": {
-                    "position": c.position,
-                    "speed": c.speed,
-                    "reset": c.reset,
+                    "position": c.position_gain,
+                    "speed": c.speed_gain,
+                    "reset": c.reset_time,
                     "speed_margins": {k: _margins(m) for k, m in zip(contacts, c.speed_margins, strict=True)},
                     "position_margins": {k: _margins(m) for k, m in zip(contacts, c.position_margins, strict=True)},
                 },
@@ -120,10 +125,10 @@ def design(found: Design, *, quiet: bool, json: bool) -> None:
                 },
                 "observer": {
                     "states": s.analysis.states,
-                    "gains": found.observer[:, 0].tolist(),
+                    "gains": found.observer_gain[:, 0].tolist(),
                     "disturbance": float(np.ravel(found.noise.torque)[0]),
                     "speed_noise": float(np.ravel(found.noise.outputs)[0]),
-                    "margins": _margins(found.observed),
+                    "margins": _margins(found.observer_margins),
                 },
             }
         )
@@ -132,7 +137,10 @@ def design(found: Design, *, quiet: bool, json: bool) -> None:
         return
     out = screen()
     out.print(Text("cascade", style="bold"))
-    out.print(f"position gain {c.position:.4g} 1/s, speed gain {c.speed:.4g} (SI), reset time {1e3 * c.reset:.4g} ms")
+    out.print(
+        f"position gain {c.position_gain:.4g} 1/s, speed gain {c.speed_gain:.4g} (SI), "
+        f"reset time {1e3 * c.reset_time:.4g} ms"
+    )
     for kind, inner, outer in zip(contacts, c.speed_margins, c.position_margins, strict=True):
         out.print(f"speed loop ({kind}): {_margins_line(inner)}", soft_wrap=True)
         out.print(f"whole cascade ({kind}): {_margins_line(outer)}", soft_wrap=True)
@@ -141,14 +149,14 @@ def design(found: Design, *, quiet: bool, json: bool) -> None:
     out.print(f"gains (SI): {gains}, integral {s.integral:.4g}", soft_wrap=True)
     out.print(f"opened at the input: {_margins_line(reached)}", soft_wrap=True)
     out.print(Text("Kalman filter that finds these states from a measured speed", style="bold"))
-    pairs = zip(s.analysis.states, found.observer[:, 0].tolist(), strict=True)
+    pairs = zip(s.analysis.states, found.observer_gain[:, 0].tolist(), strict=True)
     out.print(f"gains (SI): {', '.join(f'{name} {value:.4g}' for name, value in pairs)}", soft_wrap=True)
-    out.print(f"state control on its states: {_margins_line(found.observed)}", soft_wrap=True)
+    out.print(f"state control on its states: {_margins_line(found.observer_margins)}", soft_wrap=True)
 
 
-def watched(found: Watch, *, quiet: bool, json: bool) -> None:
+def show_watch(found: Watch, *, quiet: bool, json: bool) -> None:
     """Print what has changed."""
-    from brightgrey.api.control import whiteness
+    from brightgrey.api.control import innovation_correlation
 
     nis = float(found.filtered.nis.mean()) / found.filtered.innovations.shape[2]
     if json:
@@ -161,11 +169,11 @@ def watched(found: Watch, *, quiet: bool, json: bool) -> None:
                         "verdict": f.verdict,
                         "factor": f.factor,
                         "ci95": f.ci95,
-                        "confidence": f.confidence,
+                        "confidence": f.probability,
                     }
                     for f in found.findings
                 ],
-                "innovations": {"size": nis, "correlation": whiteness(found.filtered)},
+                "innovations": {"size": nis, "correlation": innovation_correlation(found.filtered)},
             }
         )
         return
@@ -177,5 +185,6 @@ def watched(found: Watch, *, quiet: bool, json: bool) -> None:
     if not found.findings:
         out.print("the structure knows no fault")
     out.print(
-        f"innovations: {nis:.3g} times the expected power, correlation of neighbours {whiteness(found.filtered):.2f}"
+        f"innovations: {nis:.3g} times the expected power, "
+        f"correlation of neighbours {innovation_correlation(found.filtered):.2f}"
     )

@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from brightgrey.api.differences import Difference
+    from brightgrey.api.differences import ControlDifference
     from brightgrey.api.result import Result
     from brightgrey.api.resumable import StoredRun
     from brightgrey.api.simulation import Simulation
@@ -222,7 +222,7 @@ def _evidence(console: Console, evidence: Evidence) -> None:
         console.print()
 
 
-def _differences(console: Console, tied: Sequence[Difference]) -> None:
+def _differences(console: Console, tied: Sequence[ControlDifference]) -> None:
     """What differs for control between minimal structures."""
     shown = [d for d in tied if d.minimal][:_COMPARED]
     if len(shown) < 2:

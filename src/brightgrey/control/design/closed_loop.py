@@ -12,7 +12,7 @@ from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
 from brightgrey.simulation import Settings, response
 
-__all__ = ["Closed", "Controller", "Reference", "closed_loop", "standstill"]
+__all__ = ["ClosedLoopRun", "Controller", "Reference", "closed_loop", "standstill"]
 
 
 @dataclass(frozen=True)
@@ -38,15 +38,15 @@ class Controller(Protocol):
     def start(self) -> Any:
         """Memory before the first sample."""
 
-    def act(self, memory: Any, k: int, x: Array, y: Array) -> tuple[float, Any]:
+    def command(self, memory: Any, k: int, x: Array, y: Array) -> tuple[float, Any]:
         """Wanted torque at sample k from states and outputs, and the memory without the torque being limited."""
 
-    def settle(self, memory: Any, wanted: float, given: float) -> Any:
+    def anti_windup(self, memory: Any, wanted: float, given: float) -> Any:
         """Memory once it is known what the limit has left of the wanted torque (anti-windup)."""
 
 
 @dataclass(frozen=True)
-class Closed:
+class ClosedLoopRun:
     """Closed-loop run, SI.
 
     Attributes
@@ -88,7 +88,7 @@ def closed_loop(
     x0: Array | None = None,
     disturbance: Array | None = None,
     noise: Array | None = None,
-) -> Closed:
+) -> ClosedLoopRun:
     """Simulate a controller around the non-linear model.
 
     Parameters
@@ -137,19 +137,19 @@ def closed_loop(
     torque, push = np.zeros(samples), np.zeros(samples) if disturbance is None else disturbance
     xs, ys = np.empty((samples, n)), np.empty((samples, len(system.outputs)))
     for k in range(samples):
-        applied = _given(torque, push, k - whole - 1)
+        applied = _torque_at(torque, push, k - whole - 1)
         xs[k], ys[k] = x, system.output(x, applied)
         told = ys[k] if noise is None else ys[k] + noise[k]
-        wanted, memory = controller.act(memory, k, x, told)
+        wanted, memory = controller.command(memory, k, x, told)
         torque[k] = float(np.clip(wanted, -limit, limit))
-        memory = controller.settle(memory, wanted, torque[k])
-        for span, u in ((part * dt, applied), ((1.0 - part) * dt, _given(torque, push, k - whole))):
+        memory = controller.anti_windup(memory, wanted, torque[k])
+        for span, u in ((part * dt, applied), ((1.0 - part) * dt, _torque_at(torque, push, k - whole))):
             if span > 1e-9 * dt:
                 x = response(plant, np.array([u, u]), span, x, held).y[:, -1, 0]
         if not np.all(np.isfinite(x)):
             raise SettingsError(f"the closed loop diverges after {k * dt:.4g} s")
-    return Closed(np.asarray(dt * np.arange(samples), float), torque, xs, ys, system.state_names)
+    return ClosedLoopRun(np.asarray(dt * np.arange(samples), float), torque, xs, ys, system.state_names)
 
 
-def _given(torque: Array, push: Array, k: int) -> float:
+def _torque_at(torque: Array, push: Array, k: int) -> float:
     return float(torque[k] + push[k]) if k >= 0 else 0.0

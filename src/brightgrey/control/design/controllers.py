@@ -10,15 +10,15 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.control.design.cascade import Cascade
 from brightgrey.control.design.closed_loop import Reference
-from brightgrey.control.design.state_feedback import StateControl
+from brightgrey.control.design.state_feedback import StateFeedbackDesign
 from brightgrey.control.linear.margins import Compensator
-from brightgrey.control.linear.operating_point import ContactMode, trim
+from brightgrey.control.linear.operating_point import ContactMode, trim_point
 from brightgrey.excitation import Motion
 
-__all__ = ["CascadeControl", "OutputFeedback", "StateFeedback", "feedforward"]
+__all__ = ["CascadeController", "OutputFeedback", "StateFeedback", "feedforward"]
 
 
-def feedforward(on: ContactMode, motion: Motion, *, torque: bool = True) -> Reference:
+def feedforward(mode: ContactMode, motion: Motion, *, torque: bool = True) -> Reference:
     """Reference with the torque that the model needs for it: inertia, friction and gravity.
 
     Parameters
@@ -31,7 +31,7 @@ def feedforward(on: ContactMode, motion: Motion, *, torque: bool = True) -> Refe
     """
     u = np.zeros(len(motion.t))
     if torque:
-        u = np.array([trim(on, v, a).u for v, a in zip(motion.velocity, motion.acceleration, strict=True)])
+        u = np.array([trim_point(mode, v, a).u for v, a in zip(motion.velocity, motion.acceleration, strict=True)])
     return Reference(motion.position, motion.velocity, motion.acceleration, u)
 
 
@@ -56,18 +56,18 @@ class OutputFeedback:
 
     @cached_property
     def _sampled(self) -> Compensator:
-        return self.compensator.discrete(self.dt)
+        return self.compensator.discretise(self.dt)
 
     def start(self) -> Array:
         """All states of the controller at 0."""
         return np.zeros(len(self.compensator.A))
 
-    def act(self, memory: Array, k: int, x: Array, y: Array) -> tuple[float, Array]:
+    def command(self, memory: Array, k: int, x: Array, y: Array) -> tuple[float, Array]:
         """Wanted torque from the control error."""
         c, e = self._sampled, self.reference[k] - y[self.output]
         return float((c.C @ memory + c.D[:, 0] * e)[0]), c.A @ memory + c.B[:, 0] * e
 
-    def settle(self, memory: Array, wanted: float, given: float) -> Array:
+    def anti_windup(self, memory: Array, wanted: float, given: float) -> Array:
         """No anti-windup: the loop stays the linear one that was analysed."""
         return memory
 
@@ -85,15 +85,15 @@ class StateFeedback:
     dt : float
     """
 
-    control: StateControl
+    design: StateFeedbackDesign
     reference: Reference
     dt: float
 
     @cached_property
-    def _read(self) -> Array:
+    def _state_map(self) -> Array:
         """From x to the states that the gains belong to, shape (n, N)."""
-        on = self.control.analysis.point.contact_mode
-        W, keep, frozen = on.twisted.W, list(on.kept), list(on.frozen)
+        on = self.design.analysis.operating_point.contact_mode
+        W, keep, frozen = on.model.W, list(on.free_states), list(on.fixed_states)
         if not frozen:
             return W
         A = on.system.A
@@ -105,41 +105,41 @@ class StateFeedback:
         return np.asarray(read)
 
     @cached_property
-    def _wanted(self) -> Array:
+    def _reference_states(self) -> Array:
         """Reference of those states, shape (samples, n)."""
-        on = self.control.analysis.point.contact_mode
+        on = self.design.analysis.operating_point.contact_mode
         r = self.reference
-        z = np.array([trim(on, v, a).z for v, a in zip(r.velocity, r.acceleration, strict=True)])
-        x = z @ on.twisted.V.T
+        z = np.array([trim_point(on, v, a).z for v, a in zip(r.velocity, r.acceleration, strict=True)])
+        x = z @ on.model.V.T
         moves = np.array([1.0 if state.at_rest == "position" else 0.0 for state in on.system.states])
-        carried = on.twisted.V @ moves
+        carried = on.model.V @ moves
         x += np.outer(r.position, carried) if moves.any() else 0.0
-        return x @ self._read.T
+        return x @ self._state_map.T
 
     @property
-    def _aim(self) -> Array:
+    def _reference_output(self) -> Array:
         """Wanted course of the controlled output, shape (samples,)."""
-        kind = self.control.analysis.outputs[self.control.output]
+        kind = self.design.analysis.outputs[self.design.output]
         return np.asarray(getattr(self.reference, kind))
 
     def start(self) -> float:
         """Integral of the control error."""
         return 0.0
 
-    def act(self, memory: float, k: int, x: Array, y: Array) -> tuple[float, float]:
+    def command(self, memory: float, k: int, x: Array, y: Array) -> tuple[float, float]:
         """Wanted torque: feedforward, state feedback, integral."""
-        error = y[self.control.output] - self._aim[k]
+        error = y[self.design.output] - self._reference_output[k]
         integral = memory + self.dt * error
-        u = self.reference.torque[k] - self.control.K @ (self._read @ x - self._wanted[k])
-        return float(u - self.control.integral * integral), integral
+        u = self.reference.torque[k] - self.design.K @ (self._state_map @ x - self._reference_states[k])
+        return float(u - self.design.integral * integral), integral
 
-    def settle(self, memory: float, wanted: float, given: float) -> float:
+    def anti_windup(self, memory: float, wanted: float, given: float) -> float:
         """Take back what the limit has cut off."""
-        return memory + (wanted - given) / self.control.integral if wanted != given else memory
+        return memory + (wanted - given) / self.design.integral if wanted != given else memory
 
 
 @dataclass(frozen=True)
-class CascadeControl:
+class CascadeController:
     """P position around PI speed, from position and speed of mass 1.
 
     Attributes
@@ -161,13 +161,13 @@ class CascadeControl:
         """Integral part of the torque."""
         return 0.0
 
-    def act(self, memory: float, k: int, x: Array, y: Array) -> tuple[float, float]:
+    def command(self, memory: float, k: int, x: Array, y: Array) -> tuple[float, float]:
         """Wanted torque."""
         c, r = self.cascade, self.reference
-        error = c.position * (r.position[k] - x[self.position]) + r.velocity[k] - x[self.speed]
-        integral = memory + c.speed * self.dt / c.reset * error
-        return float(r.torque[k] + c.speed * error + integral), integral
+        error = c.position_gain * (r.position[k] - x[self.position]) + r.velocity[k] - x[self.speed]
+        integral = memory + c.speed_gain * self.dt / c.reset_time * error
+        return float(r.torque[k] + c.speed_gain * error + integral), integral
 
-    def settle(self, memory: float, wanted: float, given: float) -> float:
+    def anti_windup(self, memory: float, wanted: float, given: float) -> float:
         """Take back what the limit has cut off, as far as it is the integral's."""
         return memory + given - wanted

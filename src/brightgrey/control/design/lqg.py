@@ -14,17 +14,17 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.control.design.controllers import StateFeedback
-from brightgrey.control.design.state_feedback import StateControl, lqr
+from brightgrey.control.design.state_feedback import StateFeedbackDesign, lqr
 from brightgrey.control.filters.discretisation import DelayedInput
-from brightgrey.control.filters.extended_kalman import Noise, begin, predicted, updated
-from brightgrey.control.filters.setup import first_state
+from brightgrey.control.filters.extended_kalman import Noise, initial_estimate, predict, update
+from brightgrey.control.filters.setup import initial_distribution
 from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 from brightgrey.control.linear.margins import Compensator
 from brightgrey.control.linear.twist_coordinates import TwistModel, to_twist_coordinates
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear, StateSpace
 
-__all__ = ["ObservedFeedback", "kalman_gain", "observed"]
+__all__ = ["ObserverFeedback", "kalman_gain", "lqg_compensator"]
 
 _STEP_ERROR = 1e-4  # of the speed scale
 
@@ -52,7 +52,7 @@ def kalman_gain(linear: Linear, noise: Noise, dt: float) -> Array:
         raise SettingsError(f"no Kalman filter finds these states: {error}") from None
 
 
-def observed(control: StateControl, gain: Array) -> Compensator:
+def lqg_compensator(control: StateFeedbackDesign, gain: Array) -> Compensator:
     """State control and filter in one: a linear controller from the error of the controlled output to the torque.
 
     Parameters
@@ -74,7 +74,7 @@ def observed(control: StateControl, gain: Array) -> Compensator:
     )
 
 
-class _Memory(NamedTuple):
+class _ControllerMemory(NamedTuple):
     """Of the state control, the filter's state and covariance, and the latest torques, the last one at the end."""
 
     inner: float
@@ -84,7 +84,7 @@ class _Memory(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ObservedFeedback:
+class ObserverFeedback:
     """State control on the states that an extended Kalman filter finds.
 
     Attributes
@@ -104,50 +104,54 @@ class ObservedFeedback:
     speed_scale: float
 
     @cached_property
-    def _twisted(self) -> TwistModel:
+    def _twist_model(self) -> TwistModel:
         return to_twist_coordinates(self.system)
 
     @cached_property
-    def _whole(self) -> int:
+    def _delay_samples(self) -> int:
         """Samples that the torque is late, and a part of one."""
         return max(int(np.ceil(float(np.asarray(self.system.dead_time)) / self.feedback.dt - 1e-9)), 0)
 
     @cached_property
-    def _watched(self) -> FilterInput:
+    def _filter_input(self) -> FilterInput:
         outputs = len(self.system.outputs)
         small = np.full(1, _STEP_ERROR * self.speed_scale)
-        z0, P0 = first_state(self._twisted, self.system.rest()[None], small[0], small, np.zeros(1))
+        z0, P0 = initial_distribution(self._twist_model, self.system.rest()[None], small[0], small, np.zeros(1))
         empty = np.zeros((2, 1, outputs))
         return FilterInput(
-            self._twisted.system, empty[:, :, 0], empty, self.feedback.dt, "zoh", z0, P0, (False,) * outputs, small
+            self._twist_model.system, empty[:, :, 0], empty, self.feedback.dt, "zoh", z0, P0, (False,) * outputs, small
         )
 
     @cached_property
-    def _course(self) -> ProcessModel:
-        return ProcessModel.of(self._watched)
+    def _process(self) -> ProcessModel:
+        return ProcessModel.of(self._filter_input)
 
-    def _at(self, early: float, late: float) -> ProcessModel:
+    def _process_with_input(self, early: float, late: float) -> ProcessModel:
         """The interval in which the torque changes from `early` to `late`."""
         a, b = np.full((1, 1), early), np.full((1, 1), late)
-        return replace(self._course, timed=DelayedInput(a, a, b, b, self._course.timed.share))
+        return replace(
+            self._process, delayed_input=DelayedInput(a, a, b, b, self._process.delayed_input.switch_fraction)
+        )
 
-    def start(self) -> _Memory:
+    def start(self) -> _ControllerMemory:
         """At rest, as far as is known."""
-        x, P = begin(self._watched, self._course, self.noise.torques(1))
-        return _Memory(self.feedback.start(), x, P, (0.0,) * (self._whole + 2))
+        x, P = initial_estimate(self._filter_input, self._process, self.noise.disturbance_std(1))
+        return _ControllerMemory(self.feedback.start(), x, P, (0.0,) * (self._delay_samples + 2))
 
-    def act(self, memory: _Memory, k: int, x: Array, y: Array) -> tuple[float, _Memory]:
+    def command(self, memory: _ControllerMemory, k: int, x: Array, y: Array) -> tuple[float, _ControllerMemory]:
         """Wanted torque from the measured outputs; the true states `x` are not looked at."""
-        course = self._at(memory.given[-1 - self._whole], memory.given[-1 - self._whole])
-        found = updated(course, 0, memory.x, memory.P, y[None], self.noise.sensors(1))
-        states = self._twisted.V @ found.x[0, : course.states]
-        wanted, inner = self.feedback.act(memory.inner, k, states, y)
-        return wanted, _Memory(inner, found.x, found.P, memory.given)
+        course = self._process_with_input(
+            memory.given[-1 - self._delay_samples], memory.given[-1 - self._delay_samples]
+        )
+        found = update(course, 0, memory.x, memory.P, y[None], self.noise.measurement_covariance(1))
+        states = self._twist_model.V @ found.x[0, : course.n_states]
+        wanted, inner = self.feedback.command(memory.inner, k, states, y)
+        return wanted, _ControllerMemory(inner, found.x, found.P, memory.given)
 
-    def settle(self, memory: _Memory, wanted: float, given: float) -> _Memory:
+    def anti_windup(self, memory: _ControllerMemory, wanted: float, given: float) -> _ControllerMemory:
         """Carry the filter on with the torque that the limit has left."""
         history = (*memory.given[1:], given)
-        late = history[-1 - max(self._whole - 1, 0)] if self._whole else given
-        early = history[-1 - self._whole]
-        x, P = predicted(self._at(early, late), 0, memory.x, memory.P, self.noise.torques(1))
-        return _Memory(self.feedback.settle(memory.inner, wanted, given), x, P, history)
+        late = history[-1 - max(self._delay_samples - 1, 0)] if self._delay_samples else given
+        early = history[-1 - self._delay_samples]
+        x, P = predict(self._process_with_input(early, late), 0, memory.x, memory.P, self.noise.disturbance_std(1))
+        return _ControllerMemory(self.feedback.anti_windup(memory.inner, wanted, given), x, P, history)

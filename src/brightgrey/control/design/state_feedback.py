@@ -12,16 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 from scipy.linalg import LinAlgError, solve_continuous_are
-from scipy.signal import place_poles
 
 from brightgrey.arrays import Array
 from brightgrey.control.linear.analysis import Analysis
-from brightgrey.control.linear.margins import Compensator, Margins, margins
+from brightgrey.control.linear.margins import Compensator, Margins, stability_margins
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear
 
-__all__ = ["FeedbackGain", "StateControl", "lqr", "place", "state_control"]
+__all__ = ["FeedbackGain", "StateFeedbackDesign", "design_state_feedback", "lqr", "place_poles"]
 
 _ESCAPED = 1e-9  # of the fastest pole: a closed-loop pole this near to the axis has not been moved
 
@@ -34,7 +34,7 @@ class FeedbackGain(NamedTuple):
 
 
 @dataclass(frozen=True)
-class StateControl:
+class StateFeedbackDesign:
     """Feedback ``u = u_ref - K (z - z_ref) - integral * (integral of y - y_ref)``.
 
     Attributes
@@ -59,9 +59,9 @@ class StateControl:
 
     def margins(self, delay: float = 0.0) -> Margins:
         """Margins of the loop opened at the drive's input; `delay` in s comes on top of the drive's dead time."""
-        A, B = _with_integral(self.analysis.linear, self.output)
+        A, B = _augment_with_integral(self.analysis.linear, self.output)
         loop = Linear(A, B, np.append(self.K, self.integral)[None], np.zeros((1, 1)))
-        return margins(loop, Compensator.of([1.0], [1.0]), dead_time=self.analysis.dead_time + delay)
+        return stability_margins(loop, Compensator.of([1.0], [1.0]), dead_time=self.analysis.dead_time + delay)
 
 
 def lqr(A: Array, B: Array, Q: Array, R: Array) -> FeedbackGain:
@@ -91,7 +91,7 @@ def lqr(A: Array, B: Array, Q: Array, R: Array) -> FeedbackGain:
     return FeedbackGain(K, poles)
 
 
-def place(A: Array, B: Array, poles: Sequence[complex]) -> FeedbackGain:
+def place_poles(A: Array, B: Array, poles: Sequence[complex]) -> FeedbackGain:
     """Feedback that moves the poles to `poles` (1/s); the same pole at most once per input.
 
     Raises
@@ -102,7 +102,7 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> FeedbackGain:
     if len(poles) != len(A):
         raise SettingsError(f"{len(poles)} poles for a system of order {len(A)}")
     try:
-        K = place_poles(A, B, np.asarray(poles)).gain_matrix
+        K = signal.place_poles(A, B, np.asarray(poles)).gain_matrix
     except ValueError as error:
         raise SettingsError(f"these poles cannot be placed: {error}") from None
     found = np.asarray(np.linalg.eigvals(A - B @ K), complex)
@@ -112,7 +112,7 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> FeedbackGain:
     return FeedbackGain(K, found)
 
 
-def state_control(
+def design_state_feedback(
     analysis: Analysis,
     *,
     largest_error: float | None = None,
@@ -120,7 +120,7 @@ def state_control(
     settling: float = 0.1,
     poles: Sequence[complex] | None = None,
     output: int = 0,
-) -> StateControl:
+) -> StateFeedbackDesign:
     """Design a state feedback with integral action.
 
     Without `poles` it is linear-quadratic: errors of the output are weighed against the torque that is worth spending
@@ -148,19 +148,19 @@ def state_control(
     SettingsError
         Where no such feedback exists.
     """
-    A, B = _with_integral(analysis.linear, output)
+    A, B = _augment_with_integral(analysis.linear, output)
     if poles is not None:
-        gain = place(A, B, poles)
+        gain = place_poles(A, B, poles)
     elif largest_error is None or not (largest_error > 0.0 and torque > 0.0 and settling > 0.0):
         raise SettingsError("state control needs a largest error, a torque and a settling time above 0, or poles")
     else:
         c = np.append(analysis.linear.C[output], 0.0) / largest_error
         i = np.append(np.zeros(len(analysis.linear.A)), 1.0) / (largest_error * settling)
         gain = lqr(A, B, np.outer(c, c) + np.outer(i, i), np.array([[torque**-2]]))
-    return StateControl(analysis, output, gain.K[0, :-1], float(gain.K[0, -1]), gain.poles)
+    return StateFeedbackDesign(analysis, output, gain.K[0, :-1], float(gain.K[0, -1]), gain.poles)
 
 
-def _with_integral(linear: Linear, output: int) -> tuple[Array, Array]:
+def _augment_with_integral(linear: Linear, output: int) -> tuple[Array, Array]:
     """System with the integral of one output as its last state."""
     n = len(linear.A)
     A = np.zeros((n + 1, n + 1))

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from brightgrey.arrays import Array
-from brightgrey.control.faults.parameter_changes import ChangeProblem, Point, estimated
+from brightgrey.control.faults.parameter_changes import ChangeProblem, PosteriorPoint, maximise_posteriors
 from brightgrey.control.faults.simulated_changes import ChangeEstimate, ParameterGroup, estimate_changes
 from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.effects import Fault
@@ -28,7 +28,7 @@ from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["Case", "FaultFinding", "detect_faults", "groups"]
+__all__ = ["FaultCase", "FaultFinding", "detect_faults", "fault_groups"]
 
 _MOST_DOUBT = 0.5  # of a parameter: beyond it the prior says nothing, and steps would leave the model
 _SINGULAR = 1e10
@@ -60,11 +60,11 @@ class FaultFinding:
     verdict: Literal["changed", "as before", "not decidable"]
     factor: float
     ci95: tuple[float, float]
-    confidence: float
+    probability: float
     text: str
 
 
-def groups(structure: Structure) -> Mapping[Fault, tuple[str, ...]]:
+def fault_groups(structure: Structure) -> Mapping[Fault, tuple[str, ...]]:
     """Parameters of `structure` by the fault that their change is called."""
     found: dict[Fault, list[str]] = {}
     for name, parameter in structure.parameters.items():
@@ -74,7 +74,7 @@ def groups(structure: Structure) -> Mapping[Fault, tuple[str, ...]]:
 
 
 @dataclass(frozen=True)
-class Case:
+class FaultCase:
     """A recording and the model it is held against.
 
     Attributes
@@ -97,7 +97,7 @@ class Case:
 def detect_faults(
     structure: Structure,
     settings: Settings,
-    cases: Sequence[Case],
+    cases: Sequence[FaultCase],
     *,
     min_change: float = 0.1,
     confidence: float = 0.99,
@@ -127,31 +127,34 @@ def detect_faults(
     """
     if not (0.0 <= min_change < _TELLING and 0.5 < confidence < 1.0):
         raise SettingsError(f"matters is {min_change:g} (0 to {_TELLING:g}) and confidence {confidence:g} (0.5 to 1)")
-    kinds = groups(structure)
-    trials = [ChangeProblem(case.values, case.recording, case.noise, _changes(case, kinds)) for case in cases]
+    kinds = fault_groups(structure)
+    trials = [ChangeProblem(case.values, case.recording, case.noise, _parameter_groups(case, kinds)) for case in cases]
     if structure.has_hard_limit:
         least = math.log1p(min_change)
         found = [
             estimate_changes(structure, t.values, t.changes, t.recording, settings, min_change=least) for t in trials
         ]
     else:
-        points = estimated(structure, settings, trials)
-        found = [ChangeEstimate(p.size, _spread(p, t.prior)) for p, t in zip(points, trials, strict=True)]
-    return [_findings(case, kinds, one, min_change, confidence) for case, one in zip(cases, found, strict=True)]
+        points = maximise_posteriors(structure, settings, trials)
+        found = [
+            ChangeEstimate(p.log_factors, _robust_std(p, t.prior_information))
+            for p, t in zip(points, trials, strict=True)
+        ]
+    return [_judge_changes(case, kinds, one, min_change, confidence) for case, one in zip(cases, found, strict=True)]
 
 
-def _doubts(case: Case) -> dict[str, float]:
+def _relative_std(case: FaultCase) -> dict[str, float]:
     """Relative standard deviations of the model's parameters."""
     return {n: abs(s / case.values[n]) for n, s in case.std.items() if s > 0.0 and case.values[n] != 0.0}
 
 
-def _changes(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> tuple[ParameterGroup, ...]:
+def _parameter_groups(case: FaultCase, kinds: Mapping[Fault, tuple[str, ...]]) -> tuple[ParameterGroup, ...]:
     """What may have changed: the faults freely, every other parameter as far as the model does not know it.
 
     The first parameter of a fault stands for it, and the doubt about it is added in the end; the fault's other
     parameters may be off against it.
     """
-    doubts = _doubts(case)
+    doubts = _relative_std(case)
     first = {name: names[0] for names in kinds.values() for name in names}
     doubtful = {
         n: min(math.hypot(s, doubts.get(first[n], 0.0) if n in first else 0.0), _MOST_DOUBT)
@@ -162,18 +165,18 @@ def _changes(case: Case, kinds: Mapping[Fault, tuple[str, ...]]) -> tuple[Parame
     return (*free, *(ParameterGroup((name,), doubt) for name, doubt in doubtful.items()))
 
 
-def _findings(
-    case: Case, kinds: Mapping[Fault, tuple[str, ...]], found: ChangeEstimate, matters: float, confidence: float
+def _judge_changes(
+    case: FaultCase, kinds: Mapping[Fault, tuple[str, ...]], found: ChangeEstimate, matters: float, confidence: float
 ) -> tuple[FaultFinding, ...]:
-    doubts = _doubts(case)
+    doubts = _relative_std(case)
     own = [doubts.get(names[0], 0.0) for names in kinds.values()]
     return tuple(
-        _finding(fault, names, float(found.size[i]), math.hypot(found.std[i], own[i]), matters, confidence)
+        _judge_change(fault, names, float(found.log_factors[i]), math.hypot(found.std[i], own[i]), matters, confidence)
         for i, (fault, names) in enumerate(kinds.items())
     )
 
 
-def _spread(found: Point, prior: Array) -> Array:
+def _robust_std(found: PosteriorPoint, prior: Array) -> Array:
     """Standard deviation of each estimated size, with autocorrelated innovations allowed for."""
     information = found.information
     scale = np.sqrt(np.diag(information)) if np.isfinite(found.posterior) else np.zeros(len(prior))
@@ -187,11 +190,11 @@ def _spread(found: Point, prior: Array) -> Array:
         total += (1.0 - lag / (lags + 1.0)) * (part + part.T)
     inverse = np.linalg.inv(information)
     robust = np.diag(inverse @ total @ inverse)
-    plain = np.diag(inverse) * max(1.0, float(np.mean(found.white**2)))
+    plain = np.diag(inverse) * max(1.0, float(np.mean(found.normalised_innovations**2)))
     return np.asarray(np.sqrt(np.maximum(robust, plain)))
 
 
-def _finding(
+def _judge_change(
     fault: Fault, names: Sequence[str], size: float, std: float, matters: float, confidence: float
 ) -> FaultFinding:
     up, down = math.log1p(matters), -math.log1p(matters)

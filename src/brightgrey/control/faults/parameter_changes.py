@@ -14,13 +14,13 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.control.faults.simulated_changes import ParameterGroup
-from brightgrey.control.filters.extended_kalman import Noise, extended
+from brightgrey.control.filters.extended_kalman import Noise, extended_kalman_filter
 from brightgrey.control.filters.setup import prepare
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["ChangeProblem", "Point", "estimated"]
+__all__ = ["ChangeProblem", "PosteriorPoint", "maximise_posteriors"]
 
 _DIFFERENCE = 0.01  # of the logarithm: contacts make smaller ones rough
 _FACTORS = (0.6, 0.8, 1.25, 1.6, 2.2, 3.0)  # sizes tried first: contacts make the likelihood many-humped
@@ -49,12 +49,12 @@ class ChangeProblem:
     changes: tuple[ParameterGroup, ...]
 
     @property
-    def prior(self) -> Array:
+    def prior_information(self) -> Array:
         """What is known of the logarithms of the factors: 1 over their variance, 0 for nothing; shape (changes,)."""
-        return np.array([change.doubt**-2 for change in self.changes])
+        return np.array([change.prior_std**-2 for change in self.changes])
 
 
-class Point(NamedTuple):
+class PosteriorPoint(NamedTuple):
     """Logarithms of the factors and what the innovations say there.
 
     Attributes
@@ -70,34 +70,36 @@ class Point(NamedTuple):
         Whitened innovations.
     """
 
-    size: Array
+    log_factors: Array
     posterior: float
     scores: Array
     information: Array
-    white: Array
+    normalised_innovations: Array
 
 
-class _Answer(NamedTuple):
+class _Evaluation(NamedTuple):
     """Of the models that were asked for: posterior (K,), whitened innovations and their expected sizes.
 
     `white` has shape (K, samples, outputs), `volume` (the logarithm of the covariance's determinant) (K, samples).
     """
 
     posterior: Array
-    white: Array
-    volume: Array
+    normalised_innovations: Array
+    log_determinants: Array
 
 
-_Search = Generator[Array, _Answer, Point]
+_Search = Generator[Array, _Evaluation, PosteriorPoint]
 
 
-def estimated(structure: Structure, settings: Settings, trials: Sequence[ChangeProblem]) -> list[Point]:
+def maximise_posteriors(
+    structure: Structure, settings: Settings, trials: Sequence[ChangeProblem]
+) -> list[PosteriorPoint]:
     """Find the largest posterior of each trial."""
-    searches = [_search(trial) for trial in trials]
+    searches = [_fisher_scoring(trial) for trial in trials]
     asked = {i: next(search) for i, search in enumerate(searches)}
-    found: dict[int, Point] = {}
+    found: dict[int, PosteriorPoint] = {}
     while asked:
-        answers = _answers(structure, settings, [(trials[i], sizes) for i, sizes in asked.items()])
+        answers = _evaluate_in_batches(structure, settings, [(trials[i], sizes) for i, sizes in asked.items()])
         for i, answer in zip(tuple(asked), answers, strict=True):
             try:
                 asked[i] = searches[i].send(answer)
@@ -107,19 +109,23 @@ def estimated(structure: Structure, settings: Settings, trials: Sequence[ChangeP
     return [found[i] for i in range(len(trials))]
 
 
-def _answers(structure: Structure, settings: Settings, asked: Sequence[tuple[ChangeProblem, Array]]) -> list[_Answer]:
+def _evaluate_in_batches(
+    structure: Structure, settings: Settings, asked: Sequence[tuple[ChangeProblem, Array]]
+) -> list[_Evaluation]:
     """Filter for all searches, in runs of about _LANES models."""
-    out: list[_Answer] = []
+    out: list[_Evaluation] = []
     part: list[tuple[ChangeProblem, Array]] = []
     for i, one in enumerate(asked):
         part.append(one)
         if i == len(asked) - 1 or sum(len(sizes) for _, sizes in part) + len(asked[i + 1][1]) > _LANES:
-            out += _filtered(structure, settings, part)
+            out += _evaluate(structure, settings, part)
             part = []
     return out
 
 
-def _filtered(structure: Structure, settings: Settings, part: Sequence[tuple[ChangeProblem, Array]]) -> list[_Answer]:
+def _evaluate(
+    structure: Structure, settings: Settings, part: Sequence[tuple[ChangeProblem, Array]]
+) -> list[_Evaluation]:
     values: dict[str, list[Array]] = {name: [] for name in structure.parameters}
     for trial, sizes in part:
         factors = {name: np.ones(len(sizes)) for name in values}
@@ -135,53 +141,53 @@ def _filtered(structure: Structure, settings: Settings, part: Sequence[tuple[Cha
     )
     with np.errstate(all="ignore"):  # a model far off may diverge: it has no likelihood then
         merged = {name: np.concatenate(course) for name, course in values.items()}
-        found = extended(prepare(structure, merged, each, settings).watched, noise)
-        white = found.white.transpose(1, 0, 2)
+        found = extended_kalman_filter(prepare(structure, merged, each, settings).filter_input, noise)
+        white = found.normalised_innovations.transpose(1, 0, 2)
         volume = np.linalg.slogdet(found.covariances)[1].T
         likelihood = found.log_likelihood
     answers, first = [], 0
     for trial, sizes in part:
         own = slice(first, first + len(sizes))
-        posterior = likelihood[own] - 0.5 * np.square(sizes) @ trial.prior
-        answers.append(_Answer(np.where(np.isfinite(posterior), posterior, -np.inf), white[own], volume[own]))
+        posterior = likelihood[own] - 0.5 * np.square(sizes) @ trial.prior_information
+        answers.append(_Evaluation(np.where(np.isfinite(posterior), posterior, -np.inf), white[own], volume[own]))
         first += len(sizes)
     return answers
 
 
-def _around(trial: ChangeProblem, size: Array) -> Generator[Array, _Answer, Point]:
+def _differentiate(trial: ChangeProblem, size: Array) -> Generator[Array, _Evaluation, PosteriorPoint]:
     """A point with the derivatives there."""
     m = len(size)
     answer = yield size + _DIFFERENCE * np.vstack([np.zeros((1, m)), np.eye(m), -np.eye(m)])
     white, volume = ((part[1 : m + 1] - part[m + 1 :]) / (2.0 * _DIFFERENCE) for part in answer[1:])
     # Not the difference of their squares: far from the best fit its error would hide what is known beforehand.
-    scores = -((white * answer.white[0]).sum(axis=2) + 0.5 * volume).T
+    scores = -((white * answer.normalised_innovations[0]).sum(axis=2) + 0.5 * volume).T
     flat = white.reshape(m, -1)
-    information = flat @ flat.T + 0.5 / white.shape[2] * volume @ volume.T + np.diag(trial.prior)
+    information = flat @ flat.T + 0.5 / white.shape[2] * volume @ volume.T + np.diag(trial.prior_information)
     usable = bool(np.isfinite(scores).all() and np.isfinite(information).all())
     posterior = float(answer.posterior[0]) if usable else -np.inf
-    return Point(size, posterior, scores, information, answer.white[0].ravel())
+    return PosteriorPoint(size, posterior, scores, information, answer.normalised_innovations[0].ravel())
 
 
-def _search(trial: ChangeProblem) -> _Search:
+def _fisher_scoring(trial: ChangeProblem) -> _Search:
     """Sizes with the largest posterior: a coarse look along each, then Fisher's scoring."""
     m = len(trial.changes)
     tries = [np.zeros(m)]
-    for i in np.flatnonzero(trial.prior == 0.0):
+    for i in np.flatnonzero(trial.prior_information == 0.0):
         tries += [np.log(factor) * np.eye(m)[i] for factor in _FACTORS]
     answer = yield np.array(tries)
-    here = yield from _around(trial, tries[int(np.argmax(answer.posterior))])
+    here = yield from _differentiate(trial, tries[int(np.argmax(answer.posterior))])
     for _ in range(_TURNS):
         if not np.isfinite(here.posterior):
             break
-        uphill = here.scores.sum(axis=0) - trial.prior * here.size
+        uphill = here.scores.sum(axis=0) - trial.prior_information * here.log_factors
         step = np.linalg.lstsq(here.information, uphill, rcond=None)[0]
         if np.abs(step * np.sqrt(np.diag(here.information))).max() < _SETTLED:
             break
         step *= min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-12))
-        sizes = np.array([here.size + share * step for share in _FRACTIONS])
+        sizes = np.array([here.log_factors + share * step for share in _FRACTIONS])
         answer = yield sizes
         best = int(np.argmax(answer.posterior))
         if not answer.posterior[best] > here.posterior:
             break
-        here = yield from _around(trial, sizes[best])
+        here = yield from _differentiate(trial, sizes[best])
     return here

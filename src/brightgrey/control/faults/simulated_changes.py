@@ -41,7 +41,7 @@ class ParameterGroup(NamedTuple):
     """
 
     parameters: tuple[str, ...]
-    doubt: float
+    prior_std: float
 
     @property
     def name(self) -> str:
@@ -51,7 +51,7 @@ class ParameterGroup(NamedTuple):
     @property
     def free(self) -> bool:
         """Whether nothing is known beforehand."""
-        return not np.isfinite(self.doubt)
+        return not np.isfinite(self.prior_std)
 
 
 class ChangeEstimate(NamedTuple):
@@ -65,7 +65,7 @@ class ChangeEstimate(NamedTuple):
         Their standard deviations; very large where nothing is said.
     """
 
-    size: Array
+    log_factors: Array
     std: Array
 
 
@@ -100,20 +100,20 @@ def estimate_changes(
         The standard deviations allow for autocorrelated residuals, as in
         :mod:`brightgrey.estimation.uncertainty.covariance`.
     """
-    problem = _Informed.of(structure, [recording])
-    search = _space(values, changes, recording, problem)
-    problem = replace(problem, believed={c.name: c.doubt for c in changes if not c.free})
+    problem = _ProblemWithPrior.of(structure, [recording])
+    search = _factor_space(values, changes, recording, problem)
+    problem = replace(problem, prior_stds={c.name: c.prior_std for c in changes if not c.free})
     fast = replace(settings, level="fast")
     found = multistart(problem, search, fast, [{}], starts=_STARTS, patience=_PATIENCE, seed=0)
     ends = sorted(found.ends, key=lambda end: end.cost)[:_RIVALS]
-    problem = _reweighted(problem, search, settings, ends[0].values)
+    problem = _reweight(problem, search, settings, ends[0].values)
     last = fit_to_convergence(problem, search, settings, ends[0].values)
     size = search.to_scaled(last.values)
-    white, std = _spread(problem, last.residual, last.jacobian)
+    white, std = _standard_deviations(problem, last.residual, last.jacobian)
     for i, change in enumerate(changes):
         if change.free and abs(size[i]) > min_change and np.isfinite(white[i]):
             begins = np.stack([last.values, *(end.values for end in ends)], axis=1)
-            held, begins = _held(search, i, float(np.exp(np.copysign(min_change, size[i]))), begins)
+            held, begins = _fix_factor(search, i, float(np.exp(np.copysign(min_change, size[i]))), begins)
             least = min(end.cost for end in fit_many(problem, held, settings, begins, cost_to_beat=np.inf))
             ratio = np.sqrt(max(least - last.cost, 0.0)) * white[i] / std[i]
             std[i] = max(std[i], (abs(size[i]) - min_change) / max(ratio, 1e-6))
@@ -121,7 +121,7 @@ def estimate_changes(
 
 
 @dataclass(frozen=True)
-class _Factors(ParameterSpace):
+class _FactorSpace(ParameterSpace):
     """Search of factors; by name it gives the parameters that they lead to, too."""
 
     model: Mapping[str, float] = field(default_factory=dict)
@@ -136,15 +136,15 @@ class _Factors(ParameterSpace):
         return given | own
 
 
-def _space(
+def _factor_space(
     values: Mapping[str, float],
     changes: Sequence[ParameterGroup],
     recording: Recording,
     problem: SimulationErrorProblem,
-) -> _Factors:
-    reach = np.exp([min(_DOUBTS * change.doubt, np.log(_MOST)) for change in changes])
+) -> _FactorSpace:
+    reach = np.exp([min(_DOUBTS * change.prior_std, np.log(_MOST)) for change in changes])
     unknown = problem.unknown_initial
-    return _Factors(
+    return _FactorSpace(
         names=(*(change.name for change in changes), *(part.name for part in unknown)),
         low=np.array([*(1.0 / reach), *(part.low for part in unknown)]),
         high=np.array([*reach, *(part.high for part in unknown)]),
@@ -159,7 +159,7 @@ def _space(
     )
 
 
-def _held(search: _Factors, i: int, value: float, begins: Array) -> tuple[_Factors, Array]:
+def _fix_factor(search: _FactorSpace, i: int, value: float, begins: Array) -> tuple[_FactorSpace, Array]:
     """Search and starts, shape (P, S), with one factor fixed."""
     rest = np.arange(len(search.names)) != i
     part = {name: getattr(search, name)[rest] for name in ("low", "high", "start", "log", "not_sampled")}
@@ -168,31 +168,33 @@ def _held(search: _Factors, i: int, value: float, begins: Array) -> tuple[_Facto
 
 
 @dataclass(frozen=True)
-class _Informed(SimulationErrorProblem):
+class _ProblemWithPrior(SimulationErrorProblem):
     """Problem with one more residual for each factor of which something is known: its logarithm over that doubt."""
 
-    believed: Mapping[str, float] = field(default_factory=dict)
+    prior_stds: Mapping[str, float] = field(default_factory=dict)
 
     def residuals(self, values: Mapping[str, Array], settings: Settings, *, group: int = 1) -> Array:
         apart = super().residuals(values, settings, group=group)
-        return np.concatenate([apart, self._beliefs(values)])
+        return np.concatenate([apart, self._prior_residuals(values)])
 
     def normal_products(self, values: Mapping[str, Array], settings: Settings, per_step: Array) -> Array:
         total = super().normal_products(values, settings, per_step)
-        r = self._beliefs(values).reshape(-1, *total.shape[:2])
+        r = self._prior_residuals(values).reshape(-1, *total.shape[:2])
         r[:, :, 1:] = (r[:, :, 1:] - r[:, :, :1]) * per_step
         return np.asarray(total + np.einsum("bsi,bsj->sij", r, r))
 
     def costs(self, values: Mapping[str, Array], settings: Settings, upper_limits: Array | None = None) -> Array:
-        more = np.square(self._beliefs(values)).sum(axis=0)
+        more = np.square(self._prior_residuals(values)).sum(axis=0)
         return np.asarray(super().costs(values, settings, None if upper_limits is None else upper_limits - more) + more)
 
-    def _beliefs(self, values: Mapping[str, Array]) -> Array:
+    def _prior_residuals(self, values: Mapping[str, Array]) -> Array:
         sets = len(next(iter(values.values())))
-        return np.array([np.log(values[name]) / std for name, std in self.believed.items()]).reshape(-1, sets)
+        return np.array([np.log(values[name]) / std for name, std in self.prior_stds.items()]).reshape(-1, sets)
 
 
-def _reweighted(problem: _Informed, search: ParameterSpace, settings: Settings, values: Array) -> _Informed:
+def _reweight(
+    problem: _ProblemWithPrior, search: ParameterSpace, settings: Settings, values: Array
+) -> _ProblemWithPrior:
     """The same with the residuals at `values` for noise, which is what no change explains; at least the sensor's."""
     (recording,) = problem.recordings
     residual = problem.residuals(search.named(values[:, None]), settings)[: recording.y.size]
@@ -201,7 +203,7 @@ def _reweighted(problem: _Informed, search: ParameterSpace, settings: Settings, 
     return replace(problem, weights=1.0 / np.where(noise > 0.0, noise, 1.0 / problem.weights))
 
 
-def _spread(problem: _Informed, residual: Array, jacobian: Array) -> tuple[Array, Array]:
+def _standard_deviations(problem: _ProblemWithPrior, residual: Array, jacobian: Array) -> tuple[Array, Array]:
     """Standard deviations, shape (P,), if residuals were white, and as they are; very large where nothing is told."""
     (recording,) = problem.recordings
     n = recording.y.size

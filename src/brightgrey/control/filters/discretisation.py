@@ -18,16 +18,16 @@ from brightgrey.arrays import Array
 from brightgrey.effects import Law
 from brightgrey.kit import StateSpace
 
-__all__ = ["DelayedInput", "ElementBatch", "Propagated", "delayed_input", "matrix_exponential", "propagate"]
+__all__ = ["DelayedInput", "ElementBatch", "Propagated", "delay_input", "matrix_exponential", "propagate_states"]
 
-_TAYLOR = 8
-_SMALL = 0.3
+TAYLOR_ORDER = 8
+TAYLOR_MAX_NORM = 0.3
 _PIECES = (4, 16, 64)
 _SOON = 0.1  # of a step
 
 
 @dataclass(frozen=True)
-class _Wired:
+class _BatchElement:
     """One element with the lane on the first axis; low and high are None if it has no limits."""
 
     law: Law
@@ -40,10 +40,10 @@ class _Wired:
     high: Array
 
     @property
-    def limited(self) -> bool:
+    def has_limits(self) -> bool:
         return self.state >= 0
 
-    def deciding(self) -> tuple[Array, Array]:
+    def contact_condition(self) -> tuple[Array, Array]:
         """Row (K, n) of the state that decides a contact against the limits, and how fast the limited state follows."""
         pull = -self.H[:, 0, self.state]
         row = self.H[:, 0] / pull[:, None]
@@ -70,8 +70,8 @@ class ElementBatch:
     A: Array
     B: Array
     C: Array
-    elements: tuple[_Wired, ...]
-    rows: tuple[int, ...]
+    elements: tuple[_BatchElement, ...]
+    derivative_rows: tuple[int, ...]
     speeds: NDArray[np.int64]
 
     @classmethod
@@ -85,7 +85,7 @@ class ElementBatch:
             return np.ascontiguousarray(np.broadcast_to(a, (K, *(a.shape[-rank:] if rank else ()))))
 
         elements = tuple(
-            _Wired(
+            _BatchElement(
                 e.law,
                 first(e.H, 2),
                 first(e.K, 1),
@@ -101,7 +101,7 @@ class ElementBatch:
         A, B, C = first(system.A, 2), first(system.B, 2)[:, :, 0], first(system.C, 2)
         return cls(A, B, C, elements, system.derivative_rows, speeds)
 
-    def picked(self, which: NDArray[np.int64]) -> ElementBatch:
+    def select(self, which: NDArray[np.int64]) -> ElementBatch:
         """Some of the lanes; one may come several times."""
         elements = tuple(
             replace(
@@ -117,7 +117,7 @@ class ElementBatch:
         )
         return replace(self, A=self.A[which], B=self.B[which], C=self.C[which], elements=elements)
 
-    def field(self, z: Array, u: Array) -> tuple[Array, Array, Array]:
+    def linearise(self, z: Array, u: Array) -> tuple[Array, Array, Array]:
         """Z' (K, n), its derivative by z (K, n, n) and by u (K, n) at states (K, n) and inputs (K,)."""
         J, b = self.A.copy(), self.B.copy()
         rate = np.einsum("kij,kj->ki", self.A, z) + self.B * u[:, None]
@@ -131,19 +131,19 @@ class ElementBatch:
                 b += s * e.G * e.K[:, port, None]
         return rate, J, b
 
-    def measured(self, z: Array, u: Array) -> tuple[Array, Array, Array]:
+    def outputs(self, z: Array, u: Array) -> tuple[Array, Array, Array]:
         """Outputs (K, outputs) and their derivatives by z (K, outputs, n) and by u (K, outputs)."""
         C = self.C.copy()
         y = np.einsum("koj,kj->ko", self.C, z)
         D = np.zeros(y.shape)
-        if any(row >= 0 for row in self.rows):
-            rate, J, b = self.field(z, u)
-            for out, row in enumerate(self.rows):
+        if any(row >= 0 for row in self.derivative_rows):
+            rate, J, b = self.linearise(z, u)
+            for out, row in enumerate(self.derivative_rows):
                 if row >= 0:
                     C[:, out], y[:, out], D[:, out] = J[:, row], rate[:, row], b[:, row]
         return y, C, D
 
-    def inside(self, z: Array, u: Array | None = None, soon: Array | None = None) -> tuple[Array, Array]:
+    def clip_to_limits(self, z: Array, u: Array | None = None, soon: Array | None = None) -> tuple[Array, Array]:
         """Put limited states into their limits, along the way they act; the derivative of doing so.
 
         With inputs `u`, those that would reach a limit within the times `soon` are put there, too: a state that a
@@ -153,7 +153,7 @@ class ElementBatch:
         change = np.broadcast_to(np.eye(n), (len(z), n, n)).copy()
         z = z.copy()
         for e in self.elements:
-            if e.limited:
+            if e.has_limits:
                 wanted = z[:, e.state]
                 if u is not None and soon is not None:
                     rate = np.einsum("kj,kj->k", e.H[:, 0], z) + e.K[:, 0] * u
@@ -175,7 +175,9 @@ class Propagated(NamedTuple):
     by_input: Array
 
 
-def propagate(lanes: ElementBatch, z: Array, u0: Array, u1: Array, dt: ArrayLike, tolerance: Array) -> Propagated:
+def propagate_states(
+    batch: ElementBatch, z: Array, u0: Array, u1: Array, dt: ArrayLike, tolerance: Array
+) -> Propagated:
     """Carry states over an interval, in as many steps as each lane needs.
 
     Parameters
@@ -191,13 +193,13 @@ def propagate(lanes: ElementBatch, z: Array, u0: Array, u1: Array, dt: ArrayLike
         within an interval the steps are at most a sixteenth of it.
     """
     span = np.broadcast_to(np.asarray(dt, float), (len(z),))
-    step, coarse = _steps(lanes, z, u0, u1, span, 1, tolerance)
+    step, coarse = _equal_steps(batch, z, u0, u1, span, 1, tolerance)
     for pieces in _PIECES:
         if not coarse.any():
             break
         again = np.flatnonzero(coarse)
-        finer, still = _steps(
-            lanes.picked(again), z[again], u0[again], u1[again], span[again], pieces, tolerance[again]
+        finer, still = _equal_steps(
+            batch.select(again), z[again], u0[again], u1[again], span[again], pieces, tolerance[again]
         )
         for whole, part in zip(step, finer, strict=True):
             whole[again] = part
@@ -205,7 +207,7 @@ def propagate(lanes: ElementBatch, z: Array, u0: Array, u1: Array, dt: ArrayLike
     return step
 
 
-def _steps(
+def _equal_steps(
     lanes: ElementBatch, z: Array, u0: Array, u1: Array, dt: Array, pieces: int, tolerance: Array
 ) -> tuple[Propagated, NDArray[np.bool_]]:
     """Equal steps, and which lanes need smaller ones."""
@@ -217,25 +219,25 @@ def _steps(
     coarse = np.zeros(K, bool)
     for part in range(pieces):
         u = u0 + slope * h * part
-        z, put = lanes.inside(z, u, _SOON * h)
+        z, put = lanes.clip_to_limits(z, u, _SOON * h)
         total, by_input = put @ total, np.einsum("kij,kj->ki", put, by_input)
-        rate, J, b = lanes.field(z, u)
+        rate, J, b = lanes.linearise(z, u)
         M = np.zeros((K, n + 3, n + 3))  # dz, 1, t, held input
         M[:, :n, :n], M[:, :n, n], M[:, :n, n + 1], M[:, :n, n + 2] = J, rate, b * slope[:, None], b
         M[:, n + 1, n] = 1.0
         E = matrix_exponential(M * h[:, None, None])
         moved = z + E[:, :n, n]
-        after, _, _ = lanes.field(moved, u + slope * h)
+        after, _, _ = lanes.linearise(moved, u + slope * h)
         bend = after - rate - np.einsum("kij,kj->ki", J, E[:, :n, n]) - b * (slope * h)[:, None]
         for e in lanes.elements:
-            if e.limited:  # a contact that is made or lost is no bend; it is gone through in small steps
+            if e.has_limits:  # a contact that is made or lost is no bend; it is gone through in small steps
                 coarse |= (pieces < _PIECES[1]) & (np.abs(bend[:, e.state]) * h > tolerance * dt)
                 bend -= e.G * bend[:, e.state, None]
         better = (
             np.linalg.solve(np.eye(n) - 0.25 * h[:, None, None] * J, bend[:, :, None])[:, :, 0] * (h / 3.0)[:, None]
         )
         coarse |= np.abs(better[:, lanes.speeds]).max(axis=1, initial=0.0) > tolerance
-        z, put = lanes.inside(moved + better)
+        z, put = lanes.clip_to_limits(moved + better)
         by_input = np.einsum("kij,kj->ki", put, np.einsum("kij,kj->ki", E[:, :n, :n], by_input) + E[:, :n, n + 2])
         total = put @ E[:, :n, :n] @ total
     return Propagated(z, total, by_input), coarse
@@ -244,12 +246,12 @@ def _steps(
 def matrix_exponential(M: Array) -> Array:
     """Matrix exponentials, shape (K, m, m), by Taylor series and squaring, each matrix for itself."""
     size = np.abs(M).sum(axis=2).max(axis=1)
-    halvings = np.ceil(np.log2(np.maximum(size / _SMALL, 1.0)))
+    halvings = np.ceil(np.log2(np.maximum(size / TAYLOR_MAX_NORM, 1.0)))
     halvings = np.where(np.isfinite(halvings), halvings, 0.0).astype(int)
     scaled = M / 2.0 ** halvings[:, None, None]
     one = np.eye(M.shape[1])
-    E = one + scaled / _TAYLOR
-    for k in range(_TAYLOR - 1, 0, -1):
+    E = one + scaled / TAYLOR_ORDER
+    for k in range(TAYLOR_ORDER - 1, 0, -1):
         E = one + scaled @ E / k
     for i in range(int(halvings.max(initial=0))):
         again = halvings > i
@@ -270,18 +272,18 @@ class DelayedInput(NamedTuple):
         Part of the interval before the bend, above 0; 1 for delays of whole samples.
     """
 
-    first: Array
-    knee: Array
-    after: Array
-    last: Array
-    share: Array
+    start: Array
+    before_switch: Array
+    after_switch: Array
+    end: Array
+    switch_fraction: Array
 
-    def picked(self, which: NDArray[np.int64]) -> DelayedInput:
+    def select(self, which: NDArray[np.int64]) -> DelayedInput:
         """Some of the lanes; one may come several times."""
         return DelayedInput(*(part[..., which] for part in self))
 
 
-def delayed_input(u: Array, dt: float, delay: Array, hold: str) -> DelayedInput:
+def delay_input(u: Array, dt: float, delay: Array, hold: str) -> DelayedInput:
     """Delay the input, exactly.
 
     Parameters

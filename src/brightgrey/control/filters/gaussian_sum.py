@@ -15,10 +15,18 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
 from brightgrey.arrays import Array
-from brightgrey.control.filters.extended_kalman import Filtered, Noise, Record, begin, extended, predicted, updated
+from brightgrey.control.filters.extended_kalman import (
+    FilterRecord,
+    FilterResult,
+    Noise,
+    extended_kalman_filter,
+    initial_estimate,
+    predict,
+    update,
+)
 from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 
-__all__ = ["gaussian_sum"]
+__all__ = ["gaussian_sum_filter"]
 
 _COMPONENTS = 40
 _FILLED = 3  # of the components one in so many is in use at the start, each with its share of the gap
@@ -34,7 +42,7 @@ _SPLITS = 8  # in one pass
 
 
 @dataclass(frozen=True)
-class _Bank:
+class _Mixture:
     """Components of K recordings: weights (K, M), states (K M, m), covariances (K M, m, m)."""
 
     weights: Array
@@ -42,12 +50,12 @@ class _Bank:
     P: Array
 
     @property
-    def alive(self) -> NDArray[np.bool_]:
+    def relevant(self) -> NDArray[np.bool_]:
         """Which components have weight, shape (K, M)."""
         return np.asarray(self.weights > _IDLE * self.weights.max(axis=1, keepdims=True))
 
 
-def gaussian_sum(watched: FilterInput, noise: Noise, components: int = _COMPONENTS) -> Filtered:
+def gaussian_sum_filter(filter_input: FilterInput, noise: Noise, components: int = _COMPONENTS) -> FilterResult:
     """Run the sum of Gaussians over the recordings; without a gap it is the extended filter.
 
     Parameters
@@ -62,32 +70,34 @@ def gaussian_sum(watched: FilterInput, noise: Noise, components: int = _COMPONEN
     Filtered
         Mean and covariance of the sum; likelihood and white innovations are the sum's own.
     """
-    if not any(e.limits is not None for e in watched.system.elements):
-        return extended(watched, noise)
-    samples, K = watched.u.shape
-    course = ProcessModel.of(watched, components)
-    R, torque = (np.repeat(part, components, axis=0) for part in (noise.sensors(K), noise.torques(K)))
-    bank = _first(watched, course, noise.torques(K), components)
-    out = Record.empty(samples, K, course.states, len(watched.differenced))
+    if not any(e.limits is not None for e in filter_input.system.elements):
+        return extended_kalman_filter(filter_input, noise)
+    samples, K = filter_input.u.shape
+    course = ProcessModel.of(filter_input, components)
+    R, torque = (
+        np.repeat(part, components, axis=0) for part in (noise.measurement_covariance(K), noise.disturbance_std(K))
+    )
+    bank = _initial_mixture(filter_input, course, noise.disturbance_std(K), components)
+    out = FilterRecord.empty(samples, K, course.n_states, len(filter_input.differenced))
     chance, white = np.zeros(K), np.empty(out.innovations.shape)
     for k in range(samples):
         if k:
-            bank = _merged(bank, course)
+            bank = _merge_components(bank, course)
             for _ in range(_PASSES):
-                bank = _split(bank, course, k - 1)
-            bank = _Bank(bank.weights, *predicted(course, k - 1, bank.x, bank.P, torque))
-        after = updated(course, k, bank.x, bank.P, np.repeat(watched.y[k], components, axis=0), R)
+                bank = _split_components(bank, course, k - 1)
+            bank = _Mixture(bank.weights, *predict(course, k - 1, bank.x, bank.P, torque))
+        after = update(course, k, bank.x, bank.P, np.repeat(filter_input.y[k], components, axis=0), R)
         less, S = _moments(bank.weights, after.innovation, after.S)
-        weights, likelihood, white[k] = _judged(bank.weights, after.innovation, after.S)
-        bank = _Bank(weights, after.x, after.P)
+        weights, likelihood, white[k] = _update_weights(bank.weights, after.innovation, after.S)
+        bank = _Mixture(weights, after.x, after.P)
         chance += likelihood
         mean, P = _moments(bank.weights, bank.x, bank.P)
         heaviest = np.arange(K) * components + bank.weights.argmax(axis=1)
-        out.keep(k, mean, P, less, S, bank.x[heaviest])
-    return out.judged(white, chance)
+        out.store(k, mean, P, less, S, bank.x[heaviest])
+    return out.result(white, chance)
 
 
-def _judged(weights: Array, innovation: Array, S: Array) -> tuple[Array, Array, Array]:
+def _update_weights(weights: Array, innovation: Array, S: Array) -> tuple[Array, Array, Array]:
     """Weights after a sample, the logarithm of its likelihood (K,), and its outputs as normal quantiles (K, outputs).
 
     A sum of Gaussians is not normal, and its innovations over their standard deviation are not either. What the sum
@@ -119,35 +129,35 @@ def _moments(weights: Array, x: Array, P: Array) -> tuple[Array, Array]:
     return mean, cov
 
 
-def _first(watched: FilterInput, course: ProcessModel, torque: Array, M: int) -> _Bank:
+def _initial_mixture(watched: FilterInput, course: ProcessModel, torque: Array, M: int) -> _Mixture:
     """Components evenly over every gap; the others are kept for splits."""
     K = watched.u.shape[1]
-    x, P = begin(watched, course.picked(np.arange(K) * M), torque)
+    x, P = initial_estimate(watched, course.select(np.arange(K) * M), torque)
     x, P = np.repeat(x, M, axis=0), np.repeat(P, M, axis=0)
     filled = max(1, M // _FILLED)
     share = np.tile((np.arange(M) % filled + 0.5) / filled - 0.5, K)
-    for e in course.lanes.elements:
-        if e.limited:
+    for e in course.batch.elements:
+        if e.has_limits:
             spread = P[:, e.state, e.state]
             along = P[:, :, e.state] / np.where(spread > 0.0, spread, 1.0)[:, None]
             x += (share * (e.high - e.low))[:, None] * along
             P -= ((1.0 - filled**-2) * spread)[:, None, None] * along[:, :, None] * along[:, None, :]
-    return _Bank(np.tile((np.arange(M) < filled) / filled, (K, 1)), x, P)
+    return _Mixture(np.tile((np.arange(M) < filled) / filled, (K, 1)), x, P)
 
 
-def _doubts(bank: _Bank, course: ProcessModel, k: int) -> tuple[Array, Array]:
+def _contact_ambiguity(bank: _Mixture, course: ProcessModel, k: int) -> tuple[Array, Array]:
     """How much a doubtful contact matters to each component, shape (K M,), and along what to split it (K M, m).
 
     What decides is where the limited state is, or where its shaft would pull it. It matters by the speed that the
     contact's torque gives while it is in doubt: in passing that is shorter than a sample.
     """
-    n, speeds = course.states, course.lanes.speeds
+    n, speeds = course.n_states, course.batch.speeds
     z, P = bank.x[:, :n], bank.P
     room = np.sqrt(np.maximum(np.einsum("kii->ki", P)[:, speeds], np.square(course.tolerance)[:, None]))
-    drift = course.rate(k, bank.x) * course.dt
+    drift = course.derivative(k, bank.x) * course.dt
     score, along = np.zeros(len(z)), np.zeros(bank.x.shape)
-    for e in (e for e in course.lanes.elements if e.limited):
-        pulled, pull = e.deciding()
+    for e in (e for e in course.batch.elements if e.has_limits):
+        pulled, pull = e.contact_condition()
         own = np.zeros_like(pulled)
         own[:, e.state] = 1.0
         for row in (pulled, own):
@@ -164,11 +174,11 @@ def _doubts(bank: _Bank, course: ProcessModel, k: int) -> tuple[Array, Array]:
     return score, along
 
 
-def _split(bank: _Bank, course: ProcessModel, k: int) -> _Bank:
+def _split_components(bank: _Mixture, course: ProcessModel, k: int) -> _Mixture:
     """Split the components whose contact is most in doubt, in place of those that have no weight."""
     K, M = bank.weights.shape
-    score, along = _doubts(bank, course, k)
-    alive = bank.alive
+    score, along = _contact_ambiguity(bank, course, k)
+    alive = bank.relevant
     wish = np.where(alive, score.reshape(K, M) * bank.weights, 0.0)
     weights, x, P = np.where(alive, bank.weights, 0.0), bank.x.copy(), bank.P.copy()
     wanting, idle = np.argsort(-wish, axis=1), np.argsort(bank.weights, axis=1)
@@ -183,13 +193,13 @@ def _split(bank: _Bank, course: ProcessModel, k: int) -> _Bank:
         x[a] -= shift
         weights[r, one[r]] *= 0.5
         weights[r, other[r]] = weights[r, one[r]]
-    return _Bank(weights / weights.sum(axis=1, keepdims=True), course.clipped(x), P)
+    return _Mixture(weights / weights.sum(axis=1, keepdims=True), course.clip_to_limits(x), P)
 
 
-def _merged(bank: _Bank, course: ProcessModel) -> _Bank:
+def _merge_components(bank: _Mixture, course: ProcessModel) -> _Mixture:
     """Merge in each recording the two components that are nearest to each other, if they agree."""
     M = bank.weights.shape[1]
-    i, j, near = _nearest(bank, course)
+    i, j, near = _nearest_pair(bank, course)
     r = np.flatnonzero(near)
     weights, x, P = bank.weights.copy(), bank.x.copy(), bank.P.copy()
     a, b = r * M + i[r], r * M + j[r]
@@ -200,16 +210,18 @@ def _merged(bank: _Bank, course: ProcessModel) -> _Bank:
     P[a] = share[:, None, None] * P[a] + rest[:, None, None] * P[b] + between
     x[a] = share[:, None] * x[a] + rest[:, None] * x[b]
     weights[r, i[r]], weights[r, j[r]] = total, 0.0
-    return _Bank(weights, x, P)
+    return _Mixture(weights, x, P)
 
 
-def _nearest(bank: _Bank, course: ProcessModel) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+def _nearest_pair(
+    bank: _Mixture, course: ProcessModel
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
     """Numbers of the two components that are nearest to each other, shape (K,), and whether they agree."""
     K, M = bank.weights.shape
-    n, weights, alive = course.states, bank.weights, bank.alive
+    n, weights, alive = course.n_states, bank.weights, bank.relevant
     x = bank.x.reshape(K, M, -1)[:, :, :n]
     var = np.einsum("kii->ki", bank.P).reshape(K, M, -1)[:, :, :n]
-    least = np.square(course.least()).reshape(K, M, n)[:, :1, None]
+    least = np.square(course.negligible_differences()).reshape(K, M, n)[:, :1, None]
     apart = np.square(x[:, :, None] - x[:, None]) / (var[:, :, None] + var[:, None] + least)
     both = weights[:, :, None] * weights[:, None] / (weights[:, :, None] + weights[:, None] + 1e-300)
     cost = apart.max(axis=3) * np.minimum(_SLIGHT * both, 1.0)

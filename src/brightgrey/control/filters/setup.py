@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from brightgrey.arrays import Array
-from brightgrey.control.filters.extended_kalman import Noise, extended
+from brightgrey.control.filters.extended_kalman import Noise, extended_kalman_filter
 from brightgrey.control.filters.state_transition import FilterInput
 from brightgrey.control.linear.twist_coordinates import TwistModel, to_twist_coordinates
 from brightgrey.effects import Element
@@ -19,7 +19,7 @@ from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["PreparedRecording", "first_state", "noise_levels", "prepare", "shaft_torque"]
+__all__ = ["PreparedRecording", "estimate_noise", "initial_distribution", "prepare", "shaft_torque"]
 
 _AT_REST = 0.02  # of the speed scale: how well the first speed is known
 _TORQUES = tuple(10.0 ** (0.5 * k) for k in range(-8, 1))  # of the largest input
@@ -42,9 +42,9 @@ class PreparedRecording:
         Noise of each output as its recording shows it, SI.
     """
 
-    watched: FilterInput
-    twisted: TwistModel
-    sensors: Array
+    filter_input: FilterInput
+    twist_model: TwistModel
+    sensor_noise: Array
 
 
 def prepare(
@@ -76,13 +76,13 @@ def prepare(
     system = assemble(structure, values, settings.f_tanh, outputs)
     K = system.batch[0] if system.batch else 1
     each = [first] * K if isinstance(recording, Recording) else list(recording)
-    _check_alike(each, K)
+    _check_compatible(each, K)
     coordinates = to_twist_coordinates(system)
     own = {id(r): (np.asarray(output_noise(r)), initial_state(r, system), float(np.abs(r.u).max())) for r in each}
     sensors, starts, torques = (np.array(part) for part in zip(*(own[id(r)] for r in each), strict=True))
-    speed_noise = _speed_noise(kinds, sensors, settings)
+    speed_noise = _speed_tolerance(kinds, sensors, settings)
     speed = _AT_REST * settings.speed_scale
-    z0, P0 = first_state(coordinates, starts, speed, speed_noise, _AT_REST * torques)
+    z0, P0 = initial_distribution(coordinates, starts, speed, speed_noise, _AT_REST * torques)
     if "position" in kinds:
         P0[:, 0, 0] = np.square(sensors[:, kinds.index("position")])
     watched = FilterInput(
@@ -99,7 +99,7 @@ def prepare(
     return PreparedRecording(watched, coordinates, sensors)
 
 
-def _check_alike(each: Sequence[Recording], lanes: int) -> None:
+def _check_compatible(each: Sequence[Recording], lanes: int) -> None:
     """Refuse recordings that cannot be filtered side by side."""
     natures = {(r.samples, r.dt, r.hold, tuple(s.kind for s in r.outputs)) for r in each}
     if len(each) != lanes or len(natures) != 1:
@@ -109,14 +109,16 @@ def _check_alike(each: Sequence[Recording], lanes: int) -> None:
         )
 
 
-def _speed_noise(kinds: Sequence[str], sensors: Array, settings: Settings) -> Array:
+def _speed_tolerance(kinds: Sequence[str], sensors: Array, settings: Settings) -> Array:
     """Size of speed that does not matter, shape (K,): the noise of a measured one, else a thousandth of the largest."""
     seen = [i for i, kind in enumerate(kinds) if kind.startswith("velocity")]
     least = sensors[:, seen].min(axis=1) if seen else np.zeros(len(sensors))
     return np.asarray(np.clip(least, 1e-4 * settings.speed_scale, 1e-2 * settings.speed_scale))
 
 
-def first_state(coordinates: TwistModel, x0: Array, speed: float, apart: Array, torque: Array) -> tuple[Array, Array]:
+def initial_distribution(
+    coordinates: TwistModel, x0: Array, speed: float, apart: Array, torque: Array
+) -> tuple[Array, Array]:
     """First state, shape (K, n), and its covariance: all masses move alike, gaps stand anywhere, shafts are relaxed.
 
     Parameters
@@ -152,7 +154,7 @@ def first_state(coordinates: TwistModel, x0: Array, speed: float, apart: Array, 
             low, high = np.broadcast_to(e.limits.lower, (K,)), np.broadcast_to(e.limits.upper, (K,))
             follows = np.zeros((K, n))
             follows[:, e.limits.state] = 1.0
-            twist = _relaxing(e, system)
+            twist = _twist_beside_gap(e, system)
             H = e.H[0].reshape(n, -1)
             follows[:, twist] = -H[e.limits.state] / H[twist]
             z0 += (0.5 * (low + high))[:, None] * follows
@@ -161,7 +163,7 @@ def first_state(coordinates: TwistModel, x0: Array, speed: float, apart: Array, 
     return z0, P0
 
 
-def _relaxing(gap: Element, system: StateSpace) -> int:
+def _twist_beside_gap(gap: Element, system: StateSpace) -> int:
     """Number of the twist that stands where the position in `gap` does, when its shaft is relaxed."""
     assert gap.limits is not None
     H = np.abs(gap.H[0].reshape(len(system.states), -1)).max(axis=1)
@@ -169,7 +171,9 @@ def _relaxing(gap: Element, system: StateSpace) -> int:
     return max(ways, key=lambda i: float(H[i]))
 
 
-def noise_levels(structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings) -> Noise:
+def estimate_noise(
+    structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings
+) -> Noise:
     """Noise levels under which the model explains `recording` best.
 
     Parameters
@@ -188,16 +192,16 @@ def noise_levels(structure: Structure, values: Mapping[str, float], recording: R
     Maximum likelihood of the innovations over the standard deviation of a disturbing torque and one factor on the
     sensors' noise, on a grid and a finer one around its best point; of a long recording the middle 6000 samples.
     """
-    part = _middle(recording)
+    part = _middle_part(recording)
     torque = float(np.abs(part.u).max()) or 1.0
     seen = prepare(structure, values, part, settings)
     grid = [(t * torque, s) for t in _TORQUES for s in _SENSORS]
-    best = _likeliest(seen, grid)
-    best = _likeliest(seen, [(best[0] * t, best[1] * s) for t in _FINER for s in _FINER])
-    return Noise(best[0], best[1] * seen.sensors[0])
+    best = _most_likely_noise(seen, grid)
+    best = _most_likely_noise(seen, [(best[0] * t, best[1] * s) for t in _FINER for s in _FINER])
+    return Noise(best[0], best[1] * seen.sensor_noise[0])
 
 
-def _middle(recording: Recording) -> Recording:
+def _middle_part(recording: Recording) -> Recording:
     extra = recording.samples - _ENOUGH
     if extra <= 0:
         return recording
@@ -205,9 +209,9 @@ def _middle(recording: Recording) -> Recording:
     return replace(recording, t=recording.t[part], u=recording.u[part], y=recording.y[:, part])
 
 
-def _likeliest(seen: PreparedRecording, grid: list[tuple[float, float]]) -> tuple[float, float]:
+def _most_likely_noise(seen: PreparedRecording, grid: list[tuple[float, float]]) -> tuple[float, float]:
     """Torque and sensor factor with the largest likelihood; all of a grid are filtered side by side."""
-    w, lanes = seen.watched, len(grid)
+    w, lanes = seen.filter_input, len(grid)
     wide = replace(
         w,
         u=np.repeat(w.u, lanes, axis=1),
@@ -217,7 +221,7 @@ def _likeliest(seen: PreparedRecording, grid: list[tuple[float, float]]) -> tupl
         tolerance=np.repeat(w.tolerance, lanes),
     )
     torques, factors = np.array(grid).T
-    found = extended(wide, Noise(torques, factors[:, None] * seen.sensors)).log_likelihood
+    found = extended_kalman_filter(wide, Noise(torques, factors[:, None] * seen.sensor_noise)).log_likelihood
     return grid[int(np.argmax(np.where(np.isfinite(found), found, -np.inf)))]
 
 

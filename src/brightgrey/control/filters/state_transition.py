@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.arrays import Array
-from brightgrey.control.filters.discretisation import DelayedInput, ElementBatch, delayed_input, propagate
+from brightgrey.control.filters.discretisation import DelayedInput, ElementBatch, delay_input, propagate_states
 from brightgrey.kit import StateSpace
 
 __all__ = ["FilterInput", "ProcessModel", "Transition"]
@@ -77,109 +77,121 @@ class ProcessModel:
         Whether the disturbance is a state.
     """
 
-    lanes: ElementBatch
-    timed: DelayedInput
+    batch: ElementBatch
+    delayed_input: DelayedInput
     dt: float
     tolerance: Array
     differenced: NDArray[np.bool_]
-    remembers_push: bool
+    has_disturbance_state: bool
 
     @classmethod
-    def of(cls, watched: FilterInput, copies: int = 1) -> ProcessModel:
+    def of(cls, filter_input: FilterInput, copies: int = 1) -> ProcessModel:
         """Each recording `copies` times, one copy after the other."""
-        K = watched.u.shape[1]
-        lanes = ElementBatch.of(watched.system, K)
+        K = filter_input.u.shape[1]
+        lanes = ElementBatch.of(filter_input.system, K)
         each = np.repeat(np.arange(K), copies)
-        delay = np.broadcast_to(np.asarray(watched.system.dead_time, float), (K,))
-        timed = delayed_input(watched.u, watched.dt, delay, watched.hold)
-        pushed = bool(np.any(timed.share < 1.0)) or any(row >= 0 for row in watched.system.derivative_rows)
-        course = cls(lanes, timed, watched.dt, watched.tolerance, np.array(watched.differenced), pushed)
-        return course.picked(each) if copies > 1 else course
+        delay = np.broadcast_to(np.asarray(filter_input.system.dead_time, float), (K,))
+        timed = delay_input(filter_input.u, filter_input.dt, delay, filter_input.hold)
+        pushed = bool(np.any(timed.switch_fraction < 1.0)) or any(
+            row >= 0 for row in filter_input.system.derivative_rows
+        )
+        course = cls(lanes, timed, filter_input.dt, filter_input.tolerance, np.array(filter_input.differenced), pushed)
+        return course.select(each) if copies > 1 else course
 
-    def picked(self, which: NDArray[np.int64]) -> ProcessModel:
+    def select(self, which: NDArray[np.int64]) -> ProcessModel:
         """Some of the recordings; one may come several times."""
         return replace(
-            self, lanes=self.lanes.picked(which), timed=self.timed.picked(which), tolerance=self.tolerance[which]
+            self,
+            batch=self.batch.select(which),
+            delayed_input=self.delayed_input.select(which),
+            tolerance=self.tolerance[which],
         )
 
-    def rate(self, k: int, x: Array) -> Array:
+    def derivative(self, k: int, x: Array) -> Array:
         """Derivative (K, n) of the model's states at sample k."""
-        push = x[:, -1] if self.remembers_push else 0.0
-        return self.lanes.field(x[:, : self.states], self.timed.first[k] + push)[0]
+        push = x[:, -1] if self.has_disturbance_state else 0.0
+        return self.batch.linearise(x[:, : self.n_states], self.delayed_input.start[k] + push)[0]
 
-    def least(self) -> Array:
+    def negligible_differences(self) -> Array:
         """Differences of states (K, n) that do not matter: what changes speeds by the tolerance within a sample."""
-        n = self.states
+        n = self.n_states
         small = np.repeat(self.tolerance[:, None], n, axis=1)
-        for e in self.lanes.elements:
-            if e.limited:
-                row, pull = e.deciding()
-                jump = np.abs(e.G[:, self.lanes.speeds]).max(axis=1) * pull * self.dt
+        for e in self.batch.elements:
+            if e.has_limits:
+                row, pull = e.contact_condition()
+                jump = np.abs(e.G[:, self.batch.speeds]).max(axis=1) * pull * self.dt
                 small[:, e.state] = self.tolerance / jump
                 for i in np.flatnonzero(row.any(axis=0)):
-                    if i not in self.lanes.speeds:
+                    if i not in self.batch.speeds:
                         small[:, i] = small[:, e.state]
         return small
 
     @property
-    def states(self) -> int:
+    def n_states(self) -> int:
         """The model's."""
-        return int(self.lanes.A.shape[1])
+        return int(self.batch.A.shape[1])
 
     @property
-    def remembers_position(self) -> bool:
+    def has_position_state(self) -> bool:
         """Whether the last position is a state."""
         return bool(self.differenced.any())
 
-    def start(self, z0: Array, P0: Array, torque: Array, first_speed: int) -> tuple[Array, Array]:
+    def augment(self, z0: Array, P0: Array, torque: Array, first_speed: int) -> tuple[Array, Array]:
         """State and covariance at the first sample from the model's (K, n), (K, n, n).
 
         The last position lies one interval back by mass 1's speed, state number `first_speed`.
         """
         n = z0.shape[1]
-        wide = np.eye(n + self.remembers_position + self.remembers_push)[:, :n]
-        if self.remembers_position:
+        wide = np.eye(n + self.has_position_state + self.has_disturbance_state)[:, :n]
+        if self.has_position_state:
             wide[n, 0], wide[n, first_speed] = 1.0, -self.dt
         P = np.asarray(wide @ P0 @ wide.T)
-        if self.remembers_push:
+        if self.has_disturbance_state:
             P[:, -1, -1] = np.square(torque)
         return z0 @ wide.T, P
 
-    def carry(self, k: int, x: Array, fresh: Array | None = None) -> Transition:
+    def transition(self, k: int, x: Array, fresh: Array | None = None) -> Transition:
         """From sample k to the next; `fresh` (K,) is the disturbance of the interval, 0 where not given."""
-        n, K = self.states, len(x)
+        n, K = self.n_states, len(x)
         new = np.zeros(K) if fresh is None else fresh
-        own = x[:, -1] if self.remembers_push else new
-        t = self.timed
-        step = propagate(self.lanes, x[:, :n], t.first[k] + own, t.knee[k] + own, t.share * self.dt, self.tolerance)
+        own = x[:, -1] if self.has_disturbance_state else new
+        t = self.delayed_input
+        step = propagate_states(
+            self.batch,
+            x[:, :n],
+            t.start[k] + own,
+            t.before_switch[k] + own,
+            t.switch_fraction * self.dt,
+            self.tolerance,
+        )
         z, F, by_own, by_new = step.z, step.by_state, step.by_input, np.zeros((K, n))
-        if np.any(t.share < 1.0):
-            rest = (1.0 - t.share) * self.dt
-            step = propagate(self.lanes, z, t.after[k] + new, t.last[k] + new, rest, self.tolerance)
+        if np.any(t.switch_fraction < 1.0):
+            rest = (1.0 - t.switch_fraction) * self.dt
+            step = propagate_states(self.batch, z, t.after_switch[k] + new, t.end[k] + new, rest, self.tolerance)
             z, F, by_new = step.z, step.by_state @ F, step.by_input
             by_own = np.einsum("kij,kj->ki", step.by_state, by_own)
-        if not (self.remembers_position or self.remembers_push):
+        if not (self.has_position_state or self.has_disturbance_state):
             return Transition(z, F, by_own)
         m = x.shape[1]
         after, by_state, by_push = np.zeros((K, m)), np.zeros((K, m, m)), np.zeros((K, m))
         after[:, :n], by_state[:, :n, :n] = z, F
-        if self.remembers_position:
+        if self.has_position_state:
             after[:, n], by_state[:, n, 0] = x[:, 0], 1.0
-        if self.remembers_push:
+        if self.has_disturbance_state:
             after[:, -1], by_state[:, :n, -1] = new, by_own
             by_push[:, :n], by_push[:, -1] = by_new, 1.0
         else:
             by_push[:, :n] = by_own
         return Transition(after, by_state, by_push)
 
-    def measure(self, k: int, x: Array) -> tuple[Array, Array]:
+    def predict_outputs(self, k: int, x: Array) -> tuple[Array, Array]:
         """Outputs (K, outputs) that are expected at sample k, and their derivative by the state."""
-        n = self.states
-        push = x[:, -1] if self.remembers_push else 0.0
-        y, own, by_input = self.lanes.measured(x[:, :n], self.timed.first[k] + push)
+        n = self.n_states
+        push = x[:, -1] if self.has_disturbance_state else 0.0
+        y, own, by_input = self.batch.outputs(x[:, :n], self.delayed_input.start[k] + push)
         C = np.zeros((*own.shape[:2], x.shape[1]))
         C[:, :, :n] = own
-        if self.remembers_push:
+        if self.has_disturbance_state:
             C[:, :, -1] = by_input
         for out in np.flatnonzero(self.differenced):
             C[:, out, n] = -1.0
@@ -187,9 +199,9 @@ class ProcessModel:
             y[:, out] = (y[:, out] - x[:, n]) / self.dt
         return y, C
 
-    def clipped(self, x: Array) -> Array:
+    def clip_to_limits(self, x: Array) -> Array:
         """Limited states within their limits; a measurement gives no impulse, so nothing else moves."""
-        for e in self.lanes.elements:
-            if e.limited:
+        for e in self.batch.elements:
+            if e.has_limits:
                 x[:, e.state] = np.clip(x[:, e.state], e.low, e.high)
         return x

@@ -9,16 +9,16 @@ from __future__ import annotations
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.control.filters.extended_kalman import Filtered, Noise, Record, begin, updated
+from brightgrey.control.filters.extended_kalman import FilterRecord, FilterResult, Noise, initial_estimate, update
 from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 
-__all__ = ["unscented"]
+__all__ = ["unscented_kalman_filter"]
 
 _ALPHA, _BETA, _KAPPA = 1.0, 2.0, 0.0
 _FLOOR = 1e-12  # of each variance: keeps the root of the covariance from failing
 
 
-def unscented(watched: FilterInput, noise: Noise) -> Filtered:
+def unscented_kalman_filter(filter_input: FilterInput, noise: Noise) -> FilterResult:
     """Run the unscented Kalman filter over the recordings.
 
     Parameters
@@ -30,35 +30,35 @@ def unscented(watched: FilterInput, noise: Noise) -> Filtered:
     -------
     Filtered
     """
-    samples, K = watched.u.shape
-    course = ProcessModel.of(watched)
-    R, torque = noise.sensors(K), noise.torques(K)
-    x, P = begin(watched, course, torque)
+    samples, K = filter_input.u.shape
+    course = ProcessModel.of(filter_input)
+    R, torque = noise.measurement_covariance(K), noise.disturbance_std(K)
+    x, P = initial_estimate(filter_input, course, torque)
     points = 2 * (x.shape[1] + 1) + 1  # the disturbance to come is a state of its own
-    many = ProcessModel.of(watched, points)
-    out = Record.empty(samples, K, course.states, len(watched.differenced))
+    many = ProcessModel.of(filter_input, points)
+    out = FilterRecord.empty(samples, K, course.n_states, len(filter_input.differenced))
     for k in range(samples):
         if k:
-            x, P = _spread(many, k - 1, x, P, torque)
-        x, P, innovation, S = updated(course, k, x, P, watched.y[k], R)
-        out.keep(k, x, P, innovation, S)
-    return out.gaussian()
+            x, P = _unscented_predict(many, k - 1, x, P, torque)
+        x, P, innovation, S = update(course, k, x, P, filter_input.y[k], R)
+        out.store(k, x, P, innovation, S)
+    return out.gaussian_result()
 
 
-def _spread(many: ProcessModel, k: int, x: Array, P: Array, torque: Array) -> tuple[Array, Array]:
+def _unscented_predict(many: ProcessModel, k: int, x: Array, P: Array, torque: Array) -> tuple[Array, Array]:
     """State and covariance one sample on, from where the sigma points come to lie."""
     K, m = x.shape
     wide = np.zeros((K, m + 1, m + 1))
     wide[:, :m, :m], wide[:, m, m] = P, np.square(torque)
-    spread, mean_weights, weights = _points(np.concatenate([x, np.zeros((K, 1))], axis=1), wide)
+    spread, mean_weights, weights = _sigma_points(np.concatenate([x, np.zeros((K, 1))], axis=1), wide)
     flat = spread.reshape(-1, m + 1)
-    moved = many.carry(k, flat[:, :m], flat[:, m]).x.reshape(K, -1, m)
+    moved = many.transition(k, flat[:, :m], flat[:, m]).x.reshape(K, -1, m)
     mean = np.einsum("p,kpi->ki", mean_weights, moved)
     apart = moved - mean[:, None]
     return mean, np.einsum("p,kpi,kpj->kij", weights, apart, apart)
 
 
-def _points(mean: Array, P: Array) -> tuple[Array, Array, Array]:
+def _sigma_points(mean: Array, P: Array) -> tuple[Array, Array, Array]:
     """Sigma points, shape (K, 2 m + 1, m), and their weights for mean and covariance."""
     m = mean.shape[1]
     scale = _ALPHA**2 * (m + _KAPPA)

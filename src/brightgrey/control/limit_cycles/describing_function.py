@@ -26,7 +26,7 @@ from brightgrey.effects import Element
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
 
-__all__ = ["LimitCycle", "describing_function", "limit_cycles", "saturation_gain"]
+__all__ = ["LimitCycle", "describing_function", "predict_limit_cycles", "saturation_gain"]
 
 _QUADRATURE = 128
 _PERIOD = 128  # steps in which a gap is followed over a period
@@ -87,7 +87,7 @@ def saturation_gain(amplitude: float, limit: float) -> float:
     return float(2.0 / np.pi * (np.arcsin(share) + share * np.sqrt(1.0 - share**2)))
 
 
-def _gap_gain(half: float, feedback: float, omega: Array, amplitude: Array) -> Complex:
+def gap_describing_function(half: float, feedback: float, omega: Array, amplitude: Array) -> Complex:
     """Fundamental of an integrator kept in [-half, half] over the sine that drives it, for each (omega, amplitude).
 
     ``lambda' = amplitude cos(omega t) + feedback lambda`` where it is not at its limit and pushed outward.
@@ -105,7 +105,7 @@ def _gap_gain(half: float, feedback: float, omega: Array, amplitude: Array) -> C
 
 
 @dataclass(frozen=True)
-class _Loop:
+class _HarmonicLoop:
     """Everything in the loop but the oscillation.
 
     The size of an oscillation is told by the amplitude at the port of a gap, where there is one: the same torque may
@@ -123,11 +123,11 @@ class _Loop:
         """The element that tells the size of an oscillation."""
         return next((e for e in self.system.elements if e.limits is not None), None)
 
-    def levels(self, torque: tuple[float, float]) -> Array:
+    def amplitudes(self, torque: tuple[float, float]) -> Array:
         """Sizes to look at: from a gap that is just not crossed to one that is hardly felt, or of the torque."""
         if self.gap is None:
             return np.geomspace(*torque, _AMPLITUDES)
-        half, _, feedback = _gap_of(self.gap)
+        half, _, feedback = _gap_parameters(self.gap)
         return np.geomspace(1e-3, 1e4, 2 * _AMPLITUDES) * half * abs(feedback)
 
     def oscillation(self, omega: Array, level: float) -> tuple[Complex, Array]:
@@ -137,8 +137,8 @@ class _Loop:
         start = 1j * omega[:, None, None] * np.eye(n) - s.A
         size = np.full(len(omega), level)
         if self.gap is not None:
-            half, port, feedback = _gap_of(self.gap)
-            carried = 1j * omega * _gap_gain(half, feedback, omega, size)
+            half, port, feedback = _gap_parameters(self.gap)
+            carried = 1j * omega * gap_describing_function(half, feedback, omega, size)
             start = start - carried[:, None, None] * np.outer(self.gap.G, port)
         smooth = [e for e in s.elements if e.limits is None and e.law.ports]
         gains = [np.zeros(len(omega)) for _ in smooth]
@@ -160,7 +160,7 @@ class _Loop:
                 break
         return np.asarray(X, complex), np.asarray(torque, float)
 
-    def around(self, omega: Array, fundamental: Complex) -> Complex:
+    def states_per_gap_position(self, omega: Array, fundamental: Complex) -> Complex:
         """States, shape (frequencies, n), for a position of amplitude 1 in the gap, with the loop closed.
 
         Friction and torque limit have their gains for the `fundamental` of the states, shape (n,).
@@ -173,8 +173,8 @@ class _Loop:
             if e.limits is None and e.law.ports:
                 gain = float(describing_function(e, np.maximum(np.abs(fundamental @ e.H[0]), 1e-300)))
                 M = M - gain * np.outer(e.G, e.H[0])
-        control = self.compensator.at(omega) * np.exp(-1j * omega * self.delay)
-        wanted = abs(complex(self.compensator.at(omega[:1])[0] * (fundamental @ s.C[self.output])))
+        control = self.compensator.response(omega) * np.exp(-1j * omega * self.delay)
+        wanted = abs(complex(self.compensator.response(omega[:1])[0] * (fundamental @ s.C[self.output])))
         M = M + (control * saturation_gain(wanted, self.limit))[:, None, None] * np.outer(s.B[:, 0], s.C[self.output])
         return np.asarray(np.linalg.solve(M, (1j * omega[:, None] * self.gap.G)[:, :, None])[:, :, 0], complex)
 
@@ -185,12 +185,12 @@ class _Loop:
             X, _ = self.oscillation(omega, level * saturation_gain(level, self.limit))
         else:
             X, torque = self.oscillation(omega, level)
-            wanted = np.array([_wanted(a, self.limit) for a in torque])
+            wanted = np.array([_unlimited_amplitude(a, self.limit) for a in torque])
         y = X @ self.system.C[self.output].astype(complex)
-        return self.compensator.at(omega) * y * np.exp(-1j * omega * self.delay) / wanted, X, wanted
+        return self.compensator.response(omega) * y * np.exp(-1j * omega * self.delay) / wanted, X, wanted
 
 
-def _gap_of(gap: Element) -> tuple[float, Array, float]:
+def _gap_parameters(gap: Element) -> tuple[float, Array, float]:
     """Half the gap, the port without the gap's own state, and how that state feeds back to its rate."""
     assert gap.limits is not None
     port = gap.H[0].copy()
@@ -198,7 +198,7 @@ def _gap_of(gap: Element) -> tuple[float, Array, float]:
     return 0.5 * float(gap.limits.upper - gap.limits.lower), port, float(gap.H[0][gap.limits.state])
 
 
-def _wanted(applied: float, limit: float) -> float:
+def _unlimited_amplitude(applied: float, limit: float) -> float:
     """Amplitude before the torque limit that leaves `applied` behind it; inf where the limit leaves less."""
     if applied <= limit:
         return applied
@@ -207,7 +207,7 @@ def _wanted(applied: float, limit: float) -> float:
     return float(brentq(lambda a: a * saturation_gain(a, limit) - applied, limit, 1e6 * limit))
 
 
-def limit_cycles(
+def predict_limit_cycles(
     system: StateSpace,
     compensator: Compensator,
     *,
@@ -252,19 +252,23 @@ def limit_cycles(
     if any(row >= 0 for row in transformed.derivative_rows):
         raise SettingsError("limit cycles are predicted for position and velocity, not for acceleration")
     total = delay + float(np.asarray(system.dead_time))
-    loop = _Loop(transformed, compensator, output, total, limit)
+    loop = _HarmonicLoop(transformed, compensator, output, total, limit)
     grid = np.geomspace(*omega, _FREQUENCIES)
-    levels = loop.levels(torque)
+    levels = loop.amplitudes(torque)
     map_of: Complex = np.array([loop.gain(grid, a)[0] for a in levels], complex)
     found: list[LimitCycle] = []
-    for i, k in _cells(np.asarray(1.0 + map_of, complex)):
-        cycle = _refined(loop, np.log([levels[i], grid[k]]))
-        if cycle and torque[0] <= cycle.torque <= torque[1] and not any(_same(cycle, other) for other in found):
+    for i, k in _cells_around_zero(np.asarray(1.0 + map_of, complex)):
+        cycle = _refine(loop, np.log([levels[i], grid[k]]))
+        if (
+            cycle
+            and torque[0] <= cycle.torque <= torque[1]
+            and not any(_is_same_cycle(cycle, other) for other in found)
+        ):
             found.append(cycle)
     return tuple(sorted(found, key=lambda c: c.torque))
 
 
-def _cells(values: Complex) -> list[tuple[int, int]]:
+def _cells_around_zero(values: Complex) -> list[tuple[int, int]]:
     """Cells of the grid whose corners lie around 0."""
 
     def spans(part: Array) -> NDArray[np.bool_]:
@@ -275,7 +279,7 @@ def _cells(values: Complex) -> list[tuple[int, int]]:
     return [(int(i), int(k)) for i, k in np.argwhere(spans(values.real) & spans(values.imag) & near)]
 
 
-def _refined(loop: _Loop, start: Array) -> LimitCycle | None:
+def _refine(loop: _HarmonicLoop, start: Array) -> LimitCycle | None:
     def miss(p: Array) -> Array:
         L = loop.gain(np.exp(p[1:]), float(np.exp(p[0])))[0][0]
         return np.array([1.0 + L.real, L.imag])
@@ -290,13 +294,13 @@ def _refined(loop: _Loop, start: Array) -> LimitCycle | None:
     by_a, by_w = ((miss(solution.x + d) - miss(solution.x - d)) / (2.0 * step) for d in step * np.eye(2))
     turn = float(by_a[0] * by_w[1] - by_a[1] * by_w[0])
     if loop.gap is not None:
-        half, port, feedback = _gap_of(loop.gap)
-        better = harmonic_balance(GapLoop(half, feedback, port, loop.around), w, X[0])
+        half, port, feedback = _gap_parameters(loop.gap)
+        better = harmonic_balance(GapLoop(half, feedback, port, loop.states_per_gap_position), w, X[0])
         if better is not None:
             w, X = better.omega, better.states[None]
-            wanted = np.abs(loop.compensator.at(np.array([w])) * (X @ loop.system.C[loop.output]))
+            wanted = np.abs(loop.compensator.response(np.array([w])) * (X @ loop.system.C[loop.output]))
     return LimitCycle(w / (2.0 * np.pi), float(wanted[0]), np.abs(loop.system.C @ X[0]), turn > 0.0)
 
 
-def _same(a: LimitCycle, b: LimitCycle) -> bool:
+def _is_same_cycle(a: LimitCycle, b: LimitCycle) -> bool:
     return abs(math.log(a.frequency / b.frequency)) < 0.02 and abs(math.log(a.torque / b.torque)) < 0.05

@@ -40,10 +40,10 @@ class GapLoop:
         amplitude 1 in the gap leaves at each frequency.
     """
 
-    half: float
+    half_width: float
     feedback: float
     port: Array
-    states: Callable[[Array, Complex], Complex]
+    states_per_position: Callable[[Array, Complex], Complex]
 
 
 class HarmonicBalance(NamedTuple):
@@ -80,21 +80,21 @@ def harmonic_balance(gap: GapLoop, omega: float, states: Complex) -> HarmonicBal
     states : ndarray, shape (n,)
         Fundamental of the states as predicted.
     """
-    first = gap_harmonics(gap.half, gap.feedback, omega, _padded(complex(states @ gap.port)))
+    first = gap_harmonics(gap.half_width, gap.feedback, omega, _fundamental_only(complex(states @ gap.port)))
     turn = np.exp(-1j * np.angle(first[0]) * _HARMONICS)
-    start = _packed(first * turn / gap.half)
+    start = _to_real(first * turn / gap.half_width)
     known = states * turn[0]
 
     def at(p: Array) -> tuple[float, Complex, Complex]:
         w = omega * float(np.exp(p[0]))
-        position: Complex = np.asarray(gap.half * np.append(p[1], p[2::2] + 1j * p[3::2]), complex)
-        per_position = gap.states(w * _HARMONICS, known)
+        position: Complex = np.asarray(gap.half_width * np.append(p[1], p[2::2] + 1j * p[3::2]), complex)
+        per_position = gap.states_per_position(w * _HARMONICS, known)
         return w, position, per_position * position[:, None]
 
     def miss(p: Array) -> Array:
         w, position, each = at(p)
-        new = gap_harmonics(gap.half, gap.feedback, w, each @ gap.port)
-        wrong = (new - position) / gap.half
+        new = gap_harmonics(gap.half_width, gap.feedback, w, each @ gap.port)
+        wrong = (new - position) / gap.half_width
         return np.concatenate([wrong.real, wrong.imag])
 
     begin = np.concatenate([[0.0], start])
@@ -109,13 +109,13 @@ def harmonic_balance(gap: GapLoop, omega: float, states: Complex) -> HarmonicBal
     return HarmonicBalance(omega * float(np.exp(found[0])), known)
 
 
-def _padded(fundamental: complex) -> Complex:
+def _fundamental_only(fundamental: complex) -> Complex:
     drive = np.zeros(len(_HARMONICS), complex)
     drive[0] = fundamental
     return drive
 
 
-def _packed(position: Complex) -> Array:
+def _to_real(position: Complex) -> Array:
     """Real numbers for the harmonics, the first of which is real."""
     rest = np.column_stack([position[1:].real, position[1:].imag]).ravel()
     return np.append(position[0].real, rest)

@@ -16,16 +16,22 @@ from brightgrey.control.linear.controllability import (
     minimal_realisation,
     observability,
 )
-from brightgrey.control.linear.margins import Compensator, Margins, frequencies, frequency_response, margins
-from brightgrey.control.linear.operating_point import OperatingPoint, contact_mode, trim
+from brightgrey.control.linear.margins import (
+    Compensator,
+    Margins,
+    frequency_grid,
+    frequency_response,
+    stability_margins,
+)
+from brightgrey.control.linear.operating_point import OperatingPoint, contact_mode, trim_point
 from brightgrey.control.linear.python_control import state_space
 from brightgrey.control.linear.twist_coordinates import TwistModel, to_twist_coordinates
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear, StateSpace
 
-__all__ = ["Analysis", "OscillatoryMode", "linearise_at", "oscillatory_modes", "zeros"]
+__all__ = ["Analysis", "OscillatoryMode", "analyse_system", "invariant_zeros", "oscillatory_modes"]
 
-_AT_REST = 1e-9  # of the fastest pole: a pole this near to the axis is on it
+AXIS_TOLERANCE = 1e-9  # of the fastest pole: a pole this near to the axis is on it
 
 
 class OscillatoryMode(NamedTuple):
@@ -50,7 +56,7 @@ class Analysis:
         Of the input, in s; not in `linear`.
     """
 
-    point: OperatingPoint
+    operating_point: OperatingPoint
     linear: Linear
     states: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -63,9 +69,9 @@ class Analysis:
         return np.asarray(found[np.argsort(np.abs(found), kind="stable")])
 
     @property
-    def verdict(self) -> Literal["stable", "marginal", "unstable"]:
+    def stability(self) -> Literal["stable", "marginal", "unstable"]:
         """``marginal``: a pole on the axis (an integrator) and none beyond."""
-        edge = _AT_REST * max(1.0, float(np.abs(self.poles).max(initial=0.0)))
+        edge = AXIS_TOLERANCE * max(1.0, float(np.abs(self.poles).max(initial=0.0)))
         largest = float(self.poles.real.max(initial=-np.inf))
         return "unstable" if largest > edge else "marginal" if largest >= -edge else "stable"
 
@@ -86,12 +92,14 @@ class Analysis:
 
     def antiresonances(self, output: int = 0) -> tuple[OscillatoryMode, ...]:
         """Pairs of complex zeros from the input to one output."""
-        return oscillatory_modes(zeros(self.linear, output))
+        return oscillatory_modes(invariant_zeros(self.linear, output))
 
     def bode(self, omega: Array | None = None) -> tuple[Array, Complex]:
         """Angular frequencies in rad/s, (m,), and responses of all outputs, (outputs, m), dead time exact."""
         if omega is None:
-            omega = frequencies([*self.poles, *(z for i in range(len(self.outputs)) for z in zeros(self.linear, i))])
+            omega = frequency_grid(
+                [*self.poles, *(z for i in range(len(self.outputs)) for z in invariant_zeros(self.linear, i))]
+            )
         return omega, frequency_response(self.linear, omega, self.dead_time)
 
     def margins(self, compensator: Compensator, *, output: int = 0, delay: float = 0.0) -> Margins:
@@ -100,14 +108,14 @@ class Analysis:
         Of the part that input and output reach: a load that coasts in an open gap is not the loop's matter.
         """
         one = self.linear._replace(C=self.linear.C[output : output + 1], D=self.linear.D[output : output + 1])
-        return margins(minimal_realisation(one), compensator, dead_time=self.dead_time + delay)
+        return stability_margins(minimal_realisation(one), compensator, dead_time=self.dead_time + delay)
 
-    def control(self, order: int = 4) -> Any:
+    def to_python_control(self, order: int = 4) -> Any:
         """``control.StateSpace``; the dead time is a Padé approximation of `order`."""
         return state_space(self.linear, self.states, self.outputs, self.dead_time, order)
 
 
-def linearise_at(
+def analyse_system(
     system: StateSpace | TwistModel, *, speed: float = 0.0, contact: str = "forward", keep_position: bool = False
 ) -> Analysis:
     """Linearise a system in steady motion.
@@ -138,12 +146,12 @@ def linearise_at(
     if transformed.system.batch:
         raise SettingsError("analysis takes one parameter set, this is a batch")
     on = contact_mode(transformed, contact)
-    point = trim(on, speed)
+    point = trim_point(on, speed)
     outputs = transformed.system.outputs
-    return Analysis(point, point.linear, on.names, outputs, float(np.asarray(transformed.system.dead_time)))
+    return Analysis(point, point.linear, on.free_state_names, outputs, float(np.asarray(transformed.system.dead_time)))
 
 
-def zeros(linear: Linear, output: int = 0) -> Complex:
+def invariant_zeros(linear: Linear, output: int = 0) -> Complex:
     """Finite invariant zeros in 1/s from the input to one output.
 
     Generalised eigenvalues of Rosenbrock's system matrix; those at infinity are left out.
@@ -162,7 +170,7 @@ def zeros(linear: Linear, output: int = 0) -> Complex:
     return np.asarray(alpha[finite] / beta[finite] * scale)
 
 
-def oscillatory_modes(rates: Complex) -> tuple[OscillatoryMode, ...]:
+def oscillatory_modes(roots: Complex) -> tuple[OscillatoryMode, ...]:
     """Conjugate pairs among poles or zeros, the lowest frequency first."""
-    pairs = sorted((r for r in rates if r.imag > 1e-6 * abs(r)), key=abs)
+    pairs = sorted((r for r in roots if r.imag > 1e-6 * abs(r)), key=abs)
     return tuple(OscillatoryMode(float(abs(r) / (2.0 * np.pi)), float(-r.real / abs(r))) for r in pairs)

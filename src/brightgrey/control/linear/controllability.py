@@ -19,7 +19,7 @@ from brightgrey.kit import Linear
 
 __all__ = ["Controllability", "controllability", "minimal_realisation", "observability"]
 
-_LOST = 1e-10  # what is left of a direction, relative to A, that counts as nothing
+RANK_TOLERANCE = 1e-10  # what is left of a direction, relative to A, that counts as nothing
 
 
 class Controllability(NamedTuple):
@@ -38,7 +38,7 @@ class Controllability(NamedTuple):
     rank: int
     order: int
     distance: float
-    where: complex
+    nearest_mode: complex
 
     @property
     def complete(self) -> bool:
@@ -48,15 +48,15 @@ class Controllability(NamedTuple):
 
 def controllability(linear: Linear) -> Controllability:
     """Which states the input reaches."""
-    return _reach(linear.A, linear.B)
+    return _pair_properties(linear.A, linear.B)
 
 
 def observability(linear: Linear) -> Controllability:
     """Which states the outputs show."""
-    return _reach(linear.A.T, linear.C.T)
+    return _pair_properties(linear.A.T, linear.C.T)
 
 
-def _reach(A: Array, B: Array) -> Controllability:
+def _pair_properties(A: Array, B: Array) -> Controllability:
     n = len(A)
     balanced, scaling = matrix_balance(A, permute=False, separate=True)
     size = float(np.linalg.norm(balanced, 2)) or 1.0
@@ -71,7 +71,7 @@ def _reach(A: Array, B: Array) -> Controllability:
     def away(p: Array) -> float:
         return smallest(complex(p[0], p[1]))
 
-    rank = _krylov(A1, B1).shape[1]
+    rank = _krylov_basis(A1, B1).shape[1]
     starts = sorted(np.linalg.eigvals(A1), key=smallest)
     if rank < n:
         return Controllability(rank, n, 0.0, complex(starts[0] * size))
@@ -97,13 +97,13 @@ def minimal_realisation(linear: Linear) -> Linear:
     A, scaling = matrix_balance(linear.A, permute=False, separate=True)
     B, C = linear.B / scaling[0][:, None], linear.C * scaling[0]
     size = float(np.linalg.norm(A, 2)) or 1.0
-    V = _krylov(np.asarray(A / size, float), B / (np.linalg.norm(B, axis=0) + 1e-300))
+    V = _krylov_basis(np.asarray(A / size, float), B / (np.linalg.norm(B, axis=0) + 1e-300))
     A, B, C = V.T @ A @ V, V.T @ B, C @ V
-    W = _krylov(np.asarray(A.T / size, float), C.T / (np.linalg.norm(C.T, axis=0) + 1e-300))
+    W = _krylov_basis(np.asarray(A.T / size, float), C.T / (np.linalg.norm(C.T, axis=0) + 1e-300))
     return Linear(W.T @ A @ W, W.T @ B, C @ W, linear.D)
 
 
-def _krylov(A: Array, B: Array) -> Array:
+def _krylov_basis(A: Array, B: Array) -> Array:
     """Orthonormal basis of span{B, A B, A² B, ..}, direction by direction (block Arnoldi)."""
     n = len(A)
     basis = np.zeros((n, 0))
@@ -112,7 +112,7 @@ def _krylov(A: Array, B: Array) -> Array:
         for _ in range(2):  # once more, against cancellation
             block = block - basis @ (basis.T @ block)
         U, s, _ = np.linalg.svd(block, full_matrices=False)
-        fresh = U[:, s > _LOST]
+        fresh = U[:, s > RANK_TOLERANCE]
         if not fresh.shape[1]:
             break
         basis = np.hstack([basis, fresh])

@@ -15,10 +15,18 @@ from brightgrey.arrays import Array, Complex
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear
 
-__all__ = ["Compensator", "Margins", "closed_poles", "frequencies", "frequency_response", "margins", "series"]
+__all__ = [
+    "Compensator",
+    "Margins",
+    "closed_loop_poles",
+    "frequency_grid",
+    "frequency_response",
+    "open_loop",
+    "stability_margins",
+]
 
-_PER_DECADE = 200
-_PADE = 6
+POINTS_PER_DECADE = 200
+PADE_ORDER = 6
 
 
 @dataclass(frozen=True)
@@ -54,11 +62,11 @@ class Compensator:
             return cls(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[top[0] / bottom[0]]]))
         return cls(*(np.atleast_2d(part) for part in tf2ss(top, bottom)))
 
-    def at(self, omega: Array) -> Complex:
+    def response(self, omega: Array) -> Complex:
         """Frequency response, shape (frequencies,), at angular frequencies in rad/s."""
         return np.asarray(frequency_response(Linear(self.A, self.B, self.C, self.D), omega)[0])
 
-    def discrete(self, dt: float) -> Compensator:
+    def discretise(self, dt: float) -> Compensator:
         """Sampled every `dt` seconds, by the trapezoidal rule (Tustin)."""
         n = len(self.A)
         left = np.linalg.inv(np.eye(n) - 0.5 * dt * self.A)
@@ -98,17 +106,17 @@ class Margins:
     crossover: float
 
 
-def frequencies(rates: Sequence[complex], top: float | None = None) -> Array:
+def frequency_grid(roots: Sequence[complex], top: float | None = None) -> Array:
     """Grid in rad/s around poles and zeros, finer at each of them: three decades below the slowest to `top`.
 
     Without `top` it ends two decades above the fastest.
     """
-    sizes = [abs(r) for r in rates if abs(r) > 1e-9]
+    sizes = [abs(r) for r in roots if abs(r) > 1e-9]
     low, high = (min(sizes) * 1e-3, max(sizes) * 1e2) if sizes else (1e-2, 1e4)
     high = top or high
     low = min(low, high * 1e-4)
-    grid = [np.geomspace(low, high, int(_PER_DECADE * math.log10(high / low)))]
-    for r in rates:
+    grid = [np.geomspace(low, high, int(POINTS_PER_DECADE * math.log10(high / low)))]
+    for r in roots:
         center, width = abs(r.imag), max(abs(r.real), 1e-6 * abs(r.imag))
         if center > 0.0:
             around = center + width * np.linspace(-6.0, 6.0, 121)
@@ -129,7 +137,7 @@ def frequency_response(linear: Linear, omega: Array, dead_time: float = 0.0) -> 
     return np.asarray(H * np.exp(-s * dead_time))
 
 
-def margins(linear: Linear, compensator: Compensator, *, output: int = 0, dead_time: float = 0.0) -> Margins:
+def stability_margins(linear: Linear, compensator: Compensator, *, output: int = 0, dead_time: float = 0.0) -> Margins:
     """Margins of the loop ``L = compensator * plant`` with negative feedback of one output.
 
     Parameters
@@ -142,11 +150,11 @@ def margins(linear: Linear, compensator: Compensator, *, output: int = 0, dead_t
         In s: of the drive, of the computer and half a sampling interval for its hold.
     """
     one = Linear(linear.A, linear.B, linear.C[output : output + 1], linear.D[output : output + 1])
-    loop = series(compensator, one)
-    rates = [*np.linalg.eigvals(loop.A), *_closed(loop, dead_time)]
+    loop = open_loop(compensator, one)
+    rates = [*np.linalg.eigvals(loop.A), *_poles_of_closed(loop, dead_time)]
     if dead_time > 0.0:
         rates.append(complex(1.0 / dead_time))
-    omega = frequencies(rates)
+    omega = frequency_grid(rates)
     L = frequency_response(loop, omega, dead_time)[0]
 
     def at(w: float) -> complex:
@@ -154,7 +162,7 @@ def margins(linear: Linear, compensator: Compensator, *, output: int = 0, dead_t
 
     gains, phases, delays, crossover = _crossings(omega, L, at)
     return Margins(
-        stable=bool(np.all(_closed(loop, dead_time).real < 0.0)),
+        stable=bool(np.all(_poles_of_closed(loop, dead_time).real < 0.0)),
         gain=min((g for g in gains if g > 1.0), default=math.inf),
         gain_down=max((g for g in gains if 0.0 < g < 1.0), default=0.0),
         phase=min(phases, default=math.inf),
@@ -182,7 +190,7 @@ def _crossings(
     return gains, phases, delays, crossover
 
 
-def series(compensator: Compensator, plant: Linear) -> Linear:
+def open_loop(compensator: Compensator, plant: Linear) -> Linear:
     """Open loop: the compensator ahead of a plant with one output."""
     A = block_diag(compensator.A, plant.A)
     m = len(compensator.A)
@@ -191,21 +199,21 @@ def series(compensator: Compensator, plant: Linear) -> Linear:
     return Linear(A, B, np.hstack([plant.D @ compensator.C, plant.C]), plant.D @ compensator.D)
 
 
-def closed_poles(linear: Linear, compensator: Compensator, dead_time: float = 0.0) -> Complex:
+def closed_loop_poles(linear: Linear, compensator: Compensator, dead_time: float = 0.0) -> Complex:
     """Poles in 1/s of the loop closed over the first output; dead time by a Padé approximation."""
-    return _closed(series(compensator, linear), dead_time)
+    return _poles_of_closed(open_loop(compensator, linear), dead_time)
 
 
-def _closed(loop: Linear, dead_time: float) -> Complex:
+def _poles_of_closed(loop: Linear, dead_time: float) -> Complex:
     if dead_time > 0.0:
-        loop = series(_pade(dead_time), loop)
+        loop = open_loop(_pade(dead_time), loop)
     feedback = loop.B @ loop.C / (1.0 + loop.D[0, 0])
     return np.asarray(np.linalg.eigvals(loop.A - feedback))
 
 
 def _pade(dead_time: float) -> Compensator:
     """Padé approximation of a dead time."""
-    n = _PADE
+    n = PADE_ORDER
     c = [
         math.factorial(2 * n - k) / (math.factorial(k) * math.factorial(n - k)) * dead_time**k for k in range(n, -1, -1)
     ]

@@ -19,12 +19,12 @@ from brightgrey.effects import Element
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.kit import Linear, StateSpace
 
-__all__ = ["CONTACTS", "Contact", "ContactMode", "OperatingPoint", "contact_mode", "trim"]
+__all__ = ["CONTACTS", "Contact", "ContactMode", "OperatingPoint", "contact_mode", "trim_point"]
 
 Contact = Literal["forward", "backward", "gap"]
 CONTACTS: tuple[Contact, ...] = get_args(Contact)
-_STEPS = 20
-_BALANCED = 1e-8  # of the largest rate that takes part in a balance
+MAX_NEWTON_STEPS = 20
+BALANCE_TOLERANCE = 1e-8  # of the largest rate that takes part in a balance
 
 
 @dataclass(frozen=True)
@@ -38,43 +38,47 @@ class ContactMode:
         Gap closed so that the motor pushes the load forward or backward, or open. Without a gap it changes nothing.
     """
 
-    twisted: TwistModel
+    model: TwistModel
     contact: Contact
 
     @property
     def system(self) -> StateSpace:
         """The system in twist coordinates."""
-        return self.twisted.system
+        return self.model.system
 
     @cached_property
-    def smooth(self) -> StateSpace:
+    def without_limits(self) -> StateSpace:
         """The system with its gaps held: only elements without limits."""
         return replace(self.system, elements=tuple(e for e in self.system.elements if e.limits is None))
 
     @cached_property
-    def limited(self) -> tuple[Element, ...]:
+    def limited_elements(self) -> tuple[Element, ...]:
         """The elements that are integrators with saturation."""
         return tuple(e for e in self.system.elements if e.limits is not None)
 
     @property
-    def frozen(self) -> tuple[int, ...]:
+    def fixed_states(self) -> tuple[int, ...]:
         """States that stand still on this piece."""
-        return () if self.contact == "gap" else tuple(e.limits.state for e in self.limited if e.limits is not None)
+        return (
+            ()
+            if self.contact == "gap"
+            else tuple(e.limits.state for e in self.limited_elements if e.limits is not None)
+        )
 
     @property
-    def kept(self) -> tuple[int, ...]:
+    def free_states(self) -> tuple[int, ...]:
         """States of the linear model."""
-        return tuple(i for i in range(len(self.system.states)) if i not in self.frozen)
+        return tuple(i for i in range(len(self.system.states)) if i not in self.fixed_states)
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def free_state_names(self) -> tuple[str, ...]:
         """Names of the linear model's states."""
-        return tuple(self.system.state_names[i] for i in self.kept)
+        return tuple(self.system.state_names[i] for i in self.free_states)
 
-    def start(self, speed: float) -> Array:
+    def nominal_state(self, speed: float) -> Array:
         """State, shape (m,), in which all masses move at `speed` and every gap is as the piece says."""
         z = np.array([speed if state.at_rest == "speed" else 0.0 for state in self.system.states])
-        for e in self.limited:
+        for e in self.limited_elements:
             assert e.limits is not None
             low, high = float(e.limits.lower), float(e.limits.upper)
             z[e.limits.state] = {"forward": high, "backward": low, "gap": 0.5 * (low + high)}[self.contact]
@@ -82,17 +86,17 @@ class ContactMode:
 
     def derivative(self, z: Array, u: float) -> Array:
         """Z' on this piece, shape (m,)."""
-        rate = self.smooth.derivative(z, u)
+        rate = self.without_limits.derivative(z, u)
         if self.contact == "gap":
-            for e in self.limited:
+            for e in self.limited_elements:
                 rate = rate + e.G * float(e.H[0] @ z + e.K[0] * u)
         return rate
 
     def jacobian(self, z: Array, u: float) -> Linear:
         """Exact linearisation on this piece over all states, frozen ones included."""
-        A, B, C, D = self.smooth.linearise(z, u)
+        A, B, C, D = self.without_limits.linearise(z, u)
         if self.contact == "gap":
-            for e in self.limited:
+            for e in self.limited_elements:
                 A = A + np.outer(e.G, e.H[0])
                 B = B + np.outer(e.G, e.K[:1])
             for out, row in enumerate(self.system.derivative_rows):
@@ -100,9 +104,9 @@ class ContactMode:
                     C[out], D[out] = A[row], B[row]
         return Linear(A, B, C, D)
 
-    def linear(self, z: Array, u: float) -> Linear:
+    def linearise(self, z: Array, u: float) -> Linear:
         """Linear model over the states that move on this piece (`names`)."""
-        full, keep = self.jacobian(z, u), list(self.kept)
+        full, keep = self.jacobian(z, u), list(self.free_states)
         return Linear(full.A[np.ix_(keep, keep)], full.B[keep], full.C[:, keep], full.D)
 
 
@@ -130,7 +134,7 @@ class OperatingPoint:
     @cached_property
     def linear(self) -> Linear:
         """Exact linearisation at this point."""
-        return self.contact_mode.linear(self.z, self.u)
+        return self.contact_mode.linearise(self.z, self.u)
 
 
 def contact_mode(transformed: TwistModel, contact: str = "forward") -> ContactMode:
@@ -147,7 +151,7 @@ def contact_mode(transformed: TwistModel, contact: str = "forward") -> ContactMo
     raise SettingsError(unknown_name("contact", contact, CONTACTS))
 
 
-def trim(on: ContactMode, speed: float = 0.0, acceleration: float = 0.0) -> OperatingPoint:
+def trim_point(mode: ContactMode, speed: float = 0.0, acceleration: float = 0.0) -> OperatingPoint:
     """Find twists, gaps and input under which all masses keep `speed` and `acceleration`.
 
     Parameters
@@ -165,37 +169,37 @@ def trim(on: ContactMode, speed: float = 0.0, acceleration: float = 0.0) -> Oper
     SettingsError
         If there is no such motion, as with an open gap and a load that needs torque.
     """
-    system = on.system
+    system = mode.system
     speeds = [i for i, state in enumerate(system.states) if state.at_rest == "speed"]
-    held = {*speeds, *on.frozen, *(i for i, state in enumerate(system.states) if state.at_rest == "position")}
+    held = {*speeds, *mode.fixed_states, *(i for i, state in enumerate(system.states) if state.at_rest == "position")}
     free = [i for i in range(len(system.states)) if i not in held]
     moving = [i for i, state in enumerate(system.states) if state.at_rest == "position"]
     rows = [i for i in range(len(system.states)) if i not in moving]
     wanted = np.zeros(len(system.states))
     wanted[speeds] = acceleration
-    z, u = on.start(speed), 0.0
-    for _ in range(_STEPS):
-        miss = (wanted - on.derivative(z, u))[rows]
-        slope = on.jacobian(z, u)
+    z, u = mode.nominal_state(speed), 0.0
+    for _ in range(MAX_NEWTON_STEPS):
+        miss = (wanted - mode.derivative(z, u))[rows]
+        slope = mode.jacobian(z, u)
         M = np.column_stack([slope.A[np.ix_(rows, free)], slope.B[rows, 0]])
-        size = _columns(M)
+        size = _column_norms(M)
         step = np.linalg.lstsq(M / size, miss, rcond=1e-12)[0]
         z[free] += step[:-1] / size[:-1]
         u += float(step[-1] / size[-1])
         if np.abs(step).max() <= 1e-12 * np.abs(np.append(z[free], u) * size).max():
             break
-    miss = np.abs((wanted - on.derivative(z, u))[rows])
-    slope = on.jacobian(z, u)
+    miss = np.abs((wanted - mode.derivative(z, u))[rows])
+    slope = mode.jacobian(z, u)
     terms = np.abs(slope.A[rows]) @ np.abs(z) + np.abs(slope.B[rows, 0] * u) + abs(acceleration)
-    if np.any(miss > _BALANCED * terms.max(initial=1e-300)):
+    if np.any(miss > BALANCE_TOLERANCE * terms.max(initial=1e-300)):
         raise SettingsError(
-            f"no steady motion at speed {speed:g} and acceleration {acceleration:g} with contact '{on.contact}': "
+            f"no steady motion at speed {speed:g} and acceleration {acceleration:g} with contact '{mode.contact}': "
             "the load gets no torque"
         )
-    return OperatingPoint(on, z, u, speed, acceleration)
+    return OperatingPoint(mode, z, u, speed, acceleration)
 
 
-def _columns(M: Array) -> Array:
+def _column_norms(M: Array) -> Array:
     """Size of each column, 1 for columns of zeros: twists and torques differ by many powers of ten."""
     size = np.linalg.norm(M, axis=0)
     return np.where(size > 0.0, size, 1.0)

@@ -67,12 +67,12 @@ def to_twist_coordinates(system: StateSpace, *, keep_position: bool = False) -> 
         *(replace(system.states[i], name=f"twist{k}", at_rest="zero") for k, i in enumerate(positions[:-1], start=1)),
         *(system.states[i] for i in others),
     ]
-    if not keep_position and not _reads(system, shift):
+    if not keep_position and not _depends_on(system, shift):
         W, V, names = W[1:], V[:, 1:], names[1:]
-    return TwistModel(_transformed(system, W, V, tuple(names)), W, V)
+    return TwistModel(_transform(system, W, V, tuple(names)), W, V)
 
 
-def _reads(system: StateSpace, shift: Array) -> bool:
+def _depends_on(system: StateSpace, shift: Array) -> bool:
     """Whether anything in `system` notices that all masses are moved by the same way."""
     rows = [system.A, system.C, *(element.H for element in system.elements)]
     for matrix in rows:
@@ -82,7 +82,7 @@ def _reads(system: StateSpace, shift: Array) -> bool:
     return False
 
 
-def _transformed(system: StateSpace, W: Array, V: Array, states: tuple[State, ...]) -> StateSpace:
+def _transform(system: StateSpace, W: Array, V: Array, states: tuple[State, ...]) -> StateSpace:
     names = [state.name for state in states]
     elements = []
     for e in system.elements:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.arrays import Array, Complex
-from brightgrey.control.linear.analysis import Analysis, linearise_at
+from brightgrey.control.linear.analysis import Analysis, analyse_system
 from brightgrey.effects import SPEED
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
@@ -52,7 +52,7 @@ def linearised(model: Model) -> Analysis | None:
     kinds = ["velocity" if s.kind == "velocity-differenced" else s.kind for s in model.outputs]
     try:
         system = assemble(model.structure, model.values_si(), settings.f_tanh, kinds)
-        return linearise_at(system, speed=HALF_SPEED * settings.speed_scale)
+        return analyse_system(system, speed=HALF_SPEED * settings.speed_scale)
     except (SettingsError, np.linalg.LinAlgError):
         return None
 
@@ -136,8 +136,8 @@ def _seen(model: Model, row: int, f: Array, dt: float) -> Complex | float:
 
 def _caption(model: Model, analysis: Analysis, measured: bool) -> str:
     unit, factor = model.units.of(SPEED)
-    text = f"Model linearised in steady motion at {significant(analysis.point.speed * factor, 3)} {unit}"
-    text += ", the gap closed." if analysis.point.contact_mode.limited else "."
+    text = f"Model linearised in steady motion at {significant(analysis.operating_point.speed * factor, 3)} {unit}"
+    text += ", the gap closed." if analysis.operating_point.contact_mode.limited_elements else "."
     if measured:
         text += (
             f" Measured (Welch, {SEGMENTS} segments with half overlap) where the coherence exceeds {COHERENT:g};"
