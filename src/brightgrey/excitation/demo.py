@@ -1,4 +1,4 @@
-"""The recording that ships with the package: the paper's experiment with the sensor's noise on it."""
+"""The demo recording that ships with the package: the paper's experiment with sensor noise."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ __all__ = ["demo_recording"]
 
 
 def demo_recording() -> str:
-    """Text of the demo recording: CSV with columns ``t,torque,velocity`` in s, N m and rad/s.
+    """Return the text of the demo recording: CSV with columns ``t,torque,velocity`` in s, N m and rad/s.
 
-    Simulated by the reference solver for :data:`brightgrey.excitation.PAPER_EXPERIMENT`; velocity carries
-    white noise with a standard deviation of 0.1 % of its peak and is rounded to 0.01 rad/s. Made by
-    ``tools/make_demo_recording.py``.
+    The reference solver has simulated :data:`brightgrey.excitation.PAPER_EXPERIMENT`. The velocity has white noise
+    with a standard deviation of 0.1 % of its peak and is rounded to 0.01 rad/s. ``tools/make_demo_recording.py``
+    makes the file.
     """
     return files("brightgrey.excitation").joinpath("data/demo.csv").read_text(encoding="utf-8")

@@ -1,8 +1,8 @@
 """The paper's experiment (§4): reference drive and excitation, fixed here and nowhere else.
 
-The paper gives no number of it except the length of about 2 s. The values below are ours: a small servo axis.
-How much each choice matters was measured as the standard deviation, in per cent, that 0.1 % noise on velocity
-leaves on each parameter of the true structure (Cramér-Rao bound):
+The paper gives no number except the length of about 2 s. The values below describe a small servo axis.
+The table gives the effect of each choice: the standard deviation, in per cent, of each parameter of the true
+structure with 0.1 % noise on velocity (Cramér-Rao bound):
 
 ================================ ===== ===== ===== ==== ==== ==== ==== =======
 choice                           J1    J2    c1    d1   M_C  f_v  M_S  omega_S
@@ -14,10 +14,10 @@ f_tanh 5 s/rad                   0.07  0.10  0.03  0.3  0.4  0.7  0.5  1.8
 ================================ ===== ===== ===== ==== ==== ==== ==== =======
 
 f_tanh 1.25 and 5 change velocity by 0.23 and 0.15 % of its peak, RMS: more than the demo's noise.
-On a like drive (25 Hz, jerk 12,000 rad/s³, M_C 0.8, M_S 0.5 N m, f_v 0.01, omega_S 5 rad/s, peak speed 57)
-the rest moved these numbers so:
+The other choices were varied on a similar drive (25 Hz, jerk 12,000 rad/s³, M_C 0.8, M_S 0.5 N m, f_v 0.01,
+omega_S 5 rad/s, peak speed 57), with these standard deviations in per cent:
 
-- resonance at 10, 25, 40 Hz: J1 0.04, 0.3, 0.7; d1 0.3, 1.6, 3.6. Above the jerk's spectrum it fades;
+- resonance at 10, 25, 40 Hz: J1 0.04, 0.3, 0.7; d1 0.3, 1.6, 3.6. Above the spectrum of the jerk the resonance fades;
 - jerk 6,000, 20,000, 40,000 rad/s³: J1 0.4, 0.2, 0.13; d1 2.1, 1.0, 0.7;
 - M_C 0.4, 0.8, 1.6 N m: M_C 0.4, 0.2, 0.1; M_S 0.7, 1.1, 1.3;
 - omega_S 2.5, 5, 10, 15 rad/s: M_S 2.0, 1.1, 0.7, 1.0; M_C 0.14, 0.17, 0.3, 0.7;
@@ -40,7 +40,7 @@ __all__ = ["PAPER_EXPERIMENT", "Experiment", "driving_torque"]
 
 @dataclass(frozen=True)
 class Experiment:
-    """A drive that is known, and the reversing motion that it is asked for.
+    """A known drive, and the reversing motion that it is commanded.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Experiment:
     limits : MotionLimits
         Of the commanded motion.
     distance : float
-        Way forth and back in rad.
+        Distance of the move and of the move back in rad.
     before, between : float
         Rest before the first and between the two moves in s.
     speed : float
@@ -96,16 +96,16 @@ class Experiment:
 
 
 def driving_torque(motion: Motion, inertia: float) -> Array:
-    """Torque in N m, shape (samples,), that would lead a single mass without friction through `motion`.
+    """Return the torque in N m, shape (samples,), that leads a single mass without friction through `motion`.
 
     Paper §4: "a torque signal that would lead to a standard industrial jerk-limited reversing motion if
-    applied to a single moving mass": inertia (kg m²) times acceleration, and no friction. The drive moves all
-    the same, because its friction is a fifth of this torque's peak; and that it then does not follow the
-    motion is wanted: losing speed on the way, it crosses standstill early and coasts to rest in the pauses,
-    so that its speed passes slowly through the range where friction bends. Adding the drive's friction to
-    the torque would spoil that: the drive then stands still when the command does, and M_C, M_S and omega_S
-    come out two to four times less certain (table above). It would also put what is to be identified into
-    the input.
+    applied to a single moving mass". This is inertia (kg m²) times acceleration, without friction. The drive moves
+    all the same, because its friction is a fifth of the peak torque.
+
+    The drive does not follow the motion, and that is wanted. It crosses standstill early and coasts to rest in
+    the pauses, so that its speed passes slowly through the range where friction bends. With the drive's friction
+    added to the torque it would stand still with the command. M_C, M_S and omega_S would then be two to four times
+    less certain (table above), and the input would contain the friction that is to be identified.
     """
     return inertia * motion.acceleration
 
@@ -123,8 +123,8 @@ PAPER_EXPERIMENT = Experiment(
             "M_C": 0.9,
             "f_v": 0.015,
             "M_S": 0.6,
-            # Between what cannot be seen (5/f_tanh = 2 rad/s) and what is like negative viscous friction
-            # (max|v|/3 = 13 rad/s), with room to both.
+            # Well above 5/f_tanh = 2 rad/s, below which the bend is invisible, and well below max|v|/3 = 13 rad/s,
+            # above which it looks like negative viscous friction.
             "omega_S": 5.5,
         }
     ),

@@ -1,4 +1,4 @@
-"""Motions of an axis as a drive's own generator would command them."""
+"""Jerk-limited motions of an axis, as the generator of a drive commands them."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Motion:
 def moves(
     targets: Sequence[float], limits: MotionLimits, *, dt: float, samples: int, before: float, between: float
 ) -> Motion:
-    """Jerk-limited moves from one position to the next, each time-optimal, with rests.
+    """Return jerk-limited, time-optimal moves from one position to the next, with rests in between.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def moves(
     Raises
     ------
     SettingsError
-        If the moves do not fit into `samples`, or `dt`, a rest or a target is not usable.
+        If the moves do not fit into `samples`, or if `dt`, a rest or a target is invalid.
 
     Notes
     -----
@@ -106,12 +106,12 @@ def moves(
 def reversing(
     distance: float, limits: MotionLimits, *, dt: float, samples: int, before: float, between: float
 ) -> Motion:
-    """Forth by `distance` (rad) and back; see :func:`moves` for the rest, errors included."""
+    """Return a move by `distance` (rad) and back; for all else, errors included, see :func:`moves`."""
     return moves((distance, 0.0), limits, dt=dt, samples=samples, before=before, between=between)
 
 
 def _move(start: float, target: float, limits: MotionLimits) -> Trajectory:
-    """Time-optimal move from rest to rest."""
+    """Return the time-optimal move from rest to rest."""
     request = InputParameter(1)
     request.current_position, request.target_position = [start], [target]
     request.max_velocity, request.max_acceleration = [limits.speed], [limits.acceleration]

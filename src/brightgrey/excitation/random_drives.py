@@ -1,43 +1,66 @@
 """Random drives in plausible ranges, for benchmarks and tests.
 
-Takes names of parameters, not structures: excitation stands below the effects.
+The functions take names of parameters and not structures, because this room lies below the effects.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.excitation.experiment import PAPER_EXPERIMENT, Experiment
 
-__all__ = ["modes", "random_values"]
+__all__ = ["DRIVE_RANGES", "DriveRanges", "modes", "random_values"]
 
 
-INERTIA = (0.7, 1.4)  # total, of the experiment's
-INERTIA_RATIO = 100.0
-RESONANCE = (5.0, 200.0)  # Hz, all of them
-DAMPING = (0.01, 0.3)  # damping ratio of every resonance
-FRICTION = (0.01, 0.5)  # of the peak torque, each kind
-FRICTION_IN_ALL = 0.6  # what would leave too little torque to move with is scaled down to this
-GRAVITY = (0.01, 0.2)  # of the peak torque, either sign
-STRIBECK_SPEED = (0.02, 0.3)  # of the peak speed
-SMALL_GAP = (1e-4, 1e-2)  # alpha in rad
-LARGE_GAP = (0.005, 0.2)  # 2 alpha as part of the way
-CURRENT_LOOP = (2e-4, 2e-2)  # s
-DEAD_TIME = (1e-4, 2e-2)  # s
-_TRIES = 100_000
+@dataclass(frozen=True)
+class DriveRanges:
+    """Ranges of random drives. Draws are uniform in the logarithm."""
+
+    total_inertia: tuple[float, float] = (0.7, 1.4)
+    """Sum of all moments of inertia, in parts of the experiment's."""
+    inertia_ratio: float = 100.0
+    """Largest ratio of two moments of inertia."""
+    resonance: tuple[float, float] = (5.0, 200.0)
+    """Every resonance in Hz."""
+    damping_ratio: tuple[float, float] = (0.01, 0.3)
+    """Damping ratio of every resonance."""
+    friction: tuple[float, float] = (0.01, 0.5)
+    """Torque of each kind of friction, in parts of the peak torque."""
+    max_total_friction: float = 0.6
+    """Sum of all friction torques, in parts of the peak torque; larger sums are scaled down to it."""
+    gravity: tuple[float, float] = (0.01, 0.2)
+    """Size of the constant torque, in parts of the peak torque; both signs are equally likely."""
+    stribeck_speed: tuple[float, float] = (0.02, 0.3)
+    """Stribeck speed, in parts of the peak speed."""
+    small_gap: tuple[float, float] = (1e-4, 1e-2)
+    """Half of a small gap, ``alpha``, in rad."""
+    large_gap: tuple[float, float] = (0.005, 0.2)
+    """A large gap, 2 ``alpha``, in parts of the distance of the motion."""
+    current_loop: tuple[float, float] = (2e-4, 2e-2)
+    """Time constant of the current control in s."""
+    dead_time: tuple[float, float] = (1e-4, 2e-2)
+    """Dead time in s."""
+    max_tries: int = 100_000
+    """Draws of a chain of masses until all resonances and damping ratios are within their ranges."""
+
+
+DRIVE_RANGES = DriveRanges()
 
 
 def random_values(
-    names: Iterable[str], rng: np.random.Generator, experiment: Experiment = PAPER_EXPERIMENT
+    names: Iterable[str],
+    rng: np.random.Generator,
+    experiment: Experiment = PAPER_EXPERIMENT,
+    ranges: DriveRanges = DRIVE_RANGES,
 ) -> dict[str, float]:
-    """Draw a value for every parameter named, sized to the torque and speed of `experiment`.
+    """Draw a value for every named parameter, sized to the torque and speed of `experiment`.
 
-    All draws are uniform in the logarithm, within the ranges at the top of this file. Every resonance of the
-    ladder lies in ``RESONANCE`` with a damping ratio in ``DAMPING``: draws that break this are thrown away. A
-    gap is small or large with even odds.
+    All draws are uniform in the logarithm. A chain of masses with a resonance or a damping ratio out of range is
+    drawn again. A gap is small or large with even odds.
 
     Parameters
     ----------
@@ -45,7 +68,8 @@ def random_values(
         Parameters of a structure of the paper's grammar (``Structure.parameters``).
     rng : numpy.random.Generator
     experiment : Experiment
-        Gives the size of torque, speed, way and inertia.
+        Sets the size of torque, speed, distance and inertia.
+    ranges : DriveRanges
 
     Returns
     -------
@@ -60,30 +84,31 @@ def random_values(
     names = list(names)
     torque = float(np.max(np.abs(experiment.torque())))
     masses = sum(name in ("J1", "J2", "J3", "J4") for name in names)
-    drawn = _ladder(masses, experiment.inertia, rng)
-    friction = {name: _log(rng, *FRICTION) for name in ("M_C", "f_v", "M_S") if name in names}
-    scale = torque * min(1.0, FRICTION_IN_ALL / max(sum(friction.values()), 1e-9))
+    drawn = _mass_chain(masses, experiment.inertia, rng, ranges)
+    friction = {name: _log_uniform(rng, ranges.friction) for name in ("M_C", "f_v", "M_S") if name in names}
+    scale = torque * min(1.0, ranges.max_total_friction / max(sum(friction.values()), 1e-9))
     drawn |= {name: share * scale for name, share in friction.items()}
     if "f_v" in drawn:
         drawn["f_v"] /= experiment.speed
     if "omega_S" in names:
-        drawn["omega_S"] = _log(rng, *STRIBECK_SPEED) * experiment.speed
+        drawn["omega_S"] = _log_uniform(rng, ranges.stribeck_speed) * experiment.speed
     if "M_G" in names:
-        drawn["M_G"] = float(rng.choice([-1.0, 1.0])) * _log(rng, *GRAVITY) * torque
+        drawn["M_G"] = float(rng.choice([-1.0, 1.0])) * _log_uniform(rng, ranges.gravity) * torque
     if "alpha" in names:
-        large = 0.5 * _log(rng, *LARGE_GAP) * experiment.distance
-        drawn["alpha"] = large if rng.random() < 0.5 else _log(rng, *SMALL_GAP)
+        large = 0.5 * _log_uniform(rng, ranges.large_gap) * experiment.distance
+        drawn["alpha"] = large if rng.random() < 0.5 else _log_uniform(rng, ranges.small_gap)
     if "T_1" in names:
-        drawn["T_1"] = _log(rng, *CURRENT_LOOP)
+        drawn["T_1"] = _log_uniform(rng, ranges.current_loop)
     if "T_d" in names:
-        drawn["T_d"] = _log(rng, *DEAD_TIME)
+        drawn["T_d"] = _log_uniform(rng, ranges.dead_time)
     return {name: drawn[name] for name in names}
 
 
 def modes(J: Array, c: Array, d: Array) -> tuple[Array, Array]:
-    """Resonances of a ladder in Hz and their damping ratios, both shape (masses - 1,); NaN if overdamped.
+    """Return the resonances of a chain of masses in Hz and their damping ratios, NaN if overdamped.
 
-    `J` are moments of inertia, shape (masses,), `c` and `d` spring and damper constants, shape (masses - 1,).
+    `J` are moments of inertia, shape (masses,); `c` and `d` are spring and damper constants. Those and the results
+    have the shape (masses - 1,).
     """
     n = len(J)
     between = np.eye(n)[:-1] - np.eye(n)[1:]  # twists of the shafts
@@ -92,36 +117,35 @@ def modes(J: Array, c: Array, d: Array) -> tuple[Array, Array]:
     A[n - 1 :, : n - 1] = -between.T * c / J[:, None]
     A[n - 1 :, n - 1 :] = -(between.T * d) @ between / J[:, None]
     poles = np.linalg.eigvals(A)
-    swinging = poles[poles.imag > 0.0]
-    swinging = swinging[np.argsort(np.abs(swinging))]
+    oscillatory = poles[poles.imag > 0.0]
+    oscillatory = oscillatory[np.argsort(np.abs(oscillatory))]
     frequency, ratio = np.full((2, n - 1), np.nan)
-    frequency[: len(swinging)] = np.abs(swinging) / (2.0 * np.pi)
-    ratio[: len(swinging)] = -swinging.real / np.abs(swinging)
+    frequency[: len(oscillatory)] = np.abs(oscillatory) / (2.0 * np.pi)
+    ratio[: len(oscillatory)] = -oscillatory.real / np.abs(oscillatory)
     return frequency, ratio
 
 
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
+def _log_uniform(rng: np.random.Generator, limits: tuple[float, float]) -> float:
     """Draw uniformly in the logarithm."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    return float(np.exp(rng.uniform(*np.log(limits))))
 
 
-def _ladder(masses: int, inertia: float, rng: np.random.Generator) -> dict[str, float]:
-    """Inertias, springs and dampers whose resonances are all in range."""
-    for _ in range(_TRIES):
-        J = np.array([_log(rng, 1.0, INERTIA_RATIO) for _ in range(masses)])
-        J *= inertia * _log(rng, *INERTIA) / np.sum(J)
+def _mass_chain(masses: int, inertia: float, rng: np.random.Generator, ranges: DriveRanges) -> dict[str, float]:
+    """Draw inertias, springs and dampers until all resonances and damping ratios are in range."""
+    low, high = np.array([ranges.resonance, ranges.damping_ratio]).T
+    for _ in range(ranges.max_tries):
+        J = np.array([_log_uniform(rng, (1.0, ranges.inertia_ratio)) for _ in range(masses)])
+        J *= inertia * _log_uniform(rng, ranges.total_inertia) / np.sum(J)
         near = np.cumsum(J)[:-1]
         lightness = 1.0 / near + 1.0 / (np.sum(J) - near)
-        turning = np.array([2.0 * np.pi * _log(rng, *RESONANCE) for _ in near])
-        c = turning**2 / lightness
-        d = 2.0 * np.array([_log(rng, *DAMPING) for _ in near]) * c / turning
-        frequency, ratio = modes(J, c, d)
-        if np.all((frequency >= RESONANCE[0]) & (frequency <= RESONANCE[1])) and np.all(
-            (ratio >= DAMPING[0]) & (ratio <= DAMPING[1])
-        ):
+        omega = np.array([2.0 * np.pi * _log_uniform(rng, ranges.resonance) for _ in near])
+        c = omega**2 / lightness
+        d = 2.0 * np.array([_log_uniform(rng, ranges.damping_ratio) for _ in near]) * c / omega
+        found = np.array(modes(J, c, d)).T
+        if np.all((found >= low) & (found <= high)):
             break
     else:
-        raise RuntimeError("no ladder found within the ranges")
+        raise RuntimeError(f"no chain of masses within the ranges was found in {ranges.max_tries} draws")
     drawn = {f"J{i + 1}": float(J[i]) for i in range(masses)}
     drawn |= {f"c{k + 1}": float(c[k]) for k in range(masses - 1)}
     return drawn | {f"d{k + 1}": float(d[k]) for k in range(masses - 1)}

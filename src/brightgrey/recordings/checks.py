@@ -1,4 +1,4 @@
-"""What can be said of the samples of one channel: gaps, resolution, and whether it moves at all."""
+"""Checks of the samples of one channel: resolution, constant values, missing values."""
 
 from __future__ import annotations
 
@@ -7,26 +7,24 @@ from numpy.typing import NDArray
 
 from brightgrey.arrays import Array, Indices
 
-__all__ = ["fill_single", "is_constant", "resolution", "trim"]
+__all__ = ["fill_single", "is_constant", "resolution", "span_of_present"]
 
 
-# A step counts as a multiple of the smallest one if it is that close to it, in parts of the smallest.
-STEP_TOLERANCE = 0.02
-# Values closer than this part of the range are the same one, printed or computed differently.
-SAME = 1e-11
-
-
-def resolution(values: Array) -> float:
+def resolution(values: Array, *, lattice_tolerance: float = 0.02, same_level: float = 1e-11) -> float:
     """Smallest step of a channel, in its unit.
 
-    If all values stand on a lattice (an encoder's counts, a difference of counts, a fixed number of printed
-    decimals), its step; else the spacing of floating-point numbers at the channel's largest value, that of
-    single precision where every value is one.
+    If all values lie on a lattice (an encoder's counts, a difference of counts, a fixed number of printed
+    decimals), it is the step of the lattice. Otherwise it is the spacing of floating-point numbers at the channel's
+    largest value, of single precision if every value is a single-precision number.
 
     Parameters
     ----------
     values : ndarray, shape (samples,)
         Finite.
+    lattice_tolerance : float
+        Largest deviation of a step from a multiple of the smallest step, in parts of the smallest step.
+    same_level : float
+        Distance of two values, relative to the largest value, up to which they are the same level.
 
     Returns
     -------
@@ -36,32 +34,32 @@ def resolution(values: Array) -> float:
     levels = np.unique(values)
     largest = float(np.abs(levels).max())
     steps = np.diff(levels)
-    steps = steps[steps > SAME * largest]
+    steps = steps[steps > same_level * largest]
     if steps.size:
         step = float(steps.min())
-        for _ in range(2):  # the smallest step carries the rounding of two values; all of them together do not
+        for _ in range(2):  # the smallest step carries the rounding of two values; the mean over all steps does not
             counts = np.rint(steps / step)
             step = float(steps.sum() / counts.sum())
-        # A lattice of n steps can only be seen if rounding leaves its points apart.
-        if np.abs(steps / step - counts).max() < STEP_TOLERANCE:
+        # A lattice is visible only if rounding leaves its points apart.
+        if np.abs(steps / step - counts).max() < lattice_tolerance:
             return step
     if largest == 0.0:
         return float(np.finfo(np.float64).eps)
     with np.errstate(over="ignore"):
         single = values.astype(np.float32)
-    # Nine digits are what single precision is printed with; they put a number off by 5e-9 of itself.
+    # Single precision is printed with nine digits, which change a number by 5e-9 of itself at most.
     if np.isfinite(single).all() and (np.abs(values - single) <= 5.1e-9 * np.abs(values)).all():
         return float(np.spacing(np.float32(largest)))
     return float(np.spacing(largest))
 
 
 def is_constant(values: Array) -> bool:
-    """Whether a channel never changes."""
+    """Return True if all values of a channel are equal."""
     return bool(np.ptp(values) == 0.0)
 
 
-def trim(missing: NDArray[np.bool_]) -> slice:
-    """Cut off the missing samples at both ends.
+def span_of_present(missing: NDArray[np.bool_]) -> slice:
+    """Return the range from the first to the last sample that is present.
 
     Parameters
     ----------
@@ -73,7 +71,7 @@ def trim(missing: NDArray[np.bool_]) -> slice:
 
 
 def fill_single(values: Array) -> tuple[Array, Indices, Indices]:
-    """Fill every missing value (NaN) that stands between two present ones by their mean.
+    """Fill every missing value (NaN) between two present neighbours by their mean.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which columns of a table are time, input and outputs, and in which units."""
+"""Choice of the columns of a table: time, input and outputs, with their kinds and units."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from brightgrey.recordings.formats.table import Table
 from brightgrey.recordings.recording import Signal
 from brightgrey.recordings.units.parser import Unit, is_unit, parse_unit
 from brightgrey.recordings.units.signals import assumed_unit, base_of, check_kind, fits, kind_of
+from brightgrey.recordings.window import TimeWindow
 
-__all__ = ["Choice", "Output", "choose"]
+__all__ = ["ColumnChoice", "OutputColumn", "ReadingOptions", "choose_columns"]
 
-# "name:kind", "name" (its kind is taken from its unit or its name), or (name, kind)
-Output = str | tuple[str, str]
+# "name:kind", "name" (its kind follows from its unit or its name), or (name, kind)
+OutputColumn = str | tuple[str, str]
 
 TIME_NAME = re.compile(
     r"(t|time|zeit|time[_ ]?stamps?|(sim(ulation)?|elapsed|rel(ative)?)[_ ]?time)"
@@ -33,8 +34,23 @@ DRIVING = {"N m": "a torque", "N": "a force", "V": "a voltage", "A": "a current"
 
 
 @dataclass(frozen=True)
-class Choice:
-    """Columns of a table and what they mean.
+class ReadingOptions:
+    """Options that files and arrays in memory share; see :func:`brightgrey.read_recording`."""
+
+    input: str
+    outputs: str | Sequence[OutputColumn]
+    time: str | None
+    dt: float | None
+    input_gain: float
+    units: Mapping[str, str]
+    window: TimeWindow | None
+    decimate: int
+    hold: str
+
+
+@dataclass(frozen=True)
+class ColumnChoice:
+    """Columns of a table and their meaning.
 
     Attributes
     ----------
@@ -60,20 +76,11 @@ class Choice:
     notes: tuple[str, ...]
 
 
-def choose(
-    table: Table,
-    *,
-    input: str,
-    outputs: Sequence[Output],
-    time: str | None,
-    dt: float | None,
-    input_gain: float,
-    units: Mapping[str, str],
-) -> Choice:
+def choose_columns(table: Table, options: ReadingOptions) -> ColumnChoice:
     """Find the columns that the user means, their kinds and their units.
 
     Where no unit is given, SI is assumed: rad, or m if another output has a length or the input is a force; N
-    m, or N with a length. The parameters are those of `read_recording`.
+    m, or N with a length.
 
     Raises
     ------
@@ -82,39 +89,40 @@ def choose(
     SettingsError
         For options that contradict each other.
     """
+    input_gain, outputs = options.input_gain, options.outputs
     if not (math.isfinite(input_gain) and input_gain != 0):
         raise SettingsError(f"input gain {input_gain:g} is not a finite number other than zero")
-    u = table.find(input)
-    named = [_output(table, output) for output in outputs]
+    u = table.find(options.input)
+    named = [_find_output(table, output) for output in ([outputs] if isinstance(outputs, str) else outputs)]
     if not named:
         raise SettingsError("no output is named; at least one is needed, e.g. velocity:velocity")
-    given = _given_units(table, units)
+    given = _given_units(table, options.units)
     chosen = [u, *(i for i, _ in named)]
-    t, notes = _time(table, time, dt, chosen)
+    t, notes = _find_time(table, options, chosen)
     everything = [*chosen, t]
     for i in everything:
         if i is not None and everything.count(i) > 1:
             raise table.fault(f"column '{table.columns[i].name}' is named twice among input, outputs and time")
     kinds = []
     for i, kind in named:
-        found, why = (kind, "") if kind else _guess_kind(table.columns[i].name, given.get(i))
+        found, reason = (kind, "") if kind else _guess_kind(table.columns[i].name, given.get(i))
         kinds.append(found)
-        notes += [f"output '{table.columns[i].name}' is taken as {found}{why}"] if why else []
-    signals = _signals(table, chosen, kinds, given, input_gain)
-    assumed = [f"'{s.name}' in {s.unit}{_hint(s)}" for s in signals if not s.unit_given]
+        notes += [f"output '{table.columns[i].name}' is taken as {found}{reason}"] if reason else []
+    signals = _chosen_signals(table, chosen, kinds, given, input_gain)
+    assumed = [f"'{s.name}' in {s.unit}{_unit_in_name(s)}" for s in signals if not s.unit_given]
     factor = 1.0
     if t is not None:
         factor, remark = _time_unit(table, t, given.get(t))
         assumed += [remark] if remark else []
     notes += [f"no unit is given; assumed: {', '.join(assumed)}"] if assumed else []
-    notes += _doubts(signals[0])
-    unused = [name for name in units if table.find(name) not in everything]
+    notes += _motion_as_input(signals[0])
+    unused = [name for name in options.units if table.find(name) not in everything]
     notes += [f"the unit of '{name}' is not used" for name in unused]
-    return Choice(u, tuple(chosen[1:]), t, factor, signals, tuple(notes))
+    return ColumnChoice(u, tuple(chosen[1:]), t, factor, signals, tuple(notes))
 
 
-def _output(table: Table, output: Output) -> tuple[int, str]:
-    """Column and kind of an output; the kind is empty if it is not given."""
+def _find_output(table: Table, output: OutputColumn) -> tuple[int, str]:
+    """Return column and kind of an output; the kind is empty if it is not given."""
     if not isinstance(output, str):
         name, kind = output
         check_kind(kind)
@@ -128,7 +136,7 @@ def _output(table: Table, output: Output) -> tuple[int, str]:
 
 
 def _given_units(table: Table, units: Mapping[str, str]) -> dict[int, Unit | RecordingError]:
-    """Units by column, the user's before the file's; where the file's is not known, the error for it."""
+    """Return units by column, the user's before the file's, and an error for an unknown unit of the file."""
     given: dict[int, Unit | RecordingError] = {}
     for i, column in enumerate(table.columns):
         if column.unit:
@@ -141,14 +149,16 @@ def _given_units(table: Table, units: Mapping[str, str]) -> dict[int, Unit | Rec
     return given
 
 
-def _unit(given: Unit | RecordingError | None) -> Unit | None:
+def _known_unit(given: Unit | RecordingError | None) -> Unit | None:
+    """Return the unit, or raise the error that reading it gave."""
     if isinstance(given, RecordingError):
         raise given
     return given
 
 
-def _time(table: Table, time: str | None, dt: float | None, chosen: Sequence[int]) -> tuple[int | None, list[str]]:
-    """Column of the time, by its name if it is not given; None where the interval is given."""
+def _find_time(table: Table, options: ReadingOptions, chosen: Sequence[int]) -> tuple[int | None, list[str]]:
+    """Return the column of the time, by its name if it is not given, or None if the interval is given."""
+    time, dt = options.time, options.dt
     if time is not None and dt is not None:
         raise SettingsError(f"both the time's column '{time}' and a sampling interval of {dt:g} s are given; give one")
     if time is not None:
@@ -168,8 +178,8 @@ def _time(table: Table, time: str | None, dt: float | None, chosen: Sequence[int
 
 
 def _guess_kind(name: str, given: Unit | RecordingError | None) -> tuple[str, str]:
-    """Kind of an output and why: its unit, its name, or that most drives are recorded by velocity."""
-    unit = _unit(given)
+    """Guess the kind of an output from its unit or its name, else velocity; return it with the reason."""
+    unit = _known_unit(given)
     if unit is not None and (kind := kind_of(unit)):
         return kind, ""
     for kind, pattern in KIND_NAMES.items():
@@ -179,9 +189,9 @@ def _guess_kind(name: str, given: Unit | RecordingError | None) -> tuple[str, st
 
 
 def _time_unit(table: Table, index: int, given: Unit | RecordingError | None) -> tuple[float, str]:
-    """Seconds per unit of the time's column, and a remark if neither unit nor name says that it is in s."""
+    """Return the seconds per unit of the time, and a remark if neither its unit nor its name says s."""
     column = table.columns[index]
-    unit = _unit(given)
+    unit = _known_unit(given)
     if unit is not None:
         if unit.dimension != (("[time]", 1),):
             raise table.fault(f"unit '{unit.text}' is not one of time, e.g. s, ms, µs, min", column=column.name)
@@ -194,16 +204,16 @@ def _time_unit(table: Table, index: int, given: Unit | RecordingError | None) ->
     return unit.si, f"'{column.name}' in {unit.text} (its name says so)"
 
 
-def _signals(
+def _chosen_signals(
     table: Table,
     chosen: Sequence[int],
     kinds: Sequence[str],
     given: Mapping[int, Unit | RecordingError],
     input_gain: float,
 ) -> tuple[Signal, ...]:
-    """Signals of the chosen columns, input first."""
+    """Return the signals of the chosen columns, input first."""
     names = [table.columns[i].name for i in chosen]
-    u, *outputs = [_unit(given.get(i)) for i in chosen]
+    u, *outputs = [_known_unit(given.get(i)) for i in chosen]
     bases: dict[str, str] = {}
     for name, kind, unit in zip(names[1:], kinds, outputs, strict=True):
         if unit is not None:
@@ -226,15 +236,15 @@ def _signals(
     )
 
 
-def _doubts(signal: Signal) -> list[str]:
-    """Note if the input is a motion."""
+def _motion_as_input(signal: Signal) -> list[str]:
+    """Return a note if the input is a motion."""
     if kind_of(parse_unit(signal.unit)) is None:
         return []
     return [f"input '{signal.name}' in {signal.unit} is a motion; models expect {', '.join(DRIVING.values())}"]
 
 
-def _hint(signal: Signal) -> str:
-    """Remark where the name of a column ends on a unit other than the assumed one."""
+def _unit_in_name(signal: Signal) -> str:
+    """Return a remark if the name of a column ends in a unit other than the assumed one."""
     match = UNIT_IN_NAME.fullmatch(signal.name)
     if not match or not is_unit(match[1]):
         return ""

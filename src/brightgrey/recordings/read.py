@@ -1,4 +1,4 @@
-"""A recording comes in once, is checked once, and becomes frozen data."""
+"""Readers of recordings: a file or arrays in memory become one checked, frozen recording."""
 
 from __future__ import annotations
 
@@ -11,21 +11,20 @@ import numpy as np
 
 from brightgrey.errors import RecordingError, nearest
 from brightgrey.recordings.checks import is_constant
-from brightgrey.recordings.columns import Output, choose
+from brightgrey.recordings.columns import OutputColumn, ReadingOptions, choose_columns
 from brightgrey.recordings.formats import file_formats
 from brightgrey.recordings.formats.delimited import read_delimited
 from brightgrey.recordings.formats.file_format import FIRST_BYTES
 from brightgrey.recordings.formats.table import Column, Table
+from brightgrey.recordings.policy import READING
 from brightgrey.recordings.recording import Recording, Signal, check_hold
 from brightgrey.recordings.samples import Samples, sample
-from brightgrey.recordings.window import Window, check_decimate, check_window, decimate
+from brightgrey.recordings.window import TimeWindow, check_decimate, check_window, decimate
 
 __all__ = ["read_recording", "recording_from"]
 
-NO_UNITS: Mapping[str, str] = MappingProxyType({})
-# A velocity with fewer levels than this between its extremes looks like counts per interval.
-COARSE = 500
-# First bytes of a zip archive, which workbooks are, too.
+UNITS_OF_FILE: Mapping[str, str] = MappingProxyType({})
+# First bytes of a zip archive; a workbook is one.
 ARCHIVE = b"PK\x03\x04"
 
 
@@ -33,12 +32,12 @@ def read_recording(
     path: str | Path,
     *,
     input: str,
-    outputs: str | Sequence[Output],
+    outputs: str | Sequence[OutputColumn],
     time: str | None = None,
     dt: float | None = None,
     input_gain: float = 1.0,
-    units: Mapping[str, str] = NO_UNITS,
-    window: Window | None = None,
+    units: Mapping[str, str] = UNITS_OF_FILE,
+    window: TimeWindow | None = None,
     decimate: int = 1,
     hold: str = "linear",
     delimiter: str | None = None,
@@ -47,11 +46,11 @@ def read_recording(
 ) -> Recording:
     """Read a recording of a drive from a CSV or MAT (v5) file.
 
-    Delimiter, decimal mark, header, comments and units in the header are found out. Checks: time must rise in
-    steps that are equal within 10 %. Repairs and assumptions stand in `Recording.notes`: single missing
-    samples and values are interpolated, rows written twice are left out, time stamps rounded to a coarse last
-    digit are read as uniform; none for more than 1 % of the samples. A channel that never changes is noted,
-    not refused.
+    Delimiter, decimal mark, header, comments and units in the header are found automatically. Time must rise in
+    steps that are equal within 10 %. `Recording.notes` lists repairs and assumptions: single missing samples and
+    values are interpolated, rows written twice are left out, time stamps rounded to a coarse last digit are read
+    as uniform. No repair may concern more than 1 % of the samples. A channel that never changes is noted, not
+    refused.
 
     Parameters
     ----------
@@ -62,26 +61,26 @@ def read_recording(
         ``1``, ``2``, ...; a whole number that is no column's name counts the columns in any file.
     outputs : str or sequence of str or of (name, kind)
         Columns of the motion with their kind, ``name:kind``. Kinds are position, velocity,
-        velocity-differenced (made by differencing an encoder) and acceleration. Without a kind it is taken
+        velocity-differenced (made by differencing an encoder) and acceleration. A kind that is not given follows
         from the unit or the name.
     time : str, optional
-        Column of the time. If not given, the column called t, time, time_s, Time [ms] or the like.
+        Column of the time; by default the column called t, time, time_s, Time [ms] or the like.
     dt : float, optional
         Sampling interval in s, instead of a time column.
     input_gain : float
         Factor between the recorded input and its unit, e.g. the force constant in N/V with the unit N.
     units : mapping of str to str
-        Units by column, e.g. ``{"torque": "mN m", "speed": "rpm"}``; they go before those in the header.
-        Without any, SI is assumed: N m and rad, or N and m if one of the others says so.
+        Units by column, e.g. ``{"torque": "mN m", "speed": "rpm"}``; they replace those in the header.
+        Without any unit SI is assumed: N m and rad, or N and m if another column has a unit of length or force.
     window : (float or None, float or None), optional
-        Start and end in s of the recording's time, both included. What lies outside is not checked.
+        Start and end in s of the recording's time, both included. Samples outside are not checked.
     decimate : int
-        Keep one sample in so many, see `cut.decimate`.
+        Keep one sample in so many, see :func:`brightgrey.recordings.decimate`.
     hold : {'linear', 'zoh'}
-        What the input does between two samples.
+        Course of the input between two samples.
     delimiter, decimal, header : optional
-        How a text file is written, where the reader is not to find out: delimiter (a space means any white
-        space), decimal mark, whether there is a header.
+        Delimiter of a text file (a space means any white space), decimal mark, and True if there is a header.
+        Those that are not given are found automatically.
 
     Returns
     -------
@@ -91,7 +90,7 @@ def read_recording(
     Raises
     ------
     RecordingError
-        For a file that cannot be read or used. One line that names file, column and row.
+        For a file that cannot be read or used. The message is one line that names file, column and row.
     SettingsError
         For options that are out of range or contradict each other.
     """
@@ -104,30 +103,19 @@ def read_recording(
         raise RecordingError(f"{file.name}: this is a workbook or an archive; save the sheet as CSV and read that")
     else:
         table = read_delimited(file, delimiter=delimiter, decimal=decimal, header=header)
-    return _record(
-        table,
-        input=input,
-        outputs=outputs,
-        time=time,
-        dt=dt,
-        input_gain=input_gain,
-        units=units,
-        limits=window,
-        every=decimate,
-        hold=hold,
-    )
+    return _make_recording(table, ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold))
 
 
 def recording_from(
     columns: Mapping[str, Any],
     *,
     input: str,
-    outputs: str | Sequence[Output],
+    outputs: str | Sequence[OutputColumn],
     time: str | None = None,
     dt: float | None = None,
     input_gain: float = 1.0,
-    units: Mapping[str, str] = NO_UNITS,
-    window: Window | None = None,
+    units: Mapping[str, str] = UNITS_OF_FILE,
+    window: TimeWindow | None = None,
     decimate: int = 1,
     hold: str = "linear",
     name: str = "recording",
@@ -141,7 +129,7 @@ def recording_from(
     columns : mapping of str to array_like, shape (samples,)
         E.g. a dict of arrays or a data frame.
     name : str
-        What it is called in messages and results.
+        Name of the recording in messages and results.
     """
     arrays = []
     for key in columns:
@@ -161,48 +149,17 @@ def recording_from(
         np.arange(1, lengths.pop() + 1),
         lambda indices: np.array([arrays[i] for i in indices]),
     )
-    return _record(
-        table,
-        input=input,
-        outputs=outputs,
-        time=time,
-        dt=dt,
-        input_gain=input_gain,
-        units=units,
-        limits=window,
-        every=decimate,
-        hold=hold,
-    )
+    return _make_recording(table, ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold))
 
 
-def _record(
-    table: Table,
-    *,
-    input: str,
-    outputs: str | Sequence[Output],
-    time: str | None,
-    dt: float | None,
-    input_gain: float,
-    units: Mapping[str, str],
-    limits: Window | None,
-    every: int,
-    hold: str,
-) -> Recording:
-    """Make a recording of a table; parameters as in `read_recording`."""
-    check_window(limits)
-    check_decimate(every)
-    checked_hold = check_hold(hold)
-    choice = choose(
-        table,
-        input=input,
-        outputs=[outputs] if isinstance(outputs, str) else outputs,
-        time=time,
-        dt=dt,
-        input_gain=input_gain,
-        units=units,
-    )
-    samples = sample(table, choice, dt, limits)
-    # Shown unit to SI, and for the input the gain before.
+def _make_recording(table: Table, options: ReadingOptions) -> Recording:
+    """Make a recording of a table."""
+    check_window(options.window)
+    check_decimate(options.decimate)
+    hold = check_hold(options.hold)
+    choice = choose_columns(table, options)
+    samples = sample(table, choice, options.dt, options.window)
+    # From the shown unit to SI; the gain is that of the input.
     factors = np.array([signal.gain / signal.factor for signal in choice.signals])
     values = samples.values * factors[:, None]
     recording = Recording(
@@ -212,22 +169,22 @@ def _record(
         y=values[1:],
         input=choice.signals[0],
         outputs=choice.signals[1:],
-        hold=checked_hold,
+        hold=hold,
         notes=(*table.notes, *choice.notes, *samples.notes, *_remarks(choice.signals, samples)),
         resolution=(samples.resolution * np.abs(factors))[1:],
     )
-    return decimate(recording, every)
+    return decimate(recording, options.decimate)
 
 
 def _remarks(signals: Sequence[Signal], samples: Samples) -> list[str]:
-    """Note channels that will not serve, or not as what they are said to be."""
+    """Note constant channels, and velocities that look like a differenced encoder."""
     remarks = []
     for signal, values, step in zip(signals, samples.values, samples.resolution, strict=True):
         role = "input" if signal.kind == "input" else "output"
         if is_constant(values):
             shown = f"{values[0] * signal.gain:.6g} {signal.unit}"
             remarks.append(f"{role} '{signal.name}' never changes ({shown}): nothing can be identified from it")
-        elif signal.kind == "velocity" and np.ptp(values) < COARSE * step:
+        elif signal.kind == "velocity" and np.ptp(values) < READING.coarse_levels * step:
             remarks.append(
                 f"velocity '{signal.name}' moves in steps of {step:.6g} {signal.unit}: if it was made by"
                 f" differencing an encoder, say {signal.name}:velocity-differenced"

@@ -1,4 +1,4 @@
-"""Recording: what a sensor saw of a drive, checked once and frozen, in coherent SI."""
+"""Recording: time, input and measured motion of a drive, checked once and frozen, in coherent SI."""
 
 from __future__ import annotations
 
@@ -12,39 +12,29 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from brightgrey.arrays import Array
-from brightgrey.errors import RecordingError, SettingsError, unknown_name
+from brightgrey.errors import RecordingError, one_of
 from brightgrey.notebook_html import sparkline, table
 from brightgrey.recordings.checks import resolution
+from brightgrey.recordings.policy import READING
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units, check_kind, motion_unit
 
-__all__ = ["FEWEST_SAMPLES", "HOLDS", "Hold", "Recording", "Signal", "check_hold", "interval"]
+__all__ = ["HOLDS", "Hold", "Recording", "Signal", "check_hold", "interval"]
 
 Hold = Literal["linear", "zoh"]
 HOLDS: tuple[Hold, ...] = ("linear", "zoh")
-# Fewer cannot tell even a single mass with friction from noise.
-FEWEST_SAMPLES = 20
 
 
 def check_hold(hold: str) -> Hold:
-    """Return `hold` if it is one of `HOLDS`.
-
-    Raises
-    ------
-    SettingsError
-        Names the nearest one.
-    """
-    for allowed in HOLDS:
-        if hold == allowed:
-            return allowed
-    raise SettingsError(unknown_name("hold", str(hold), HOLDS))
+    """Return `hold` if it is one of `HOLDS`; raise SettingsError if it is not."""
+    return one_of("hold", hold, HOLDS)
 
 
 def interval(first: float, last: float, steps: int, slack: float = 1e-3) -> float:
     """Return the sampling interval in s of `steps` equal steps from `first` to `last`.
 
-    It is written with as few digits as put the last sample off by no more than `slack` of an interval, so
-    that two recordings of one logger get exactly the same one.
+    The interval has as few digits as possible; the last sample may be off by `slack` intervals. Two recordings
+    of one logger thus get exactly the same interval.
     """
     exact = (last - first) / steps
     rounded = (float(f"{exact:.{digits}g}") for digits in range(1, 16))
@@ -53,7 +43,7 @@ def interval(first: float, last: float, steps: int, slack: float = 1e-3) -> floa
 
 @dataclass(frozen=True)
 class Signal:
-    """What one column of a recording means.
+    """Meaning of one column of a recording.
 
     Attributes
     ----------
@@ -109,11 +99,11 @@ class Recording:
     input : Signal
     outputs : tuple of Signal
     hold : {'linear', 'zoh'}
-        What the input does between two samples: straight line or zero-order hold.
+        Course of the input between two samples: straight line or zero-order hold.
     notes : tuple of str
-        Repairs and assumptions that the user should know of.
+        Repairs and assumptions that concern the user.
     resolution : ndarray, shape (outputs,)
-        Smallest step of each output in rad or m (per s): what a perfect model may still be off by. Found in
+        Smallest step of each output in rad or m (per s), by which even a perfect model may be off. Found in
         `y` if it is not given.
 
     Raises
@@ -182,7 +172,8 @@ class Recording:
         rows = []
         for signal, values in zip((self.input, *self.outputs), (self.u, *self.y), strict=True):
             shown = values * signal.factor
-            rows.append((signal.name, signal.kind, signal.unit, *(f"{e:.4g}" for e in _ends(shown)), sparkline(shown)))
+            least, largest = f"{shown.min():.4g}", f"{shown.max():.4g}"
+            rows.append((signal.name, signal.kind, signal.unit, least, largest, sparkline(shown)))
         length = f"{self.samples} samples every {self.dt:.6g} s from {self.t[0]:.6g} s to {self.t[-1]:.6g} s"
         notes = "".join(f"<li>{html.escape(note)}</li>" for note in self.notes)
         return (
@@ -191,14 +182,12 @@ class Recording:
         )
 
 
-def _ends(values: Array) -> tuple[float, float]:
-    return float(values.min()), float(values.max())
-
-
 def check_samples(name: str, samples: int, remedy: str = "") -> None:
-    """Refuse fewer than `FEWEST_SAMPLES` samples; `remedy` is appended to the message."""
-    if samples < FEWEST_SAMPLES:
-        raise RecordingError(f"{name}: {samples} samples are too few, at least {FEWEST_SAMPLES} are needed{remedy}")
+    """Refuse fewer samples than `READING.min_samples`; `remedy` is appended to the message."""
+    if samples < READING.min_samples:
+        raise RecordingError(
+            f"{name}: {samples} samples are too few, at least {READING.min_samples} are needed{remedy}"
+        )
 
 
 def _frozen(values: ArrayLike) -> Array:

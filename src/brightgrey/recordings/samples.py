@@ -1,4 +1,4 @@
-"""From the raw numbers of a table to samples on a uniform time, with every repair told."""
+"""From the raw numbers of a table to samples on a uniform time, with a note on every repair."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.arrays import Array, Indices
-from brightgrey.recordings.checks import fill_single, resolution, trim
-from brightgrey.recordings.columns import Choice
-from brightgrey.recordings.formats.table import Table, tell_rows
+from brightgrey.recordings.checks import fill_single, resolution, span_of_present
+from brightgrey.recordings.columns import ColumnChoice
+from brightgrey.recordings.formats.table import Table, list_rows
 from brightgrey.recordings.recording import check_samples
-from brightgrey.recordings.time_base import Grid, Stamps, repairs_allowed, uniform
-from brightgrey.recordings.window import Window, inside
+from brightgrey.recordings.time_base import Stamps, UniformGrid, repairs_allowed, uniform_grid
+from brightgrey.recordings.window import TimeWindow, inside
 
 __all__ = ["Samples", "sample"]
 
@@ -39,17 +39,17 @@ class Samples:
     notes: tuple[str, ...]
 
 
-def sample(table: Table, choice: Choice, dt: float | None, limits: Window | None) -> Samples:
+def sample(table: Table, choice: ColumnChoice, dt: float | None, limits: TimeWindow | None) -> Samples:
     """Load the chosen columns, cut them to a window, check and repair them.
 
-    Repairs, each with a note: values missing in one sample between two good ones are interpolated, samples
-    lost singly likewise, samples written twice are left out, ends with missing values are cut off; none of
-    them for more than 1 % of the samples.
+    Each repair is noted. A single missing value or sample between two good ones is interpolated, a sample
+    written twice is left out, and ends with missing values are cut off. No kind of repair may concern more
+    than 1 % of the samples.
 
     Raises
     ------
     RecordingError
-        For what cannot be repaired; names file, column and row.
+        For a fault that cannot be repaired; the message names file, column and row.
     """
     channels = [choice.input, *choice.outputs]
     columns = channels if choice.time is None else [*channels, choice.time]
@@ -62,7 +62,7 @@ def sample(table: Table, choice: Choice, dt: float | None, limits: Window | None
         data[-1], repaired, _ = fill_single(data[-1])
         t = data[-1] * choice.time_factor
         if repaired.size:
-            notes.append(f"time is missing in {tell_rows(rows[repaired])}: interpolated")
+            notes.append(f"time is missing in {list_rows(rows[repaired])}: interpolated")
     part = inside(t, limits) if limits is not None else np.ones(t.size, bool)
     span = f"; the recording goes from {np.nanmin(t):.6g} to {np.nanmax(t):.6g} s" if limits and t.size else ""
     check_samples(table.name, int(part.sum()), span)
@@ -70,12 +70,12 @@ def sample(table: Table, choice: Choice, dt: float | None, limits: Window | None
     ends, more = _good_ends(data, names, rows, table)
     t, data, rows, notes = t[ends], data[:, ends], rows[ends], notes + more
     if choice.time is None:
-        grid = Grid(float(t[0]), dt or 1.0, np.arange(t.size))
+        grid = UniformGrid(float(t[0]), dt or 1.0, np.arange(t.size))
     else:
         if np.isnan(t).any():
             raise table.fault("no value", column=names[-1], row=int(rows[np.argmax(np.isnan(t))]))
-        twin = (data[:, 1:] == data[:, :-1]).all(axis=0)
-        grid = uniform(Stamps(t, twin, rows, table, names[-1]))
+        repeated = (data[:, 1:] == data[:, :-1]).all(axis=0)
+        grid = uniform_grid(Stamps(t, repeated, rows, table, names[-1]))
     values, more = _on_grid(data[: len(channels)], names, rows, grid, table)
     steps = np.array([resolution(row[np.isfinite(row)]) for row in data[: len(channels)]])
     time: Array = grid.start + grid.dt * np.arange(values.shape[1], dtype=np.float64)
@@ -96,7 +96,7 @@ def _good_ends(data: Array, names: list[str], rows: Indices, table: Table) -> tu
     missing = np.asarray(np.isnan(data).any(axis=0))
     if missing.all():
         raise table.fault("no row has a value in every column that is used")
-    ends = trim(missing)
+    ends = span_of_present(missing)
     cut = np.concatenate([rows[: ends.start], rows[ends.stop :]])
     if not cut.size:
         return ends, []
@@ -108,10 +108,10 @@ def _good_ends(data: Array, names: list[str], rows: Indices, table: Table) -> tu
             column=column,
             row=int(rows[first]),
         )
-    return ends, [f"values are missing in {tell_rows(cut)} at the ends: left out"]
+    return ends, [f"values are missing in {list_rows(cut)} at the ends: left out"]
 
 
-def _on_grid(data: Array, names: list[str], rows: Indices, grid: Grid, table: Table) -> tuple[Array, list[str]]:
+def _on_grid(data: Array, names: list[str], rows: Indices, grid: UniformGrid, table: Table) -> tuple[Array, list[str]]:
     """Put the channels on the points of a grid and fill single gaps."""
     points = int(grid.index[-1]) + 1
     values = np.full((len(data), points), np.nan)
@@ -121,7 +121,7 @@ def _on_grid(data: Array, names: list[str], rows: Indices, grid: Grid, table: Ta
     notes = []
     for channel, name in enumerate(names[: len(data)]):
         values[channel], repaired, left = fill_single(values[channel])
-        empty = repaired[row_of[repaired] > 0]  # points without a row are told once, by the grid
+        empty = repaired[row_of[repaired] > 0]  # the grid has noted points without a row already
         allowed = repairs_allowed(points)
         if left.size or empty.size > allowed:
             at = left[0] if left.size else empty[0]
@@ -135,5 +135,5 @@ def _on_grid(data: Array, names: list[str], rows: Indices, grid: Grid, table: Ta
                 row=int(row_of[at]),
             )
         if empty.size:
-            notes.append(f"'{name}' has no value in {tell_rows(row_of[empty])}: interpolated")
+            notes.append(f"'{name}' has no value in {list_rows(row_of[empty])}: interpolated")
     return values, notes

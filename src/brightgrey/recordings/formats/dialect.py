@@ -1,4 +1,4 @@
-"""How a text file writes its columns: delimiter and decimal mark, found out from the rows of numbers."""
+"""Dialect of a text file: delimiter and decimal mark, found from the rows of numbers."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from brightgrey.errors import SettingsError, unknown_name
 __all__ = ["MISSING", "Dialect", "dialects", "find_dialect"]
 
 NAMED_DELIMITERS = {"tab": "\t", "\\t": "\t", "semicolon": ";", "comma": ",", "space": " "}
-# In the order in which they win where they explain a file equally well; a space stands for any white space.
+# In order of preference where they explain a file equally well; a space stands for any white space.
 DELIMITERS = ("\t", ";", "|", ",", " ")
-# What loggers and spreadsheets write for a value that is not there.
+# Texts that loggers and spreadsheets write for a missing value.
 MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "?"})
 NUMBERS = {
     ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"),
@@ -44,27 +44,27 @@ class Dialect:
         return [field.strip() for field in fields]
 
     def is_number(self, field: str) -> bool:
-        """Whether a field holds a number, infinity included."""
+        """Return True if a field holds a number, infinity included."""
         return bool(NUMBERS[self.decimal].fullmatch(field) or INFINITE.fullmatch(field))
 
     def number(self, field: str) -> float | None:
-        """Value of a field: NaN for one that is missing, None for text."""
+        """Return the value of a field: NaN if it is missing, None for text."""
         if field.casefold() in MISSING:
             return float("nan")
         return float(field.replace(",", ".")) if self.is_number(field) else None
 
 
 def dialects(delimiter: str | None, decimal: str | None) -> list[Dialect]:
-    """All dialects that a user's choice (None: any) leaves.
+    """Return all dialects that a user's choice leaves; None leaves any.
 
     Raises
     ------
     SettingsError
-        For a delimiter or a decimal mark that no file has.
+        For an unknown delimiter or decimal mark.
     """
     delimiter = NAMED_DELIMITERS.get(delimiter or "", delimiter)
     if delimiter is not None and delimiter not in DELIMITERS:
-        raise SettingsError(unknown_name("delimiter", delimiter, [*NAMED_DELIMITERS]))
+        raise SettingsError(unknown_name("delimiter", delimiter, NAMED_DELIMITERS))
     if decimal not in (None, ".", ","):
         raise SettingsError(f"decimal mark '{decimal}' is neither '.' nor ','")
     if delimiter == decimal == ",":
@@ -78,7 +78,7 @@ def dialects(delimiter: str | None, decimal: str | None) -> list[Dialect]:
 
 
 def find_dialect(lines: Sequence[str], candidates: Sequence[Dialect]) -> tuple[Dialect, float]:
-    """Dialect in which most fields are numbers.
+    """Return the dialect in which most fields are numbers.
 
     Parameters
     ----------
@@ -90,8 +90,7 @@ def find_dialect(lines: Sequence[str], candidates: Sequence[Dialect]) -> tuple[D
     -------
     dialect : Dialect
     score : float
-        Share of numbers among the fields, counted in lines that have the usual number of fields, two at
-        least.
+        Share of numbers among the fields of the lines that have the usual number of fields (at least two).
     """
 
     def score(dialect: Dialect) -> float:

@@ -1,4 +1,4 @@
-"""MATLAB files up to version 7 (MAT v5, v4). Vectors are columns, and so are the columns of matrices."""
+"""MATLAB files up to version 7 (MAT v5, v4). Vectors and the columns of matrices become columns."""
 
 from __future__ import annotations
 
@@ -13,11 +13,9 @@ from brightgrey.arrays import Array
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.file_format import FileFormat
 from brightgrey.recordings.formats.table import Column, Table
+from brightgrey.recordings.policy import READING
 
 __all__ = ["FORMAT", "is_mat", "read_mat"]
-
-# Matrices with more columns than this are no tables.
-WIDEST = 64
 
 
 def is_mat(path: Path, start: bytes) -> bool:
@@ -28,9 +26,9 @@ def is_mat(path: Path, start: bytes) -> bool:
 def read_mat(path: Path, like: str = "") -> Table:
     """Open a MAT file.
 
-    Columns are the vectors of more than one element by their names, columns of a matrix as ``name(:,1)``,
-    fields of a struct as ``name.field``. They have the length of the column called `like` if there is one,
-    else the most frequent length. Rows are counted from 1, as MATLAB does.
+    Columns are the vectors of more than one element by their names. A column of a matrix is called ``name(:,1)``, a
+    field of a struct ``name.field``. All have the length of the column called `like` if there is one, otherwise
+    the most frequent length. Rows are counted from 1, as MATLAB does.
 
     Parameters
     ----------
@@ -48,9 +46,9 @@ def read_mat(path: Path, like: str = "") -> Table:
         For MAT v7.3 (HDF5), a damaged file, and a file without vectors of numbers.
     """
     name = path.name
-    vectors, others = _vectors(_load(path))
+    vectors, others = _vectors(_load_variables(path))
     if not vectors:
-        raise RecordingError(f"{name}: there is no vector of numbers in it" + _tell("; it holds", others))
+        raise RecordingError(f"{name}: there is no vector of numbers in it" + _listed("; it holds", others))
     lengths = [values.size for values in vectors.values()]
     samples = (
         vectors[like].size if like in vectors else max(set(lengths), key=lambda length: (lengths.count(length), length))
@@ -63,15 +61,15 @@ def read_mat(path: Path, like: str = "") -> Table:
         tuple(Column(key, key) for key in columns),
         np.arange(1, samples + 1),
         lambda indices: np.array([data[i] for i in indices], dtype=np.float64),
-        unread="; ".join(part for part in (_tell("of other length:", odd), _tell("not vectors:", others)) if part),
+        unread="; ".join(part for part in (_listed("of other length:", odd), _listed("not vectors:", others)) if part),
     )
 
 
-def _tell(words: str, names: list[str]) -> str:
+def _listed(words: str, names: list[str]) -> str:
     return f"{words} {', '.join(names)}" if names else ""
 
 
-def _load(path: Path) -> Mapping[str, Any]:
+def _load_variables(path: Path) -> Mapping[str, Any]:
     """Variables of a file as scipy reads them."""
     import scipy.io
 
@@ -86,31 +84,31 @@ def _load(path: Path) -> Mapping[str, Any]:
             warnings.simplefilter("ignore")
             content: Mapping[str, Any] = scipy.io.loadmat(path, simplify_cells=True)
     except Exception as error:
-        # What scipy raises for a damaged file is not documented, and ranges from ValueError to zlib.error.
+        # The errors of scipy for a damaged file are not documented; they range from ValueError to zlib.error.
         first = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise RecordingError(f"{path.name}: the MAT file cannot be read, it may be damaged ({first})") from error
     return {key: value for key, value in content.items() if not key.startswith("__")}
 
 
-def _leaves(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _flattened(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Variables and fields of structs, by name."""
     for key, value in content.items():
         if isinstance(value, Mapping):
-            yield from _leaves(value, f"{prefix}{key}.")
+            yield from _flattened(value, f"{prefix}{key}.")
         else:
             yield prefix + key, value
 
 
 def _vectors(content: Mapping[str, Any]) -> tuple[dict[str, Array], list[str]]:
-    """Vectors of real numbers by name, and the names of what is none."""
+    """Return the vectors of real numbers by name, and the names of all other variables."""
     vectors: dict[str, Array] = {}
     others: list[str] = []
-    for key, value in _leaves(content):
+    for key, value in _flattened(content):
         array = np.asarray(value.toarray() if hasattr(value, "toarray") else value)
         real = array.dtype.kind in "fiub" and array.size > 1
         if real and array.ndim == 1:
             vectors[key] = array.astype(np.float64)
-        elif real and array.ndim == 2 and min(array.shape) <= WIDEST:
+        elif real and array.ndim == 2 and min(array.shape) <= READING.max_matrix_columns:
             tall = array if array.shape[0] >= array.shape[1] else array.T
             label = "(:,{})" if tall is array else "({},:)"
             for i in range(tall.shape[1]):

@@ -1,4 +1,4 @@
-"""Table: named columns of a file, whatever its format, as readers make it."""
+"""Table: the named columns of a file, as the reader of every format makes it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 from brightgrey.arrays import Array, Indices
 from brightgrey.errors import RecordingError, nearest
+from brightgrey.recordings.policy import READING
 
-__all__ = ["Column", "Table", "tell_rows"]
-
-# Column names listed in one error message.
-LISTED = 30
+__all__ = ["Column", "Table", "list_rows"]
 
 
 @dataclass(frozen=True)
@@ -36,11 +34,11 @@ class Table:
         Row (line of the file, from 1) of every sample, for messages.
     load : callable
         ``load(indices) -> array, shape (len(indices), samples)``; missing values are NaN. Raises
-        RecordingError for what is not a number.
+        RecordingError for text that is not a number.
     notes : tuple of str
-        What the reader had to find out or repair.
+        Findings and repairs of the reader.
     unread : str
-        What else the file holds that is no column, for messages.
+        Other content of the file, for messages.
     """
 
     name: str
@@ -51,19 +49,19 @@ class Table:
     unread: str = ""
 
     def fault(self, text: str, *, column: str | None = None, row: int | None = None) -> RecordingError:
-        """Error that says file, row and column."""
+        """Return an error that names file, row and column."""
         place = [] if row is None else [f"row {row}"]
         place += [] if column is None else [f"column '{column}'"]
         return RecordingError(": ".join(part for part in (self.name, ", ".join(place), text) if part))
 
     def names(self) -> str:
-        """All column names, for messages."""
+        """List the column names for a message."""
         names = [column.name for column in self.columns if column.name]
-        more = f", ... ({len(names)} in all)" if len(names) > LISTED else ""
-        return ", ".join(names[:LISTED]) + more + (f"; {self.unread}" if self.unread else "")
+        more = f", ... ({len(names)} in all)" if len(names) > READING.listed_columns else ""
+        return ", ".join(names[: READING.listed_columns]) + more + (f"; {self.unread}" if self.unread else "")
 
     def matches(self, name: str) -> list[int]:
-        """Columns called `name`; by the full header or, if no name is just a number, counted from 1."""
+        """Return the columns called `name`: by name, by full header, or by a number counted from 1."""
         for attribute in ("name", "header"):
             found = [i for i, column in enumerate(self.columns) if getattr(column, attribute) == name]
             if found:
@@ -73,12 +71,12 @@ class Table:
         return []
 
     def find(self, name: str) -> int:
-        """Index of the column called `name`.
+        """Return the index of the column called `name`.
 
         Raises
         ------
         RecordingError
-            If there is none (names the nearest) or more than one.
+            If there is none (the message names the nearest) or more than one.
         """
         found = self.matches(name)
         if not found:
@@ -91,8 +89,8 @@ class Table:
         return found[0]
 
 
-def tell_rows(rows: Indices) -> str:
-    """Rows in words, the first few of them."""
+def list_rows(rows: Indices) -> str:
+    """List rows in words; only the first five are named."""
     first = ", ".join(str(row) for row in rows[:5])
     more = f" and {rows.size - 5} more" if rows.size > 5 else ""
     return f"row{'s' if rows.size > 1 else ''} {first}{more}"

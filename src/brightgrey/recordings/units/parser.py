@@ -1,9 +1,9 @@
-"""Units of signals and parameters. Inside brightgrey everything is coherent SI; this is the edge.
+"""Parser of units. Inside brightgrey every quantity is in coherent SI; units appear at its edge only.
 
-Units are read by a small grammar of our own (``N m``, ``Nm``, ``mm/s``, ``rad s-2``, ``°/s``, ``rpm``) and
-valued by pint. The registry holds the units that signals of drives come in, and no others: pint's own list
-reads ``Nm`` as a yarn's number per metre, ``U/min`` as enzyme units and ``Grad`` as a billion radians. Angle
-is a dimension of its own here, so that rad/s and 1/s are not mixed up.
+A small grammar reads the text (``N m``, ``Nm``, ``mm/s``, ``rad s-2``, ``°/s``, ``rpm``), and pint gives the
+value. The registry holds only units that signals of drives have. Pint's own list reads ``Nm`` as a yarn's number
+per metre, ``U/min`` as enzyme units and ``Grad`` as a billion radians. Angle is a dimension of its own here, so
+that rad/s and 1/s stay apart.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ percent = 0.01 = %
 count = [count] = count = inc = digit
 """
 
-# Speeds as they are written on drives; a bare 1/min has no other meaning there.
+# Spellings of rpm on drives; a bare 1/min has no other meaning there.
 SPEEDS = {"1/min", "r/min", "u/min", "rev/min", "tr/min", "min-1", "min^-1", "min⁻¹", "upm", "rpm"}
 # Torques that are written without a space.
 TORQUES = tuple(
@@ -79,7 +79,7 @@ TOKEN = re.compile(
     r"(?P<name>[^\W\d_⁰¹²³⁴-⁹]+|[°%])(?P<power>(?:\*\*|\^)?[-−]?\d+|⁻?[⁰¹²³⁴-⁹]+)?"
     r"|(?P<one>1)|(?P<sign>[()/])|(?P<times>\s*[*·⋅×._\s-]\s*)"
 )
-# One n per name: what a unit may look like.
+# Form of a whole unit, with one n for every name.
 SHAPE = re.compile(r"(n+|\(n+\))(/(n+|\(n+\)))*")
 
 Factors = tuple[tuple[str, int], ...]
@@ -87,12 +87,12 @@ Factors = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit that has been understood.
+    """A parsed unit.
 
     Attributes
     ----------
     text : str
-        How it is written everywhere, e.g. ``N m``, ``mm/s``; ``1`` without a dimension.
+        Normal spelling, e.g. ``N m``, ``mm/s``; ``1`` without a dimension.
     factors : tuple of (symbol, power)
         In the order given.
     si : float
@@ -109,7 +109,7 @@ class Unit:
 
 @cache
 def _registry() -> pint.UnitRegistry[float]:
-    """Create the registry on first use: importing pint takes longer than all other start-up here."""
+    """Create the registry on first use, because importing pint takes longer than the rest of the package."""
     import pint
 
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
@@ -120,7 +120,7 @@ def _registry() -> pint.UnitRegistry[float]:
 def _lookup(name: str) -> list[str] | None:
     """Full names of the units in one written name (two for ``Nm``), or None if it is unknown."""
     found = _registry().parse_unit_name(name, case_sensitive=True)
-    if found:  # a name of its own goes before a prefix: min is not milli-inch, kg not kilo-g
+    if found:  # a plain name is preferred to a prefix: min is not milli-inch, kg not kilo-g
         prefix, unit, _ = min(found, key=lambda candidate: len(candidate[0]))
         return [prefix + unit]
     for torque in TORQUES:
@@ -152,7 +152,7 @@ def _tokens(text: str) -> list[re.Match[str]]:
 
 
 def _factors(text: str) -> Factors:
-    """Full names and powers in the order written. A denominator of several factors needs brackets."""
+    """Return full names and powers in the order written; a denominator of several factors needs brackets."""
     factors: list[tuple[str, int]] = []
     below, open_bracket, denominators = False, False, 0
     for token in _tokens(text):
@@ -191,7 +191,7 @@ def write_factors(factors: Sequence[tuple[str, int]]) -> str:
 
 @cache
 def parse_unit(text: str) -> Unit:
-    """Understand a unit.
+    """Parse a unit.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def parse_unit(text: str) -> Unit:
     Raises
     ------
     RecordingError
-        For a unit that is not known; names the nearest one.
+        For an unknown unit; the message names the nearest one.
     """
     plain = re.sub(r"[\s_]+per[\s_]+", "/", text.strip()).replace("º", "°")
     compact = re.sub(r"\s+", "", plain)
@@ -236,7 +236,7 @@ def parse_unit(text: str) -> Unit:
 
 
 def is_unit(text: str) -> bool:
-    """Whether `text` can be read as a unit."""
+    """Return True if `text` can be read as a unit."""
     try:
         parse_unit(text)
     except RecordingError:

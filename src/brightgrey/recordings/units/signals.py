@@ -1,15 +1,15 @@
-"""Which units the signals of a recording and the parameters of its models stand in."""
+"""Units of the signals of a recording and of the parameters of its models."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from brightgrey.errors import RecordingError, unknown_name
+from brightgrey.errors import RecordingError, one_of
 from brightgrey.recordings.units.parser import Unit, parse_unit, write_factors
 
 __all__ = ["KINDS", "Units", "assumed_unit", "check_kind", "motion_unit"]
 
-# How often the motion is differentiated by time.
+# Kind of output, and its order as a time derivative of the motion.
 KINDS = {"position": 0, "velocity": 1, "velocity-differenced": 1, "acceleration": 2}
 BASES = {"[angle]": "rad", "[length]": "m"}
 FITTING = {
@@ -17,24 +17,17 @@ FITTING = {
     1: "an angle or a length per time, e.g. rad/s, rpm, m/s, mm/s",
     2: "an angle or a length per time squared, e.g. rad/s², deg/s², m/s²",
 }
-# Where the composed unit has a name of its own that everybody expects.
+# Composed units that have a name of their own.
 NAMED = {("N m", "rad", (1, -1, 2)): "kg m²", ("N", "m", (1, -1, 2)): "kg"}
 
 
-def check_kind(kind: str) -> None:
-    """Refuse a `kind` of output that is not in `KINDS`.
-
-    Raises
-    ------
-    RecordingError
-        Names the nearest kind.
-    """
-    if kind not in KINDS:
-        raise RecordingError(unknown_name("kind of output", kind, KINDS))
+def check_kind(kind: str) -> str:
+    """Return `kind` if it is one of `KINDS`; raise RecordingError if it is not."""
+    return one_of("kind of output", kind, KINDS, error=RecordingError)
 
 
 def base_of(unit: Unit, kind: str) -> str | None:
-    """``rad`` or ``m`` if `unit` fits an output of this `kind`, else None."""
+    """Return ``rad`` or ``m`` if `unit` fits an output of this `kind`, else None."""
     order = KINDS[kind]
     for name, base in BASES.items():
         if dict(unit.dimension) == ({name: 1, "[time]": -order} if order else {name: 1}):
@@ -43,24 +36,24 @@ def base_of(unit: Unit, kind: str) -> str | None:
 
 
 def kind_of(unit: Unit) -> str | None:
-    """Kind of output that has such a unit, or None."""
+    """Return the kind of output that has such a unit, or None."""
     return next((kind for kind in KINDS if base_of(unit, kind)), None)
 
 
 def fits(kind: str) -> str:
-    """In words, the units that an output of this `kind` may have."""
+    """Describe the units that an output of this `kind` may have."""
     return FITTING[KINDS[kind]]
 
 
 def assumed_unit(kind: str, base: str) -> str:
-    """Coherent SI unit of an output: `base` (``rad`` or ``m``) per time as often as `kind` says."""
+    """Return the coherent SI unit of an output of this `kind`; `base` is ``rad`` or ``m``."""
     return base + ("", "/s", "/s²")[KINDS[kind]]
 
 
 def motion_unit(unit: Unit) -> str:
-    """Length or angle in the unit of a motion; ``rad`` or ``m`` where it is hidden, as in rpm or g.
+    """Return the length or angle in the unit of a motion, or ``rad`` or ``m`` where it shows none, as in rpm or g.
 
-    A speed in rpm thus gives parameters in rad and s, one in mm/s or m/min gives them in mm or m, and s.
+    A speed in rpm thus gives parameters in rad and s, a speed in mm/s gives parameters in mm and s.
     """
     bases = dict(unit.dimension)
     for symbol, power in unit.factors:
@@ -97,7 +90,7 @@ class Units:
         object.__setattr__(self, "motion", motion.text)
 
     def of(self, dimension: tuple[int, int, int]) -> tuple[str, float]:
-        """Tell the unit of a quantity and the factor from SI to it.
+        """Return the unit of a quantity and the factor from SI to it.
 
         Parameters
         ----------
