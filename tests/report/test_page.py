@@ -16,6 +16,7 @@ from brightgrey.recordings import Signal
 from brightgrey.report.content import Content
 from brightgrey.report.notebook import result_html
 from brightgrey.report.page import page
+from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
 from brightgrey.report.text.tables import parameter_rows, remarks, verdict_text
 from brightgrey.search.evidence import EffectVerdict, Evidence
@@ -98,7 +99,7 @@ def test_every_number_is_there_to_its_last_digit(data):
         *(fit[name] for fit in fits for name in ("fit_percent", "rmse", "rss")),
         data["criterion"]["value"],
     ]
-    assert exact["commissioning"] == [entry.value for entry in commissioning_sheet(model, {})]
+    assert exact["commissioning"] == [entry.value for entry in commissioning_sheet(AssembledModel(model), {})]
 
 
 def test_page_follows_from_model_json_alone(data):

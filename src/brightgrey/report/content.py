@@ -1,4 +1,4 @@
-"""All that a report is made of, and the figures that follow from it."""
+"""Content of a report, and the figures that follow from it."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from brightgrey.report.charts.comparison import comparisons, correlations
 from brightgrey.report.charts.frequency_response import response_chart
 from brightgrey.report.charts.friction import friction_charts
 from brightgrey.report.charts.search_progress import front_chart, history_chart
+from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import Run
 
@@ -24,14 +25,14 @@ __all__ = ["Content"]
 
 @dataclass(frozen=True)
 class Content:
-    """What a report shows. Only the model is needed; sections that do not apply are left out.
+    """Content of a report. Only the model is needed; sections that do not apply are left out.
 
     Attributes
     ----------
     model : Model
         Every number of the report is one of the model's, or follows from them.
     traces : sequence of Trace
-        Recordings with what the model makes of them.
+        Recordings with their simulation by the model.
     notes : sequence of str
         Repairs of the recordings and assumptions about them.
     evidence : Evidence or None
@@ -45,9 +46,9 @@ class Content:
     request : str
         Command that gives this result again.
     symptoms : sequence
-        What the recording shows besides, and what to do: objects with texts ``title``, ``seen`` and ``advice``.
+        Symptoms in the residuals, with advice: objects with texts ``title``, ``seen`` and ``advice``.
     differences : sequence
-        What differs for control between structures that are tied: objects with ``structure`` and ``rows`` of
+        Quantities for control that differ between tied structures: objects with ``structure`` and ``rows`` of
         (name, value).
     """
 
@@ -63,15 +64,20 @@ class Content:
     differences: Sequence[Any] = ()
 
     @cached_property
+    def assembled(self) -> AssembledModel:
+        """Model with its system and its linear model, made once for all figures and tables."""
+        return AssembledModel(self.model)
+
+    @cached_property
     def charts(self) -> Mapping[str, tuple[Chart, ...]]:
         """Figures by name; only those that apply."""
         train = [trace for trace in self.traces if not trace.test]
         every = {
             "comparison": comparisons(self.traces),
             "residuals": correlations(self.traces),
-            "friction": friction_charts(self.model, self.correlation),
-            "frequency": response_chart(self.model, train),
-            "backlash": gap_charts(self.model, train),
+            "friction": friction_charts(self.assembled, self.correlation),
+            "frequency": response_chart(self.assembled, train),
+            "backlash": gap_charts(self.assembled, train),
             "pareto": front_chart(self.ranking, str(self.model.structure)),
             "history": history_chart(self.run),
         }

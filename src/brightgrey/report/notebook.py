@@ -1,4 +1,4 @@
-"""How a result shows itself in a notebook: verdict, parameters, fit and the main figure."""
+"""HTML of a result in a notebook: verdict, parameters, fit and the main figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""report.html: one self-contained page that opens anywhere, offline."""
+"""report.html: one self-contained page that opens offline in any browser."""
 
 from __future__ import annotations
 
@@ -15,17 +15,14 @@ from brightgrey.report.command import command
 from brightgrey.report.content import Content
 from brightgrey.report.drawing import svg
 from brightgrey.report.drawing.plotly_figure import library, plot, script
+from brightgrey.report.options import REPORT_OPTIONS
 from brightgrey.report.quantities.number_format import significant
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
 from brightgrey.report.text.tables import fit_rows, parameter_rows, remarks, verdict_text
 from brightgrey.search.genetic import Run
 
 __all__ = ["page"]
-
-
-_TOP = 10  # structures of the ranking that are shown
-_TREES = 6  # individuals of a generation that are drawn
-_BENEATH = ("numpy", "scipy", "numba")
+_LIBRARIES = ("numpy", "scipy", "numba")
 
 
 def page(content: Content) -> str:
@@ -34,12 +31,12 @@ def page(content: Content) -> str:
     Parameters
     ----------
     content : Content
-        What there is besides the model; sections that do not apply are left out.
+        Sections that do not apply to it are left out.
 
     Returns
     -------
     str
-        The same content gives the same text. Nothing is loaded from anywhere when it is opened.
+        The same content gives the same text. The page loads nothing when it is opened.
     """
     environment = Environment(
         loader=PackageLoader("brightgrey", "report"),
@@ -60,14 +57,14 @@ def page(content: Content) -> str:
         plots=Markup(script({f"{n}-{i}": plot(c) for n, cs in charts.items() for i, c in enumerate(cs)})),
         library=Markup(library()),
         parameters=rows,
-        bars=[Markup(bar) for bar in _bars(model)],
+        bars=[Markup(bar) for bar in _range_bars(model)],
         noted=any(row.note for row in rows),
         fits=fit_rows(model),
         criterion=significant(model.criterion.value, 6) if model.criterion else "",
-        sheet=commissioning_sheet(model, content.correlation),
+        sheet=commissioning_sheet(content.assembled, content.correlation),
         cards=content.evidence.cards if content.evidence else (),
-        ranking=_ranking(content.ranking),
-        settings=_settings(model),
+        ranking=_ranking_cells(content.ranking),
+        settings=_setting_rows(model),
         command=command(content),
         family=Markup(svg.family(content.run)) if content.run else "",
         trees=_trees(content.run) if content.run else [],
@@ -75,18 +72,18 @@ def page(content: Content) -> str:
 
 
 def exact(shown: str, value: float | None) -> Markup | str:
-    """Text of a number together with the number itself, to the last digit."""
+    """HTML of a number as shown, with its exact value as data."""
     return shown if value is None or not shown else Markup(f'<data value="{value!r}">{escape(shown)}</data>')
 
 
-def _bars(model: Model) -> list[str]:
+def _range_bars(model: Model) -> list[str]:
     return [
         svg.range_bar(model.parameters[name], model.settings.bounds.get(name), log=declared.scale == "log")
         for name, declared in model.structure.parameters.items()
     ]
 
 
-def _ranking(ranking: Sequence[Row]) -> list[tuple[str, str, str, str, str, str]]:
+def _ranking_cells(ranking: Sequence[Row]) -> list[tuple[str, str, str, str, str, str]]:
     """Cells of the first structures: rank, structure, parameters, fit, criterion, tied; none if there was one only."""
     if len(ranking) < 2:
         return []
@@ -99,7 +96,7 @@ def _ranking(ranking: Sequence[Row]) -> list[tuple[str, str, str, str, str, str]
             "" if row.criterion is None else significant(row.criterion, 6),
             "yes" if row.tied else "",
         )
-        for rank, row in enumerate(ranking[:_TOP], 1)
+        for rank, row in enumerate(ranking[: REPORT_OPTIONS.ranked], 1)
     ]
 
 
@@ -107,7 +104,7 @@ def _trees(run: Run) -> list[tuple[str, list[tuple[str, Markup]]]]:
     """Individuals of the first and the last generation, the best first: title of the generation, title and drawing."""
     out = []
     for number in dict.fromkeys((0, run.generations - 1)):
-        best = sorted(run.generation(number), key=lambda e: -e.value)[:_TREES]
+        best = sorted(run.generation(number), key=lambda e: -e.value)[: REPORT_OPTIONS.trees]
         drawn = [
             (f"{e.individual + 1}: criterion {significant(e.value, 5)}, {e.operator}", Markup(svg.tree(e.tree)))
             for e in best
@@ -116,23 +113,23 @@ def _trees(run: Run) -> list[tuple[str, list[tuple[str, Markup]]]]:
     return out
 
 
-def _settings(model: Model) -> list[tuple[str, str]]:
+def _setting_rows(model: Model) -> list[tuple[str, str]]:
     s = model.settings
     rows = [
-        ("f_tanh, gain of the smoothed sign", f"{significant(s.f_tanh)} {s.f_tanh_unit}"),
+        ("f_tanh, gain of the smoothed sign of the speed", f"{significant(s.f_tanh)} {s.f_tanh_unit}"),
         ("sampling time", f"{s.sampling_time:.6g} s"),
-        ("input between samples", {"linear": "straight lines", "zoh": "held"}[s.hold]),
+        ("input between samples", {"linear": "interpolated linearly", "zoh": "held"}[s.hold]),
         ("integration level", s.level),
     ]
     for initial in model.initial_state:
         state = ", ".join(f"{name} = {significant(v.value)} {v.unit}" for name, v in initial.state.items())
         rows.append((f"initial state, {initial.recording}", state))
-    return [*rows, ("seed", str(model.seed)), ("brightgrey", model.version), ("made with", _versions())]
+    return [*rows, ("seed", str(model.seed)), ("brightgrey", model.version), ("software", _versions())]
 
 
 def _versions() -> str:
     found = [f"Python {python_version()}"]
-    for name in _BENEATH:
+    for name in _LIBRARIES:
         try:
             found.append(f"{name} {version(name)}")
         except PackageNotFoundError:  # a build without metadata

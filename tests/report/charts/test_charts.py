@@ -13,16 +13,17 @@ from brightgrey.kit import assemble
 from brightgrey.model.ranking import Row, front
 from brightgrey.model.trace import Trace
 from brightgrey.report.charts.backlash import gap_charts, loop
-from brightgrey.report.charts.chart import MOST_POINTS
-from brightgrey.report.charts.comparison import ALL_POINTS, comparisons, correlations
-from brightgrey.report.charts.frequency_response import linearised, measured_response, response_chart
+from brightgrey.report.charts.comparison import comparisons, correlations
+from brightgrey.report.charts.frequency_response import measured_response, response_chart
 from brightgrey.report.charts.friction import friction_charts
 from brightgrey.report.charts.search_progress import ancestors, front_chart, history_chart
 from brightgrey.report.content import Content
 from brightgrey.report.drawing.matplotlib_figure import draw, picture
 from brightgrey.report.drawing.plotly_figure import plot, script
 from brightgrey.report.drawing.svg import family, range_bar, tree
+from brightgrey.report.options import REPORT_OPTIONS
 from brightgrey.report.page import page
+from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.simulation import response
 from support.genetic_runs import individual, small_run
 from support.report_models import DT, F_TANH, FULL, TOP, VALUES, independent, model_of, trace_of
@@ -87,7 +88,7 @@ def test_both_ways_of_drawing_have_the_same_numbers(content):
 
 def test_friction_curve_is_the_sum_of_the_laws():
     model = model_of()
-    (chart,) = friction_charts(model, independent(model))
+    (chart,) = friction_charts(AssembledModel(model), independent(model))
     band, curve = chart.panels[0].lines
     v = curve.x
     size = VALUES["M_C"] + VALUES["M_S"] * np.exp(-np.abs(v) / VALUES["omega_S"])
@@ -95,8 +96,8 @@ def test_friction_curve_is_the_sum_of_the_laws():
     assert (v.min(), v.max()) == (-TOP, TOP)
     assert (band.low <= curve.y + 1e-12).all()
     assert (curve.y <= band.y + 1e-12).all()
-    assert friction_charts(model_of("one_mass"), {}) == ()
-    (alone,) = friction_charts(model, {})
+    assert friction_charts(AssembledModel(model_of("one_mass")), {}) == ()
+    (alone,) = friction_charts(AssembledModel(model), {})
     assert [line.label for line in alone.panels[0].lines] == ["estimate"]
 
 
@@ -117,14 +118,14 @@ def test_measured_response_is_that_of_a_known_filter():
 
 def test_linear_model_and_measured_response_agree_on_a_linear_drive():
     model = model_of("two_mass+viscous")
-    (chart,) = response_chart(model, [trace_of(model, samples=8000, noise=1e-3)])
+    (chart,) = response_chart(AssembledModel(model), [trace_of(model, samples=8000, noise=1e-3)])
     measured, modelled = chart.panels[0].lines
     assert (measured.label, modelled.label) == ("measured", "linearised model")
     near = measured.x < 100.0
     ratio = measured.y / np.interp(measured.x, modelled.x, modelled.y)
     assert near.sum() > 20
     assert np.median(np.abs(np.log(ratio[near]))) < 0.1
-    analysis = linearised(model)
+    analysis = AssembledModel(model).analysis
     marks = [mark.x for mark in chart.panels[0].marks]
     assert marks == [analysis.resonances[0].frequency, analysis.antiresonances()[0].frequency]
     peak = modelled.x[np.argmax(modelled.y * (np.abs(modelled.x - marks[0]) < 5.0))]
@@ -151,10 +152,10 @@ def test_shaft_torque_accelerates_the_load():
 
 def test_gap_marks_are_two_alpha_apart():
     model = model_of(FULL, units=("N m", "deg"))
-    (chart,) = gap_charts(model, [trace_of(model)])
+    (chart,) = gap_charts(AssembledModel(model), [trace_of(model)])
     low, high = (mark.x for mark in chart.panels[0].marks)
     assert high - low == pytest.approx(np.degrees(2 * VALUES["alpha"]))
-    assert gap_charts(model_of("two_mass"), [trace_of(model_of("two_mass"))]) == ()
+    assert gap_charts(AssembledModel(model_of("two_mass")), [trace_of(model_of("two_mass"))]) == ()
 
 
 def test_correlations_leave_out_what_has_none():
@@ -212,6 +213,8 @@ def test_long_and_many_recordings_stay_below_six_megabytes():
     y = rng.normal(size=(1, t.size))
     traces = [Trace(f"{k}.csv", t, y[0], y, 0.9 * y, model.input, model.outputs) for k in range(12)]
     charts = comparisons(traces)
-    assert sum(line.x.size for chart in charts for line in chart.panels[0].lines[:1]) <= ALL_POINTS + 12
-    assert all(line.x.size <= MOST_POINTS for chart in charts for panel in chart.panels for line in panel.lines)
+    assert sum(line.x.size for chart in charts for line in chart.panels[0].lines[:1]) <= REPORT_OPTIONS.page_points + 12
+    assert all(
+        line.x.size <= REPORT_OPTIONS.line_points for chart in charts for panel in chart.panels for line in panel.lines
+    )
     assert len(page(Content(model, traces)).encode()) < 6e6

@@ -11,13 +11,13 @@ from brightgrey.model.trace import Trace
 from brightgrey.recordings import Signal
 from brightgrey.report.drawing.matplotlib_figure import (
     MEASURED,
-    MOST_POINTS,
     RESIDUAL,
     SIMULATED,
     comparison,
     picture,
     thin,
 )
+from brightgrey.report.options import REPORT_OPTIONS
 
 TORQUE = Signal("torque", "input", "N m")
 OUTPUTS = (Signal("q $_1$", "position", "mm"), Signal("v", "velocity-differenced", "mm/s"))
@@ -60,7 +60,7 @@ def test_long_lines_keep_their_extremes():
     line, other = generator.normal(size=(2, t.size))
     line[12_345], other[54_321] = 50.0, -50.0
     kept, thinned, thinned_other = thin(t, line, other)
-    assert kept.size <= MOST_POINTS
+    assert kept.size <= REPORT_OPTIONS.line_points
     assert (kept[0], kept[-1]) == (0.0, 99_999.0)
     assert (np.diff(kept) > 0).all()
     assert thinned.max() == 50.0

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.report.quantities.propagation import intervals, parameter_draws
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
 from support.report_models import TOP, VALUES, independent, model_of
 
 
 def entries(model, correlation=None):
-    return {entry.name: entry for entry in commissioning_sheet(model, correlation or {})}
+    return {entry.name: entry for entry in commissioning_sheet(AssembledModel(model), correlation or {})}
 
 
 def test_a_drive_engineers_numbers():
@@ -41,7 +42,7 @@ def test_words_and_units_of_a_linear_axis():
 
 
 def test_only_what_the_model_has_is_listed():
-    assert [e.name for e in commissioning_sheet(model_of("one_mass"), {})] == ["total inertia"]
+    assert [e.name for e in commissioning_sheet(AssembledModel(model_of("one_mass")), {})] == ["total inertia"]
 
 
 def test_a_single_parameter_keeps_its_interval():
@@ -60,18 +61,18 @@ def test_errors_of_a_sum_depend_on_their_correlation(rho):
     def total(sets):
         return (sets["J1"] + sets["J2"])[None]
 
-    ((low, high),) = intervals(model, correlation, total)
+    ((low, high),) = intervals(AssembledModel(model), correlation, total)
     a, b = 0.02 * VALUES["J1"], 0.02 * VALUES["J2"]
     half = np.sqrt(a * a + b * b + 2 * rho * a * b)
     assert (high - low) / 2 == pytest.approx(half, rel=0.03)  # first order: off by the relative error itself
-    assert intervals(model, {}, total) == [None]
+    assert intervals(AssembledModel(model), {}, total) == [None]
 
 
 def test_draws_have_the_intervals_of_the_parameters():
     model = model_of("two_mass+coulomb", relative=0.1)
-    drawn = parameter_draws(model, independent(model), 4000)
+    drawn = parameter_draws(AssembledModel(model), independent(model), 4000)
     for name, values in drawn.items():
         # A quantile of 4000 draws at 2.5 % is off by 4 % of half the interval (standard deviation); three of them.
         half = 0.1 * VALUES[name]
         np.testing.assert_allclose(np.percentile(values, (2.5, 97.5)), model.parameters[name].ci95, atol=0.13 * half)
-    assert parameter_draws(model, {}, 10) == {}
+    assert parameter_draws(AssembledModel(model), {}, 10) == {}

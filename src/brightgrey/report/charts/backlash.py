@@ -1,4 +1,4 @@
-"""Hysteresis loop of a shaft with a gap (the paper's figure 3), as the model went through it in the recording."""
+"""Hysteresis loop of a shaft with a gap (the paper's figure 3), as the model runs through it in the recording."""
 
 from __future__ import annotations
 
@@ -9,30 +9,29 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import POSITION, TORQUE, Element
-from brightgrey.kit import StateSpace, assemble
-from brightgrey.model.model import Model
+from brightgrey.kit import StateSpace
 from brightgrey.model.trace import Trace
 from brightgrey.report.charts.chart import Chart, Line, Mark, Panel, thin
+from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.simulation import response
 
 __all__ = ["gap_charts", "loop"]
 
 
-def gap_charts(model: Model, traces: Sequence[Trace]) -> tuple[Chart, ...]:
+def gap_charts(assembled: AssembledModel, traces: Sequence[Trace]) -> tuple[Chart, ...]:
     """Torque in the shaft over its twist, for every gap, in the first of the recordings."""
-    settings = model.settings_si()
-    system = assemble(model.structure, model.values_si(), settings.f_tanh)
-    gaps = [e for e in system.elements if e.limits is not None]
-    if not gaps or not traces or not model.initial_state:
+    gaps = [e for e in assembled.system.elements if e.limits is not None]
+    if not gaps or not traces or not assembled.model.initial_state:
         return ()
-    states = _states(model, system, traces[0])
+    states = _simulated_states(assembled, traces[0])
     if not np.isfinite(states).all():
         return ()
-    return tuple(_chart(model, system, e, states, traces[0]) for e in gaps)
+    return tuple(_loop_chart(assembled, e, states, traces[0]) for e in gaps)
 
 
-def _states(model: Model, system: StateSpace, trace: Trace) -> Array:
+def _simulated_states(assembled: AssembledModel, trace: Trace) -> Array:
     """All states, shape (n, samples), SI, simulated with the input of a recording."""
+    model, system = assembled.model, assembled.system
     n = len(system.states)
     every = replace(
         system,
@@ -41,11 +40,11 @@ def _states(model: Model, system: StateSpace, trace: Trace) -> Array:
         outputs=system.state_names,
         derivative_rows=(-1,) * n,
     )
-    begins = {part.recording: part.state for part in model.initial_state}
-    state = begins.get(trace.name, model.initial_state[0].state)
+    initial = {part.recording: part.state for part in model.initial_state}
+    state = initial.get(trace.name, model.initial_state[0].state)
     x0 = [state[s.name].value / model.units.of(s.dimension)[1] for s in system.states]
     u = trace.u / trace.input.factor
-    return np.asarray(response(every, u, model.settings.sampling_time, x0, model.settings_si()).y[:, :, 0])
+    return np.asarray(response(every, u, model.settings.sampling_time, x0, assembled.settings).y[:, :, 0])
 
 
 def loop(system: StateSpace, gap: Element, values: Mapping[str, float], states: Array) -> tuple[Array, Array]:
@@ -62,7 +61,7 @@ def loop(system: StateSpace, gap: Element, values: Mapping[str, float], states: 
         SI.
     """
     assert gap.limits is not None
-    place = _place(gap)
+    place = int(gap.name.partition("@")[2])
     q_i, q_j, v_i, v_j = (
         system.state_names.index(s) for s in (f"q{place}", f"q{place + 1}", f"v{place}", f"v{place + 1}")
     )
@@ -72,14 +71,11 @@ def loop(system: StateSpace, gap: Element, values: Mapping[str, float], states: 
     return twist, np.asarray(values[f"c{place}"] * rest + values[f"d{place}"] * (states[v_i] - states[v_j] - rate))
 
 
-def _place(gap: Element) -> int:
-    return int(gap.name.partition("@")[2])
-
-
-def _chart(model: Model, system: StateSpace, gap: Element, states: Array, trace: Trace) -> Chart:
-    twist, torque = loop(system, gap, model.values_si(), states)
+def _loop_chart(assembled: AssembledModel, gap: Element, states: Array, trace: Trace) -> Chart:
+    model = assembled.model
+    twist, torque = loop(assembled.system, gap, assembled.values, states)
     assert gap.limits is not None
-    place = _place(gap)
+    place = int(gap.name.partition("@")[2])
     motion_unit, per_motion = model.units.of(POSITION)
     torque_unit, per_torque = model.units.of(TORQUE)
     _, x, y = thin(trace.t, twist * per_motion, torque * per_torque)
@@ -90,5 +86,7 @@ def _chart(model: Model, system: StateSpace, gap: Element, states: Array, trace:
         levels=(0.0,),
         marks=(Mark(float(gap.limits.lower) * per_motion, "-2 alpha"), Mark(float(gap.limits.upper) * per_motion, "0")),
     )
-    caption = f"The model's shaft during {trace.name}; between the marks the gap is open and carries no torque."
+    caption = (
+        f"Simulated motion of the shaft in {trace.name}. Between the two marks the gap is open and carries no torque."
+    )
     return Chart("backlash", (panel,), caption)

@@ -1,4 +1,4 @@
-"""What a figure shows, without a word on how it is drawn: computed once, drawn for paper and for the page."""
+"""Data of a figure, independent of how it is drawn: computed once, drawn for paper and for the page."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Literal
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.report.options import REPORT_OPTIONS
 
-__all__ = ["MOST_POINTS", "Chart", "Colour", "Line", "Mark", "Panel", "thin"]
+__all__ = ["Chart", "Colour", "Line", "Mark", "Panel", "thin"]
 
 Colour = Literal["measured", "simulated", "residual", "second", "soft"]
 Style = Literal["line", "dashed", "points", "bars", "band"]
-MOST_POINTS = 3000  # per line; more than any page has pixels across
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Line:
     label : str
         For the legend; empty for none.
     colour : str
-        What it stands for; each way of drawing has a colour for that.
+        Meaning of the line; each way of drawing has a colour for it.
     style : {'line', 'dashed', 'points', 'bars', 'band'}
         A band lies between `low` and `y`.
     width : float
@@ -95,7 +95,7 @@ class Chart:
     caption: str = ""
 
 
-def thin(t: Array, *lines: Array, most: int = MOST_POINTS) -> tuple[Array, ...]:
+def thin(t: Array, *lines: Array, most: int = REPORT_OPTIONS.line_points) -> tuple[Array, ...]:
     """Fewer points that draw the same: of each bin the samples where some line has its extremes.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Measured against simulated motion, and what the residuals between them tell."""
+"""Measured against simulated motion, and the correlations of the residuals between them."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ import numpy as np
 
 from brightgrey.estimation.noise.residual_analysis import LAGS, residual_analysis
 from brightgrey.model.trace import Trace
-from brightgrey.report.charts.chart import MOST_POINTS, Chart, Line, Panel, thin
+from brightgrey.report.charts.chart import Chart, Line, Panel, thin
+from brightgrey.report.options import REPORT_OPTIONS
 
 __all__ = ["comparisons", "correlations", "quantity"]
-
-ALL_POINTS = 24_000  # of all charts together: what a page can carry
-FEWEST = 300
 
 
 def quantity(kind: str) -> str:
@@ -30,11 +28,12 @@ def comparisons(traces: Sequence[Trace]) -> tuple[Chart, ...]:
         Outputs in their own units, time in s.
     """
     rows = [(trace, row) for trace in traces for row in range(len(trace.outputs))]
-    most = max(FEWEST, min(MOST_POINTS, ALL_POINTS // max(len(rows), 1)))
-    return tuple(_comparison(trace, row, most) for trace, row in rows)
+    o = REPORT_OPTIONS
+    most = max(o.min_line_points, min(o.line_points, o.page_points // max(len(rows), 1)))
+    return tuple(_comparison_chart(trace, row, most) for trace, row in rows)
 
 
-def _comparison(trace: Trace, row: int, most: int) -> Chart:
+def _comparison_chart(trace: Trace, row: int, most: int) -> Chart:
     signal = trace.outputs[row]
     t, measured, simulated = thin(trace.t, trace.measured[row], trace.simulated[row], most=most)
     t_residual, residual = thin(trace.t, trace.residual[row], most=most)
@@ -61,11 +60,11 @@ def correlations(traces: Sequence[Trace]) -> tuple[Chart, ...]:
 
     Outputs whose simulation diverged, or that are too short for the lags, are left out.
     """
-    drawn = (_correlation(trace, row) for trace in traces for row in range(len(trace.outputs)))
+    drawn = (_correlation_chart(trace, row) for trace in traces for row in range(len(trace.outputs)))
     return tuple(chart for chart in drawn if chart is not None)
 
 
-def _correlation(trace: Trace, row: int) -> Chart | None:
+def _correlation_chart(trace: Trace, row: int) -> Chart | None:
     residual = trace.residual[row]
     if not np.isfinite(residual).all() or residual.size <= 4 * LAGS:
         return None
@@ -75,8 +74,6 @@ def _correlation(trace: Trace, row: int) -> Chart | None:
     cross = np.array(found.cross_correlation)
     lags = dt * np.arange(own.size, dtype=np.float64)
     both = dt * (np.arange(cross.size, dtype=np.float64) - cross.size // 2)
-    white = "nothing speaks against white residuals" if found.white else "the residuals are not white"
-    follows = "they still follow the input" if found.follows_input else "they do not follow the input"
     with_itself = Panel(
         y_label="autocorrelation",
         lines=(Line(lags, own, "", "residual", "bars", 2.0),),
@@ -92,9 +89,11 @@ def _correlation(trace: Trace, row: int) -> Chart | None:
         levels=(0.0, found.cross_band, -found.cross_band),
         height=0.6,
     )
+    white = "Nothing speaks against white residuals" if found.white else "The residuals are not white"
+    follows = "depend on the input" if found.follows_input else "do not depend on the input"
     caption = (
-        f"{white[0].upper()}{white[1:]} (Ljung-Box, chance {found.ljung_box:.2g}); {follows}. Lines: 95 % of the lags "
-        "of white residuals, and of residuals that do not depend on the input, stay within. "
-        f"{trace.t.size} samples are worth {found.effective:.0f} independent ones."
+        f"{white} (Ljung-Box test, p = {found.ljung_box:.2g}); they {follows}. Between the lines lie 95 % of the"
+        f" correlations of white residuals that do not depend on the input. The {trace.t.size} samples count as"
+        f" {found.effective:.0f} independent ones."
     )
     return Chart("residuals", (with_itself, with_input), caption)

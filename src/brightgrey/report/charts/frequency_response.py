@@ -8,28 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.arrays import Array, Complex
-from brightgrey.control.linear.analysis import Analysis, analyse_system
+from brightgrey.control.linear.analysis import Analysis
 from brightgrey.effects import SPEED
-from brightgrey.errors import SettingsError
-from brightgrey.kit import assemble
 from brightgrey.model.model import Model
 from brightgrey.model.trace import Trace
 from brightgrey.numerics.digital_filter import csd
 from brightgrey.report.charts.chart import Chart, Line, Mark, Panel
+from brightgrey.report.options import REPORT_OPTIONS
+from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.report.quantities.number_format import significant
 
-__all__ = ["Measured", "linearised", "measured_response", "response_chart"]
-
-SEGMENTS = 9  # of half overlap, so that they are five long: coherence by chance stays below 0.4
-LEAST = 64  # samples of a segment
-COHERENT = 0.8
-POINTS = 600
-HALF_SPEED = 0.5
+__all__ = ["MeasuredResponse", "measured_response", "response_chart"]
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """Frequency response that recordings show.
+class MeasuredResponse:
+    """Frequency response estimated from recordings.
 
     Attributes
     ----------
@@ -38,7 +32,7 @@ class Measured:
     response : ndarray, shape (m,)
         Output over input, complex, in the recording's units.
     coherence : ndarray, shape (m,)
-        From 0 to 1: how much of the output follows the input linearly.
+        Share of the output's power that follows the input linearly, from 0 to 1.
     """
 
     frequency: Array
@@ -46,28 +40,17 @@ class Measured:
     coherence: Array
 
 
-def linearised(model: Model) -> Analysis | None:
-    """Linear model in steady motion at half of the recording's largest speed, SI; None without such a motion."""
-    settings = model.settings_si()
-    kinds = ["velocity" if s.kind == "velocity-differenced" else s.kind for s in model.outputs]
-    try:
-        system = assemble(model.structure, model.values_si(), settings.f_tanh, kinds)
-        return analyse_system(system, speed=HALF_SPEED * settings.speed_scale)
-    except (SettingsError, np.linalg.LinAlgError):
-        return None
-
-
-def measured_response(traces: Sequence[Trace], row: int) -> Measured | None:
+def measured_response(traces: Sequence[Trace], row: int) -> MeasuredResponse | None:
     """Average response of one output to the input by Welch's method (H1), all recordings pooled.
 
     Returns
     -------
-    Measured or None
+    MeasuredResponse or None
         None if the recordings are too short, or differ in their sampling.
     """
     steps = {round(float(trace.t[1] - trace.t[0]), 12) for trace in traces}
-    length = min((2 * trace.t.size // (SEGMENTS + 1) for trace in traces), default=0)
-    if len(steps) != 1 or length < LEAST:
+    length = min((2 * trace.t.size // (REPORT_OPTIONS.welch_segments + 1) for trace in traces), default=0)
+    if len(steps) != 1 or length < REPORT_OPTIONS.min_segment:
         return None
     (dt,) = steps
     parts = []
@@ -79,31 +62,33 @@ def measured_response(traces: Sequence[Trace], row: int) -> Measured | None:
     tiny = np.finfo(float).tiny
     coherence = np.abs(cross) ** 2 / np.maximum(input_power.real * output_power.real, tiny)
     frequency = np.arange(1, length // 2 + 1, dtype=np.float64) / (length * dt)
-    return Measured(frequency, np.asarray(cross / np.maximum(input_power.real, tiny)), np.asarray(coherence))
+    return MeasuredResponse(frequency, np.asarray(cross / np.maximum(input_power.real, tiny)), np.asarray(coherence))
 
 
-def response_chart(model: Model, traces: Sequence[Trace]) -> tuple[Chart, ...]:
+def response_chart(assembled: AssembledModel, traces: Sequence[Trace]) -> tuple[Chart, ...]:
     """Bode plot of every output, with resonances and antiresonances marked; none without a linear model."""
-    analysis = linearised(model)
+    analysis, model = assembled.analysis, assembled.model
     if analysis is None or not traces:
         return ()
-    return tuple(_chart(model, analysis, traces, row) for row in range(len(model.outputs)))
+    return tuple(_bode_chart(model, analysis, traces, row) for row in range(len(model.outputs)))
 
 
-def _chart(model: Model, analysis: Analysis, traces: Sequence[Trace], row: int) -> Chart:
+def _bode_chart(model: Model, analysis: Analysis, traces: Sequence[Trace], row: int) -> Chart:
     trace, dt = traces[0], model.settings.sampling_time
     low, high = 1.0 / (trace.t[-1] - trace.t[0]), 0.5 / dt
-    swings = [*analysis.resonances, *analysis.antiresonances(row)]
-    around = np.array([s.frequency * (1.0 + s.damping * at) for s in swings for at in np.linspace(-2.0, 2.0, 41)])
-    f = np.unique(np.concatenate([np.geomspace(low, high, POINTS), around[(around > low) & (around < high)]]))
+    modes = [*analysis.resonances, *analysis.antiresonances(row)]
+    around = np.array([s.frequency * (1.0 + s.damping * at) for s in modes for at in np.linspace(-2.0, 2.0, 41)])
+    f = np.unique(
+        np.concatenate([np.geomspace(low, high, REPORT_OPTIONS.bode_points), around[(around > low) & (around < high)]])
+    )
     scale = model.outputs[row].factor / model.input.factor
-    response = _seen(model, row, f, dt) * analysis.bode(2.0 * np.pi * f)[1][row] * scale
+    response = _differencing_response(model, row, f, dt) * analysis.bode(2.0 * np.pi * f)[1][row] * scale
     phase = np.unwrap(np.angle(response))
     modelled = Line(f, np.abs(response), "linearised model", "simulated", width=1.4)
     turned = Line(f, np.degrees(phase), "", "simulated", width=1.4)
     gains, phases = [modelled], [turned]
     shown = measured_response(traces, row)
-    if shown is not None and (good := shown.coherence > COHERENT).any():
+    if shown is not None and (good := shown.coherence > REPORT_OPTIONS.min_coherence).any():
         at = shown.frequency[good]
         apart = np.angle(shown.response[good] / np.exp(1j * np.interp(at, f, phase)))
         gains.insert(0, Line(at, np.abs(shown.response[good]), "measured", "measured", "points", 2.6))
@@ -127,8 +112,8 @@ def _unnamed(marks: tuple[Mark, ...]) -> tuple[Mark, ...]:
     return tuple(Mark(mark.x, "") for mark in marks)
 
 
-def _seen(model: Model, row: int, f: Array, dt: float) -> Complex | float:
-    """What differencing an encoder does to a velocity: the mean over a sampling interval, half of it late."""
+def _differencing_response(model: Model, row: int, f: Array, dt: float) -> Complex | float:
+    """Response of a velocity made by differencing an encoder: the mean over a sampling interval, half of it late."""
     if model.outputs[row].kind != "velocity-differenced":
         return 1.0
     return np.asarray(np.sinc(f * dt) * np.exp(-1j * np.pi * f * dt))
@@ -138,12 +123,11 @@ def _caption(model: Model, analysis: Analysis, measured: bool) -> str:
     unit, factor = model.units.of(SPEED)
     text = f"Model linearised in steady motion at {significant(analysis.operating_point.speed * factor, 3)} {unit}"
     text += ", the gap closed." if analysis.operating_point.contact_mode.limited_elements else "."
-    if measured:
-        text += (
-            f" Measured (Welch, {SEGMENTS} segments with half overlap) where the coherence exceeds {COHERENT:g};"
-            " friction lowers it at low frequencies, where a linear model is not expected to fit, and in a closed loop"
-            " the sensor's noise shows in it."
-        )
-    else:
-        text += " The recording is nowhere coherent enough to show a measured response."
-    return text
+    if not measured:
+        return f"{text} The coherence of the recording is too low at all frequencies to show a measured response."
+    return (
+        f"{text} The measured response (Welch's method, {REPORT_OPTIONS.welch_segments} segments with half overlap) is"
+        f" shown where the coherence exceeds {REPORT_OPTIONS.min_coherence:g}. Friction lowers the coherence at low"
+        " frequencies, where a linear model cannot be expected to fit. In a closed loop the noise of the sensor enters"
+        " the measured response."
+    )

@@ -6,15 +6,13 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import SPEED, TORQUE, Element
-from brightgrey.kit import StateSpace, assemble
-from brightgrey.model.model import Model
+from brightgrey.kit import StateSpace
 from brightgrey.report.charts.chart import Chart, Line, Panel
+from brightgrey.report.options import REPORT_OPTIONS
+from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.report.quantities.propagation import Correlation, parameter_draws
 
 __all__ = ["TORQUE", "friction_at", "friction_charts", "friction_elements"]
-
-DRAWS = 400
-POINTS = 401
 
 
 def friction_elements(system: StateSpace) -> dict[int, list[Element]]:
@@ -38,7 +36,7 @@ def friction_at(elements: list[Element], speed: Array, *, standstill: bool = Fal
     speed : ndarray, shape (speeds,)
         rad/s (m/s).
     standstill : bool
-        Leave the smoothing of the sign away: what has to be overcome to start moving.
+        Leave out the smoothing of the sign: the torque that has to be overcome to start moving.
     """
     v = speed[:, None]
     total = np.zeros((speed.size, 1))
@@ -51,29 +49,29 @@ def friction_at(elements: list[Element], speed: Array, *, standstill: bool = Fal
     return np.asarray(total)
 
 
-def friction_charts(model: Model, correlation: Correlation) -> tuple[Chart, ...]:
+def friction_charts(assembled: AssembledModel, correlation: Correlation) -> tuple[Chart, ...]:
     """Friction torque over speed of every mass that has friction.
 
     Parameters
     ----------
-    model : Model
+    assembled : AssembledModel
     correlation : mapping of (str, str) to float
         Of the estimates' errors; without it there is no band.
     """
-    settings = model.settings_si()
-    values = model.values_si()
-    held = friction_elements(assemble(model.structure, values, settings.f_tanh))
-    if not held:
+    by_mass = friction_elements(assembled.system)
+    if not by_mass:
         return ()
-    sets = parameter_draws(model, correlation, DRAWS)
-    drawn = friction_elements(assemble(model.structure, sets, settings.f_tanh)) if sets else {}
-    return tuple(_chart(model, mass, elements, drawn.get(mass)) for mass, elements in held.items())
+    sets = parameter_draws(assembled, correlation, REPORT_OPTIONS.friction_draws)
+    drawn = friction_elements(assembled.with_values(sets)) if sets else {}
+    return tuple(_friction_chart(assembled, mass, elements, drawn.get(mass)) for mass, elements in by_mass.items())
 
 
-def _chart(model: Model, mass: int, elements: list[Element], drawn: list[Element] | None) -> Chart:
-    top = model.settings_si().speed_scale
-    spread = np.linspace(-1.0, 1.0, POINTS)
-    speed = top * np.sign(spread) * np.abs(spread) ** 2  # denser where friction turns
+def _friction_chart(
+    assembled: AssembledModel, mass: int, elements: list[Element], drawn: list[Element] | None
+) -> Chart:
+    model = assembled.model
+    grid = np.linspace(-1.0, 1.0, REPORT_OPTIONS.friction_points)
+    speed = assembled.settings.speed_scale * np.sign(grid) * np.abs(grid) ** 2  # denser near standstill
     speed_unit, per_speed = model.units.of(SPEED)
     torque_unit, per_torque = model.units.of(TORQUE)
     curve = friction_at(elements, speed)[:, 0] * per_torque
@@ -90,7 +88,8 @@ def _chart(model: Model, mass: int, elements: list[Element], drawn: list[Element
         levels=(0.0,),
     )
     names = ", ".join(dict.fromkeys(e.name.removesuffix("@1") for e in elements))
-    caption = f"Sum of {names}, over the speeds of the recording; the step at standstill is smoothed by f_tanh."
+    caption = f"Sum of {names} over the speeds of the recording, the step at standstill smoothed with the gain f_tanh."
     if drawn:
-        caption += f" Band: {DRAWS} draws from the estimates' joint distribution."
+        draws = REPORT_OPTIONS.friction_draws
+        caption += f" The band holds 95 % of {draws} draws from the joint distribution of the estimates."
     return Chart("friction", (panel,), caption)

@@ -1,4 +1,4 @@
-"""How a search went: error over size of every structure, best criterion of every generation."""
+"""Course of a search: error over size of every structure, best criterion of every generation."""
 
 from __future__ import annotations
 
@@ -8,17 +8,16 @@ import numpy as np
 
 from brightgrey.model.ranking import Row, front
 from brightgrey.report.charts.chart import Chart, Line, Panel
+from brightgrey.report.options import REPORT_OPTIONS
 from brightgrey.search.genetic import Evaluation, Run
 
 __all__ = ["ancestors", "front_chart", "history_chart", "parents"]
 
-FEWEST = 3  # structures: fewer make no front
-
 
 def front_chart(rows: Sequence[Row], chosen: str) -> tuple[Chart, ...]:
-    """What each structure leaves unexplained over its number of parameters; `chosen` is marked."""
+    """Unexplained motion of each structure over its number of parameters; `chosen` is marked."""
     finite = [r for r in rows if np.isfinite(r.fit_percent) and r.fit_percent > 0.0]
-    if len(finite) < FEWEST:
+    if len(finite) < REPORT_OPTIONS.min_front:
         return ()
 
     def line(part: Sequence[Row], label: str, colour: str, style: str, width: float) -> Line:
@@ -29,12 +28,12 @@ def front_chart(rows: Sequence[Row], chosen: str) -> tuple[Chart, ...]:
     tied = [r for r in finite if r.tied and r.structure != chosen]
     lines = [
         line([r for r in finite if not r.tied], "tried", "measured", "points", 2.0),
-        line(front(finite), "no other is better in both", "simulated", "line", 1.2),
+        line(front(finite), "Pareto front", "simulated", "line", 1.2),
     ]
-    lines += [line(tied, "cannot be told from the chosen", "second", "points", 4.0)] if tied else []
+    lines += [line(tied, "tied with the chosen", "second", "points", 4.0)] if tied else []
     lines += [line([r for r in finite if r.structure == chosen], "chosen", "residual", "points", 4.5)]
     panel = Panel("unexplained motion\nin % (100 - fit)", tuple(lines), "estimated parameters", y_log=True)
-    return (Chart("pareto", (panel,), f"{len(finite)} structures that were tried."),)
+    return (Chart("pareto", (panel,), f"{len(finite)} structures were tried."),)
 
 
 def history_chart(run: Run | None) -> tuple[Chart, ...]:
@@ -55,16 +54,16 @@ def history_chart(run: Run | None) -> tuple[Chart, ...]:
 
 
 def parents(run: Run, e: Evaluation) -> tuple[Evaluation, ...]:
-    """Where an individual comes from: its parents, or what it is kept from."""
+    """Parents of an individual; of an elite, the same individual of an earlier generation."""
     before = [other for other in run.evaluations if other.generation < e.generation]
-    if not e.parents:  # kept as it was, there from the beginning, or identified beside the others
+    if not e.parents:  # an elite, of the first generation, or identified besides
         same = [other for other in before if other.job.structure == e.job.structure and e.operator == "elite"]
         return (max(same, key=lambda other: (other.value, other.generation)),) if same else ()
     return tuple(o for o in before if o.generation == e.generation - 1 and o.individual in e.parents)
 
 
 def ancestors(run: Run) -> tuple[Evaluation, ...]:
-    """The best individual and all it comes from, the youngest first."""
+    """The best individual and all its ancestors, the youngest first."""
     found: dict[tuple[int, int], Evaluation] = {}
     ahead = [run.best]
     while ahead:

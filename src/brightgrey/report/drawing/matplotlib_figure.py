@@ -10,7 +10,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from brightgrey.model.trace import Trace
-from brightgrey.report.charts.chart import MOST_POINTS, Chart, Line, Panel, thin
+from brightgrey.report.charts.chart import Chart, Line, Panel, thin
 from brightgrey.report.charts.comparison import comparisons, quantity
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 __all__ = [
     "COLOURS",
     "MEASURED",
-    "MOST_POINTS",
     "RESIDUAL",
     "SIMULATED",
     "STYLE",
@@ -30,7 +29,7 @@ __all__ = [
     "thin",
 ]
 
-# Okabe and Ito's palette: told apart with every common colour vision, and by lightness in print.
+# Okabe and Ito's palette: distinct with every common colour vision, and by lightness in print.
 MEASURED = "#56B4E9"
 SIMULATED = "#000000"
 RESIDUAL = "#D55E00"
@@ -58,7 +57,7 @@ WIDTH, HEIGHT = 7.6, 2.85  # inches; the height is that of a panel of height 1
 
 
 class Drawing(Figure):
-    """A figure that a notebook shows, also where pyplot has not been told of it."""
+    """A figure that a notebook shows although pyplot does not manage it."""
 
     def _repr_png_(self) -> bytes:
         return picture(self, "png")
@@ -98,7 +97,7 @@ def draw(charts: Sequence[Chart]) -> Figure:
         figure = Drawing(figsize=(WIDTH, HEIGHT * sum(heights)), layout="constrained")
         every = figure.subplots(len(panels), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
         for axes, panel in zip(every, panels, strict=True):
-            _panel(axes, panel)
+            _draw_panel(axes, panel)
         for number, panel in enumerate(panels):
             if not panel.x_label:
                 every[number].sharex(every[number + 1])
@@ -107,8 +106,8 @@ def draw(charts: Sequence[Chart]) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, panel: Panel) -> None:
-    axes.set_title(_plain(panel.title), loc="left", fontsize=10)
+def _draw_panel(axes: Axes, panel: Panel) -> None:
+    axes.set_title(_without_math(panel.title), loc="left", fontsize=10)
     if panel.x_log:
         axes.set_xscale("log")
     if panel.y_log:
@@ -116,11 +115,11 @@ def _panel(axes: Axes, panel: Panel) -> None:
     for level in panel.levels:
         axes.axhline(level, color="#888888", linewidth=0.8)
     for line in panel.lines:
-        _line(axes, line)
+        _draw_line(axes, line)
     for mark in panel.marks:
         axes.axvline(mark.x, color="#888888", linewidth=0.8, linestyle=":")
         axes.annotate(
-            _plain(mark.label),
+            _without_math(mark.label),
             (mark.x, 0.0 if mark.low else 1.0),
             xycoords=("data", "axes fraction"),
             xytext=(2, 2 if mark.low else -2),
@@ -129,16 +128,16 @@ def _panel(axes: Axes, panel: Panel) -> None:
             va="bottom" if mark.low else "top",
             fontsize=7,
         )
-    axes.set_ylabel(_plain(panel.y_label))
-    axes.set_xlabel(_plain(panel.x_label))
+    axes.set_ylabel(_without_math(panel.y_label))
+    axes.set_xlabel(_without_math(panel.x_label))
     axes.margins(x=0.01)
     labelled = [line for line in panel.lines if line.label]
     if len(labelled) > 1:
         axes.legend(loc="lower right", ncols=len(labelled), bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, fontsize=8)
 
 
-def _line(axes: Axes, line: Line) -> None:
-    colour, label = COLOURS[line.colour], _plain(line.label) if line.label else "_nolegend_"
+def _draw_line(axes: Axes, line: Line) -> None:
+    colour, label = COLOURS[line.colour], _without_math(line.label) if line.label else "_nolegend_"
     if line.style == "band" and line.low is not None:
         axes.fill_between(line.x, line.low, line.y, color=colour, alpha=0.25, linewidth=0.0, label=label)
     elif line.style == "bars":
@@ -150,7 +149,7 @@ def _line(axes: Axes, line: Line) -> None:
         axes.plot(line.x, line.y, dashes, color=colour, linewidth=line.width, label=label)
 
 
-def _plain(text: str) -> str:
+def _without_math(text: str) -> str:
     """Keep matplotlib from reading a dollar sign in a column's name as mathematics."""
     return text.replace("$", r"\$")
 

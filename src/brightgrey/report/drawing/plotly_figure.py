@@ -17,7 +17,6 @@ from brightgrey.report.charts.chart import Chart, Line, Panel
 __all__ = ["library", "plot", "script"]
 
 HEIGHT, BETWEEN, BELOW, ABOVE = 250, 26, 52, 34  # pixels: panel of height 1, gaps between, margins
-DIGITS = 7
 
 
 @cache
@@ -66,16 +65,16 @@ def plot(chart: Chart) -> dict[str, Any]:
         tag = "" if number == 0 else str(number + 1)
         below = str(number + 2) if not panel.x_label else ""
         domain = [max((top - size) / inner, 0.0), min(top / inner, 1.0)]
-        layout[f"xaxis{tag}"] = _x_axis(panel, tag, below)
-        layout[f"yaxis{tag}"] = _axis(panel.y_label, panel.y_log) | {"domain": domain, "anchor": f"x{tag}"}
-        data += [part for line in panel.lines for part in _line(line, tag)]
+        layout[f"xaxis{tag}"] = _x_axis_layout(panel, tag, below)
+        layout[f"yaxis{tag}"] = _axis_layout(panel.y_label, panel.y_log) | {"domain": domain, "anchor": f"x{tag}"}
+        data += [part for line in panel.lines for part in _plotly_traces(line, tag)]
         layout["shapes"] += _shapes(panel, tag)
         layout["annotations"] += _annotations(panel, tag)
         top -= size + (gaps[number] if number < len(gaps) else 0.0)
     return {"data": data, "layout": layout}
 
 
-def _axis(label: str, log: bool) -> dict[str, Any]:
+def _axis_layout(label: str, log: bool) -> dict[str, Any]:
     return {
         "title": {"text": html.escape(label, quote=False).replace("\n", "<br>"), "standoff": 8},
         "type": "log" if log else "linear",
@@ -88,22 +87,23 @@ def _axis(label: str, log: bool) -> dict[str, Any]:
     }
 
 
-def _x_axis(panel: Panel, tag: str, below: str) -> dict[str, Any]:
-    axis = _axis(panel.x_label, panel.x_log) | {"anchor": f"y{tag}"}
+def _x_axis_layout(panel: Panel, tag: str, below: str) -> dict[str, Any]:
+    axis = _axis_layout(panel.x_label, panel.x_log) | {"anchor": f"y{tag}"}
     return axis | {"matches": f"x{below}", "showticklabels": False} if below else axis
 
 
-def _numbers(values: NDArray[np.float64]) -> list[float | None]:
-    return [float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in values.tolist()]
+def _json_numbers(values: NDArray[np.float64]) -> list[float | None]:
+    """Values with seven digits, which no screen can tell from more; None for those that are not finite."""
+    return [float(f"{v:.7g}") if math.isfinite(v) else None for v in values.tolist()]
 
 
-def _line(line: Line, tag: str) -> Iterable[dict[str, Any]]:
+def _plotly_traces(line: Line, tag: str) -> Iterable[dict[str, Any]]:
     """Traces of plotly.js; a band takes two, of which the first is its lower edge."""
     colour = f"var(--{line.colour})"
     base: dict[str, Any] = {
         "type": "scatter",
-        "x": _numbers(line.x),
-        "y": _numbers(line.y),
+        "x": _json_numbers(line.x),
+        "y": _json_numbers(line.y),
         "xaxis": f"x{tag}",
         "yaxis": f"y{tag}",
         "name": html.escape(line.label, quote=False),
@@ -117,7 +117,7 @@ def _line(line: Line, tag: str) -> Iterable[dict[str, Any]]:
         yield base | {"mode": "markers", "marker": {"color": colour, "size": 2.2 * line.width}} | hover
     elif line.style == "band" and line.low is not None:
         edge = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip"}
-        yield base | edge | {"y": _numbers(line.low), "showlegend": False}
+        yield base | edge | {"y": _json_numbers(line.low), "showlegend": False}
         yield base | edge | {"fill": "tonexty", "fillcolor": f"var(--{line.colour}-band)"}
     else:
         dash = "dash" if line.style == "dashed" else "solid"

@@ -1,4 +1,4 @@
-"""Small drawings that stand in the page as they are: trees, the family of a winner, a range with an interval."""
+"""Small drawings as SVG: trees, the ancestors of the best individual, a range with an interval."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from brightgrey.model.schema import ParameterPart
 from brightgrey.report.charts.search_progress import ancestors, parents
 from brightgrey.report.drawing.trees import edges, positions
+from brightgrey.report.options import REPORT_OPTIONS
 from brightgrey.search.genetic import Evaluation, Node, Run
 
 __all__ = ["family", "range_bar", "tree"]
 
-STEP, LEVEL, RADIUS, EDGE = 46.0, 44.0, 15.0, 20.0  # pixels
+# Pixels: distances between the nodes of a tree, their radius, the margin; cells of the family; size of a range bar.
+STEP, LEVEL, RADIUS, EDGE = 46.0, 44.0, 15.0, 20.0
 CELL, ROW = 136.0, 54.0
-MOST_GENERATIONS = 12
 BAR, TALL = 140.0, 16.0
 
 
@@ -44,18 +45,21 @@ def tree(root: Node) -> str:
 
 
 def family(run: Run) -> str:
-    """The best individual with all it comes from, the generations one below the other, the oldest on top."""
-    found = [e for e in ancestors(run) if e.generation > run.best.generation - MOST_GENERATIONS]
+    """Ancestors of the best individual, the generations one below the other, the oldest on top."""
+    found = [e for e in ancestors(run) if e.generation > run.best.generation - REPORT_OPTIONS.generations]
     spots: dict[tuple[int, int], _Spot] = {}
     shown = sorted({e.generation for e in found})
     for row, generation in enumerate(shown):
-        for column, e in enumerate(sorted((e for e in found if e.generation == generation), key=_who)):
+        for column, e in enumerate(sorted((e for e in found if e.generation == generation), key=_identity)):
             kind = "carrier" if e is run.best else "part"
             x, y = EDGE + CELL * (column + 0.5), EDGE + ROW * row
             title = f"generation {generation}: {e.job.structure}, {e.operator}, criterion {e.value:.6g}"
-            spots[_who(e)] = _Spot(x, y, _numbers(e), title, kind)
+            spots[_identity(e)] = _Spot(x, y, _effect_numbers(e), title, kind)
     lines = [
-        (spots[_who(parent)], spots[_who(e)]) for e in found for parent in parents(run, e) if _who(parent) in spots
+        (spots[_identity(parent)], spots[_identity(e)])
+        for e in found
+        for parent in parents(run, e)
+        if _identity(parent) in spots
     ]
     half = (0.47 * CELL, 11.0)
     shapes = "".join(
@@ -66,11 +70,11 @@ def family(run: Run) -> str:
     return _svg(list(spots.values()), lines, shapes, (0.5 * CELL, EDGE), "family")
 
 
-def _who(e: Evaluation) -> tuple[int, int]:
+def _identity(e: Evaluation) -> tuple[int, int]:
     return e.generation, e.individual
 
 
-def _numbers(e: Evaluation) -> str:
+def _effect_numbers(e: Evaluation) -> str:
     """Structure as the paper writes it, (2,5,6,7)."""
     return f"({','.join(str(p.effect.number) for p in e.job.structure.placed)})"
 

@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["edges", "positions", "trees"]
 
-COLUMNS = 3
-PANEL = (2.5, 2.1)  # inches
-LEGEND = 0.55  # inches
-CARRIER, PART = "#D9EAF7", "#FFFFFF"  # what brings the masses, and the rest
+TREES_PER_ROW, PANEL, LEGEND = 3, (2.5, 2.1), 0.55  # trees; width and height of one and height of the legend in inches
+CARRIER, PART = "#D9EAF7", "#FFFFFF"  # colours of the effect with the masses, and of the others
 
 
 def positions(tree: Node) -> tuple[tuple[float, int], ...]:
@@ -29,18 +27,18 @@ def positions(tree: Node) -> tuple[tuple[float, int], ...]:
     Leaves stand side by side, a parent above the middle of its children.
     """
     places: list[tuple[float, int]] = []
-    _place(tree, 0, 0.0, places)
+    _position_branch(tree, 0, 0.0, places)
     return tuple(places)
 
 
-def _place(node: Node, depth: int, left: float, places: list[tuple[float, int]]) -> float:
+def _position_branch(node: Node, depth: int, left: float, places: list[tuple[float, int]]) -> float:
     """Place `node` and its branch from `left` on; returns where the next branch begins."""
     own = len(places)
     places.append((left, depth))
     right, across = left, []
     for child in node.children:
         at = len(places)
-        right = _place(child, depth + 1, right, places)
+        right = _position_branch(child, depth + 1, right, places)
         across.append(places[at][0])
     if across:
         places[own] = (0.5 * (across[0] + across[-1]), depth)
@@ -60,17 +58,17 @@ def trees(population: Sequence[Node], titles: Sequence[str]) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    rows = -(-len(population) // COLUMNS)
+    rows = -(-len(population) // TREES_PER_ROW)
     with mpl.rc_context(STYLE | {"axes.grid": False}):
         height = rows * PANEL[1] + LEGEND
-        figure = Figure(figsize=(COLUMNS * PANEL[0], height))
+        figure = Figure(figsize=(TREES_PER_ROW * PANEL[0], height))
         figure.subplots_adjust(left=0.01, right=0.99, bottom=LEGEND / height, top=1.0 - 0.3 / height, hspace=0.2)
-        grid = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+        grid = figure.subplots(rows, TREES_PER_ROW, squeeze=False).ravel()
         for axes in grid:
             axes.set_axis_off()
         for axes, tree, title in zip(grid, population, titles, strict=False):
             axes.set_title(title, fontsize=8)
-            _draw(axes, tree)
+            _draw_tree(axes, tree)
         names = [f"{effect.number} {effect.name}" for effect in registry().values()]
         half = -(-len(names) // 2)
         legend = "\n".join("    ".join(part).replace("_", " ") for part in (names[:half], names[half:]))
@@ -78,7 +76,7 @@ def trees(population: Sequence[Node], titles: Sequence[str]) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, tree: Node) -> None:
+def _draw_tree(axes: Axes, tree: Node) -> None:
     places = positions(tree)
     for parent, child in edges(tree):
         (x0, y0), (x1, y1) = places[parent], places[child]

@@ -1,4 +1,4 @@
-"""What follows from several parameters, and how sure it is: the estimates' joint errors carried on."""
+"""Propagation of the estimates' joint errors to quantities that follow from several parameters."""
 
 from __future__ import annotations
 
@@ -8,20 +8,22 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.model.model import Model
+from brightgrey.report.quantities.assembled_model import AssembledModel
 
 __all__ = ["Correlation", "intervals", "parameter_draws"]
 
 Correlation = Mapping[tuple[str, str], float]
-LIMIT = 1.959963984540054  # quantile of the normal distribution at 97.5 %
-_FAR = 300.0  # in the logarithm: what cannot be told has an interval that no number holds
+Z_95 = 1.959963984540054
+"""Quantile of the normal distribution at 97.5 %."""
+_MAX_LOG_ERROR = 300.0  # keeps the values of a parameter that is not identifiable within double precision
 
 
-def parameter_draws(model: Model, correlation: Correlation, count: int) -> dict[str, Array]:
+def parameter_draws(assembled: AssembledModel, correlation: Correlation, count: int) -> dict[str, Array]:
     """Parameter sets from the estimates' joint distribution, within the searched bounds.
 
     Parameters
     ----------
-    model : Model
+    assembled : AssembledModel
     correlation : mapping of (str, str) to float
         Of the errors, in the logarithm of what is always positive.
     count : int
@@ -31,20 +33,20 @@ def parameter_draws(model: Model, correlation: Correlation, count: int) -> dict[
     dict of str to ndarray, shape (count,)
         SI, by name; empty if nothing is known of errors.
     """
-    names = _known(model, correlation)
+    names = _with_errors(assembled.model, correlation)
     if not names:
         return {}
-    size, axes = np.linalg.eigh(_matrix(names, correlation))
-    z = np.random.default_rng(model.seed).standard_normal((count, len(names)))
-    errors = (z * np.sqrt(np.maximum(size, 0.0))) @ axes.T / LIMIT  # 1 is the end of the 95 % interval
-    sets = {name: np.full(count, value) for name, value in model.values_si().items()}
+    size, axes = np.linalg.eigh(_correlation_matrix(names, correlation))
+    z = np.random.default_rng(assembled.model.seed).standard_normal((count, len(names)))
+    errors = (z * np.sqrt(np.maximum(size, 0.0))) @ axes.T / Z_95  # 1 is the end of the 95 % interval
+    sets = {name: np.full(count, value) for name, value in assembled.values.items()}
     for name, error in zip(names, errors.T, strict=True):
-        sets[name] = _moved(model, name, error)
+        sets[name] = _at_error(assembled.model, name, error)
     return sets
 
 
 def intervals(
-    model: Model, correlation: Correlation, quantities: Callable[[Mapping[str, Array]], Array]
+    assembled: AssembledModel, correlation: Correlation, quantities: Callable[[Mapping[str, Array]], Array]
 ) -> list[tuple[float, float] | None]:
     """95 % intervals of quantities that follow from the parameters, to first order.
 
@@ -52,7 +54,7 @@ def intervals(
 
     Parameters
     ----------
-    model : Model
+    assembled : AssembledModel
     correlation : mapping of (str, str) to float
     quantities : callable
         ``quantities(sets) -> ndarray, shape (quantities, K)`` from parameter values, SI, each of shape (K,).
@@ -62,12 +64,12 @@ def intervals(
     list of (low, high) or None
         None where a quantity depends on nothing that has an interval.
     """
-    names = _known(model, correlation)
+    names = _with_errors(assembled.model, correlation)
     count = 2 * len(names) + 1
-    sets = {name: np.full(count, value) for name, value in model.values_si().items()}
+    sets = {name: np.full(count, value) for name, value in assembled.values.items()}
     for k, name in enumerate(names):
-        sets[name][1 + 2 * k : 3 + 2 * k] = _moved(model, name, np.array([1.0, -1.0]))
-    R = _matrix(names, correlation)
+        sets[name][1 + 2 * k : 3 + 2 * k] = _at_error(assembled.model, name, np.array([1.0, -1.0]))
+    R = _correlation_matrix(names, correlation)
     out: list[tuple[float, float] | None] = []
     for q in np.asarray(quantities(sets), float):
         log = bool((q > 0.0).all())
@@ -80,23 +82,23 @@ def intervals(
     return out
 
 
-def _known(model: Model, correlation: Correlation) -> list[str]:
+def _with_errors(model: Model, correlation: Correlation) -> list[str]:
     """Parameters whose errors are known."""
     return [name for name, part in model.parameters.items() if (name, name) in correlation and part.ci95 is not None]
 
 
-def _matrix(names: list[str], correlation: Correlation) -> Array:
+def _correlation_matrix(names: list[str], correlation: Correlation) -> Array:
     return np.array([[correlation[a, b] for b in names] for a in names]).reshape(len(names), len(names))
 
 
-def _moved(model: Model, name: str, error: Array) -> Array:
+def _at_error(model: Model, name: str, error: Array) -> Array:
     """Values, SI, that are off by `error`; 1 is the upper end of the interval."""
     part, declared = model.parameters[name], model.structure.parameters[name]
     assert part.ci95 is not None
     high = part.ci95[1]
     if declared.scale == "log":
         reach = error * np.log(max(high / part.value, 1.0))
-        moved = part.value * np.exp(np.clip(reach, -_FAR, _FAR))
+        moved = part.value * np.exp(np.clip(reach, -_MAX_LOG_ERROR, _MAX_LOG_ERROR))
     else:
         moved = part.value + error * (high - part.value)
     bounds = model.settings.bounds.get(name, (-np.inf, np.inf))

@@ -1,4 +1,4 @@
-"""A model as rows of text: what terminal and report both show."""
+"""A model as rows of text, for terminal, report and notebook."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def parameter_rows(model: Model) -> list[ParameterRow]:
                 half_width=shown_half,
                 unit=part.unit,
                 interval=interval_text(part.ci95),
-                bounds="" if fixed else _range(bounds),
+                bounds="" if fixed else _range_text(bounds),
                 note=FIXED if fixed else _note(part, half_width if shown_half else None, declared.scale == "log"),
                 about=declared.about,
             )
@@ -111,16 +111,16 @@ def interval_text(ci95: tuple[float, float] | None) -> str:
     if ci95 is None or ci95[0] == ci95[1]:  # nothing can be said, or fixed
         return ""
     half_width = (ci95[1] - ci95[0]) / 2.0
-    return " … ".join(_end(end, half_width) for end in ci95)
+    return " … ".join(_interval_end(end, half_width) for end in ci95)
 
 
-def _end(end: float, half_width: float) -> str:
-    """An end of an interval; what is positive does not become zero by being cut."""
+def _interval_end(end: float, half_width: float) -> str:
+    """An end of an interval; a positive end does not become zero by rounding."""
     text = with_uncertainty(end, half_width)[0]
     return significant(end, 2) if end and float(text) == 0.0 else text
 
 
-def _range(pair: tuple[float, float] | None) -> str:
+def _range_text(pair: tuple[float, float] | None) -> str:
     return f"{significant(pair[0], 2)} … {significant(pair[1], 2)}" if pair else ""
 
 
@@ -143,14 +143,15 @@ def sentence(text: str) -> str:
 
 
 def remarks(model: Model) -> list[str]:
-    """Say what a reader has to know before using the numbers."""
+    """Reservations that a reader has to know before using the numbers."""
     rows = parameter_rows(model)
+    units = {row.name: row.unit for row in rows}
 
     def named(note: str) -> str:
         return ", ".join(row.name for row in rows if row.note == note)
 
     out = [
-        f"{named(note)} {note}: the recording does not hold it inside, do not trust its interval"
+        f"{named(note)} {note}: the recording gives no optimum inside the range, so its interval is not to be trusted"
         for note in AT.values()
         if named(note)
     ]
@@ -160,9 +161,7 @@ def remarks(model: Model) -> list[str]:
         out.append(f"{names} {NOT_IDENTIFIABLE}: half of the 95 % interval is more than ten times the estimate")
     between = {name: part.between_recordings for name, part in model.parameters.items() if part.between_recordings}
     if between:
-        listed = ", ".join(
-            f"{name} {significant(value, 2)} {model.parameters[name].unit}" for name, value in between.items()
-        )
+        listed = ", ".join(f"{name} {significant(value, 2)} {units[name]}" for name, value in between.items())
         out.append(f"standard deviation between the recordings: {listed}")
     for part in model.parameters.values():
         if part.profile:
