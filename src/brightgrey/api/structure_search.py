@@ -15,7 +15,6 @@ from brightgrey.estimation import scales, settings_for
 from brightgrey.kit import Structure, function_set
 from brightgrey.model.ranking import Row
 from brightgrey.model.schema import CriterionPart
-from brightgrey.paper.repetitions import genetic_search
 from brightgrey.recordings import Recording
 from brightgrey.search import IdentificationTask
 from brightgrey.search.evidence import Evidence
@@ -149,6 +148,8 @@ def _note_on_survey(done: ExhaustiveResult, structures: int) -> str:
 
 
 def _genetic(task: IdentificationTask, settings: GeneticSettings, wish: SearchRequest) -> SearchResult:
+    from brightgrey.paper.repetitions import genetic_search
+
     done = genetic_search(
         task,
         settings,

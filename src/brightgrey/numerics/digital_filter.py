@@ -73,4 +73,4 @@ def csd(x: Array, y: Array, *, fs: float, nperseg: int) -> tuple[Array, Complex]
 
     density = np.mean(np.conj(spectra(x)) * spectra(y), axis=0) / (fs * np.sum(window**2))
     density[1 : (-1 if nperseg % 2 == 0 else None)] *= 2.0
-    return np.fft.rfftfreq(nperseg, 1.0 / fs), density
+    return np.asarray(np.fft.rfftfreq(nperseg, 1.0 / fs), np.float64), density

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
@@ -84,6 +83,8 @@ def _lowest(H: Array, push: Array, low: Array, high: Array) -> Array:
     followed = turning > _SEEN * turning[-1]
     root = np.sqrt(turning[followed])
     A = root[:, None] * V[:, followed].T
+    from scipy.optimize import lsq_linear  # slow to import, and only a search needs it
+
     found: Array = lsq_linear(A, V[:, followed].T @ push / root, (low, high), method="bvls").x
     return found
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import matrix_balance
-from scipy.optimize import minimize
 
 from brightgrey.arrays import Array
 from brightgrey.kit import Linear
@@ -75,6 +74,8 @@ def _pair_properties(A: Array, B: Array) -> Controllability:
     starts = sorted(np.linalg.eigvals(A1), key=smallest)
     if rank < n:
         return Controllability(rank, n, 0.0, complex(starts[0] * size))
+    from scipy.optimize import minimize  # slow to import, and an identification does not need it
+
     best, where = smallest(starts[0]), complex(starts[0])
     for start in starts[:2]:
         found = minimize(

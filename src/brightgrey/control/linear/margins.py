@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.optimize import brentq
-from scipy.signal import tf2ss
 
 from brightgrey.arrays import Array, Complex
 from brightgrey.errors import SettingsError
@@ -60,6 +58,8 @@ class Compensator:
             )
         if len(bottom) == 1:
             return cls(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[top[0] / bottom[0]]]))
+        from scipy.signal import tf2ss  # slow to import, and only compensators of a user need it
+
         return cls(*(np.atleast_2d(part) for part in tf2ss(top, bottom)))
 
     def response(self, omega: Array) -> Complex:
@@ -176,6 +176,8 @@ def _crossings(
     omega: Array, L: Complex, at: Callable[[float], complex]
 ) -> tuple[list[float], list[float], list[float], float]:
     """Gains where L is real and negative; phases and delays where |L| = 1; the last such frequency."""
+    from scipy.optimize import brentq  # slow to import, and an identification needs no margins
+
     gains, phases, delays, crossover = [], [], [], 0.0
     for i in np.flatnonzero(np.diff(np.sign(L.imag))):
         if L.real[i] < 0.0 and L.real[i + 1] < 0.0:

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
-from matplotlib.figure import Figure
-
 from brightgrey.effects import registry
-from brightgrey.report.drawing.matplotlib_figure import STYLE
 from brightgrey.search.genetic import Node
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["edges", "positions", "trees"]
 
@@ -58,6 +55,11 @@ def trees(population: Sequence[Node], titles: Sequence[str]) -> Figure:
     -------
     matplotlib.figure.Figure
     """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    from brightgrey.report.drawing.matplotlib_figure import STYLE
+
     rows = -(-len(population) // TREES_PER_ROW)
     with mpl.rc_context(STYLE | {"axes.grid": False}):
         height = rows * PANEL[1] + LEGEND
