@@ -5,6 +5,7 @@ import inspect
 import pkgutil
 import subprocess
 import sys
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -85,11 +86,11 @@ def test_unknown_name__is_an_attribute_error():
         brightgrey.identfy  # noqa: B018
 
 
-def imported_after(code):
-    """Those of the heavy packages that a fresh interpreter has imported after `code`."""
-    show = f"; import sys; print(*(m for m in {HEAVY!r} if m in sys.modules))"
+def imported_after(code, packages=HEAVY):
+    """Those of the packages that a fresh interpreter has imported after `code`."""
+    show = f"; import sys; print('imported', *(m for m in {packages!r} if m in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code + show], capture_output=True, text=True, check=True)
-    return done.stdout.splitlines()[-1].split()
+    return done.stdout.splitlines()[-1].split()[1:]
 
 
 def test_import_brightgrey__loads_no_heavy_package():
@@ -100,3 +101,11 @@ def test_help__loads_no_heavy_package():
     # A clock says nothing on a busy machine; these imports are what would make it slow.
     code = "from brightgrey.cli import main; main(['--help']); main(['identify', '--help'])"
     assert imported_after(code) == []
+
+
+def test_identify_with_a_given_structure__loads_no_package_it_does_not_use(tmp_path):
+    demo = files("brightgrey.excitation").joinpath("data/demo.csv")
+    arguments = ["identify", str(demo), "--input", "torque", "--output", "velocity", "--structure", "one_mass+viscous"]
+    code = f"from brightgrey.cli import main; main({[*arguments, '--quiet', '--out', str(tmp_path)]!r})"
+    unused = {"scipy.stats", "scipy.signal", "scipy.optimize", "scipy.integrate", "scipy.io", "matplotlib", "ruckig"}
+    assert not unused & set(imported_after(code, tuple(unused)))

@@ -147,7 +147,7 @@ class Result:
         return result_html(self.content)
 
     def write(self, folder: str | Path) -> None:
-        """Write model.json, ranking.csv, report.html and fit.png into `folder`, all or none.
+        """Write model.json, ranking.csv, report.html and fit.svg into `folder`, all or none.
 
         Parameters
         ----------
@@ -164,18 +164,18 @@ class Result:
 
     def contents(self) -> dict[str, bytes]:
         """Contents of the files that :meth:`write` writes, by name."""
-        from brightgrey.report.drawing.matplotlib_figure import picture
+        from brightgrey.report.drawing.svg_figure import svg_figure
         from brightgrey.report.page import page
 
         return {
             "report.html": page(self.content).encode(),
             "model.json": self.model.text().encode(),
             "ranking.csv": ranking_csv(self.ranking).encode(),
-            "fit.png": picture(self.plot(), "png"),
+            "fit.svg": svg_figure(self.content.charts["comparison"]).encode(),
             **self.files,
         }
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the files that :meth:`write` writes."""
-        return ("report.html", "model.json", "ranking.csv", "fit.png", *self.files)
+        return ("report.html", "model.json", "ranking.csv", "fit.svg", *self.files)

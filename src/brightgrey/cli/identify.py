@@ -175,7 +175,7 @@ def identify(
 ) -> None:
     """Estimate the parameters of a structure from recordings, or search for the structure, too.
 
-    Writes report.html, model.json, ranking.csv and fit.png to DIR; a genetic search adds history.csv. What has been
+    Writes report.html, model.json, ranking.csv and fit.svg to DIR; a genetic search adds history.csv. What has been
     evaluated is kept in DIR as well: the same command goes on after an interruption, and gives the result at once
     after the end.
 

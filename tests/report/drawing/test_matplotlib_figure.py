@@ -9,10 +9,8 @@ import pytest
 
 from brightgrey.model.trace import Trace
 from brightgrey.recordings import Signal
+from brightgrey.report.charts.chart import COLOURS
 from brightgrey.report.drawing.matplotlib_figure import (
-    MEASURED,
-    RESIDUAL,
-    SIMULATED,
     comparison,
     picture,
     thin,
@@ -95,5 +93,5 @@ def lightness(colour):
 
 def test_colours_differ_in_lightness():
     # 10 is a step that everybody sees, also in grey print.
-    for one, other in itertools.combinations((MEASURED, SIMULATED, RESIDUAL), 2):
-        assert abs(lightness(one) - lightness(other)) > 10
+    for one, other in itertools.combinations(("measured", "simulated", "residual"), 2):
+        assert abs(lightness(COLOURS[one]) - lightness(COLOURS[other])) > 10

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,10 +12,18 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.report.options import REPORT_OPTIONS
 
-__all__ = ["Chart", "Colour", "Line", "Mark", "Panel", "thin"]
+__all__ = ["COLOURS", "Chart", "Colour", "Line", "Mark", "Panel", "thin"]
 
 Colour = Literal["measured", "simulated", "residual", "second", "soft"]
 Style = Literal["line", "dashed", "points", "bars", "band"]
+# Okabe and Ito's palette, which every common colour vision can distinguish; in print its lightness differs.
+COLOURS: Mapping[Colour, str] = {
+    "measured": "#56B4E9",
+    "simulated": "#000000",
+    "residual": "#D55E00",
+    "second": "#009E73",
+    "soft": "#888888",
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,17 +10,13 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from brightgrey.model.trace import Trace
-from brightgrey.report.charts.chart import Chart, Line, Panel, thin
+from brightgrey.report.charts.chart import COLOURS, Chart, Line, Panel, thin
 from brightgrey.report.charts.comparison import comparisons, quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = [
-    "COLOURS",
-    "MEASURED",
-    "RESIDUAL",
-    "SIMULATED",
     "STYLE",
     "comparison",
     "draw",
@@ -28,18 +24,6 @@ __all__ = [
     "quantity",
     "thin",
 ]
-
-# Okabe and Ito's palette: distinct with every common colour vision, and by lightness in print.
-MEASURED = "#56B4E9"
-SIMULATED = "#000000"
-RESIDUAL = "#D55E00"
-COLOURS = {
-    "measured": MEASURED,
-    "simulated": SIMULATED,
-    "residual": RESIDUAL,
-    "second": "#009E73",
-    "soft": "#888888",
-}
 
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
