@@ -55,7 +55,8 @@ def svg_figure(charts: Sequence[Chart]) -> str:
     str
         Content of an SVG file. The same charts give the same text.
     """
-    parts, top = [], 0.0
+    parts: list[str] = []
+    top = 0.0
     for panel in (panel for chart in charts for panel in chart.panels):
         top += ABOVE if panel.title else BETWEEN
         bottom = top + HEIGHT * panel.height
