@@ -21,7 +21,7 @@ from brightgrey.kit import Structure
 from brightgrey.report.quantities.number_format import significant, with_uncertainty
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search import IdentificationTask
-from brightgrey.search.survey import candidates, search_exhaustively
+from brightgrey.search.exhaustive import candidates, search_exhaustively
 from support.measured import DATA, emps_recording, mte360_recording, two_mass_recordings
 from support.results import Table, arguments, publish
 

@@ -25,7 +25,7 @@ from brightgrey.excitation import demo_recording
 from brightgrey.runs import CachingExecutor, Store, Workforce
 from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search import IdentificationTask
-from brightgrey.search.survey import candidates, search_exhaustively
+from brightgrey.search.exhaustive import candidates, search_exhaustively
 from support.results import Table, arguments, publish
 
 

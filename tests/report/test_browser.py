@@ -15,13 +15,14 @@ from brightgrey.model.schema import TiesPart
 from brightgrey.report.content import Content
 from brightgrey.report.page import page
 from brightgrey.search.evidence import EffectVerdict, Evidence
+from brightgrey.search.verdicts import Reason
 from support.genetic_runs import small_run
 from support.report_models import independent, model_of, trace_of
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 CARDS = (
-    EffectVerdict("coulomb", "needed", 0.4, None, "why"),
-    EffectVerdict("delay", "not decidable", None, 0.0, "why not"),
+    EffectVerdict("coulomb", "needed", 0.4, None, Reason("loss", {"ratio": 1.4})),
+    EffectVerdict("delay", "not decidable", None, 0.0, Reason("not detectable")),
 )
 
 

@@ -20,13 +20,14 @@ from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
 from brightgrey.report.text.tables import parameter_rows, remarks, verdict_text
 from brightgrey.search.evidence import EffectVerdict, Evidence
+from brightgrey.search.verdicts import Reason
 from support.html_reader import read
 
 DOC = Path(__file__).parents[2] / "docs" / "reference" / "model-json.md"
 ALWAYS = {"motion", "values", "commissioning", "model", "recording", "repeat"}
 CARDS = (
-    EffectVerdict("coulomb", "needed", 0.4, None, "without it the residual is 1.4 times as large"),
-    EffectVerdict("delay", "not decidable", None, 0.0, "this recording <would> not have shown it"),
+    EffectVerdict("coulomb", "needed", 0.4, None, Reason("loss", {"ratio": 1.4})),
+    EffectVerdict("delay", "not decidable", None, 0.0, Reason("masked", names=("<friction>",))),
 )
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from brightgrey.estimation import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
-from brightgrey.kit import PAPER
+from brightgrey.kit import PAPER, Placed
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search import IdentificationTask, fitting
 from brightgrey.search.comparison import Judged
@@ -76,8 +76,8 @@ def test_the_truth_is_the_only_minimal_structure(friction):
 
 def test_cards_carry_what_they_rest_on(friction):
     for card in friction.cards:
-        assert card.reason
-        assert not card.reason.endswith(".")
+        assert card.reason.endswith(".")
+        assert str(card) == f"{card.title}: {card.verdict}. {card.reason}"
         if card.verdict == "needed":
             assert card.loss > 0.01
         else:
@@ -86,8 +86,8 @@ def test_cards_carry_what_they_rest_on(friction):
 
 def test_cards_say_what_would_have_shown(friction):
     reasons = {c.effect: c.reason for c in friction.cards}
-    assert reasons["gravity"].startswith("M_G of ±0.03 N m would have shown, but it explains ")
-    assert reasons["delay"].startswith("T_d of 0.0004 s would have shown, but it explains ")
+    assert reasons["gravity"].startswith("M_G of ±0.03 N m or more would have shown; the fit puts it at ")
+    assert reasons["delay"].startswith("T_d of 0.0004 s or more would have shown; the fit puts it at ")
 
 
 def test_cards_say_from_which_size_on_it_would_have_shown():
@@ -98,8 +98,8 @@ def test_cards_say_from_which_size_on_it_would_have_shown():
         (card,) = (c for c in evidence(task, ("viscous", "gravity")).cards if c.effect == "gravity")
         assert card.verdict == "not decidable"
         before, size = card.reason.split("; it would from M_G of ")
-        assert before == "at a size that matters (M_G of 0.03 N m) this recording would not have shown it"
-        told.append(float(size.removesuffix(" N m on")))
+        assert before == "At a size that matters (M_G of 0.03 N m) this recording would not have shown it"
+        told.append(float(size.removesuffix(" N m on.")))
     assert told[1:] == pytest.approx([2.0 * told[0], 4.0 * told[0]])
 
 
@@ -164,8 +164,8 @@ def test_effects_that_cancel_are_not_called_needless(way, noise):
     cards = {c.effect: c for c in found.cards}
     for effect, other in (("coulomb", "gravity"), ("gravity", "coulomb")):
         assert cards[effect].verdict == "not decidable"
-        assert cards[effect].reason.endswith(f"if {other} was there, too")
-        assert "at a size that matters (M_" in cards[effect].reason
+        assert cards[effect].reason.endswith(f"beside another effect: {Placed.parse(other).effect.title}.")
+        assert "At a size that matters (M_" in cards[effect].reason
 
 
 def test_a_held_effect_is_cancelled_by_another_beside_a_rattling_gap():
@@ -303,7 +303,7 @@ def test_what_is_within_the_trusted_accuracy_is_not_refuted():
     card = {c.effect: c for c in found.cards}["current_control"]
     assert (card.verdict, card.reason) == (
         "not decidable",
-        "it fits no worse with it held at a size that matters",
+        "Held at a size that matters (T_1 of 0.0004 s), it makes the fit no worse.",
     )
 
 
@@ -329,7 +329,7 @@ def test_a_drifting_load_is_no_second_mass(seed, size):
 
 @pytest.mark.parametrize(
     ("stiffness", "damping", "minimal", "told"),
-    [(1.0, 0.001, "one_mass+viscous", "it explains "), (100.0, 0.3, "two_mass", "without it the residual is ")],
+    [(1.0, 0.001, "one_mass+viscous", "It explains "), (100.0, 0.3, "two_mass", "Without it the residual is ")],
 )
 def test_a_mass_at_its_bound_is_no_mass(stiffness, damping, minimal, told):
     """A spring to the wall is fitted as one to the largest mass there may be, needed for the fit or not."""
@@ -341,7 +341,7 @@ def test_a_mass_at_its_bound_is_no_mass(stiffness, damping, minimal, told):
     assert [str(j.structure) for j in found.minimal] == [minimal]
     assert card.verdict == "not decidable"
     assert card.reason.startswith(told)
-    assert "an inertia at its bound: a lag, or a spring to a wall," in card.reason
+    assert "a lag, or a spring to a wall, looks like that" in card.reason
 
 
 def drives(structure, values, task):
@@ -393,7 +393,7 @@ def test_slow_residuals_are_told_of_only_where_they_are_slow():
     found = evidence(few, ("coulomb", "viscous", "gravity", "delay"), ("one_mass", "two_mass"))
     card = {c.effect: c for c in found.cards}["two_mass"]
     assert card.verdict == "not decidable"
-    assert card.reason.endswith("may be chance with as few samples as these")
+    assert card.reason.endswith("may be chance with as few samples as these.")
 
 
 def test_what_is_fixed_is_asked_as_it_is():
@@ -402,7 +402,7 @@ def test_what_is_fixed_is_asked_as_it_is():
     found = evidence(replace(task, fixed={"M_G": 0.2}), ("coulomb", "viscous", "gravity"))
     card = {c.effect: c for c in found.cards}["gravity"]
     assert card.verdict == "not needed"
-    assert card.reason.startswith("M_G of 0.2 N m would have shown")
+    assert card.reason == "M_G of 0.2 N m, as it is fixed, makes the fit worse."
 
 
 def test_a_bound_without_width_ends_no_search():

@@ -272,7 +272,7 @@ def test_an_effect_is_refuted_by_fits_with_it_held_at_every_size(plus, minus):
     held = {(("M_G", 1.0),): ratio(plus), (("M_G", -1.0),): ratio(minus)}
     yardstick = Asked(costs({str(structure): ratio(0.0)}, ratio(200.0)) | held)
     yardstick.bench.task = SimpleNamespace(default_start=lambda s: {})
-    assert yardstick.shown(structure, "gravity")() == (min(plus, minus) > 6.0)
+    assert yardstick.refutation(structure, "gravity")() == (min(plus, minus) > 6.0)
 
 
 def test_a_further_mass_needs_more_to_be_visible_than_an_effect_of_one_parameter():

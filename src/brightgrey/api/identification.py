@@ -27,8 +27,8 @@ from brightgrey.model.schema import CriterionPart
 from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import one_blas_thread
+from brightgrey.search.exhaustive import SearchProgress
 from brightgrey.search.genetic import GeneticSettings, Progress
-from brightgrey.search.survey import SearchProgress
 from brightgrey.version import __version__
 
 __all__ = ["identify"]

@@ -18,10 +18,10 @@ from brightgrey.model.schema import CriterionPart
 from brightgrey.recordings import Recording
 from brightgrey.search import IdentificationTask
 from brightgrey.search.evidence import Evidence
+from brightgrey.search.exhaustive import ExhaustiveResult, SearchProgress, candidates, search_exhaustively
 from brightgrey.search.genetic import GeneticSettings, Progress, Run, history_csv
 from brightgrey.search.genetic.settings import TUNED_SETTINGS
 from brightgrey.search.parallel import thread_pool
-from brightgrey.search.survey import ExhaustiveResult, SearchProgress, candidates, search_exhaustively
 
 __all__ = ["SearchRequest", "SearchResult", "search_structure"]
 

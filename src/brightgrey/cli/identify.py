@@ -30,8 +30,8 @@ from brightgrey.cli.options.given_command import given
 from brightgrey.errors import SettingsError, unknown_name
 
 if TYPE_CHECKING:
+    from brightgrey.search.exhaustive import SearchProgress
     from brightgrey.search.genetic import Progress
-    from brightgrey.search.survey import SearchProgress
 
 __all__ = ["checked_structure", "identify"]
 
@@ -291,7 +291,7 @@ def checked_structure(
 ) -> str | None:
     """Refuse what is no structure, and no search, before any file is read."""
     from brightgrey.kit import function_set
-    from brightgrey.search.survey import candidates
+    from brightgrey.search.exhaustive import candidates
 
     if text is not None:
         if search is not None or effects:

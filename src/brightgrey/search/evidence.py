@@ -1,17 +1,15 @@
-"""What a recording says about every effect: needed, not needed, or not decidable.
+"""Verdict on every effect: needed, not needed, or not decidable from the recordings.
 
-Every structure that contains the true one fits as well, so that neither one winner nor a list of all that fit says
-much. *Minimal* structures are those from which nothing can be removed and to which nothing has to be added, neither
-without a significant loss; *optional* effects are those that this recording would not have shown at a size that
-matters, and those that it shows without their mattering.
+Every structure that contains the true one fits as well, so neither one winner nor a list of all good fits says much.
+Nothing can be removed from a *minimal* structure and nothing has to be added to it, without a significant loss.
+*Optional* effects would not have shown in these recordings at a size that matters, or show without mattering.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
 
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.comparison import Judged
@@ -21,58 +19,30 @@ from brightgrey.search.minimal import minimal_structures
 from brightgrey.search.parallel import thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
-from brightgrey.search.yardstick import Yardstick
+from brightgrey.search.verdicts import EffectVerdict, Reason, Size, Verdict, decisive
+from brightgrey.search.yardstick import Obstacle, Yardstick
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
-
-Verdict = Literal["needed", "not needed", "not decidable"]
-_AT_BOUND = "with an inertia at its bound: a lag, or a spring to a wall, looks like that"
-
-
-@dataclass(frozen=True)
-class EffectVerdict:
-    """Evidence for one effect.
-
-    Attributes
-    ----------
-    effect : str
-        Name of the placed effect; that of a ladder stands for "at least so many masses".
-    verdict : str
-        ``needed``, ``not needed`` or ``not decidable``.
-    loss : float or None
-        By how much the residual's RMS, or what is trusted of it, grows when it is removed from the best structure, a
-        ratio minus 1.
-    gain : float or None
-        By how much it shrinks when the effect is added.
-    reason : str
-        One sentence without its full stop.
-    """
-
-    effect: str
-    verdict: Verdict
-    loss: float | None
-    gain: float | None
-    reason: str
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What :func:`weigh` found.
+    """Result of :func:`assess_effects`.
 
     Attributes
     ----------
     minimal : tuple of Judged
         Fewest masses first, then best criterion.
     optional : tuple of str
-        Effects that beside any of the minimal structures this recording could not have shown at a size that matters, or
-        that explain too little to matter but more than chance.
+        Effects that beside one of the minimal structures would not have shown at a size that matters, or that explain
+        too little to matter but more than chance.
     cards : tuple of EffectVerdict
     judged : mapping of Structure to Judged
         All structures that were refitted.
     criterion : mapping of Structure to float
         Bayesian information criterion of their whitened residuals; less is better.
     independent : float
-        Number of independent samples that the residuals are worth.
+        Independent samples that the residuals are worth.
     """
 
     minimal: tuple[Judged, ...]
@@ -91,7 +61,7 @@ def assess_effects(
     executor: Executor | None = None,
     progress: Callable[[Structure], None] | None = None,
 ) -> Evidence:
-    """Find the minimal structures among those `fitted`, and what the recording says about every effect.
+    """Find the minimal structures among those `fitted`, and the verdict on every effect.
 
     Parameters
     ----------
@@ -112,162 +82,146 @@ def _weigh(yardstick: Yardstick, progress: Callable[[Structure], None] | None) -
     found = minimal_structures(yardstick, progress)
     structures = [j.structure for j in found]
     effects = _all_effects(yardstick.known)
-    asked = {s: {e: yardstick.shown(s, e) for e in effects if not has(s, e)} for s in structures}  # side by side
-    shown = {
-        s: {
-            e: answer() and yardstick.gain(s, e) <= SELECTION.notable_gain and not yardstick.tells(s, e)
-            for e, answer in of.items()
-        }
-        for s, of in asked.items()
-    }
-    unseen = {e: [s for s in structures if not shown[s].get(e, True)] for e in effects}
-    optional = tuple(e for e in effects if unseen[e])
-    cards = tuple(_card(yardstick, e, structures, unseen[e]) for e in effects)
+    tests = {s: {e: yardstick.refutation(s, e) for e in effects if not has(s, e)} for s in structures}  # side by side
+    doubts = {s: {e: _doubt(yardstick, s, e, test) for e, test in of.items()} for s, of in tests.items()}
+    against = {e: {s: d for s in structures if (d := doubts[s].get(e)) is not None} for e in effects}
+    optional = tuple(e for e in effects if against[e])
+    cards = tuple(_verdict(yardstick, e, structures, against[e]) for e in effects)
     judged = dict(yardstick.bench.judged)
     criterion = {s: yardstick.criterion(j) for s, j in judged.items()}
     return Evidence(tuple(found), optional, cards, judged, criterion, yardstick.independent)
 
 
 def _all_effects(structures: Collection[Structure]) -> list[str]:
-    """All placed effects by name, in their order; what all structures have is no question."""
+    """All placed effects by name, in their order, but for those that all structures have."""
     placed = sorted({p for s in structures for p in s.placed}, key=lambda p: (p.effect.number, p.name, p.place))
     return [e for e in map(str, placed) if not all(has(s, e) for s in structures)]
 
 
 def has(structure: Structure, effect: str) -> bool:
-    """Whether the structure has the effect; it has all ladders up to its own."""
+    """Return True if the structure has the effect; it has all multiple-mass systems up to its own."""
     masses = Placed.parse(effect).effect.masses
     return mass_chain_of(structure).effect.masses >= masses if masses else effect in structure.names
 
 
-def _card(yardstick: Yardstick, effect: str, found: Sequence[Structure], unseen: Sequence[Structure]) -> EffectVerdict:
-    """Evidence for one effect, with the refits that it rests on.
+def _doubt(
+    yardstick: Yardstick, structure: Structure, effect: str, test: Obstacle | Callable[[], bool]
+) -> Reason | None:
+    """Reason why an effect beside `structure` cannot be called needless; None if it can."""
+    refuted = not isinstance(test, Obstacle) and test()
+    gain = yardstick.gain(structure, effect)
+    if gain > SELECTION.notable_gain:
+        return _gain_in_doubt(yardstick, structure, effect, gain)
+    if yardstick.tells(structure, effect):
+        within = yardstick.trusted(yardstick.bench.judge(structure))
+        return Reason("gain below accuracy" if within else "small gain")
+    if isinstance(test, Obstacle):
+        names = (Placed.parse(test.other).effect.title,) if test.other else ()
+        return Reason(test.kind, size=_size(yardstick, effect, [test.size]), names=names)
+    sizes = yardstick.least(structure, effect)
+    return None if refuted else Reason("fits with fixed size", size=_size(yardstick, effect, sizes))
 
-    `found` are the minimal structures; beside those `unseen` the effect would not have shown.
-    """
-    having = [s for s in found if has(s, effect)]
-    best = found[0]
+
+def _gain_in_doubt(yardstick: Yardstick, structure: Structure, effect: str, gain: float) -> Reason:
+    """Reason why an effect that explains a notable part of the residual is in no minimal structure."""
+    numbers, judge = {"gain": 100.0 * gain}, yardstick.bench.judge
+    big = yardstick.with_effect(structure, effect)
+    if big is not None and Placed.parse(effect).effect.masses and yardstick.inertias(judge(big)) < big.masses:
+        return Reason("gain with inertia at bound", numbers)
+    if big is not None and yardstick.follows_drifts(judge(big), judge(structure)):
+        return Reason("gain by drift", numbers)
+    if yardstick.independent < SELECTION.slow_share * yardstick.whitening.samples:
+        return Reason("gain by chance, slow residuals", numbers)
+    return Reason("gain by chance, few samples", numbers)
+
+
+def _verdict(
+    yardstick: Yardstick, effect: str, found: Sequence[Structure], against: Mapping[Structure, Reason]
+) -> EffectVerdict:
+    """Verdict on one effect by the minimal structures `found` and the reasons `against` calling it needless."""
+    having, best = [s for s in found if has(s, effect)], found[0]
     loss = yardstick.loss(best, effect) if has(best, effect) else None
     gain = None if has(best, effect) else yardstick.gain(best, effect)
+    verdict: Verdict = "not decidable"
     if len(having) == len(found):
-        doubt = _sampling(yardstick, best, effect) or _without_inertia(yardstick, found, effect, loss)
-        if doubt is not None:
-            return EffectVerdict(effect, "not decidable", loss, gain, doubt)
-        return EffectVerdict(effect, "needed", loss, gain, _why_needed(loss))
-    if having:
+        late = _below_sampling(yardstick, best, effect)
+        bound = _without_inertia(yardstick, found, effect)
+        needed = _needed(loss)
+        why = late or (replace(needed, further=(Reason("inertia at bound"),)) if bound else needed)
+        verdict = verdict if late or bound else "needed"
+    elif having:
+        late = _below_sampling(yardstick, having[0], effect)
         others = next(s for s in found if s not in having)
-        late = _sampling(yardstick, having[0], effect)
-        reason = f"{having[0]} and {others} fit equally well" + (f"; {late}" if late else "")
-        return EffectVerdict(effect, "not decidable", loss, gain, reason)
-    if unseen:
-        return EffectVerdict(effect, "not decidable", loss, gain, _why_optional(yardstick, effect, unseen))
-    text = f"{_largest(yardstick, effect, found)} would have shown, but it explains {_number(100.0 * (gain or 0.0))} %"
-    return EffectVerdict(effect, "not needed", loss, gain, text)
+        why = Reason("equivalent", names=(str(having[0]), str(others)), further=(late,) if late else ())
+    elif against:
+        why = decisive(list(against.values()))
+        if why.kind == "not detectable":
+            why = replace(why, limit=_detection_limit(yardstick, effect, list(against)))
+    else:
+        verdict, why = "not needed", _refuted(yardstick, effect, found, gain or 0.0)
+    return EffectVerdict(effect, verdict, loss, gain, why)
 
 
-def _why_needed(loss: float | None) -> str:
+def _needed(loss: float | None) -> Reason:
     if loss is None:
-        return "no structure without it fits"
-    if loss > SELECTION.reported_loss:
-        return f"without it the residual is {1.0 + loss:.3g} times as large"
-    return "without it the residual is as large, but other effects would explain part of that"
+        return Reason("indispensable")
+    return Reason("loss", {"ratio": 1.0 + loss}) if loss > SELECTION.reported_loss else Reason("small loss")
 
 
-def _why_optional(yardstick: Yardstick, effect: str, unseen: Sequence[Structure]) -> str:
-    """Why an effect that is in no minimal structure cannot be called needless beside those `unseen`."""
-    most = max(yardstick.gain(s, effect) for s in unseen)
-    if most > SELECTION.notable_gain:
-        told = f"it explains {_number(100.0 * most)} % of the residual"
-        if Placed.parse(effect).effect.masses and any(_has_no_inertia(yardstick, s, effect) for s in unseen):
-            return f"{told}, but {_AT_BOUND}"
-        pairs = ((yardstick.with_effect(s, effect), s) for s in unseen)
-        judge = yardstick.bench.judge
-        if any(big and yardstick.follows_drifts(judge(big), judge(s)) for big, s in pairs):
-            return f"{told}, but at a bound, or swinging less than once, it would follow any drift"
-        slow = yardstick.independent < SELECTION.slow_share * yardstick.whitening.samples
-        few = "residuals as slow as these" if slow else "as few samples as these"
-        return f"{told}, which may be chance with {few}"
-    if any(yardstick.tells(s, effect) for s in unseen):
-        if all(yardstick.trusted(yardstick.bench.judge(s)) for s in unseen):
-            return "what it explains is less than simulation and sensor are trusted in"
-        return "it explains hardly anything of the residual, but more than chance does"
-    if any(yardstick.fits_as_large(s, effect) for s in unseen):
-        return "it fits no worse with it at a size that matters"
-    asked = [(s, least) for s in unseen for least in yardstick.least(s, effect)]
-    for structure, least in asked:
-        by = yardstick.hidden(structure, effect, least)
-        if by is not None:
-            size = _size(yardstick, effect, [least])
-            text = f"at a size that matters{f' ({size})' if size else ''} this recording would not have shown it"
-            return text + (f" if {by[0]} was there, too" if by else _shows_from(yardstick, effect, asked))
-    if asked:
-        return "it fits no worse with it held at a size that matters"
-    if all(yardstick.with_effect(s, effect) is None for s in unseen):
-        return "it was not asked: it takes a further effect as well"
-    return "it was not asked: it declares no size that matters"
+def _refuted(yardstick: Yardstick, effect: str, found: Sequence[Structure], gain: float) -> Reason:
+    """Largest of the sizes that would have shown beside the minimal structures, and the estimate beside the best."""
+    sizes = [yardstick.least(s, effect) for s in found]
+    size = _size(yardstick, effect, max(sizes, key=lambda some: [abs(value) for value in some[0].values()]))
+    big, numbers = yardstick.with_effect(found[0], effect), {"gain": 100.0 * gain}
+    if not size or big is None:
+        return Reason("refuted without size", numbers)
+    if size[0].name in yardstick.bench.task.fixed:
+        return Reason("refuted as fixed", size=size)
+    values = yardstick.bench.judge(big).values
+    (estimate, *_) = _size(yardstick, effect, [{size[0].name: values[size[0].name]}])
+    if abs(estimate.value) < SELECTION.zero_share * size[0].value:
+        estimate = replace(estimate, value=0.0)
+    return Reason("refuted", numbers, size=size, estimate=(estimate,))
 
 
-def _has_no_inertia(yardstick: Yardstick, structure: Structure, ladder: str) -> bool:
-    """Whether a further mass beside `structure` makes an inertia run to its bound."""
-    big = yardstick.with_effect(structure, ladder)
-    return big is not None and yardstick.inertias(yardstick.bench.judge(big)) < big.masses
-
-
-def _without_inertia(yardstick: Yardstick, found: Sequence[Structure], effect: str, loss: float | None) -> str | None:
-    """What to say of a mass without which nothing fits, but of which no inertia is left in some of those `found`."""
+def _without_inertia(yardstick: Yardstick, found: Sequence[Structure], effect: str) -> bool:
+    """True for a multiple-mass system of which an inertia is at its bound in some of those `found`."""
     masses = Placed.parse(effect).effect.masses
-    if not masses or all(yardstick.inertias(yardstick.bench.judge(s)) >= masses for s in found):
-        return None
-    return f"{_why_needed(loss)}, but it fits {_AT_BOUND}"
+    return bool(masses) and any(yardstick.inertias(yardstick.bench.judge(s)) < masses for s in found)
 
 
-def _shows_from(yardstick: Yardstick, effect: str, asked: Sequence[tuple[Structure, Mapping[str, float]]]) -> str:
-    """From which size on the recording would have shown an effect beside all structures; nothing if from none."""
+def _detection_limit(yardstick: Yardstick, effect: str, structures: Sequence[Structure]) -> tuple[Size, ...]:
+    """Size from which on the recording would have shown an effect beside all structures; empty if there is none."""
+    asked = [(s, least) for s in structures for least in yardstick.least(s, effect)]
     found = [yardstick.shows_from(structure, effect, least) for structure, least in asked]
     sizes = [{name: abs(value) for name, value in size.items()} for size in found if size]
     if len(sizes) < len(found):
-        return ""
-    return f"; it would from {_size(yardstick, effect, [max(sizes, key=lambda size: list(size.values()))])} on"
+        return ()
+    return _size(yardstick, effect, [max(sizes, key=lambda size: list(size.values()))])
 
 
-def _largest(yardstick: Yardstick, effect: str, found: Sequence[Structure]) -> str:
-    """The size that would have shown beside all structures `found`."""
-    sizes = [yardstick.least(s, effect) for s in found]
-    most = max(sizes, key=lambda some: [abs(value) for value in some[0].values()])
-    return _size(yardstick, effect, most) or "it"
-
-
-def _size(yardstick: Yardstick, effect: str, sizes: Sequence[Mapping[str, float]]) -> str | None:
-    """A size of `effect` in words, of both signs if there are two; None if no number is its size, as with masses."""
-    placed = Placed.parse(effect)
+def _size(yardstick: Yardstick, effect: str, sizes: Sequence[Mapping[str, float]]) -> tuple[Size, ...]:
+    """Size of `effect` in the recording's units, for both signs if there are two; empty if no number is its size."""
+    placed, out = Placed.parse(effect), []
     if not any(p.size for p in placed.effect.parameters):
-        return None
-    told = []
+        return ()
     for parameter in placed.effect.parameters:
         name = placed.parameter(parameter.symbol)
         values = {size[name] for size in sizes if name in size}
         if values:
             unit, factor = yardstick.bench.task.recordings[0].units.of(parameter.dimension)
-            sign = "±" if len(values) > 1 else ""
-            told.append(f"{name} of {sign}{_number(factor * max(values))} {unit}")
-    return " at ".join(told)
+            out.append(Size(name, factor * max(values), unit, len(values) > 1))
+    return tuple(out)
 
 
-def _number(value: float) -> str:
-    """With two digits that count."""
-    return f"{float(f'{value:.2g}'):g}"
-
-
-def _sampling(yardstick: Yardstick, structure: Structure, effect: str) -> str | None:
-    """What to say of an effect that only makes the input late by less than a sample: data can be taken that way."""
+def _below_sampling(yardstick: Yardstick, structure: Structure, effect: str) -> Reason | None:
+    """Reservation on an effect that only delays the input, by less than a sample: data can be taken that way."""
     placed = Placed.parse(effect)
     if placed not in structure.placed or not placed.effect.parameters:
         return None
     if not all(p.lag for p in placed.effect.parameters):
         return None
     values = yardstick.bench.judge(structure).values
-    total = sum(values[placed.parameter(p.symbol)] for p in placed.effect.parameters)
+    lag = sum(values[placed.parameter(p.symbol)] for p in placed.effect.parameters)
     interval = yardstick.bench.task.scales.interval
-    if total >= interval:
-        return None
-    return f"it fits, but {total:.2g} s are less than one sample ({interval:.2g} s): sampling looks like that"
+    return Reason("sampling", {"lag": lag, "interval": interval}) if lag < interval else None

@@ -27,6 +27,8 @@ class SelectionPolicy:
         Part of the residual's RMS that an effect may explain at most and still be *not needed*.
     reported_loss : float
         Relative growth of the residual's RMS from which it is reported as a number.
+    zero_share : float
+        Part of a size that matters below which an estimate is reported as zero.
     slow_share : float
         Independent samples over all samples below which residuals are called slow.
     rounding_quantile : float
@@ -42,6 +44,7 @@ class SelectionPolicy:
     min_power: float = 0.8
     notable_gain: float = 0.02
     reported_loss: float = 0.005
+    zero_share: float = 0.01
     slow_share: float = 0.5
     rounding_quantile: float = 1.645
     bound_slack: float = 1e-6

@@ -20,8 +20,18 @@ from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import added_effects, mass_chain_of, one_larger, one_smaller
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import TRUSTED_ACCURACY, IdentificationTask
+from brightgrey.search.verdicts import ReasonKind
 
-__all__ = ["Yardstick"]
+__all__ = ["Obstacle", "Yardstick"]
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """Obstacle to refuting an effect: its kind, the size that was tested, and the other effect that masks it."""
+
+    kind: ReasonKind
+    size: Mapping[str, float] = field(default_factory=dict)
+    other: str = ""
 
 
 @dataclass
@@ -152,21 +162,31 @@ class Yardstick:
         level = _level(tests, big.structure.masses > small.structure.masses)
         return found > threshold(big.free - small.free, level)
 
-    def shown(self, structure: Structure, effect: str) -> Callable[[], bool]:
-        """Whether the recording shows that `effect` is not there at the least size that matters, beside `structure`.
+    def refutation(self, structure: Structure, effect: str) -> Obstacle | Callable[[], bool]:
+        """Test if the recording refutes `effect` at the least size that matters, beside `structure`.
 
-        It would have been found: its power is enough for small changes, whatever other effect may be there and veil it.
-        And it is refuted: with the effect held at that size and all else fitted anew, the fit is significantly worse.
-        Friction bends so much that small changes alone promise too much; and where gaps make many optima that fit may
-        miss the best one, so that a fit that has the effect as large as that, and is no worse, speaks against it. What
-        comes back waits for the held fits.
+        First, the effect has to be detectable at that size by its power, with any other effect present. The power holds
+        for small changes, and friction bends far more. So, second, the effect is held at that size, all else is fitted
+        again, and the fit has to be significantly worse. With hard limits that fit may miss its optimum, so a free fit
+        that is no worse at such a size counts as an obstacle.
+
+        Returns
+        -------
+        Obstacle or callable
+            The obstacle to a test; or a function that waits for the fits and returns True if the effect is refuted.
         """
         big, judged = self.with_effect(structure, effect), self.bench.judge(structure)
+        if big is None:
+            return Obstacle("needs further effects")
         sizes = self.least(structure, effect)
-        if big is None or not sizes or self.fits_as_large(structure, effect):
-            return lambda: False
-        if any(self.hidden(structure, effect, least) is not None for least in sizes):
-            return lambda: False
+        if not sizes:
+            return Obstacle("no relevant size")
+        if self.fits_as_large(structure, effect):
+            return Obstacle("fits at relevant size")
+        for least in sizes:
+            masks = self.hidden(structure, effect, least)
+            if masks is not None:
+                return Obstacle("masked", least, masks[0]) if masks else Obstacle("not detectable", least)
         values, refits = {**self.bench.task.default_start(big), **judged.values}, []
         for least in sizes:
             moved = {name: value for name, value in least.items() if name in structure.parameters}

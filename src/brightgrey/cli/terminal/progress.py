@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn
 
+from brightgrey.search.exhaustive import SearchProgress
 from brightgrey.search.genetic import Progress as Step
-from brightgrey.search.survey import SearchProgress
 
 __all__ = ["steps"]
 

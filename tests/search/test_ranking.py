@@ -10,8 +10,8 @@ from brightgrey.estimation.problem.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording, Signal
+from brightgrey.search.exhaustive import candidates, search_exhaustively
 from brightgrey.search.lattice import contains
-from brightgrey.search.survey import candidates, search_exhaustively
 from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference

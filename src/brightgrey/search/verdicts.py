@@ -1,0 +1,191 @@
+"""Verdict on an effect and its reason, as values; the sentences that people read stand in one table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+from brightgrey.kit import Placed
+
+__all__ = ["EffectVerdict", "Reason", "ReasonKind", "Size", "Verdict", "decisive"]
+
+Verdict = Literal["needed", "not needed", "not decidable"]
+
+ReasonKind = Literal[
+    "indispensable",
+    "loss",
+    "small loss",
+    "inertia at bound",
+    "sampling",
+    "equivalent",
+    "gain with inertia at bound",
+    "gain by drift",
+    "gain by chance, slow residuals",
+    "gain by chance, few samples",
+    "small gain",
+    "gain below accuracy",
+    "fits at relevant size",
+    "masked",
+    "not detectable",
+    "fits with fixed size",
+    "needs further effects",
+    "no relevant size",
+    "refuted",
+    "refuted as fixed",
+    "refuted without size",
+]
+
+SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
+    {
+        "indispensable": "No structure without it fits.",
+        "loss": "Without it the residual is {ratio} times as large.",
+        "small loss": "Without it the residual is about as large, but other effects would take its part.",
+        "inertia at bound": "An inertia is at its bound, however: a lag, or a spring to a wall, looks like that.",
+        "sampling": "The fit puts it at {lag} s, less than one sample ({interval} s): sampling looks like that.",
+        "equivalent": "{names} fit equally well.",
+        "gain with inertia at bound": (
+            "It explains {gain} % of the residual, but with an inertia at its bound:"
+            " a lag, or a spring to a wall, looks like that."
+        ),
+        "gain by drift": (
+            "It explains {gain} % of the residual, but with a parameter at its bound, or oscillating less than once, it"
+            " would follow any drift."
+        ),
+        "gain by chance, slow residuals": (
+            "It explains {gain} % of the residual, which may be chance with residuals as slow as these."
+        ),
+        "gain by chance, few samples": (
+            "It explains {gain} % of the residual, which may be chance with as few samples as these."
+        ),
+        "small gain": "It explains hardly anything of the residual, but more than chance does.",
+        "gain below accuracy": "What it explains is less than the accuracy of simulation and sensor.",
+        "fits at relevant size": "The fit has it at a size that matters, and is no worse.",
+        "masked": "At a size that matters{size} this recording would not have shown it beside another effect: {names}.",
+        "not detectable": "At a size that matters{size} this recording would not have shown it{limit}.",
+        "fits with fixed size": "Held at a size that matters{size}, it makes the fit no worse.",
+        "no relevant size": "It was not tested, because no size that matters is declared for it.",
+        "needs further effects": "It was not tested, because it takes a further effect as well.",
+        "refuted": "{size} or more would have shown; the fit puts it at {estimate} and gains {gain} %.",
+        "refuted as fixed": "{size}, as it is fixed, makes the fit worse.",
+        "refuted without size": "At a size that matters it would have shown, but it explains {gain} % of the residual.",
+    }
+)
+"""Sentences by the kind of reason. The order of the kinds decides which of several reasons is given."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """One parameter of an effect's size, in the units of the recording.
+
+    Attributes
+    ----------
+    name : str
+    value : float
+    unit : str
+    either_sign : bool
+        The value stands for both signs.
+    """
+
+    name: str
+    value: float
+    unit: str
+    either_sign: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.name} of {'±' if self.either_sign else ''}{self.amount}"
+
+    @property
+    def amount(self) -> str:
+        """Value to two significant digits, and unit."""
+        return f"{_two_digits(self.value)} {self.unit}"
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Reason of a verdict: a kind, and the numbers and names that belong to it.
+
+    Attributes
+    ----------
+    kind : str
+        Key of the table of sentences.
+    numbers : mapping of str to float
+        Of ``ratio`` (residual without over with the effect), ``gain`` (part of the residual's RMS, in percent),
+        ``lag`` and ``interval`` (s).
+    size, limit, estimate : tuple of Size
+        Size that matters, the smallest size that would have shown, and the estimate; empty where there is none.
+    names : tuple of str
+        Structures, or the title of another effect.
+    further : tuple of Reason
+        Reservations.
+    """
+
+    kind: ReasonKind
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    size: tuple[Size, ...] = ()
+    limit: tuple[Size, ...] = ()
+    estimate: tuple[Size, ...] = ()
+    names: tuple[str, ...] = ()
+    further: tuple[Reason, ...] = ()
+
+    def __str__(self) -> str:
+        words = {name: _three_digits(v) if name == "ratio" else _two_digits(v) for name, v in self.numbers.items()}
+        size = " at ".join(map(str, self.size))
+        words["size"] = size if self.kind.startswith("refuted") or not size else f" ({size})"
+        words["limit"] = f"; it would from {' at '.join(map(str, self.limit))} on" if self.limit else ""
+        words["estimate"] = " at ".join("zero" if s.value == 0.0 else s.amount for s in self.estimate)
+        words["names"] = " and ".join(self.names)
+        return " ".join([SENTENCES[self.kind].format(**words), *map(str, self.further)])
+
+
+@dataclass(frozen=True)
+class EffectVerdict:
+    """Verdict on one effect.
+
+    Attributes
+    ----------
+    effect : str
+        Name of the placed effect; the name of a multiple-mass system stands for "at least so many masses".
+    verdict : {'needed', 'not needed', 'not decidable'}
+    loss : float or None
+        Relative growth of the residual's RMS when the effect is removed from the best structure. An RMS counts as no
+        less than the trusted accuracy.
+    gain : float or None
+        Relative decrease when the effect is added.
+    why : Reason
+    """
+
+    effect: str
+    verdict: Verdict
+    loss: float | None
+    gain: float | None
+    why: Reason
+
+    @property
+    def title(self) -> str:
+        """Name of the effect for people, with its place unless that is the first."""
+        placed = Placed.parse(self.effect)
+        return placed.effect.title if placed.place == 1 else f"{placed.effect.title} at {placed.place}"
+
+    @property
+    def reason(self) -> str:
+        """Reason of the verdict in one or two sentences."""
+        return str(self.why)
+
+    def __str__(self) -> str:
+        return f"{self.title}: {self.verdict}. {self.reason}"
+
+
+def decisive(reasons: Sequence[Reason]) -> Reason:
+    """The reason that comes first in the table of sentences; of several of one kind that with the largest gain."""
+    order = list(SENTENCES)
+    return min(reasons, key=lambda r: (order.index(r.kind), -r.numbers.get("gain", 0.0)))
+
+
+def _two_digits(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def _three_digits(value: float) -> str:
+    return f"{value:.3g}"
