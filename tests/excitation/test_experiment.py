@@ -22,32 +22,32 @@ def demo():
     return rows[0], np.array(rows[1:], dtype=float).T
 
 
-def test_values_are_those_of_the_structure():
+def test_paper_experiment__values__are_those_of_the_structure():
     assert list(E.values) == list(PAPER.parse(E.structure).parameters)
 
 
-def test_resonance_is_a_servo_axis_one():
+def test_paper_experiment__resonance__is_that_of_a_servo_axis():
     v = E.values
     frequency, ratio = modes(np.array([v["J1"], v["J2"]]), np.array([v["c1"]]), np.array([v["d1"]]))
     assert 10.0 < frequency[0] < 40.0
     assert 0.01 < ratio[0] < 0.1
 
 
-def test_friction_is_visible_and_does_not_dominate():
+def test_paper_experiment__friction__is_visible_and_does_not_dominate():
     peak = np.max(np.abs(E.torque()))
     v = E.values
     assert 0.1 < (v["M_C"] + v["M_S"]) / peak < 0.2
     assert 0.1 < (v["M_C"] + v["f_v"] * E.speed) / peak < 0.2
 
 
-def test_drive_really_moves_reverses_and_comes_to_rest(velocity):
+def test_paper_experiment__drive__moves_reverses_and_comes_to_rest(velocity):
     assert np.max(np.abs(velocity)) == pytest.approx(E.speed, rel=0.01)
     assert np.max(velocity) > 0.9 * E.speed
     assert np.min(velocity) < -0.9 * E.speed
     assert abs(velocity[-1]) < 1.0 / E.f_tanh
 
 
-def test_stribeck_is_visible(velocity):
+def test_paper_experiment__stribeck_effect__is_visible(velocity):
     peak, bend = np.max(np.abs(velocity)), E.values["omega_S"]
     assert 2.0 * 5.0 / E.f_tanh < bend < 0.5 * peak / 3.0
     assert E.f_tanh == pytest.approx(100.0 / peak, rel=0.01)  # the default rule finds it
@@ -55,7 +55,7 @@ def test_stribeck_is_visible(velocity):
     assert slow > 0.15  # of all samples
 
 
-def test_demo_recording_is_the_experiment_with_its_noise(demo, velocity):
+def test_demo_recording__samples__are_the_experiment_with_noise(demo, velocity):
     header, (t, torque, measured) = demo
     assert header == ["t", "torque", "velocity"]
     np.testing.assert_allclose(t, np.arange(1800) * 1e-3, atol=1e-12)

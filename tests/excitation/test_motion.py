@@ -13,14 +13,14 @@ def motion():
     return reversing(1.2, LIMITS, dt=DT, samples=14_000, before=0.05, between=0.1)
 
 
-def test_limits_are_reached_and_kept(motion):
+def test_reversing__long_move__reaches_and_keeps_its_limits(motion):
     jerk = np.diff(motion.acceleration) / DT
     assert np.max(np.abs(motion.velocity)) == pytest.approx(3.0, rel=1e-9)
     assert np.max(np.abs(motion.acceleration)) == pytest.approx(40.0, rel=1e-9)
     assert np.max(np.abs(jerk)) == pytest.approx(900.0, rel=1e-6)
 
 
-def test_position_velocity_and_acceleration_belong_together(motion):
+def test_reversing__position_velocity_acceleration__are_derivatives(motion):
     # The trapezoidal rule is exact for acceleration but where the jerk steps: off by jerk dt²/4 there at
     # most. For position it is off by acceleration dt²/8 at most.
     middle = 0.5 * (motion.acceleration[1:] + motion.acceleration[:-1]) * DT
@@ -29,7 +29,7 @@ def test_position_velocity_and_acceleration_belong_together(motion):
     np.testing.assert_allclose(np.diff(motion.position), middle, atol=40.0 * DT**2 / 8)
 
 
-def test_goes_forth_and_back_and_rests(motion):
+def test_reversing__whole_motion__goes_forth_and_back_and_rests(motion):
     assert np.max(motion.position) == pytest.approx(1.2, abs=1e-12)
     assert motion.position[-1] == pytest.approx(0.0, abs=1e-12)
     resting = (motion.velocity == 0.0) & (motion.acceleration == 0.0)
@@ -41,18 +41,18 @@ def test_goes_forth_and_back_and_rests(motion):
     np.testing.assert_allclose(np.min(motion.velocity), -np.max(motion.velocity))
 
 
-def test_move_too_short_for_full_speed_keeps_the_limits():
+def test_moves__too_short_for_full_speed__keep_the_limits():
     short = moves((0.01, 0.02), LIMITS, dt=DT, samples=4000, before=0.0, between=0.05)
     assert np.max(short.velocity) < 3.0
     assert np.max(np.abs(np.diff(short.acceleration))) <= 900.0 * DT * (1 + 1e-9)
     assert short.position[-1] == pytest.approx(0.02, abs=1e-12)
 
 
-def test_torque_is_inertia_times_acceleration(motion):
+def test_driving_torque__motion__is_inertia_times_acceleration(motion):
     np.testing.assert_array_equal(driving_torque(motion, 0.5), 0.5 * motion.acceleration)
 
 
-def test_no_moves_is_rest():
+def test_moves__no_targets__rest():
     still = moves((), LIMITS, dt=DT, samples=5, before=0.0, between=0.0)
     assert not np.any(still.position)
 
@@ -65,12 +65,12 @@ def test_no_moves_is_rest():
         ({"before": -1.0}, "rests"),
     ],
 )
-def test_wrong_use_is_named(change, message):
+def test_reversing__wrong_argument__is_refused_by_name(change, message):
     request = {"dt": DT, "samples": 14_000, "before": 0.05, "between": 0.1} | change
     with pytest.raises(SettingsError, match=message):
         reversing(1.2, LIMITS, **request)
 
 
-def test_limits_must_be_positive():
+def test_motion_limits__not_positive__are_refused():
     with pytest.raises(SettingsError, match="limit of jerk = 0"):
         MotionLimits(1.0, 1.0, 0.0)

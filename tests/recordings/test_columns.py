@@ -1,4 +1,4 @@
-"""Columns, kinds, units and gain: what the user says, what is taken from names, and what is refused."""
+"""Columns, kinds, units and gain: options, guesses from names, and refusals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def record(
     return recording_from(columns, **chosen)  # type: ignore[arg-type]
 
 
-def test_gain_makes_the_unit() -> None:
+def test_recording_from__input_gain__is_applied_before_the_unit() -> None:
     recording = record(input_gain=35.15, units={"u": "kN", "v": "mm/s"})
     np.testing.assert_allclose(recording.u, 35.15e3 * U, rtol=1e-14)
     np.testing.assert_allclose(recording.y[0], 1e-3 * Q, rtol=1e-14)
@@ -32,12 +32,12 @@ def test_gain_makes_the_unit() -> None:
 
 
 @pytest.mark.parametrize("gain", [0.0, np.nan, np.inf])
-def test_gain_must_be_a_number(gain: float) -> None:
+def test_recording_from__gain_of_zero_or_not_finite__is_refused(gain: float) -> None:
     with pytest.raises(SettingsError, match="input gain"):
         record(input_gain=gain)
 
 
-def test_negative_gain_turns_the_sign() -> None:
+def test_recording_from__negative_gain__turns_the_sign() -> None:
     np.testing.assert_array_equal(record(input_gain=-1).u, -U)
 
 
@@ -53,7 +53,9 @@ def test_negative_gain_turns_the_sign() -> None:
         ({"u": "N", "v": "rpm"}, ("N", "rpm", "rad")),
     ],
 )
-def test_what_is_assumed_and_told(units: dict[str, str], shown: tuple[str, str, str]) -> None:
+def test_recording_from__missing_units__are_assumed_with_a_note(
+    units: dict[str, str], shown: tuple[str, str, str]
+) -> None:
     recording = record(["v:velocity", "w:position"], units=units)
     signals = (recording.input, *recording.outputs)
     assert tuple(s.unit for s in signals) == shown
@@ -63,7 +65,7 @@ def test_what_is_assumed_and_told(units: dict[str, str], shown: tuple[str, str, 
         assert (f"'{signal.name}' in {signal.unit}" in note) == (not signal.unit_given)
 
 
-def test_name_that_ends_on_another_unit_is_told() -> None:
+def test_recording_from__name_ends_in_another_unit__is_noted() -> None:
     names = ("torque_mNm", "speed_deg_per_s", "position_mm")
     recording = record(["speed_deg_per_s:velocity"], names)
     note = next(note for note in recording.notes if "no unit is given" in note)
@@ -83,7 +85,9 @@ def test_name_that_ends_on_another_unit_is_told() -> None:
         ("v:velocity-differenced", {}, "velocity-differenced"),
     ],
 )
-def test_kind(output: object, units: dict[str, str], kind: str) -> None:
+def test_recording_from__kind__is_given_or_follows_from_the_unit(
+    output: object, units: dict[str, str], kind: str
+) -> None:
     recording = record([output], units=units)
     assert recording.outputs[0].kind == kind
     assert any("is taken as" in note for note in recording.notes) == (output == "v" and not units)
@@ -92,13 +96,13 @@ def test_kind(output: object, units: dict[str, str], kind: str) -> None:
 @pytest.mark.parametrize(
     ("name", "kind"), [("axis_pos", "position"), ("motorSpeed", "velocity"), ("Acceleration", "acceleration")]
 )
-def test_kind_by_name_is_told(name: str, kind: str) -> None:
+def test_recording_from__kind_by_name__is_noted(name: str, kind: str) -> None:
     recording = record(name, ("u", name, "w"))
     assert recording.outputs[0].kind == kind
     assert f"output '{name}' is taken as {kind}, by its name" in recording.notes
 
 
-def test_colon_in_a_name() -> None:
+def test_recording_from__colon_in_a_column_name__is_no_kind() -> None:
     recording = record(["axis: speed:velocity"], ("u", "axis: speed", "axis:position"))
     assert recording.outputs[0].name == "axis: speed"
     assert record("axis:position", ("u", "axis: speed", "axis:position")).outputs[0].name == "axis:position"
@@ -130,35 +134,35 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("options", "message"), REFUSED.values(), ids=REFUSED)
-def test_refused(options: dict[str, object], message: str) -> None:
+def test_recording_from__wrong_option__is_refused_in_one_line(options: dict[str, object], message: str) -> None:
     with pytest.raises(BrightgreyError) as error:
         record(**options)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_notes_on_what_makes_no_sense() -> None:
+def test_recording_from__unused_unit_or_motion_as_input__is_noted() -> None:
     assert any("unit of 'w' is not used" in note for note in record(units={"w": "mm"}).notes)
     assert any("is a motion" in note for note in record(units={"u": "rad/s"}).notes)
 
 
-def test_constant_channels_are_noted_not_refused() -> None:
+def test_recording_from__constant_channels__are_noted() -> None:
     columns = {"t": T, "u": np.full(N, 1.5), "v": np.zeros(N)}
     recording = recording_from(columns, input="u", outputs="v:velocity", units={"u": "V"})
     assert "input 'u' never changes (1.5 V): nothing can be identified from it" in recording.notes
     assert any("output 'v' never changes" in note for note in recording.notes)
 
 
-def test_coarse_velocity_is_suspected_to_be_a_difference() -> None:
+def test_recording_from__coarse_velocity__is_suspected_to_be_differenced() -> None:
     columns = {"t": T, "u": U, "v": 4.66 * np.rint(Q)}
     assert any(
         "say v:velocity-differenced" in n for n in recording_from(columns, input="u", outputs="v:velocity").notes
     )
-    told = recording_from(columns, input="u", outputs="v:velocity-differenced").notes
-    assert not any("differencing" in n for n in told)
+    notes = recording_from(columns, input="u", outputs="v:velocity-differenced").notes
+    assert not any("differencing" in n for n in notes)
 
 
 @pytest.mark.parametrize("bad", [np.zeros((N, 2)), ["a"] * N, None, np.zeros(N - 1)])
-def test_arrays_must_be_columns(bad: object) -> None:
+def test_recording_from__arrays_that_are_no_columns__are_refused(bad: object) -> None:
     with pytest.raises(RecordingError, match=r"recording: column"):
         recording_from({"t": T, "u": U, "v": bad}, input="u", outputs="v:velocity")

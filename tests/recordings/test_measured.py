@@ -14,7 +14,7 @@ from brightgrey.recordings import Units, read_recording
 Measured = Callable[[str], Path]
 
 
-def test_emps(measured: Measured) -> None:
+def test_read_recording__emps__has_its_documented_values(measured: Measured) -> None:
     path = measured("emps/DATA_EMPS.mat")
     raw = scipy.io.loadmat(path)
     recording = read_recording(
@@ -29,7 +29,7 @@ def test_emps(measured: Measured) -> None:
 
 
 @pytest.mark.parametrize("name", ["velocity_response_1_5", "velocity_response_sine_1", "velocity_response_sine_3"])
-def test_flexible_drive(measured: Measured, name: str) -> None:
+def test_read_recording__mte360_with_two_carts__has_its_documented_values(measured: Measured, name: str) -> None:
     recording = read_recording(
         measured(f"mte360/{name}.mat"),
         input="u",
@@ -41,7 +41,7 @@ def test_flexible_drive(measured: Measured, name: str) -> None:
     assert recording.units.of((1, -1, 2))[0] == "V s²/mm"
 
 
-def test_flexible_drive_without_its_second_cart(measured: Measured) -> None:
+def test_read_recording__mte360_single_axis__notes_the_coarse_velocity(measured: Measured) -> None:
     path = measured("mte360/single_axis_square_1_5.mat")
     recording = read_recording(path, input="u", outputs="v", units={"u": "V", "v": "mm/s"})
     assert (recording.samples, recording.dt) == (4001, 1e-3)
@@ -49,7 +49,7 @@ def test_flexible_drive_without_its_second_cart(measured: Measured) -> None:
 
 
 @pytest.mark.parametrize("name", ["axis2_FF_A", "axis3_FF_A"])
-def test_robot_axes(measured: Measured, name: str) -> None:
+def test_read_recording__robot_axes__have_their_documented_values(measured: Measured, name: str) -> None:
     path = measured(f"kuka/{name}.csv")
     units = {"motor_torque_Nm": "N m", "position_deg": "deg", "velocity_deg_per_s": "deg/s"}
     recording = read_recording(

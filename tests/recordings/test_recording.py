@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from brightgrey.errors import BrightgreyError
-from brightgrey.recordings import Recording, Signal, cut_window, decimate
+from brightgrey.recordings import Recording, cut_window, decimate
 from brightgrey.recordings.checks import resolution
 from brightgrey.recordings.window import coarse_input
+from support.recordings import make_recording
 
 N = 1001
 DT = 1e-3
@@ -22,15 +23,13 @@ DT = 1e-3
 
 def make(u: np.ndarray, *rows: np.ndarray, kind: str = "velocity", hold: str = "linear", dt: float = DT) -> Recording:
     rows = rows or (np.cumsum(u) * dt,)
-    outputs = tuple(Signal(f"v{i}", kind, "rad/s") for i in range(len(rows)))
-    t = dt * np.arange(u.size)
-    return Recording("run", t, u, np.array(rows), Signal("u", "input", "N m"), outputs, hold)  # type: ignore[arg-type]
+    return make_recording(u, np.array(rows), dt=dt, kind=[kind] * len(rows), hold=hold)
 
 
 U = np.random.default_rng(3).normal(size=N)
 
 
-def test_arrays_are_frozen_copies() -> None:
+def test_recording__arrays__are_frozen_copies() -> None:
     u = U.copy()
     recording = make(u)
     u[0] = 9.0
@@ -57,7 +56,7 @@ def test_arrays_are_frozen_copies() -> None:
         {"outputs": ()},
     ],
 )
-def test_inconsistent_recordings_are_refused(change: dict[str, object]) -> None:
+def test_recording__inconsistent_fields__are_refused(change: dict[str, object]) -> None:
     with pytest.raises(BrightgreyError):
         dataclasses.replace(make(U), **change)
 
@@ -68,7 +67,7 @@ def test_inconsistent_recordings_are_refused(change: dict[str, object]) -> None:
     offset=st.floats(-1e3, 1e3),
     counts=st.lists(st.integers(-3000, 3000), min_size=20, max_size=60).filter(lambda c: len(set(c)) > 1),
 )
-def test_resolution_of_a_lattice(step: float, offset: float, counts: list[int]) -> None:
+def test_resolution__lattice__is_its_step(step: float, offset: float, counts: list[int]) -> None:
     values = step * (offset + np.array(counts))
     differences = np.diff(np.unique(counts))
     # Steps are only known as far as they occur: the smallest one, if the others are its multiples.
@@ -76,7 +75,7 @@ def test_resolution_of_a_lattice(step: float, offset: float, counts: list[int]) 
         assert resolution(values) == pytest.approx(step * differences.min(), rel=1e-6)
 
 
-def test_resolution_without_a_lattice_is_that_of_the_numbers() -> None:
+def test_resolution__no_lattice__is_the_spacing_of_the_numbers() -> None:
     values = np.random.default_rng(0).normal(size=2000)
     assert resolution(values) == np.spacing(np.abs(values).max())
     single = values.astype(np.float32)
@@ -85,12 +84,12 @@ def test_resolution_without_a_lattice_is_that_of_the_numbers() -> None:
     assert resolution(np.zeros(20)) > 0
 
 
-def test_resolution_of_differenced_encoder() -> None:
+def test_resolution__differenced_encoder__is_one_count_per_interval() -> None:
     position = np.floor(np.cumsum(np.random.default_rng(1).uniform(0, 7, 500))) * 4.6592e-6
     assert resolution(np.diff(position) / 1e-3) == pytest.approx(4.6592e-3, rel=1e-9)
 
 
-def test_window_has_both_ends() -> None:
+def test_cut_window__both_ends__are_included() -> None:
     part = cut_window(make(U), 0.1, 0.3)
     assert (part.samples, part.t[0], part.dt) == (201, 0.1, DT)
     np.testing.assert_array_equal(part.u, U[100:301])
@@ -102,7 +101,7 @@ def test_window_has_both_ends() -> None:
 
 @pytest.mark.parametrize("n", [2, 3, 7, 10])
 @pytest.mark.parametrize("hold", ["linear", "zoh"])
-def test_decimate_keeps_every_nth_sample(n: int, hold: str) -> None:
+def test_decimate__n__keeps_every_nth_sample(n: int, hold: str) -> None:
     full = make(U, hold=hold)
     part = decimate(full, n)
     np.testing.assert_array_equal(part.t, full.t[::n])
@@ -115,14 +114,14 @@ def test_decimate_keeps_every_nth_sample(n: int, hold: str) -> None:
 
 
 @pytest.mark.parametrize("n", [2, 5])
-def test_decimate_leaves_a_straight_input_alone(n: int) -> None:
+def test_coarse_input__straight_line__is_unchanged(n: int) -> None:
     line = 2.0 - 3.0 * np.arange(101)
     np.testing.assert_allclose(coarse_input(line, n, "linear"), line[::n], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(coarse_input(np.ones(101), n, "zoh"), 1.0, rtol=1e-15)
 
 
 @pytest.mark.parametrize("n", [2, 5, 10])
-def test_decimate_keeps_the_impulse(n: int) -> None:
+def test_coarse_input__any_input__keeps_its_integral(n: int) -> None:
     u = U[:1001]
     coarse = coarse_input(u, n, "linear")
     assert np.trapezoid(coarse, dx=n) == pytest.approx(np.trapezoid(u), rel=1e-9)
@@ -147,7 +146,7 @@ def response(u: np.ndarray, dt: float, hold: str) -> np.ndarray:
 
 @pytest.mark.parametrize("hold", ["linear", "zoh"])
 @pytest.mark.parametrize("name", ["square", "noisy", "chirp"])
-def test_decimated_input_drives_like_the_full_one(hold: str, name: str) -> None:
+def test_decimate__two_mass_drive__responds_as_to_the_full_input(hold: str, name: str) -> None:
     t = DT * np.arange(N)
     u = {
         "square": np.sign(np.sin(2 * np.pi * 1.3 * t + 0.1)),
@@ -167,7 +166,7 @@ def test_decimated_input_drives_like_the_full_one(hold: str, name: str) -> None:
         assert ours < 0.01
 
 
-def test_decimated_difference_is_the_difference_over_the_new_interval() -> None:
+def test_decimate__differenced_velocity__is_differenced_over_the_new_interval() -> None:
     position = np.cumsum(np.rint(np.random.default_rng(2).normal(3, 2, N))) * 1e-3
     velocity = np.diff(position, prepend=0.0) / DT
     full = make(U, velocity, kind="velocity-differenced")

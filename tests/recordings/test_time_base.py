@@ -1,4 +1,4 @@
-"""Time stamps: what is uniform, what is repaired and told, what is refused with its row."""
+"""Time stamps: uniform, repaired with a note, or refused with the row."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ def record(t: np.ndarray, u: np.ndarray = U, v: np.ndarray = V, **options: objec
     jitter=st.floats(0, 0.045),
     seed=st.integers(0, 100),
 )
-def test_jitter_below_a_tenth_is_read_as_uniform(start: float, dt: float, jitter: float, seed: int) -> None:
+def test_time__jitter_below_a_tenth__is_read_as_uniform(start: float, dt: float, jitter: float, seed: int) -> None:
     shift = jitter * dt * np.random.default_rng(seed).uniform(-1, 1, N)
     recording = record(start + dt * np.arange(N) + shift)
     assert recording.samples == N
     # Both ends are off by the jitter at most, and 1 % more for a round number.
     assert recording.dt == pytest.approx(dt, rel=(2 * jitter + 0.02) / (N - 1))
     np.testing.assert_array_equal(recording.u, U)
-    told = any("jitter" in note for note in recording.notes)
-    assert told == (np.abs(np.diff(recording.t[0] + dt * np.arange(N) + shift) / recording.dt - 1).max() > 0.01)
+    noted = any("jitter" in note for note in recording.notes)
+    assert noted == (np.abs(np.diff(recording.t[0] + dt * np.arange(N) + shift) / recording.dt - 1).max() > 0.01)
 
 
-def test_single_precision_time_is_no_jitter_to_speak_of() -> None:
+def test_time__single_precision__gives_no_note() -> None:
     recording = record((0.004 * np.arange(N)).astype(np.float32).astype(np.float64))
     assert recording.dt == 0.004
     assert not any("jitter" in note for note in recording.notes)
 
 
-def test_start_of_the_time_is_kept() -> None:
+def test_time__start_other_than_zero__is_kept() -> None:
     recording = record(5.0 + 0.001 * np.arange(N))
     assert recording.t[0] == 5.0
     assert recording.dt == 0.001
@@ -53,7 +53,7 @@ def test_start_of_the_time_is_kept() -> None:
 
 @pytest.mark.parametrize("digits", [3, 4])
 @pytest.mark.parametrize("dt", [0.00125, 0.0005, 0.0017])
-def test_rounded_stamps_are_seen_through(dt: float, digits: int) -> None:
+def test_time__rounded_stamps__give_the_true_interval(dt: float, digits: int) -> None:
     t = np.round(dt * np.arange(N), digits)
     recording = record(t)
     assert recording.samples == N
@@ -62,7 +62,7 @@ def test_rounded_stamps_are_seen_through(dt: float, digits: int) -> None:
         assert any("time is rounded to" in note for note in recording.notes)
 
 
-def test_lost_samples_are_interpolated_and_told() -> None:
+def test_time__lost_samples__are_interpolated_with_a_note() -> None:
     t = 0.001 * np.arange(N)
     kept = np.delete(np.arange(N), [100, 250])
     recording = record(t[kept], U[kept], V[kept])
@@ -73,7 +73,7 @@ def test_lost_samples_are_interpolated_and_told() -> None:
     assert "a sample is missing before rows 101, 250: interpolated" in recording.notes
 
 
-def test_row_written_twice_is_left_out_and_told() -> None:
+def test_time__row_written_twice__is_left_out_with_a_note() -> None:
     t = 0.001 * np.arange(N)
     twice = np.insert(np.arange(N), 100, 99)
     recording = record(t[twice], U[twice], V[twice])
@@ -115,13 +115,13 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("bend", "message"), REFUSED.values(), ids=REFUSED)
-def test_refused_with_the_row(bend, message: str) -> None:
+def test_time__not_uniform__is_refused_with_the_row(bend, message: str) -> None:
     with pytest.raises(RecordingError, match=message) as error:
         record(bend(0.001 * np.arange(N)))
     assert "\n" not in str(error.value)
 
 
-def test_regular_gaps_are_a_rounded_time() -> None:
+def test_time__regular_gaps__are_a_rounded_time() -> None:
     """One stamp in twenty left out is just what rounding an interval of 1.05 ms to 1 ms gives."""
     recording = record(np.round(0.00105 * np.arange(N), 3))
     assert recording.samples == N
@@ -129,7 +129,7 @@ def test_regular_gaps_are_a_rounded_time() -> None:
     assert any("rounded to 0.001 s" in note for note in recording.notes)
 
 
-def test_a_window_leaves_out_what_is_wrong_elsewhere() -> None:
+def test_window__fault_outside__does_not_matter() -> None:
     t = 0.001 * np.arange(N) + 0.005 * (np.arange(N) > 200)
     recording = record(t, window=(None, 0.15))
     assert recording.samples == 151
@@ -147,7 +147,7 @@ def test_a_window_leaves_out_what_is_wrong_elsewhere() -> None:
         ("TIME", None, 1.0),
     ],
 )
-def test_units_of_the_time(name: str, unit: str | None, scale: float) -> None:
+def test_time__unit_given_or_in_the_name__is_converted(name: str, unit: str | None, scale: float) -> None:
     columns = {name: scale * 0.001 * np.arange(N), "u": U, "v": V}
     units = {} if unit is None else {name: unit}
     recording = recording_from(columns, input="u", outputs="v:velocity", units=units)
@@ -155,7 +155,7 @@ def test_units_of_the_time(name: str, unit: str | None, scale: float) -> None:
     assert any("its name says so" in note for note in recording.notes) == (name in ("Time_ms", "time_us"))
 
 
-def test_interval_instead_of_time() -> None:
+def test_interval__given__replaces_the_time() -> None:
     recording = record(np.zeros(N), dt=0.002)
     np.testing.assert_allclose(recording.t, 0.002 * np.arange(N), rtol=1e-12)
     assert any("the time in column 't' is not used" in note for note in recording.notes)
@@ -166,7 +166,7 @@ def test_interval_instead_of_time() -> None:
             record(np.zeros(N), dt=dt)
 
 
-def test_missing_stamp() -> None:
+def test_time__missing_stamp__is_interpolated_if_single() -> None:
     t = 0.001 * np.arange(N)
     t[50] = np.nan
     recording = record(t)

@@ -4,9 +4,9 @@ import numpy as np
 
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import Structure, assemble
-from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 VALUES = {
     "J1": 0.012,
@@ -40,5 +40,4 @@ def recorded(text, seed, noise=0.02, torque=0.0, **changed):
     pushed = u + torque * rng.normal(size=len(u))
     v = reference(text, values_of(text, **changed), pushed, 2 * E.dt, f_tanh=E.f_tanh, hold=hold)[0]
     y = v + noise * rng.normal(size=len(v))
-    signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
-    return Recording("simulated", 2 * E.dt * np.arange(len(u)), u, y[None], *signals, hold=hold)
+    return make_recording(u, y, dt=2 * E.dt, names=("torque", "velocity"), hold=hold, name="simulated")

@@ -60,7 +60,9 @@ HEADERS = {
     ("header", "delimiter", "decimal"),
     [(*header, decimal) for header in HEADERS.values() for decimal in ".," if decimal != header[1]],
 )
-def test_headers_and_delimiters(tmp_path: Path, header: str, delimiter: str, decimal: str) -> None:
+def test_read_delimited__headers_and_delimiters__are_found(
+    tmp_path: Path, header: str, delimiter: str, decimal: str
+) -> None:
     recording = read(write(tmp_path, [header, *rows(delimiter, decimal)]))
     check(recording)
     signals = (recording.input, *recording.outputs)
@@ -71,7 +73,7 @@ def test_headers_and_delimiters(tmp_path: Path, header: str, delimiter: str, dec
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
-def test_line_ends_and_encodings(tmp_path: Path, end: str, encoding: str) -> None:
+def test_read_delimited__line_ends_and_encodings__are_found(tmp_path: Path, end: str, encoding: str) -> None:
     lines = ["t [s];torque [N m];velocity [°/s]", *rows(";", ",")]
     recording = read(write(tmp_path, lines, end=end, encoding=encoding))
     np.testing.assert_array_equal(recording.u, U)
@@ -103,11 +105,11 @@ def test_line_ends_and_encodings(tmp_path: Path, end: str, encoding: str) -> Non
     ],
     ids=lambda lines: lines[0],
 )
-def test_what_loggers_and_spreadsheets_add(tmp_path: Path, lines: list[str]) -> None:
+def test_read_delimited__additions_of_loggers_and_spreadsheets__are_skipped(tmp_path: Path, lines: list[str]) -> None:
     check(read(write(tmp_path, lines)))
 
 
-def test_row_of_units_counts(tmp_path: Path) -> None:
+def test_read_delimited__row_of_units__gives_the_units(tmp_path: Path) -> None:
     path = write(tmp_path, ["t;torque;velocity", "ms;mNm;1/min", *rows(";", t=T * 1000)])
     recording = read(path)
     np.testing.assert_allclose(recording.u, U / 1000, rtol=1e-15)
@@ -115,12 +117,12 @@ def test_row_of_units_counts(tmp_path: Path) -> None:
     assert recording.dt == 0.01
 
 
-def test_skipped_rows_are_told(tmp_path: Path) -> None:
+def test_read_delimited__skipped_rows__are_noted(tmp_path: Path) -> None:
     recording = read(write(tmp_path, ["t;torque;velocity", "ms;what;ever", *rows(";")]))
     assert "row 2 above the numbers is skipped, beginning 'ms;what;ever'" in recording.notes
 
 
-def test_without_header_columns_are_numbers(tmp_path: Path) -> None:
+def test_read_delimited__no_header__columns_are_numbered(tmp_path: Path) -> None:
     path = write(tmp_path, rows())
     check(read(path, input="2", outputs=["3:velocity"], time="1"))
     with pytest.raises(RecordingError, match=r"no column is called t or time.*1, 2, 3"):
@@ -129,12 +131,12 @@ def test_without_header_columns_are_numbers(tmp_path: Path) -> None:
         read(path, time="1")
 
 
-def test_numbers_count_columns_in_any_file(tmp_path: Path) -> None:
+def test_read_delimited__number_as_column__counts_from_one(tmp_path: Path) -> None:
     recording = read(write(tmp_path, ["t,torque,velocity", *rows()]), input="2", outputs=["3:velocity"])
     assert recording.input.name == "torque"
 
 
-def test_index_or_suffix_is_part_of_a_name(tmp_path: Path) -> None:
+def test_read_delimited__index_or_suffix__is_part_of_the_name(tmp_path: Path) -> None:
     path = write(tmp_path, ["t,axis[1],torque_Nm", *rows()])
     recording = read(path, input="torque_Nm", outputs=["axis[1]:position"])
     assert not recording.input.unit_given
@@ -142,7 +144,7 @@ def test_index_or_suffix_is_part_of_a_name(tmp_path: Path) -> None:
         read(path)
 
 
-def test_the_full_header_is_a_name_too(tmp_path: Path) -> None:
+def test_read_delimited__full_header__names_the_column_too(tmp_path: Path) -> None:
     path = write(tmp_path, ["t,v [rad/s],v [rpm]", *rows()])
     recording = read(path, input="v [rad/s]", outputs=["v [rpm]"])
     assert recording.outputs[0].unit == "rpm"
@@ -150,7 +152,7 @@ def test_the_full_header_is_a_name_too(tmp_path: Path) -> None:
         read(path, input="v", outputs=["v"])
 
 
-def test_dialect_can_be_given(tmp_path: Path) -> None:
+def test_read_delimited__dialect_given__is_used(tmp_path: Path) -> None:
     path = write(tmp_path, ["t;torque;velocity", *rows(";", ",")])
     check(read(path, delimiter=";", decimal=",", header=True))
     check(read(path, delimiter="semicolon"))
@@ -164,7 +166,7 @@ def test_dialect_can_be_given(tmp_path: Path) -> None:
         read(path, header=False, input="2", outputs="3:velocity", time="1")
 
 
-def test_header_of_numbers_can_be_forced(tmp_path: Path) -> None:
+def test_read_delimited__header_of_numbers__can_be_forced(tmp_path: Path) -> None:
     path = write(tmp_path, ["0,1,2", *rows()])
     recording = read(path, header=True, time="0", input="1", outputs="2:velocity")
     np.testing.assert_array_equal(recording.u, U)
@@ -204,7 +206,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("lines", "message"), BAD.values(), ids=BAD)
-def test_bad_files(tmp_path: Path, lines: list[str], message: str) -> None:
+def test_read_delimited__unusable_file__is_refused_in_one_line(tmp_path: Path, lines: list[str], message: str) -> None:
     with pytest.raises(RecordingError) as error:
         read(write(tmp_path, lines))
     text = str(error.value)
@@ -228,7 +230,7 @@ CELLS = {
 
 
 @pytest.mark.parametrize(("cell", "message"), CELLS.values(), ids=CELLS)
-def test_bad_rows_are_named(tmp_path: Path, cell: str, message: str) -> None:
+def test_read_delimited__bad_cell__is_named_by_row_and_column(tmp_path: Path, cell: str, message: str) -> None:
     lines = ["t,torque,velocity", *rows()]
     lines[21] = cell
     with pytest.raises(RecordingError) as error:
@@ -236,7 +238,7 @@ def test_bad_rows_are_named(tmp_path: Path, cell: str, message: str) -> None:
     assert f"run.csv: {message}" in str(error.value)
 
 
-def test_rows_are_lines_of_the_file(tmp_path: Path) -> None:
+def test_read_delimited__row_in_a_message__is_the_line_of_the_file(tmp_path: Path) -> None:
     lines = ["# one", "", "# three", "t,torque,velocity", "# five", *rows()]
     lines[25] = "0.2,abc,1"
     with pytest.raises(RecordingError, match="row 26, column 'torque'"):
@@ -244,14 +246,14 @@ def test_rows_are_lines_of_the_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("first", ["0,abc,1", "abc,0,1"])
-def test_text_in_the_first_row_is_no_header(tmp_path: Path, first: str) -> None:
+def test_read_delimited__text_in_the_first_row__is_no_header(tmp_path: Path, first: str) -> None:
     lines = ["t,torque,velocity", *rows()]
     lines[1] = first
     with pytest.raises(RecordingError, match=r"row 2, column .*'abc' is not a number"):
         read(write(tmp_path, lines))
 
 
-def test_file_that_was_cut_off(tmp_path: Path) -> None:
+def test_read_delimited__file_cut_off__is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("\n".join(["t,torque,velocity", *rows()]) + "\n0.4,1")
     with pytest.raises(RecordingError, match="row 42: 2 fields where 3 are expected; the file seems to be cut off"):
@@ -260,7 +262,9 @@ def test_file_that_was_cut_off(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("word", ["", "NaN", "nan", "n/a", "-", "NULL"])
 @pytest.mark.parametrize("decimal", [".", ","])
-def test_single_missing_value_is_interpolated_and_told(tmp_path: Path, word: str, decimal: str) -> None:
+def test_read_delimited__single_missing_value__is_interpolated_with_a_note(
+    tmp_path: Path, word: str, decimal: str
+) -> None:
     lines = ["t;torque;velocity", *rows(";", decimal)]
     fields = lines[21].split(";")
     lines[21] = ";".join([fields[0], word, fields[2]])
@@ -271,7 +275,7 @@ def test_single_missing_value_is_interpolated_and_told(tmp_path: Path, word: str
 
 
 @pytest.mark.parametrize("gap", [(20, 21), (10, 20)])
-def test_more_missing_values_are_an_error(tmp_path: Path, gap: tuple[int, ...]) -> None:
+def test_read_delimited__several_missing_values__are_refused(tmp_path: Path, gap: tuple[int, ...]) -> None:
     lines = ["t,torque,velocity", *rows()]
     for i in gap:
         fields = lines[i + 1].split(",")
@@ -280,7 +284,7 @@ def test_more_missing_values_are_an_error(tmp_path: Path, gap: tuple[int, ...]) 
         read(write(tmp_path, lines))
 
 
-def test_missing_first_difference_is_left_out(tmp_path: Path) -> None:
+def test_read_delimited__missing_first_value__is_left_out(tmp_path: Path) -> None:
     lines = ["t,torque,velocity", *rows()]
     lines[1] = "0,0,nan"
     recording = read(write(tmp_path, lines))
@@ -288,20 +292,20 @@ def test_missing_first_difference_is_left_out(tmp_path: Path) -> None:
     assert any("row 2 at the ends: left out" in note for note in recording.notes)
 
 
-def test_column_without_any_number(tmp_path: Path) -> None:
+def test_read_delimited__column_without_numbers__is_refused(tmp_path: Path) -> None:
     lines = ["t,torque,velocity", *(line.rsplit(",", 1)[0] + ",nan" for line in rows())]
     with pytest.raises(RecordingError, match="column 'velocity': there is no number in it"):
         read(write(tmp_path, lines))
 
 
-def test_mixed_decimal_marks_are_refused(tmp_path: Path) -> None:
+def test_read_delimited__mixed_decimal_marks__are_refused(tmp_path: Path) -> None:
     lines = ["t;torque;velocity", *rows(";", ",")]
     lines[21] = "0,2;1.500;1"  # one and a half, or fifteen hundred?
     with pytest.raises(RecordingError, match=r"row 22, column 'torque': '1\.500' is not a number"):
         read(write(tmp_path, lines))
 
 
-def test_decimal_comma_that_comes_late(tmp_path: Path) -> None:
+def test_read_delimited__late_decimal_comma__is_found(tmp_path: Path) -> None:
     n = 2000
     lines = ["t;torque;velocity", *(f"{i};{i % 7};{i % 5}" for i in range(n))]
     lines[1500] = "1499;2,5;3"
@@ -317,14 +321,14 @@ def test_decimal_comma_that_comes_late(tmp_path: Path) -> None:
         (b"\x81\x8d\x8f\x90\x9d", "neither UTF-8 nor"),
     ],
 )
-def test_files_that_are_no_text(tmp_path: Path, content: bytes, message: str) -> None:
+def test_read_recording__file_that_is_no_text__is_refused(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "run.csv"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=message):
         read(path)
 
 
-def test_file_that_is_not_there(tmp_path: Path) -> None:
+def test_read_recording__missing_file__is_refused_with_the_nearest(tmp_path: Path) -> None:
     write(tmp_path, rows())
     with pytest.raises(RecordingError, match=r"^rum\.csv: there is no such file\. Did you mean 'run\.csv'\?$"):
         read(tmp_path / "rum.csv")
@@ -332,7 +336,7 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
         read(tmp_path)
 
 
-def test_hundred_thousand_rows(tmp_path: Path) -> None:
+def test_read_recording__hundred_thousand_rows__is_fast(tmp_path: Path) -> None:
     n = 100_000
     k = np.arange(n)
     data = np.column_stack([k * 1e-3, np.sin(k), np.cos(k)])

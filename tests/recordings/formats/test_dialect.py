@@ -27,7 +27,7 @@ FIELD = st.floats(-1e6, 1e6).map(lambda x: float(f"{x:.8g}"))
     end=st.sampled_from(["\n", "\r\n"]),
     form=st.sampled_from(["{:.8g}", "{:.8e}", "{:.12f}"]),
 )
-def test_every_dialect_comes_back(
+def test_find_dialect__any_written_dialect__is_found(
     tmp_path: Path,
     data: st.DataObject,
     delimiter: str,
@@ -67,7 +67,7 @@ def test_every_dialect_comes_back(
         st.binary(max_size=300), st.text(alphabet='0123456789.,;-e \t\n"ab[]#', max_size=400).map(str.encode)
     )
 )
-def test_rubbish_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
+def test_read_recording__random_bytes__are_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "run.csv"
     path.write_bytes(content)
     with pytest.raises(BrightgreyError) as error:

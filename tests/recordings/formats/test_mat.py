@@ -25,7 +25,7 @@ def save(folder: Path, **variables: object) -> Path:
 
 @pytest.mark.parametrize("shape", [(N,), (N, 1), (1, N)])
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-def test_vectors_are_columns(tmp_path: Path, shape: tuple[int, ...], dtype: type) -> None:
+def test_read_mat__vectors__are_columns(tmp_path: Path, shape: tuple[int, ...], dtype: type) -> None:
     u, v = U.astype(dtype), V.astype(dtype)
     path = save(tmp_path, t=T.reshape(shape), u=u.reshape(shape), v=v.reshape(shape), gain=3.5, note="text")
     recording = read_recording(path, input="u", outputs="v:velocity")
@@ -35,7 +35,7 @@ def test_vectors_are_columns(tmp_path: Path, shape: tuple[int, ...], dtype: type
     assert recording.name == "run.mat"
 
 
-def test_whole_numbers_and_old_format(tmp_path: Path) -> None:
+def test_read_mat__whole_numbers_and_old_format__are_read(tmp_path: Path) -> None:
     path = tmp_path / "old.mat"
     counts = np.arange(N, dtype=np.int16)
     scipy.io.savemat(path, {"t": T, "u": U, "q": counts}, format="4")
@@ -43,7 +43,7 @@ def test_whole_numbers_and_old_format(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.y, [counts])
 
 
-def test_matrices_and_structs(tmp_path: Path) -> None:
+def test_read_mat__matrices_and_structs__have_columns_by_index_and_field(tmp_path: Path) -> None:
     path = save(tmp_path, data=np.column_stack([T, U, V]), log={"time": T, "axis": {"u": U, "v": V}})
     recording = read_recording(path, input="data(:,2)", outputs="data(:,3):velocity", time="data(:,1)")
     np.testing.assert_array_equal(recording.u, U)
@@ -51,7 +51,7 @@ def test_matrices_and_structs(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.y, [V])
 
 
-def test_missing_variable_names_the_nearest_and_what_else_there_is(tmp_path: Path) -> None:
+def test_read_mat__missing_variable__names_the_nearest_and_all_others(tmp_path: Path) -> None:
     path = save(tmp_path, t=T, vir=U, qm=V, gtau=35.15, long=np.zeros(2 * N))
     with pytest.raises(RecordingError) as error:
         read_recording(path, input="virr", outputs="qm:position")
@@ -61,13 +61,13 @@ def test_missing_variable_names_the_nearest_and_what_else_there_is(tmp_path: Pat
     assert "not vectors: gtau" in message
 
 
-def test_the_input_says_which_length_counts(tmp_path: Path) -> None:
+def test_read_mat__vectors_of_several_lengths__the_input_decides(tmp_path: Path) -> None:
     others = {f"x{i}": np.zeros(7) for i in range(9)}
     path = save(tmp_path, t=T, u=U, v=V, **others)
     assert read_recording(path, input="u", outputs="v:velocity").samples == N
 
 
-def test_row_of_a_bad_value(tmp_path: Path) -> None:
+def test_read_mat__bad_value__is_named_by_row(tmp_path: Path) -> None:
     v = V.copy()
     v[10:12] = np.nan
     with pytest.raises(RecordingError, match=r"run\.mat: row 11, column 'v': no value here"):
@@ -86,7 +86,7 @@ def test_row_of_a_bad_value(tmp_path: Path) -> None:
         (b"", "may be damaged"),
     ],
 )
-def test_files_that_cannot_be_read(tmp_path: Path, content: bytes, message: str) -> None:
+def test_read_mat__unreadable_file__is_refused_in_one_line(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "run.mat"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=message) as error:
@@ -95,7 +95,7 @@ def test_files_that_cannot_be_read(tmp_path: Path, content: bytes, message: str)
     assert str(tmp_path) not in str(error.value)
 
 
-def test_truncated_file(tmp_path: Path) -> None:
+def test_read_mat__truncated_file__is_refused(tmp_path: Path) -> None:
     path = save(tmp_path, t=T, u=U, v=V)
     whole = path.read_bytes()
     for part in (0.3, 0.6, 0.95):
@@ -104,13 +104,13 @@ def test_truncated_file(tmp_path: Path) -> None:
             read_recording(path, input="u", outputs="v:velocity")
 
 
-def test_file_without_vectors(tmp_path: Path) -> None:
+def test_read_mat__no_vectors__is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="no vector of numbers in it; it holds a"):
         read_recording(save(tmp_path, a=1.0), input="u", outputs="v:velocity")
     with pytest.raises(RecordingError, match="no vector of numbers"):
         read_recording(save(tmp_path, z=U * 1j), input="z", outputs="z:velocity")
 
 
-def test_content_counts_not_the_suffix(tmp_path: Path) -> None:
+def test_read_recording__mat_content_with_another_suffix__is_read_as_mat(tmp_path: Path) -> None:
     path = save(tmp_path, t=T, u=U, v=V).rename(tmp_path / "run.dat")
     assert read_recording(path, input="u", outputs="v:velocity").samples == N

@@ -42,7 +42,7 @@ SPELLINGS = {
     ("spelling", "text", "si"),
     [(spelling, text, si) for (text, si), spellings in SPELLINGS.items() for spelling in spellings],
 )
-def test_spellings_mean_one_unit(spelling: str, text: str, si: float) -> None:
+def test_parse_unit__spellings__mean_one_unit(spelling: str, text: str, si: float) -> None:
     unit = parse_unit(spelling)
     assert unit.text == text
     assert unit.si == pytest.approx(si, rel=1e-15)
@@ -66,7 +66,7 @@ def test_spellings_mean_one_unit(spelling: str, text: str, si: float) -> None:
         ("log(3)", None),
     ],
 )
-def test_unknown_unit_is_one_line_with_the_nearest(text: str, guess: str | None) -> None:
+def test_parse_unit__unknown__is_refused_with_the_nearest(text: str, guess: str | None) -> None:
     with pytest.raises(RecordingError) as error:
         parse_unit(text)
     message = str(error.value)
@@ -76,24 +76,24 @@ def test_unknown_unit_is_one_line_with_the_nearest(text: str, guess: str | None)
         assert f"'{guess}'" in message
 
 
-def test_denominator_that_can_be_read_in_two_ways_is_refused() -> None:
+def test_parse_unit__ambiguous_denominator__is_refused() -> None:
     with pytest.raises(RecordingError, match="two ways"):
         parse_unit("N/m s")
     assert parse_unit("N/(m s)").dimension != parse_unit("N s/m").dimension
 
 
-def test_angle_is_a_dimension() -> None:
+def test_parse_unit__angle__is_a_dimension() -> None:
     assert parse_unit("rad/s").dimension != parse_unit("1/s").dimension
     assert parse_unit("N m").dimension != parse_unit("N m/rad").dimension
 
 
-def test_common_units_are_all_known() -> None:
+def test_parse_unit__common_units__are_known() -> None:
     assert [parse_unit(unit).text for unit in COMMON_UNITS] == list(COMMON_UNITS)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("base", ["rad", "m"])
-def test_assumed_unit_fits_its_kind_and_no_other(kind: str, base: str) -> None:
+def test_assumed_unit__kind__fits_no_other_order(kind: str, base: str) -> None:
     unit = parse_unit(assumed_unit(kind, base))
     assert unit.si == 1.0
     assert base_of(unit, kind) == base
@@ -101,7 +101,7 @@ def test_assumed_unit_fits_its_kind_and_no_other(kind: str, base: str) -> None:
     assert kind_of(unit) == next(k for k in KINDS if KINDS[k] == KINDS[kind])
 
 
-def test_units_that_are_no_motion_fit_no_kind() -> None:
+def test_kind_of__unit_of_no_motion__is_none() -> None:
     for text in ("N m", "1/s", "V", "%", "%/s", "s", "m²"):
         assert kind_of(parse_unit(text)) is None
 
@@ -118,7 +118,7 @@ def test_units_that_are_no_motion_fit_no_kind() -> None:
         ("g", "m"),
     ],
 )
-def test_motion_unit(unit: str, motion: str) -> None:
+def test_motion_unit__unit_of_an_output__is_its_length_or_angle(unit: str, motion: str) -> None:
     assert motion_unit(parse_unit(unit)) == motion
 
 
@@ -140,7 +140,9 @@ def test_motion_unit(unit: str, motion: str) -> None:
         (Units("mV/V", "m"), (1, -1, 2), "mV s²/(V m)", 1e3),
     ],
 )
-def test_units_of_parameters(units: Units, dimension: tuple[int, int, int], text: str, factor: float) -> None:
+def test_units__parameters__have_the_textbook_unit(
+    units: Units, dimension: tuple[int, int, int], text: str, factor: float
+) -> None:
     found, value = units.of(dimension)
     assert found == text
     assert value == pytest.approx(factor, rel=1e-14)
@@ -148,12 +150,12 @@ def test_units_of_parameters(units: Units, dimension: tuple[int, int, int], text
 
 @pytest.mark.parametrize("effect", registry().values(), ids=lambda effect: effect.name)
 @pytest.mark.parametrize("units", [Units(), Units("N", "mm"), Units("V", "deg")])
-def test_every_parameter_has_a_unit_that_can_be_read_back(effect, units: Units) -> None:
+def test_units__every_parameter__has_a_unit_that_can_be_parsed(effect, units: Units) -> None:
     for parameter in effect.parameters:
         text, factor = units.of(parameter.dimension)
         assert parse_unit(text).si * factor == pytest.approx(1.0, rel=1e-14)
 
 
-def test_units_must_have_a_motion() -> None:
+def test_units__no_motion__is_refused() -> None:
     with pytest.raises(RecordingError, match="neither an angle nor a length"):
         Units("N m", "V")
