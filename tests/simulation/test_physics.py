@@ -403,7 +403,7 @@ def test_what_is_no_number_is_lost_with_its_group_and_nothing_else_is(name, grou
     lost = np.arange(12) // group == 5 // group
 
     def simulated(system, x0):
-        target, limits = np.zeros((1, len(u))), {"spent": np.zeros(12), "most": np.full(12, np.inf)}
+        target, limits = np.zeros((1, len(u))), {"sums": np.zeros(12), "upper_limits": np.full(12, np.inf)}
         r = response(system, u, DT, x0, SETTINGS, group=group)
         return r, squares(system, u, DT, x0, SETTINGS, target, [1.0], **limits)
 

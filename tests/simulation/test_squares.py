@@ -35,17 +35,19 @@ def case(request):
 
 def test_sums_are_those_of_the_response(case):
     arguments, course = case
-    found = squares(*arguments, spent=np.zeros(SETS), most=np.full(SETS, np.inf))
+    found = squares(*arguments, sums=np.zeros(SETS), upper_limits=np.full(SETS, np.inf))
     np.testing.assert_allclose(found, np.where(np.isfinite(course[-1]), course[-1], np.inf), rtol=1e-12)
-    further = squares(*arguments, spent=np.full(SETS, 7.0), most=np.full(SETS, np.inf), threads=2)
+    further = squares(*arguments, sums=np.full(SETS, 7.0), upper_limits=np.full(SETS, np.inf), threads=2)
     np.testing.assert_allclose(further, found + 7.0, rtol=1e-12)
 
 
 def test_what_stays_below_its_limit_does_not_depend_on_it(case):
     arguments, _ = case
-    found = squares(*arguments, spent=np.zeros(SETS), most=np.full(SETS, np.inf))
+    found = squares(*arguments, sums=np.zeros(SETS), upper_limits=np.full(SETS, np.inf))
     most = np.random.default_rng(2).uniform(0.2, 3.0, SETS) * found
-    limited = squares(*arguments, spent=np.zeros(SETS), most=most)
+    limited = squares(*arguments, sums=np.zeros(SETS), upper_limits=most)
     np.testing.assert_array_equal(limited, np.where(found < most, found, np.inf))
-    assert np.isinf(squares(*arguments, spent=np.zeros(SETS), most=found)).all()  # a limit that is reached counts
-    assert np.isinf(squares(*arguments, spent=np.zeros(SETS), most=np.full(SETS, -np.inf))).all()
+    assert np.isinf(
+        squares(*arguments, sums=np.zeros(SETS), upper_limits=found)
+    ).all()  # a limit that is reached counts
+    assert np.isinf(squares(*arguments, sums=np.zeros(SETS), upper_limits=np.full(SETS, -np.inf))).all()

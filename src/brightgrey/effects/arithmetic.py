@@ -1,8 +1,8 @@
-"""The few functions that laws are written with.
+"""The functions that laws are written with.
 
-A law is one Python function that has to run on floats and arrays (plain) and, compiled, on floats and on
-vector registers. It may use ``+ - * /`` and the functions below; the compiled kernel overloads them with
-implementations of its own (:mod:`brightgrey.simulation.kernel.simd`).
+A law is one Python function. In plain Python it runs on floats and arrays; compiled, it runs on floats and on vector
+registers. It may use ``+ - * /`` and the functions below; the compiled kernel has implementations of its own for them
+(:mod:`brightgrey.simulation.kernel.machine.simd`).
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ FREE, UPPER, LOWER, CLOSED = 0, 1, -1, 2
 
 
 @dataclass
-class _Run:
+class _Simulation:
     """One simulation under way. The only object of the package that changes: it is a simulator's memory."""
 
     low: Lowered
@@ -106,7 +106,7 @@ def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, s
     tolerance = tolerances(settings.level, bool(low.limited))
     bases, levels, points = stepping_of(tolerance, int(parts_per_sample(system, low, dt, settings)[0]))
     ticks = 2**levels
-    run = _Run(
+    run = _Simulation(
         low,
         tolerance,
         settings.speed_scale,
@@ -118,7 +118,7 @@ def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, s
         np.zeros(len(low.G)),
         np.zeros(len(low.G)),
     )
-    drive = _drive(u, dt, float(np.ravel(low.delay)[0]), settings.hold)
+    drive = _delayed_input(u, dt, float(np.ravel(low.delay)[0]), settings.hold)
     for b, element in enumerate(low.limited):
         assert element.limits is not None
         run.modes.append(FREE)
@@ -131,14 +131,16 @@ def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, s
     for k in range(len(u)):
         if k:
             for base in range(bases):
-                _base_step(run, drive, (k - 1) * dt, base)
+                _step_base(run, drive, (k - 1) * dt, base)
         rates = run.matrix() @ run.x + low.B[:, 0] * drive(k * dt, 0.0)[0] + low.c[:, 0]
         rates += low.G[:, :, 0].T @ run.force
         y[:, k] = np.concatenate([run.x, rates])[list(low.outputs)]
     return y
 
 
-def _drive(u: Array, dt: float, delay: float, hold: str) -> Callable[[float, float], tuple[float, float, float, float]]:
+def _delayed_input(
+    u: Array, dt: float, delay: float, hold: str
+) -> Callable[[float, float], tuple[float, float, float, float]]:
     """Delayed input on [t, t + h): value, slope, kink (or jump) inside, and how long after t the kink comes."""
 
     def at(i: int) -> float:
@@ -159,20 +161,20 @@ def _drive(u: Array, dt: float, delay: float, hold: str) -> Callable[[float, flo
     return drive
 
 
-def _base_step(
-    run: _Run, drive: Callable[[float, float], tuple[float, float, float, float]], t: float, base: int
+def _step_base(
+    run: _Simulation, drive: Callable[[float, float], tuple[float, float, float, float]], t: float, base: int
 ) -> None:
     """One base step, halved where it has to be."""
     position, size = 0, run.ticks
     while position < run.ticks:
         begin, h = t + (base * run.ticks + position) * run.tick, size * run.tick
         value, slope, kink, until = drive(begin, h)
-        end, F1, F2, change, error, inside = _attempt(run, h, value, slope, kink, until)
+        end, F1, F2, change, error, inside = _try_step(run, h, value, slope, kink, until)
         failed = not change < run.tolerance.change * run.scale
         coarse = not error < run.tolerance.error * run.scale
-        out = any(_leaves(run, b, [run.x, *inside, end]) for b in range(len(run.modes)))
+        out = any(_leaves_its_interval(run, b, [run.x, *inside, end]) for b in range(len(run.modes)))
         if size > 1 and (failed or out or coarse):
-            size = _shorter(run, size, failed, error, [run.x, *inside, end])
+            size = _next_size(run, size, failed, error, [run.x, *inside, end])
             continue
         if out or failed:
             pieces = [(h, value, slope)]
@@ -183,7 +185,7 @@ def _base_step(
                     (h - until, after, slope + (kink if run.hold == "linear" else 0.0)),
                 ]
             for span, at, rate in pieces:
-                _creep(run, span, at, rate)
+                _pass_limits(run, span, at, rate)
             last = pieces[-1][1] + pieces[-1][2] * pieces[-1][0]
             run.force = run.laws(run.low.H[:, :, 0] @ run.x + run.low.through[:, 0] * last)[0]
             run.slope = np.zeros_like(run.force)
@@ -194,11 +196,11 @@ def _base_step(
             size *= 2
 
 
-def _shorter(run: _Run, size: int, failed: bool, error: float, states: list[Array]) -> int:
+def _next_size(run: _Simulation, size: int, failed: bool, error: float, states: list[Array]) -> int:
     """Ticks of the next attempt: as many as lie before the first limit, and as the error's estimate lets expect."""
-    if not run.tolerance.looks:
+    if not run.tolerance.long_steps:
         return size // 2
-    reached = min((_reached(run, b, states) for b in range(len(run.modes))), default=1.0)
+    reached = min((_part_until_limit(run, b, states) for b in range(len(run.modes))), default=1.0)
     after = size // 2
     while after > 1 and after > reached * size:
         after //= 2
@@ -210,7 +212,7 @@ def _shorter(run: _Run, size: int, failed: bool, error: float, states: list[Arra
     return after
 
 
-def _reached(run: _Run, b: int, states: list[Array]) -> float:
+def _part_until_limit(run: _Simulation, b: int, states: list[Array]) -> float:
     """Part of a step after which the watched quantity first leaves its interval, roughly; 1 if it does not."""
     low, high = run.interval(b)
     moments = [0.0, 1.0 / 3.0, 1.0] if len(states) == 3 else list(np.linspace(0.0, 1.0, len(states)))
@@ -221,8 +223,8 @@ def _reached(run: _Run, b: int, states: list[Array]) -> float:
     return 1.0
 
 
-def _attempt(
-    run: _Run, h: float, value: float, slope: float, kink: float, until: float
+def _try_step(
+    run: _Simulation, h: float, value: float, slope: float, kink: float, until: float
 ) -> tuple[Array, Array, Array, float, float, list[Array]]:
     """Two-stage Radau IIA step: end, F at both stages, last change of Newton, error estimate, states within."""
     n, m = len(run.x), len(run.force)
@@ -265,7 +267,7 @@ def _attempt(
     return end, F[:m], F[m:], change if m else -1.0, error if m else -1.0, inside
 
 
-def _leaves(run: _Run, b: int, states: list[Array]) -> bool:
+def _leaves_its_interval(run: _Simulation, b: int, states: list[Array]) -> bool:
     """Whether the watched quantity leaves its interval, by a parabola through 0, h/3 and h, or such of neighbours."""
     course = [run.watched(b, x) for x in states]
     slack = 1e-12 * (abs(course[0]) + abs(course[-1])) + 1e-300
@@ -285,7 +287,7 @@ def _leaves(run: _Run, b: int, states: list[Array]) -> bool:
     return not all(low - slack < s < high + slack for s in seen)
 
 
-def _creep(run: _Run, span: float, value: float, slope: float) -> None:
+def _pass_limits(run: _Simulation, span: float, value: float, slope: float) -> None:
     """Through all events of a short span, friction linearised at each of them."""
     n, left = len(run.x), span
     for _ in range(200):

@@ -1,4 +1,4 @@
-"""Response of assembled systems to a sampled input: the face of the kernel."""
+"""Response of assembled systems to a sampled input: the interface of the kernel."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
-from brightgrey.simulation.kernel.buffers import address, aligned, block_for, work_for
-from brightgrey.simulation.kernel.euler_step import euler
+from brightgrey.simulation.kernel.euler_step import euler_step
 from brightgrey.simulation.kernel.event_location import locate_events
 from brightgrey.simulation.kernel.exponentials import fill_propagator_tables
-from brightgrey.simulation.kernel.initial_state import start
+from brightgrey.simulation.kernel.initial_state import set_initial_state
 from brightgrey.simulation.kernel.input_knots import input_knot_weights
 from brightgrey.simulation.kernel.loop import run_batch
 from brightgrey.simulation.kernel.lowering import (
@@ -29,14 +28,13 @@ from brightgrey.simulation.kernel.lowering import (
     lower,
     tabulate,
 )
-from brightgrey.simulation.kernel.memory_layout import Call, Shape
-from brightgrey.simulation.kernel.simd import LANES
+from brightgrey.simulation.kernel.machine.buffers import PlantBuffers, address, aligned, block_for, work_for
+from brightgrey.simulation.kernel.machine.memory_layout import Call, Shape
+from brightgrey.simulation.kernel.machine.simd import LANES
 from brightgrey.simulation.kernel.step_control import accept_or_refine, refine_group, refine_lane
 from brightgrey.simulation.settings import Settings, stepping_of, tolerances
 
 __all__ = ["Response", "parts_per_sample", "response", "squares"]
-
-_LOST = 1e9  # states this many times larger than input and speed are no motion any more
 
 
 @dataclass(frozen=True)
@@ -48,10 +46,10 @@ class Response:
     y : ndarray, shape (outputs, samples, K)
         In SI units. From the sample on at which a simulation diverged it is not a number.
     diverged : int ndarray, shape (K,)
-        First sample at which the state is not finite or beyond all measure, -1 if there is none. Sample 0 for all sets
-        of a group if a number of one of its systems or starts is not finite.
+        First sample at which the state is not finite or exceeds `Tolerances.diverged`; -1 if there is none. It is
+        sample 0 for all sets of a group if a number of one of its systems or initial states is not finite.
     rejoined : int ndarray, shape (R, 2)
-        Samples at which sets went on from the state of the set that leads their group, and which sets.
+        Samples at which sets continued from the state of the set that leads their group, and which sets.
     """
 
     y: Array
@@ -88,9 +86,9 @@ def response(
     group : int
         Sets come in groups of this many. The first set of a group chooses the steps and the others take the same
         ones, so that differences between them are smooth: forward differences with a relative step of 1e-6 give
-        derivatives. With 1, every set chooses its own. Where contacts have multiplied a difference until a limited
-        state is further than a hundredth of its way from that of the first set, at two samples in succession, the
-        differences are no derivatives any more: all sets of the group go on from the state of the first one.
+        derivatives. With 1, every set chooses its own. Contacts may multiply a difference until it is no derivative
+        any more. Where a limited state is further than a hundredth of its range from that of the first set, at two
+        samples in succession, all sets of the group continue from the state of the first one.
     threads : int
 
     Returns
@@ -102,25 +100,23 @@ def response(
     SettingsError
         If the sets do not make whole groups.
     """
-    u = np.ascontiguousarray(u, float)
-    lowered = lower(system, dt)
-    sets = lowered.A.shape[-1]
-    rows = tabulate(lowered, _starts(lowered, x0))
+    job = _Job.of(system, u, dt, x0, settings, threads)
+    sets = job.lowered.A.shape[-1]
     if sets % group:
         raise SettingsError(f"{sets} parameter sets do not make groups of {group}")
-    cuts = parts_per_sample(system, lowered, dt, settings)[::group]
-    sound = is_sound(rows).reshape(-1, group).all(axis=1)
+    cuts = parts_per_sample(system, job.lowered, dt, settings)[::group]
+    sound = is_sound(job.rows).reshape(-1, group).all(axis=1)
     parts = []
     for cut in np.unique(cuts[sound]):
         leaders = np.flatnonzero((cuts == cut) & sound)
         own = (leaders[:, None] * group + np.arange(group)).ravel()
-        lanes = _lanes(len(leaders), group)
-        parts.append((own, lanes, *_simulate(lowered, rows, u, dt, settings, own, lanes, threads, int(cut))))
+        lanes = _assign_lanes(len(leaders), group)
+        parts.append((own, lanes, *_simulate(job, own, lanes, int(cut))))
     if len(parts) == 1 and sound.all():
         ((_, lanes, y, diverged, _),) = parts
-        y, diverged = (y[:, :, :sets] if lanes.plain else y.take(lanes.place, axis=2)), diverged[lanes.place]
+        y, diverged = (y[:, :, :sets] if lanes.in_order else y.take(lanes.place, axis=2)), diverged[lanes.place]
     else:
-        y, diverged = np.empty((len(lowered.outputs), len(u), sets)), np.zeros(sets, np.int64)
+        y, diverged = np.empty((len(job.lowered.outputs), len(job.u), sets)), np.zeros(sets, np.int64)
         for own, lanes, columns, lost, _ in parts:
             y[:, :, own], diverged[own] = columns[:, :, lanes.place], lost[lanes.place]
     for k in np.flatnonzero(diverged >= 0):
@@ -128,13 +124,13 @@ def response(
     return Response(y, diverged, np.concatenate([np.empty((0, 2), np.int64), *(part[-1] for part in parts)]))
 
 
-class _Judge(NamedTuple):
-    """What outputs should be, shape (outputs, samples), weights (outputs,), and per set squares so far, limit (K,)."""
+class _SquaresTarget(NamedTuple):
+    """Desired outputs, shape (outputs, samples), their weights (outputs,), and per set a sum and its limit (K,)."""
 
-    target: Array
+    outputs: Array
     weights: Array
-    spent: Array
-    most: Array
+    sums: Array
+    upper_limits: Array
 
 
 def squares(
@@ -146,13 +142,13 @@ def squares(
     target: ArrayLike,
     weights: ArrayLike,
     *,
-    spent: Array,
-    most: Array,
+    sums: Array,
+    upper_limits: Array,
     threads: int = 1,
 ) -> Array:
-    """Sums of squares of what K simulations are off a target, each given up as soon as its sum reaches a limit.
+    """Sums of squared deviations of K simulations from a target; each is given up when its sum reaches a limit.
 
-    The squares are summed from sample to sample, so that a sum below its limit is the same whatever the limit.
+    The squares are added sample by sample, so that a sum below its limit does not depend on the limit.
 
     Parameters
     ----------
@@ -160,68 +156,114 @@ def squares(
         As for :func:`response`.
     target : array_like, shape (outputs, samples)
     weights : array_like, shape (outputs,)
-        Of the squares.
-    spent, most : ndarray, shape (K,)
-        Where each sum begins, and its limit.
+        Weights of the squares.
+    sums, upper_limits : ndarray, shape (K,)
+        Value to which the squares are added, and the limit of the sum.
 
     Returns
     -------
     ndarray, shape (K,)
         Infinite where the limit was reached or the simulation diverged.
     """
-    u, target = np.ascontiguousarray(u, float), np.ascontiguousarray(target, float)
-    judge = _Judge(target, np.ascontiguousarray(weights, float), spent, most)
-    lowered = lower(system, dt)
-    rows = tabulate(lowered, _starts(lowered, x0))
-    cuts = parts_per_sample(system, lowered, dt, settings)
-    sound = is_sound(rows)
+    job = _Job.of(system, u, dt, x0, settings, threads)
+    desired = _SquaresTarget(
+        np.ascontiguousarray(target, float), np.ascontiguousarray(weights, float), sums, upper_limits
+    )
+    cuts = parts_per_sample(system, job.lowered, dt, settings)
+    sound = is_sound(job.rows)
     total = np.full(len(cuts), np.inf)
     for cut in np.unique(cuts[sound]):
         own = np.flatnonzero((cuts == cut) & sound)
-        lanes = _lanes(len(own), 1)
-        sums, lost, _ = _simulate(lowered, rows, u, dt, settings, own, lanes, threads, int(cut), judge)
-        total[own] = np.where(lost < 0, sums.ravel(), np.inf)[: len(own)]
+        found, lost, _ = _simulate(job, own, _assign_lanes(len(own), 1), int(cut), desired)
+        total[own] = np.where(lost < 0, found.ravel(), np.inf)[: len(own)]
     return total
 
 
-def _starts(lowered: Lowered, x0: ArrayLike) -> Array:
-    """Initial states, shape (n, K)."""
-    start, shape = np.asarray(x0, float), (lowered.A.shape[0], lowered.A.shape[-1])
-    return start if start.shape == shape else np.broadcast_to(start[:, None] if start.ndim == 1 else start, shape)
-
-
 def parts_per_sample(system: StateSpace, lowered: Lowered, dt: float, settings: Settings) -> NDArray[np.int64]:
-    """Parts of a sample, a power of two: with limits, a fast oscillation must not swing unseen in a part."""
+    """Parts of a sample, a power of two: with limits, a fast oscillation must not pass one unseen within a part."""
     if settings.level == "euler":
         return np.full(lowered.A.shape[-1], settings.substeps, np.int64)
     if not lowered.limited:
         return np.ones(lowered.A.shape[-1], np.int64)
-    turns = fastest_natural_frequency(system, lowered) * dt / tolerances(settings.level, limits=True).turn
+    turns = fastest_natural_frequency(system, lowered) * dt / tolerances(settings.level, limits=True).max_angle
     steps = 2 ** np.ceil(np.log2(np.maximum(np.nan_to_num(turns, nan=1.0, posinf=1.0), 1.0)))
-    return np.asarray(np.minimum(steps, tolerances(settings.level).most).astype(np.int64))
+    return np.asarray(np.minimum(steps, tolerances(settings.level).max_parts).astype(np.int64))
+
+
+@dataclass(frozen=True)
+class _Job:
+    """Systems, input and settings of a call, for all its parameter sets."""
+
+    lowered: Lowered
+    rows: Rows
+    u: Array
+    dt: float
+    settings: Settings
+    threads: int
+
+    @classmethod
+    def of(cls, system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, settings: Settings, threads: int) -> _Job:
+        """Lower the system and tabulate its parameter sets."""
+        lowered = lower(system, dt)
+        start, shape = np.asarray(x0, float), (lowered.A.shape[0], lowered.A.shape[-1])
+        if start.shape != shape:
+            start = np.broadcast_to(start[:, None] if start.ndim == 1 else start, shape)
+        return cls(lowered, tabulate(lowered, start), np.ascontiguousarray(u, float), dt, settings, threads)
 
 
 def _simulate(
-    lowered: Lowered,
-    rows: Rows,
-    u: Array,
-    dt: float,
-    settings: Settings,
-    sets: NDArray[np.int64],
-    lanes: _Lanes,
-    threads: int,
-    cut: int,
-    judge: _Judge | None = None,
+    job: _Job, sets: NDArray[np.int64], lanes: _LaneAssignment, cut: int, target: _SquaresTarget | None = None
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
     """Simulate parameter `sets` in `lanes`, for all of which a sample is cut in `cut` parts.
 
-    Returns outputs, shape (outputs, samples, lanes), or the sums of squares, shape (rows, LANES), of a judge; where
-    each diverged or was given up; and which sets rejoined their leaders where (`Response.rejoined`).
+    Returns
+    -------
+    Array
+        Outputs, shape (outputs, samples, lanes), or with a target the sums of squares, shape (rows, LANES).
+    int ndarray, shape (lanes,)
+        Sample at which each lane diverged or was given up, else -1.
+    int ndarray, shape (R, 2)
+        Samples at which sets rejoined their leaders, and which sets; see `Response.rejoined`.
     """
     pick = sets[lanes.pick]
+    shape = _shape_of(job, lanes, cut)
+    plants = fill(job.lowered, job.rows, pick)
+    numbers = _numbers(job)
+    y = aligned((shape.outputs, shape.samples, pick.size) if target is None else pick.shape)
+    upper_limits = aligned(pick.shape)
+    if target is not None:
+        y[:] = target.sums[pick]
+        upper_limits[:] = target.upper_limits[pick]
+    diverged = np.empty(pick.shape, np.int64)
+    led = lanes.width > 1 and shape.limits > 0
+    rejoined = np.zeros((len(pick), shape.samples) if led else (0, 0), np.int64)
+    call = Call(
+        numbers=address(numbers),
+        u=address(job.u),
+        y=address(y),
+        stride=pick.size,
+        diverged=address(diverged),
+        rejoined=address(rejoined),
+        idle=address(lanes.idle),
+        target=0 if target is None else address(target.outputs),
+        weights=0 if target is None else address(target.weights),
+        squares=address(y),
+        square_limits=address(upper_limits),
+        delayed=0,
+        **_entries(shape, delayed=bool(job.lowered.delay.any())),
+    )
+    _run_batches(shape, plants, call, len(pick), job.threads)
+    row, sample = np.nonzero(rejoined)
+    which, lane = np.nonzero(rejoined[row, sample, None] >> np.arange(LANES) & 1)
+    return y, diverged.ravel(), np.stack([sample[which], pick[row[which], lane]], axis=1)
+
+
+def _shape_of(job: _Job, lanes: _LaneAssignment, cut: int) -> Shape:
+    """Sizes and options of a call."""
+    lowered, settings = job.lowered, job.settings
     level = tolerances(settings.level, bool(lowered.limited))
     stepping = stepping_of(level, cut)
-    shape = Shape(
+    return Shape(
         n=lowered.A.shape[0],
         channels=lowered.G.shape[0],
         limits=len(lowered.limited),
@@ -229,49 +271,41 @@ def _simulate(
         outputs=len(lowered.outputs),
         ticks=stepping.ticks,
         base_steps=stepping.base_steps,
-        jump=int(level.looks),
+        jump=int(level.long_steps),
         points=stepping.points,
         newton=level.newton,
         hold=int(settings.hold == "linear"),
         group=lanes.width,
-        samples=len(u),
+        samples=len(job.u),
         euler=int(settings.level == "euler"),
     )
-    plants = fill(lowered, rows, pick)
-    scale = settings.speed_scale
-    limit = _LOST * max(scale, float(np.abs(u).max()))
+
+
+def _numbers(job: _Job) -> Array:
+    """Numbers of a call, in the order of `Call.numbers`."""
+    scale = job.settings.speed_scale
+    level = tolerances(job.settings.level, bool(job.lowered.limited))
+    diverged = level.diverged * max(scale, float(np.abs(job.u).max()))
+    return np.array([job.dt, level.error * scale, level.change * scale, diverged])
+
+
+def _entries(shape: Shape, *, delayed: bool) -> dict[str, int]:
+    """Addresses of the compiled entries that a call needs; those that it does not need are not compiled."""
     steps = shape.euler == 0
-    numbers = np.array([dt, level.error * scale, level.change * scale, limit])
-    y = aligned((shape.outputs, len(u), pick.size) if judge is None else pick.shape)
-    most = aligned(pick.shape)
-    if judge is not None:
-        y[:] = judge.spent[pick]
-        most[:] = judge.most[pick]
-    diverged = np.empty(pick.shape, np.int64)
-    led = lanes.width > 1 and shape.limits > 0
-    rejoined = np.zeros((len(pick), len(u)) if led else (0, 0), np.int64)
-    call = Call(
-        numbers=address(numbers),
-        u=address(u),
-        y=address(y),
-        stride=pick.size,
-        diverged=address(diverged),
-        rejoined=address(rejoined),
-        idle=address(lanes.idle),
-        target=0 if judge is None else address(judge.target),
-        weights=0 if judge is None else address(judge.weights),
-        spent=address(y),
-        most=address(most),
-        delayed=0,
-        tables=fill_propagator_tables.address() if steps else 0,
-        kinks=input_knot_weights.address() if steps and lowered.delay.any() else 0,
-        start=start.address(),
-        sort=accept_or_refine.address() if steps else 0,
-        refine=refine_lane.address() if steps else 0,
-        together=refine_group.address() if steps and lanes.width > 1 else 0,
-        creep=locate_events.address() if steps else 0,
-        euler=0 if steps else euler.address(),
-    )
+    return {
+        "fill_propagator_tables": fill_propagator_tables.address() if steps else 0,
+        "input_knot_weights": input_knot_weights.address() if steps and delayed else 0,
+        "set_initial_state": set_initial_state.address(),
+        "accept_or_refine": accept_or_refine.address() if steps else 0,
+        "refine_lane": refine_lane.address() if steps else 0,
+        "refine_group": refine_group.address() if steps and shape.group > 1 else 0,
+        "locate_events": locate_events.address() if steps else 0,
+        "euler_step": 0 if steps else euler_step.address(),
+    }
+
+
+def _run_batches(shape: Shape, plants: PlantBuffers, call: Call, batches: int, threads: int) -> None:
+    """Run the kernel on all batches, shared out among `threads`."""
 
     def part(first: int, last: int) -> None:
         work, memory = work_for(shape)
@@ -280,46 +314,43 @@ def _simulate(
         del memory, block  # not before the simulation is done
 
     if threads == 1:
-        part(0, len(pick))
-    else:
-        cuts = np.linspace(0, len(pick), min(threads, len(pick)) + 1).astype(int)
-        with ThreadPoolExecutor(len(cuts) - 1) as pool:
-            list(pool.map(part, cuts[:-1], cuts[1:]))
-    row, sample = np.nonzero(rejoined)
-    which, lane = np.nonzero(rejoined[row, sample, None] >> np.arange(LANES) & 1)
-    return y, diverged.ravel(), np.stack([sample[which], pick[row[which], lane]], axis=1)
+        part(0, batches)
+        return
+    cuts = np.linspace(0, batches, min(threads, batches) + 1).astype(int)
+    with ThreadPoolExecutor(len(cuts) - 1) as pool:
+        list(pool.map(part, cuts[:-1], cuts[1:]))
 
 
-class _Lanes(NamedTuple):
-    """How parameter sets fill rows of lanes.
+class _LaneAssignment(NamedTuple):
+    """Assignment of parameter sets to rows of lanes.
 
     Attributes
     ----------
     pick : int ndarray, shape (rows, LANES)
-        Which of the sets is in each lane.
+        Number of the set in each lane.
     width : int
-        The first lane of every so many leads.
+        Lanes of a group; the first one leads.
     place : int ndarray, shape (sets,)
         Lane, counted through all rows, of each set in the order of the sets.
     idle : int ndarray, shape (rows,)
-        Bits of the lanes that nobody asks for.
-    plain : bool
-        Whether the first set is in the first lane and so on.
+        Bits of the lanes whose results are not needed.
+    in_order : bool
+        The first set is in the first lane and so on.
     """
 
     pick: NDArray[np.int64]
     width: int
     place: NDArray[np.int64]
     idle: NDArray[np.int64]
-    plain: bool
+    in_order: bool
 
 
 @lru_cache(maxsize=256)
-def _lanes(count: int, group: int) -> _Lanes:
-    """Lanes of `count` groups.
+def _assign_lanes(count: int, group: int) -> _LaneAssignment:
+    """Assign lanes to `count` groups.
 
-    A group takes the next power of two, or several rows that all begin with its leader. What is left of a group
-    and of the last row repeats a set and is idle.
+    A group takes the next power of two, or several rows that all begin with its leader. The remaining lanes of a group
+    and of the last row repeat a set and are idle.
     """
     width = min(1 << (group - 1).bit_length(), LANES)
     rows = max(1, -(-(group - 1) // (LANES - 1))) if width == LANES else 1
@@ -333,4 +364,4 @@ def _lanes(count: int, group: int) -> _Lanes:
     pick = (numbers[:, None, None] * group + np.minimum(inside, group - 1)).reshape(-1, LANES)
     place = (np.arange(count)[:, None] * (rows * width) + places).ravel()
     idle = spare.reshape(-1, LANES) @ (1 << np.arange(LANES))
-    return _Lanes(pick, width, place, idle, bool(place[-1] == len(place) - 1))
+    return _LaneAssignment(pick, width, place, idle, bool(place[-1] == len(place) - 1))

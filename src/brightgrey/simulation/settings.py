@@ -1,11 +1,11 @@
-"""How to simulate: variants are data, the engine is written once."""
+"""Settings of a simulation: level of accuracy, hold of the input, and the tolerances behind them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
-from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.errors import SettingsError, one_of
 
 __all__ = ["Hold", "Level", "Settings", "Stepping", "Tolerances", "stepping_of", "tolerances"]
 
@@ -15,18 +15,18 @@ Hold = Literal["linear", "zoh"]
 
 @dataclass(frozen=True)
 class Settings:
-    """All that is needed to simulate again, beside model, input and initial state.
+    """Everything that is needed to repeat a simulation, beside model, input and initial state.
 
     Attributes
     ----------
     f_tanh : float
-        Gain of the paper's eq. (2) in s/rad (s/m): 1/f_tanh is the speed at which friction has turned.
+        Gain of the paper's eq. (2) in s/rad (s/m): 1/f_tanh is the speed within which friction reverses.
     speed_scale : float
-        Largest speed to be expected in rad/s (m/s); the tolerances are relative to it.
+        Largest expected speed in rad/s (m/s); the tolerances are relative to it.
     level : {'accurate', 'fast', 'euler'}
-        ``accurate`` for all that is reported, ``fast`` for searches, ``euler`` is the paper's explicit method.
+        ``accurate`` for reported results, ``fast`` for searches, ``euler`` for the paper's explicit method.
     hold : {'linear', 'zoh'}
-        Input between samples: linear interpolation or held.
+        Input between samples: interpolated linearly, or held.
     substeps : int
         Steps per sample of ``euler``; the other levels choose their steps themselves.
     """
@@ -42,49 +42,64 @@ class Settings:
             value = getattr(self, name)
             if not 0.0 < value < float("inf"):
                 raise SettingsError(f"{name} is {value}; it has to be a positive number")
-        for name, value, allowed in (
-            ("level", self.level, get_args(Level)),
-            ("hold", self.hold, get_args(Hold)),
-        ):
-            if value not in allowed:
-                raise SettingsError(unknown_name(name, str(value), allowed))
+        one_of("level", self.level, get_args(Level))
+        one_of("hold", self.hold, get_args(Hold))
         if self.substeps < 1:
             raise SettingsError(f"substeps is {self.substeps}; at least 1 is needed")
 
 
 class Tolerances(NamedTuple):
-    """What a level stands for.
+    """Accuracy of a level, and the steps that it takes.
 
     Attributes
     ----------
     error : float
         Tolerated estimate of a step's error, relative to the speed scale.
     newton : int
-        Newton iterations per step.
+        Iterations of Newton's method per step.
     change : float
-        Tolerated last change of Newton, relative to the speed scale.
+        Tolerated last change of Newton's method, relative to the speed scale.
     ticks : int
         A part of a sample may be cut into 2^ticks pieces.
-    turn : float
-        Largest angle in rad by which the fastest oscillation may turn in a part when there are limits.
-    most : int
-        ... which then is no smaller than a sample over this.
-    looks : bool
-        Whether a base step may take in all parts of a sample, looking at limits within, and a failed step be followed
-        by a much shorter one. Else every part is a step, and the half follows: so do the exported programs.
+    max_angle : float
+        With limits, largest angle in rad by which the fastest oscillation may advance in a part of a sample.
+    max_parts : int
+        A sample is cut into no more parts than this.
+    long_steps : bool
+        A base step may cover all parts of a sample, with limits watched at points within, and a failed step may be
+        followed by a much shorter one. Otherwise every part is a step, and a failed step is halved, as the exported
+        programs do.
+    diverged : float
+        A simulation has diverged when its states are this many times larger than input and speed.
     """
 
     error: float
     newton: int
     change: float
     ticks: int
-    turn: float
-    most: int
-    looks: bool
+    max_angle: float
+    max_parts: int
+    long_steps: bool
+    diverged: float = 1e9
+
+
+_ACCURATE = Tolerances(error=5e-7, newton=2, change=1e-4, ticks=7, max_angle=0.5, max_parts=64, long_steps=False)
+_FAST = Tolerances(error=1e-4, newton=1, change=1e-3, ticks=5, max_angle=1.0, max_parts=8, long_steps=True)
+
+
+def tolerances(level: Level, limits: bool = False) -> Tolerances:
+    """Tolerances of the levels ``accurate`` and ``fast``; bench/accuracy.py measures what they achieve.
+
+    Each contact with a limit multiplies the error made before it, and two grazing contacts within one base step look
+    like none. With `limits`, both levels therefore step finer.
+    """
+    if level == "fast":
+        return _FAST._replace(error=1e-6) if limits else _FAST
+    return _ACCURATE._replace(error=1e-8) if limits else _ACCURATE
 
 
 class Stepping(NamedTuple):
-    """Grid of steps: base steps per sample, 2^ticks pieces of each, and points within one at which limits are seen."""
+    """Grid of steps: base steps per sample, 2^ticks pieces of each, and points within one that watch the limits."""
 
     base_steps: int
     ticks: int
@@ -94,19 +109,9 @@ class Stepping(NamedTuple):
 def stepping_of(tolerance: Tolerances, parts: int) -> Stepping:
     """Grid of steps of a simulation in which a sample has `parts` parts, a power of two.
 
-    Two looks per part: a parabola then stands for one part, as it does if every part is a step.
+    A long step watches the limits at two points per part. A parabola then represents one part, as it does where every
+    part is a step.
     """
-    if parts > 1 and tolerance.looks:
+    if parts > 1 and tolerance.long_steps:
         return Stepping(1, tolerance.ticks + parts.bit_length() - 1, 2 * parts - 1)
     return Stepping(parts, tolerance.ticks, 1)
-
-
-def tolerances(level: Level, limits: bool = False) -> Tolerances:
-    """Numbers behind ``accurate`` and ``fast``; measured by bench/accuracy.py.
-
-    Each contact multiplies the error made before it, and two contacts that graze within one base step look like none:
-    with `limits` both step finer.
-    """
-    if level == "fast":
-        return Tolerances(error=1e-6 if limits else 1e-4, newton=1, change=1e-3, ticks=5, turn=1.0, most=8, looks=True)
-    return Tolerances(error=1e-8 if limits else 5e-7, newton=2, change=1e-4, ticks=7, turn=0.5, most=64, looks=False)

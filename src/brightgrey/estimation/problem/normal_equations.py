@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from brightgrey.simulation.kernel.compilation import cached
+from brightgrey.simulation.kernel.machine.compilation import cached
 
 __all__ = ["LARGEST", "add_products", "add_squares"]
 

@@ -211,7 +211,16 @@ class SimulationErrorProblem:
                 system, u, x0 = systems(self.structure, values, r, settings, initial_state=onset, gain=self.gain)
                 weights = self.weights**2
                 total = squares(
-                    system, u, r.dt, x0, settings, r.y, weights, spent=total, most=upper_limits, threads=self.threads
+                    system,
+                    u,
+                    r.dt,
+                    x0,
+                    settings,
+                    r.y,
+                    weights,
+                    sums=total,
+                    upper_limits=upper_limits,
+                    threads=self.threads,
                 )
                 continue
             y = self._predicted(values, r, onset, settings, 1)

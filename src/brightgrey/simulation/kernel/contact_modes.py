@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.kernel.compilation import inner
 from brightgrey.simulation.kernel.law_dispatch import channel_force
-from brightgrey.simulation.kernel.memory_layout import table_rows
-from brightgrey.simulation.kernel.simd import LANES, choose_lanes, get, put, real, set_whole, skip, splat, whole
+from brightgrey.simulation.kernel.machine.compilation import inner
+from brightgrey.simulation.kernel.machine.memory_layout import table_rows
+from brightgrey.simulation.kernel.machine.simd import LANES, choose_lanes, get, put, real, set_whole, skip, splat, whole
 
 __all__ = ["drive_all", "drive_lane", "mode_bits", "set_force", "set_mode", "use_table", "use_table_of"]
 

@@ -9,18 +9,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from brightgrey.simulation.kernel.compilation import Entry, inner
 from brightgrey.simulation.kernel.contact_modes import mode_bits, set_force, set_mode
 from brightgrey.simulation.kernel.law_dispatch import channel_force
-from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, shape_of, work_of
-from brightgrey.simulation.kernel.simd import LANES, get, put, real, splat, whole
+from brightgrey.simulation.kernel.machine.compilation import Entry, inner
+from brightgrey.simulation.kernel.machine.memory_layout import call_of, plant_of, shape_of, work_of
+from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, splat, whole
 from brightgrey.simulation.kernel.taylor_series import expand, mode_columns, value_at
+from brightgrey.simulation.kernel.tolerances import TOLERANCES
 
 __all__ = ["locate_events"]
-
-_MOST_EVENTS = 200
-_STIFF = 8.0  # time constants in a reach, from which on a free state stands as what follows the others and fades
-_BELONGS = 1e-9  # of what a free state does to others by its limit's column: what is rounding there
 
 
 @inner
@@ -50,21 +47,23 @@ def _linearised(shape: Any, plant: Any, value: Any, slope: Any, work: Any, lane:
 
 
 @inner
-def _stiff(shape: Any, plant: Any, b: Any, span: Any, work: Any, lane: Any) -> Any:
+def _is_stiff(shape: Any, plant: Any, b: Any, span: Any, work: Any, lane: Any) -> Any:
     """Whether limited state b is free, relaxes many times within `span`, and moves nothing but itself."""
     n, row = shape.n, whole(plant.limited, b)
     own = get(plant.rate, b * n + row, lane)
-    if whole(work.mode, b * LANES + lane) != 0 or -own * span < _STIFF:
+    if whole(work.mode, b * LANES + lane) != 0 or -own * span < TOLERANCES.stiff_time_constants:
         return False
     for i in range(n):
-        moved = abs(get(work.system, row, i)) > _BELONGS * abs(get(plant.column, b * n + i, lane) * own)
+        moved = abs(get(work.system, row, i)) > TOLERANCES.negligible_coupling * abs(
+            get(plant.column, b * n + i, lane) * own
+        )
         if moved and i != row:
             return False
     return True
 
 
 @inner
-def _follow(shape: Any, plant: Any, b: Any, terms: Any, reach: Any, work: Any, lane: Any) -> Any:
+def _make_quasi_steady(shape: Any, plant: Any, b: Any, terms: Any, reach: Any, work: Any, lane: Any) -> Any:
     """Replace the series of a stiff limited state b by what it follows; whether it is stiff within the reach, too.
 
     ``work.series`` holds the integral of what it is pulled by, p: x' = p - a x. It follows p/a - p'/a^2 + p''/a^3 and
@@ -81,7 +80,7 @@ def _follow(shape: Any, plant: Any, b: Any, terms: Any, reach: Any, work: Any, l
     put(work.series, 0, row, follows)
     put(work.fading, 0, b, before - follows)
     put(work.fading, 1, b, a)
-    return a >= _STIFF
+    return a >= TOLERANCES.stiff_time_constants
 
 
 @inner
@@ -93,7 +92,7 @@ def _forget_fading(shape: Any, work: Any) -> None:
 
 
 @inner
-def _course_of(shape: Any, plant: Any, span: Any, value: Any, slope: Any, work: Any, lane: Any) -> Any:
+def _motion_series(shape: Any, plant: Any, span: Any, value: Any, slope: Any, work: Any, lane: Any) -> Any:
     """Series of the motion from ``work.point`` on: (reach, number of terms).
 
     A gap's damper may relax in nanoseconds (d/c) as long as the gap is open. A power series would reach as far; it is
@@ -104,7 +103,7 @@ def _course_of(shape: Any, plant: Any, span: Any, value: Any, slope: Any, work: 
     stiff = 0
     _forget_fading(shape, work)
     for b in range(shape.limits):
-        if _stiff(shape, plant, b, span, work, lane):
+        if _is_stiff(shape, plant, b, span, work, lane):
             stiff |= 1 << b
             for i in range(shape.n):
                 put(work.system, whole(plant.limited, b), i, 0.0)
@@ -112,7 +111,7 @@ def _course_of(shape: Any, plant: Any, span: Any, value: Any, slope: Any, work: 
         reach, terms = expand(shape.n, work, span)
         follows = True
         for b in range(shape.limits):
-            if (stiff >> b) & 1 and not _follow(shape, plant, b, terms, reach, work, lane):
+            if (stiff >> b) & 1 and not _make_quasi_steady(shape, plant, b, terms, reach, work, lane):
                 follows = False
         if follows:
             return reach, terms
@@ -122,7 +121,7 @@ def _course_of(shape: Any, plant: Any, span: Any, value: Any, slope: Any, work: 
 
 
 @inner
-def _value(course: Any, terms: Any, off: Any, rate: Any, part: Any) -> Any:
+def _course_value(course: Any, terms: Any, off: Any, rate: Any, part: Any) -> Any:
     """Value of the polynomial `course` by Horner's scheme, and of what is `off` it and fades."""
     total = 0.0
     for k in range(terms - 1, -1, -1):
@@ -131,12 +130,12 @@ def _value(course: Any, terms: Any, off: Any, rate: Any, part: Any) -> Any:
 
 
 @inner
-def _root(course: Any, terms: Any, off: Any, rate: Any, limit: Any, left: Any, right: Any) -> Any:
+def _course_root(course: Any, terms: Any, off: Any, rate: Any, limit: Any, left: Any, right: Any) -> Any:
     """Where in (left, right] a course passes `limit`: Newton's method, kept in the bracket.
 
     Near the root an iteration squares the distance, so that one after a change of 1e-9 is exact.
     """
-    side = 1.0 if _value(course, terms, off, rate, right) > limit else -1.0
+    side = 1.0 if _course_value(course, terms, off, rate, right) > limit else -1.0
     moment = right
     for _ in range(60):
         value, slope = 0.0, 0.0
@@ -162,7 +161,7 @@ def _root(course: Any, terms: Any, off: Any, rate: Any, limit: Any, left: Any, r
 
 
 @inner
-def _crossing(shape: Any, plant: Any, work: Any, b: Any, terms: Any, lane: Any) -> Any:
+def _first_crossing(shape: Any, plant: Any, work: Any, b: Any, terms: Any, lane: Any) -> Any:
     """First part of the reach at which limited state b reaches a limit or leaves it, or -1, and which limit."""
     n = shape.n
     free = whole(work.mode, b * LANES + lane) == 0
@@ -180,26 +179,26 @@ def _crossing(shape: Any, plant: Any, work: Any, b: Any, terms: Any, lane: Any) 
     before, f_before = 0.0, real(course, 0) + off
     for quarter in range(1, 5):
         now = 0.25 * quarter
-        f = _value(course, terms, off, rate, now)
+        f = _course_value(course, terms, off, rate, now)
         slack = 1e-13 * (abs(f) + abs(f_before)) + 1e-300
         if f > high + slack:
-            return _root(course, terms, off, rate, high, before, now), 1
+            return _course_root(course, terms, off, rate, high, before, now), 1
         if f < low - slack:
-            return _root(course, terms, off, rate, low, before, now), -1
+            return _course_root(course, terms, off, rate, low, before, now), -1
         before, f_before = now, f
     return -1.0, 0
 
 
 @inner
-def _creep(shape: Any, plant: Any, length: Any, value: Any, slope: Any, work: Any, lane: Any) -> None:
+def _pass_all_events(shape: Any, plant: Any, length: Any, value: Any, slope: Any, work: Any, lane: Any) -> None:
     """Carry ``work.point`` of one lane over `length` in s, through all events on the way."""
     time = 0.0
-    for _ in range(_MOST_EVENTS):
-        s, terms = _course_of(shape, plant, length - time, value + slope * time, slope, work, lane)
+    for _ in range(TOLERANCES.max_events):
+        s, terms = _motion_series(shape, plant, length - time, value + slope * time, slope, work, lane)
         part, which, side = 1.0, -1, 0
         for b in range(shape.limits):
             if whole(work.mode, b * LANES + lane) != 2:
-                moment, at = _crossing(shape, plant, work, b, terms, lane)
+                moment, at = _first_crossing(shape, plant, work, b, terms, lane)
                 if 0.0 <= moment <= part:
                     part, which, side = moment, b, at
         put(work.point, 0, None, value_at(work, terms, part))
@@ -246,7 +245,7 @@ def locate_events(block: Any, start: Any, lane: Any) -> None:
             else:
                 value += kink
             length = tick - length
-        _creep(shape, plant, length, value, slope, work, lane)
+        _pass_all_events(shape, plant, length, value, slope, work, lane)
         value += slope * length
     for i in range(n):
         put(work.end, i, lane, get(work.point, 0, i))

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.kernel.compilation import Entry, inner
-from brightgrey.simulation.kernel.memory_layout import (
+from brightgrey.simulation.kernel.machine.compilation import Entry, inner
+from brightgrey.simulation.kernel.machine.memory_layout import (
     call_of,
     end_rows,
     plant_of,
@@ -19,11 +19,10 @@ from brightgrey.simulation.kernel.memory_layout import (
     table_rows,
     work_of,
 )
-from brightgrey.simulation.kernel.simd import LANES, choose_less, get, put, real, skip, splat, whole
+from brightgrey.simulation.kernel.machine.simd import LANES, choose_less, get, put, real, skip, splat, whole
+from brightgrey.simulation.kernel.tolerances import TOLERANCES
 
-__all__ = ["fill_propagator_tables", "mode_matrix", "propagate"]
-
-_DEGREE = 14
+__all__ = ["fill_propagator_tables", "mode_matrix", "propagator_over"]
 
 
 @inner
@@ -80,7 +79,7 @@ def _compose(n: Any, channels: Any, first: Any, length: Any, second: Any, out: A
 
 
 @inner
-def _copy(rows: Any, source: Any, target: Any) -> None:
+def _copy_rows(rows: Any, source: Any, target: Any) -> None:
     for r in range(rows):
         put(target, r, None, get(source, r, None))
 
@@ -117,7 +116,7 @@ def _taylor(n: Any, channels: Any, plant: Any, A: Any, length: Any, out: Any, wo
     for i in range(n):
         for j in range(n):
             put(out, i * n + j, None, splat(1.0 if i == j else 0.0, None))
-    for degree in range(_DEGREE, 0, -1):
+    for degree in range(TOLERANCES.taylor_degree, 0, -1):
         _multiply(n, n, A, out, 0, n, 1, work)
         for i in range(n):
             for j in range(n):
@@ -133,7 +132,7 @@ def _taylor(n: Any, channels: Any, plant: Any, A: Any, length: Any, out: Any, wo
         for i in range(n):
             put(work, i, None, factor * _source(n, plant, column, i))
             put(out, at + i, None, get(work, i, None))
-        for degree in range(1, _DEGREE):
+        for degree in range(1, TOLERANCES.taylor_degree):
             for i in range(n):
                 total = get(A, i * n, None) * get(work, 0, None)
                 for j in range(1, n):
@@ -146,7 +145,7 @@ def _taylor(n: Any, channels: Any, plant: Any, A: Any, length: Any, out: Any, wo
 
 
 @inner
-def propagate(n: Any, channels: Any, plant: Any, A: Any, length: Any, out: Any, spare: Any, scaling: Any) -> None:
+def propagator_over(n: Any, channels: Any, plant: Any, A: Any, length: Any, out: Any, spare: Any, scaling: Any) -> None:
     """Propagator over any `length` (a register) with the forces of so many `channels`; `scaling` has two rows."""
     rows = n * n + n * (3 + 2 * channels)
     put(scaling, 1, None, length)
@@ -159,7 +158,7 @@ def propagate(n: Any, channels: Any, plant: Any, A: Any, length: Any, out: Any, 
         done = splat(doubling + 0.5, None) - get(scaling, 0, None)
         _compose(n, channels, out, part, out, spare, done)
         part = choose_less(0.0, done, part, part + part)
-        _copy(rows, spare, out)
+        _copy_rows(rows, spare, out)
 
 
 @inner
@@ -185,20 +184,20 @@ def _row_weights(
     n = shape.n
     per_h = stage / length  # 1 / h
     for j in range(n):
-        put(table, at + j, who, _read(n, P, j, n, row, unit, who))
+        put(table, at + j, who, _row_times_columns(n, P, j, n, row, unit, who))
     for extra in range(3):
-        put(table, at + n + extra, who, _read(n, P, n * n + extra * n, 1, row, unit, who))
+        put(table, at + n + extra, who, _row_times_columns(n, P, n * n + extra * n, 1, row, unit, who))
     for k in range(shape.channels):
         base = n * n + (3 + 2 * k) * n
-        value = _read(n, P, base, 1, row, unit, who)
-        slope = _read(n, P, base + n, 1, row, unit, who) * (1.5 * per_h)
+        value = _row_times_columns(n, P, base, 1, row, unit, who)
+        slope = _row_times_columns(n, P, base + n, 1, row, unit, who) * (1.5 * per_h)
         put(table, at + n + 3 + k, who, value * 1.5 - slope)
         put(table, at + n + 3 + shape.channels + k, who, slope - value * 0.5)
     put(table, at + n + 3 + 2 * shape.channels, who, splat(0.0, who))
 
 
 @inner
-def _read(n: Any, P: Any, at: Any, stride: Any, row: Any, unit: Any, who: Any) -> Any:
+def _row_times_columns(n: Any, P: Any, at: Any, stride: Any, row: Any, unit: Any, who: Any) -> Any:
     """Product of a row with column entries ``at + i stride`` of P."""
     if unit >= 0:
         return get(P, at + unit * stride, who)
@@ -209,7 +208,7 @@ def _read(n: Any, P: Any, at: Any, stride: Any, row: Any, unit: Any, who: Any) -
 
 
 @inner
-def _fill(shape: Any, plant: Any, mode: Any, full: Any, third: Any, h: Any, points: Any, table: Any) -> None:
+def _fill_step_table(shape: Any, plant: Any, mode: Any, full: Any, third: Any, h: Any, points: Any, table: Any) -> None:
     """Step table of one mode and level from the propagators over the step and a third of it."""
     n, m = shape.n, shape.channels
     width = n + 4 + 2 * m
@@ -242,7 +241,7 @@ def _fill(shape: Any, plant: Any, mode: Any, full: Any, third: Any, h: Any, poin
 
 
 @inner
-def _look(shape: Any, plant: Any, mode: Any, unit: Any, span: Any, work: Any) -> None:
+def _fill_inner_points(shape: Any, plant: Any, mode: Any, unit: Any, span: Any, work: Any) -> None:
     """Weights of the watched quantities at evenly spaced points of all steps that have such, in one mode.
 
     `unit` is the propagator from one point to the next, `span` later. The watched row is carried back through one
@@ -250,7 +249,7 @@ def _look(shape: Any, plant: Any, mode: Any, unit: Any, span: Any, work: Any) ->
     """
     n, m = shape.n, shape.channels
     width, columns = n + 4 + 2 * m, 3 + 2 * m
-    row, next_row = work.look, skip(work.look, n + columns)
+    row, next_row = work.watched_weights, skip(work.watched_weights, n + columns)
     for b in range(shape.limits):
         for j in range(n + columns):
             put(row, j, None, splat(0.0, None))
@@ -262,7 +261,7 @@ def _look(shape: Any, plant: Any, mode: Any, unit: Any, span: Any, work: Any) ->
         for i in range(shape.points):
             for j in range(n + columns):
                 at, stride = (j, n) if j < n else (n * n + (j - n) * n, 1)
-                put(next_row, j, None, _read(n, unit, at, stride, row, -1, None))
+                put(next_row, j, None, _row_times_columns(n, unit, at, stride, row, -1, None))
             for column in range(columns):
                 j = n + column
                 carried = get(next_row, j, None) + get(row, j, None)
@@ -301,22 +300,22 @@ def fill_propagator_tables(block: Any) -> None:
     for mode in range(1 << shape.limits):
         mode_matrix(shape, plant, mode, A)
         length = splat(tick / 3.0, None)
-        propagate(n, m, plant, A, length, third, spare, work.scratch)
+        propagator_over(n, m, plant, A, length, third, spare, work.scratch)
         never = splat(-1.0, None)
         _compose(n, m, third, length, third, half, never)
         _compose(n, m, half, length + length, third, full, never)
         h, span = tick, 0.0
         for level in range(shape.ticks + 1):
             table = skip(work.tables, (mode * (shape.ticks + 1) + level) * size)
-            _fill(shape, plant, mode, full, third, h, points_of(shape, level), table)
+            _fill_step_table(shape, plant, mode, full, third, h, points_of(shape, level), table)
             if (1 << (shape.ticks - level)) == shape.points + 1:
-                _copy(rows, full, unit)
+                _copy_rows(rows, full, unit)
                 span = h
             if level < shape.ticks:
                 _compose(n, m, third, splat(h / 3.0, None), third, spare, never)
-                _copy(rows, spare, third)
+                _copy_rows(rows, spare, third)
                 _compose(n, m, full, splat(h, None), full, spare, never)
-                _copy(rows, spare, full)
+                _copy_rows(rows, spare, full)
             h *= 2.0
         if shape.points > 1:
-            _look(shape, plant, mode, unit, span, work)
+            _fill_inner_points(shape, plant, mode, unit, span, work)

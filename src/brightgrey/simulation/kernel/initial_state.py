@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.kernel.compilation import Entry
 from brightgrey.simulation.kernel.contact_modes import drive_lane, set_force, set_mode, use_table
-from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, shape_of, work_of
-from brightgrey.simulation.kernel.radau_step import watch_limits
-from brightgrey.simulation.kernel.simd import LANES, get, put, real, whole
+from brightgrey.simulation.kernel.machine.compilation import Entry
+from brightgrey.simulation.kernel.machine.memory_layout import call_of, plant_of, shape_of, work_of
+from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, whole
+from brightgrey.simulation.kernel.radau_step import watched_quantity
 
-__all__ = ["start"]
+__all__ = ["set_initial_state"]
 
 
 @Entry
-def start(block: Any) -> None:
+def set_initial_state(block: Any) -> None:
     """Put all lanes of the batch at work to their initial state."""
     shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
     for i in range(shape.n):
@@ -25,7 +25,7 @@ def start(block: Any) -> None:
             low, high = get(plant.low, b, lane), get(plant.high, b, lane)
             state = get(work.x, whole(plant.limited, b), lane)
             put(work.free, b, lane, 0.0)
-            rate = watch_limits(shape, plant, work, b, work.x, lane)
+            rate = watched_quantity(shape, plant, work, b, work.x, lane)
             mode = 0
             if high <= low:
                 mode = 2
@@ -34,7 +34,7 @@ def start(block: Any) -> None:
             elif state <= low and rate <= 0.0:
                 mode = -1
             set_mode(plant, work, b, lane, mode)
-            put(work.event, b, lane, watch_limits(shape, plant, work, b, work.x, lane))
+            put(work.watched, b, lane, watched_quantity(shape, plant, work, b, work.x, lane))
         use_table(shape, work, lane)
         drive_lane(shape, plant, call.u, 0, 0.0, 0.0, 1.0, real(call.numbers, 0), work, lane)
         set_force(shape, plant, get(work.drive, 0, lane), work, lane)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from brightgrey.simulation.kernel.compilation import Entry, inner
-from brightgrey.simulation.kernel.exponentials import mode_matrix, propagate
-from brightgrey.simulation.kernel.memory_layout import (
+from brightgrey.simulation.kernel.exponentials import mode_matrix, propagator_over
+from brightgrey.simulation.kernel.machine.compilation import Entry, inner
+from brightgrey.simulation.kernel.machine.memory_layout import (
     call_of,
     end_rows,
     plant_of,
@@ -16,17 +16,17 @@ from brightgrey.simulation.kernel.memory_layout import (
     table_rows,
     work_of,
 )
-from brightgrey.simulation.kernel.simd import LANES, get, put, real, skip, whole
+from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, skip, whole
+from brightgrey.simulation.kernel.tolerances import TOLERANCES
 
 __all__ = ["input_knot_weights"]
 
 
-_PARTS = 3  # spans from a knot to the end of a step, to its third or to a look end at thirds of a tick
-_SAME = 1e-9  # of a tick: spans that are taken for the same
+_THIRDS = 3  # spans from a knot to the end of a step, to its third or to a look end at thirds of a tick
 
 
 @inner
-def _begins(shape: Any, plant: Any, mode: Any, tick: Any, work: Any, begins: Any) -> None:
+def _ramp_starts(shape: Any, plant: Any, mode: Any, tick: Any, work: Any, begins: Any) -> None:
     """Effects of the ramp (jump) on the state at all ends that its beginning, less than a tick, can have.
 
     Of each, n rows and that with its length. By propagators, for a gap's damper may relax in nanoseconds (d/c).
@@ -36,23 +36,23 @@ def _begins(shape: Any, plant: Any, mode: Any, tick: Any, work: Any, begins: Any
     A, propagator, spare = work.build, skip(work.build, rows), skip(work.build, 2 * rows)
     column = n * n + (n if shape.hold == 1 else 0)
     mode_matrix(shape, plant, mode, A)
-    for number in range(_PARTS):
+    for number in range(_THIRDS):
         begin = skip(begins, number * (n + 1))
         for lane in range(LANES):
             knot = get(plant.delay, 1, lane) * (1 << shape.ticks) * shape.base_steps
-            part = number / _PARTS - knot
-            part -= math.floor(part + _SAME)
+            part = number / _THIRDS - knot
+            part -= math.floor(part + TOLERANCES.same_span)
             put(begin, n, lane, max(part, 0.0) * tick if knot > 0.0 else 0.0)
-        propagate(n, 0, plant, A, get(begin, n, None), propagator, spare, work.scratch)
+        propagator_over(n, 0, plant, A, get(begin, n, None), propagator, spare, work.scratch)
         for i in range(n):
             put(begin, i, None, get(propagator, column + i, None))
 
 
 @inner
-def _begin(n: Any, rest: Any, lane: Any, begins: Any, p: Any) -> None:
+def _ramp_start(n: Any, rest: Any, lane: Any, begins: Any, p: Any) -> None:
     """Effect p of the ramp (jump) on the state of one lane, `rest` seconds after its begin: less than a tick."""
     nearest, off = 0, rest
-    for number in range(_PARTS):
+    for number in range(_THIRDS):
         apart = abs(get(skip(begins, number * (n + 1)), n, lane) - rest)
         if apart < off:
             nearest, off = number + 1, apart
@@ -61,13 +61,15 @@ def _begin(n: Any, rest: Any, lane: Any, begins: Any, p: Any) -> None:
 
 
 @inner
-def _response(shape: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any, p: Any, begins: Any) -> None:
+def _ramp_response(shape: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any, p: Any, begins: Any) -> None:
     """Effect p of a ramp of unit slope (held input: a unit jump) on the state, `span` seconds after its begin."""
     n = shape.n
     width = n + 4 + 2 * shape.channels
-    whole = int(span / tick + 2.0 * _SAME)  # twice: what is a whole tick to `_begins` is one here, too
+    whole = int(
+        span / tick + 2.0 * TOLERANCES.same_span
+    )  # twice: what is a whole tick to `_ramp_starts` is one here, too
     rest = max(span - whole * tick, 0.0)
-    _begin(n, rest, lane, begins, p)
+    _ramp_start(n, rest, lane, begins, p)
     time = rest
     q = work.scratch
     rows = table_rows(shape)
@@ -87,7 +89,7 @@ def _response(shape: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any,
 
 
 @inner
-def _row(n: Any, table: Any, at: Any, p: Any, lane: Any) -> Any:
+def _row_product(n: Any, table: Any, at: Any, p: Any, lane: Any) -> Any:
     total = 0.0
     for i in range(n):
         total += get(table, at + i, lane) * get(p, i, lane)
@@ -106,7 +108,7 @@ def input_knot_weights(block: Any) -> None:
     begins = skip(work.scratch, 2 * n)
     rows = table_rows(shape)
     for mode in range(1 << shape.limits):
-        _begins(shape, plant, mode, tick, work, begins)
+        _ramp_starts(shape, plant, mode, tick, work, begins)
         for lane in range(LANES):
             knot = get(plant.delay, 1, lane) * ticks * shape.base_steps
             if knot <= 0.0:
@@ -116,23 +118,23 @@ def input_knot_weights(block: Any) -> None:
                 size = 1 << level
                 table = skip(work.tables, (mode * (shape.ticks + 1) + level) * rows)
                 after = size - (knot - int(knot / size) * size)  # ticks from the knot to the end of the step
-                _response(shape, mode, after * tick, tick, work, lane, p, begins)
+                _ramp_response(shape, mode, after * tick, tick, work, lane, p, begins)
                 for i in range(n):
                     put(table, i * width + n + 3 + 2 * m, lane, get(p, i, lane))
                 span = max(after - size * (2.0 / 3.0), 0.0) * tick
-                _response(shape, mode, span, tick, work, lane, p, begins)
+                _ramp_response(shape, mode, span, tick, work, lane, p, begins)
                 at = end_rows(n, m) + n + 3 + 2 * m
                 for k in range(m):
                     seen = get(plant.K, k, lane) * (span if shape.hold == 1 else 1.0 if span > 0.0 else 0.0)
-                    put(table, at + k * width, lane, _row(n, plant.H, k * n, p, lane) + seen)
+                    put(table, at + k * width, lane, _row_product(n, plant.H, k * n, p, lane) + seen)
                 points = points_of(shape, level)
                 for i in range(points if shape.limits > 0 else 0):
                     if points > 1:
                         span = max(after - size * (1.0 - (i + 1.0) / (points + 1.0)), 0.0) * tick
-                        _response(shape, mode, span, tick, work, lane, p, begins)
+                        _ramp_response(shape, mode, span, tick, work, lane, p, begins)
                     for b in range(shape.limits):
                         if (mode >> b) & 1:
                             value = get(p, whole(plant.limited, b), lane)
                         else:
-                            value = _row(n, plant.rate, b * n, p, lane)
+                            value = _row_product(n, plant.rate, b * n, p, lane)
                         put(table, at + (m + b * shape.points + i) * width, lane, value)

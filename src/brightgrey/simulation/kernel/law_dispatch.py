@@ -7,8 +7,8 @@ from typing import Any
 
 from brightgrey.effects import Law, registry
 from brightgrey.effects.arithmetic import tanh
-from brightgrey.simulation.kernel.compilation import inlined, inner
-from brightgrey.simulation.kernel.simd import get, splat, whole
+from brightgrey.simulation.kernel.machine.compilation import inlined, inner
+from brightgrey.simulation.kernel.machine.simd import get, splat, whole
 
 __all__ = ["channel_force", "channel_forces", "smooth_laws"]
 
@@ -47,7 +47,7 @@ def _none(which: Any, p: Any, first: Any, who: Any, z1: Any, z2: Any) -> Any:
     return splat(0.0, who), splat(0.0, who), splat(0.0, who), splat(0.0, who)
 
 
-def _link(number: int, value: Any, parameters: int, rest: Any) -> Any:
+def _dispatch_one(number: int, value: Any, parameters: int, rest: Any) -> Any:
     """Function that evaluates ``value(z, p)`` for its number and asks `rest` for any other.
 
     It does so at both stages of a step in one go: two independent chains keep the processor busy.
@@ -77,18 +77,20 @@ def _of_one_port(law: Law) -> Any:
     return inner(of_one_port)
 
 
-def _chain(pick: Callable[[Law], tuple[Any, int] | None]) -> Any:
+def _dispatcher(pick: Callable[[Law], tuple[Any, int] | None]) -> Any:
     """``f(number, p, first, who, z1, z2) -> (value1, slope1, value2, slope2)``: of picked laws, else 0."""
     function: Any = _none
     for number, law in enumerate(smooth_laws()):
         picked = pick(law)
         if picked is not None:
-            function = _link(number, *picked, function)
+            function = _dispatch_one(number, *picked, function)
     return function
 
 
-_amplitudes = _chain(lambda law: (inner(law.amplitude), len(law.parameters) - 1) if law.amplitude else None)
-_values = _chain(lambda law: None if law.amplitude else (_of_one_port(law), len(law.parameters)))
+_friction_amplitudes = _dispatcher(
+    lambda law: (inner(law.amplitude), len(law.parameters) - 1) if law.amplitude else None
+)
+_other_laws = _dispatcher(lambda law: None if law.amplitude else (_of_one_port(law), len(law.parameters)))
 
 
 @inlined
@@ -99,9 +101,9 @@ def channel_forces(shape: Any, plant: Any, k: Any, z1: Any, z2: Any, who: Any) -
     for e in range(shape.elements):
         if whole(plant.channel, e) == k:
             law, first = whole(plant.law, e), whole(plant.first, e)
-            v1, s1, v2, s2 = _amplitudes(law, plant.p, first, who, z1, z2)
+            v1, s1, v2, s2 = _friction_amplitudes(law, plant.p, first, who, z1, z2)
             a1, rise1, a2, rise2 = a1 + v1, rise1 + s1, a2 + v2, rise2 + s2
-            v1, s1, v2, s2 = _values(law, plant.p, first, who, z1, z2)
+            v1, s1, v2, s2 = _other_laws(law, plant.p, first, who, z1, z2)
             f1, d1, f2, d2 = f1 + v1, d1 + s1, f2 + v2, d2 + s2
     if whole(plant.turning, k) >= 0:
         f_tanh = get(plant.p, whole(plant.turning, k), who)

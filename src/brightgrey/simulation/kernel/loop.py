@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.kernel.compilation import cached, inlined, inner
 from brightgrey.simulation.kernel.contact_modes import drive_all, drive_lane, set_mode, use_table_of
-from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, shape_of, use_batch, work_of
-from brightgrey.simulation.kernel.radau_step import leaves, radau_step, take_all, watch_limits
-from brightgrey.simulation.kernel.radau_step_scalar import forget
-from brightgrey.simulation.kernel.simd import (
+from brightgrey.simulation.kernel.machine.compilation import cached, inlined, inner
+from brightgrey.simulation.kernel.machine.memory_layout import call_of, plant_of, shape_of, use_batch, work_of
+from brightgrey.simulation.kernel.machine.simd import (
     LANES,
     choose_less,
     get,
@@ -21,25 +19,26 @@ from brightgrey.simulation.kernel.simd import (
     store,
     whole,
 )
-from brightgrey.simulation.kernel.simd import call as invoke
+from brightgrey.simulation.kernel.machine.simd import call as invoke
+from brightgrey.simulation.kernel.radau_step import accept_all, lanes_leaving_interval, radau_step, watched_quantity
+from brightgrey.simulation.kernel.radau_step_scalar import mark_columns_outdated
+from brightgrey.simulation.kernel.tolerances import TOLERANCES
 
 __all__ = ["run_batch"]
 
-_NEAR = 0.01  # of the width between limits: so far from its leader's, a lane's motion is linear to a hundredth
-
 
 @inlined
-def _note(call: Any, samples: Any, out: Any, k: Any, at: Any, value: Any, work: Any) -> None:
+def _write_output(call: Any, samples: Any, out: Any, k: Any, at: Any, value: Any, work: Any) -> None:
     """Write an output at sample k, or add the square of what it is off its target."""
     if call.target == 0:
         store(call.y, (out * samples + k) * call.stride + at, value)
     else:
         apart = value - splat(real(call.target, out * samples + k), None)
-        put(work.spent, 0, None, get(work.spent, 0, None) + apart * apart * splat(real(call.weights, out), None))
+        put(work.squares, 0, None, get(work.squares, 0, None) + apart * apart * splat(real(call.weights, out), None))
 
 
 @inlined
-def _record(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any) -> Any:
+def _record_sample(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any) -> Any:
     """Note the outputs at sample k, of the columns from `at` on; returns the lanes that are not worth going on with."""
     n, samples = shape.n, shape.samples
     total = splat(0.0, None)
@@ -49,7 +48,7 @@ def _record(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any) -> An
     for out in range(shape.outputs):
         row = whole(plant.outputs, out)
         if row < n:
-            _note(call, samples, out, k, at, get(work.x, row, None), work)
+            _write_output(call, samples, out, k, at, get(work.x, row, None), work)
             continue
         row -= n
         if call.delayed == 1:
@@ -67,21 +66,21 @@ def _record(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any) -> An
             for i in range(n):
                 rate = rate + get(plant.rate, b * n + i, None) * get(work.x, i, None)
             value = value + get(plant.column, b * n + row, None) * rate * get(work.free, b, None)
-        _note(call, samples, out, k, at, value, work)
+        _write_output(call, samples, out, k, at, value, work)
     lost = lanes_not_less(total, splat(real(call.numbers, 3), None))
     if call.target != 0:
-        lost |= lanes_not_less(get(work.spent, 0, None), get(call.most, at // LANES, None))
+        lost |= lanes_not_less(get(work.squares, 0, None), get(call.square_limits, at // LANES, None))
     return lost
 
 
 @inlined
-def _apart(shape: Any, plant: Any, work: Any) -> Any:
+def _strayed_lanes(shape: Any, plant: Any, work: Any) -> Any:
     """Lanes in which a limited state is elsewhere between its limits than in the lane that leads their group."""
     out = 0
     for b in range(shape.limits):
         row = whole(plant.limited, b)
         position = get(work.x, row, None)
-        near = (get(plant.high, b, None) - get(plant.low, b, None)) * _NEAR + 1e-300
+        near = (get(plant.high, b, None) - get(plant.low, b, None)) * TOLERANCES.leader_distance + 1e-300
         for leader in range(0, LANES, shape.group):
             off = position - splat(get(work.x, row, leader), None)
             members = ((1 << shape.group) - 1) << leader
@@ -90,7 +89,7 @@ def _apart(shape: Any, plant: Any, work: Any) -> Any:
 
 
 @inner
-def _rejoin(shape: Any, plant: Any, call: Any, number: Any, k: Any, apart: Any, work: Any) -> None:
+def _rejoin_leaders(shape: Any, plant: Any, call: Any, number: Any, k: Any, apart: Any, work: Any) -> None:
     """Let the groups with lanes among `apart`, since sample k - 1, go on from where their leaders are."""
     for leader in range(0, LANES, shape.group):
         followers = ((1 << shape.group) - 2) << leader
@@ -112,7 +111,7 @@ def _rejoin(shape: Any, plant: Any, call: Any, number: Any, k: Any, apart: Any, 
                 put(work.x, row, lane, own)
                 set_mode(plant, work, b, lane, mode)
             for b in range(shape.limits):
-                put(work.event, b, lane, watch_limits(shape, plant, work, b, work.x, lane))
+                put(work.watched, b, lane, watched_quantity(shape, plant, work, b, work.x, lane))
             for row in range((k - 1) * call.stride, (k + 1) * call.stride, call.stride):
                 for out in range(shape.outputs):
                     at = out * shape.samples * call.stride + row + number * LANES
@@ -122,19 +121,19 @@ def _rejoin(shape: Any, plant: Any, call: Any, number: Any, k: Any, apart: Any, 
 
 
 @inlined
-def _base_step(block: Any, shape: Any, plant: Any, call: Any, k: Any, base: Any, work: Any, dead: Any) -> None:
+def _step_all_lanes(block: Any, shape: Any, plant: Any, call: Any, k: Any, base: Any, work: Any, dead: Any) -> None:
     """Carry all lanes over one base step."""
     h = real(call.numbers, 0) / shape.base_steps
     drive_all(shape, plant, call, k, base << shape.ticks, 1 << shape.ticks, work)
     failed, coarse = radau_step(shape, plant, call, work.current, h, shape.points, work)
     left = 0
     for b in range(shape.limits):
-        end = watch_limits(shape, plant, work, b, work.end, None)
-        left |= leaves(shape, work, b, shape.points, end, None)
+        end = watched_quantity(shape, plant, work, b, work.end, None)
+        left |= lanes_leaving_interval(shape, work, b, shape.points, end, None)
     if (failed | coarse | left) & ~dead == 0:
-        take_all(shape, plant, work, h)
+        accept_all(shape, plant, work, h)
         return
-    invoke(call.sort, (block, k, base, failed | left, coarse, dead))
+    invoke(call.accept_or_refine, (block, k, base, failed | left, coarse, dead))
 
 
 @cached
@@ -154,24 +153,24 @@ def run_batch(block: Any, first: Any, last: Any) -> None:
         for lane in range(LANES):
             set_whole(call.diverged, number * LANES + lane, -1)
         if shape.euler == 0:
-            invoke(call.tables, (block,))
-            forget(shape, work)
+            invoke(call.fill_propagator_tables, (block,))
+            mark_columns_outdated(shape, work)
             if delayed:
-                invoke(call.kinks, (block,))
-        invoke(call.start, (block,))
+                invoke(call.input_knot_weights, (block,))
+        invoke(call.set_initial_state, (block,))
         dead = whole(call.idle, number)
         if call.target != 0:
-            put(work.spent, 0, None, get(call.spent, number, None))
+            put(work.squares, 0, None, get(call.squares, number, None))
         before = 0
         for k in range(shape.samples):
             if k > 0:
                 for base in range(shape.base_steps):
                     if shape.euler == 1:
                         drive_all(shape, plant, call, k - 1, base << shape.ticks, 1 << shape.ticks, work)
-                        invoke(call.euler, (block,))
+                        invoke(call.euler_step, (block,))
                     else:
-                        _base_step(block, shape, plant, call, k - 1, base, work, dead)
-            lost = _record(shape, plant, call, k, number * LANES, work) & ~dead
+                        _step_all_lanes(block, shape, plant, call, k - 1, base, work, dead)
+            lost = _record_sample(shape, plant, call, k, number * LANES, work) & ~dead
             if lost:
                 dead |= lost
                 for lane in range(LANES):
@@ -181,10 +180,10 @@ def run_batch(block: Any, first: Any, last: Any) -> None:
                     break
             if shape.group > 1 and shape.limits > 0:
                 # At one sample, a limit may be met a little earlier; at two in succession, motions differ.
-                now = _apart(shape, plant, work) & ~dead
+                now = _strayed_lanes(shape, plant, work) & ~dead
                 if now & before:
-                    _rejoin(shape, plant, call, number, k, now & before, work)
+                    _rejoin_leaders(shape, plant, call, number, k, now & before, work)
                     now = 0
                 before = now
         if call.target != 0:
-            put(call.spent, number, None, get(work.spent, 0, None))
+            put(call.squares, number, None, get(work.squares, 0, None))

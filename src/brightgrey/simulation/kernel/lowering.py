@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from brightgrey.arrays import Array
 from brightgrey.effects import Element
 from brightgrey.kit import StateSpace
-from brightgrey.simulation.kernel.buffers import PlantBuffers, plants_for
 from brightgrey.simulation.kernel.law_dispatch import smooth_laws
+from brightgrey.simulation.kernel.machine.buffers import PlantBuffers, plants_for
 
 __all__ = ["Lowered", "Rows", "fastest_natural_frequency", "fill", "is_sound", "lower", "tabulate"]
 

@@ -9,16 +9,35 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.kernel.compilation import inlined, inner
+from brightgrey.effects.arithmetic import magnitude
 from brightgrey.simulation.kernel.law_dispatch import channel_forces
-from brightgrey.simulation.kernel.memory_layout import end_rows
-from brightgrey.simulation.kernel.simd import choose_lanes, choose_less, get, lanes_not_less, put, real, splat, whole
+from brightgrey.simulation.kernel.machine.compilation import inlined, inner
+from brightgrey.simulation.kernel.machine.memory_layout import end_rows
+from brightgrey.simulation.kernel.machine.simd import (
+    choose_lanes,
+    choose_less,
+    get,
+    lanes_not_less,
+    put,
+    real,
+    splat,
+    whole,
+)
 
-__all__ = ["estimate", "leaves", "radau_step", "solve_stages", "take_all", "take_lane", "take_some", "watch_limits"]
+__all__ = [
+    "accept_all",
+    "accept_lane",
+    "accept_some",
+    "estimate",
+    "lanes_leaving_interval",
+    "radau_step",
+    "solve_stages",
+    "watched_quantity",
+]
 
 
 @inlined
-def _weigh(shape: Any, delayed: Any, table: Any, at: Any, work: Any) -> Any:
+def _linear_part(shape: Any, delayed: Any, table: Any, at: Any, work: Any) -> Any:
     """Row of a step table times state and input, without F."""
     n = shape.n
     total = get(table, at + n + 2, None)
@@ -61,12 +80,7 @@ def _newton_one(shape: Any, plant: Any, table: Any, middle: Any, end: Any, work:
     put(work.F2, 0, who, f2)
     put(work.z1, 0, who, new1)
     put(work.z2, 0, who, new2)
-    return _larger(_size(new1 - z1), _size(new2 - z2))
-
-
-@inner
-def _size(a: Any) -> Any:
-    return choose_less(a, 0.0, -a, a)
+    return _larger(magnitude(new1 - z1), magnitude(new2 - z2))
 
 
 @inner
@@ -117,23 +131,23 @@ def _newton(shape: Any, plant: Any, table: Any, middle: Any, stride: Any, end: A
     for k in range(m):
         z1 = _add_forces(shape, table, middle + k * stride, work, get(work.a1, k, who), who)
         z2 = _add_forces(shape, table, end + k * size, work, get(work.a2, k, who), who)
-        change = _larger(change, _size(z1 - get(work.z1, k, who)))
-        change = _larger(change, _size(z2 - get(work.z2, k, who)))
+        change = _larger(change, magnitude(z1 - get(work.z1, k, who)))
+        change = _larger(change, magnitude(z2 - get(work.z2, k, who)))
         put(work.z1, k, who, z1)
         put(work.z2, k, who, z2)
     return change
 
 
 @inlined
-def leaves(shape: Any, work: Any, b: Any, points: Any, end: Any, who: Any) -> Any:
+def lanes_leaving_interval(shape: Any, work: Any, b: Any, points: Any, end: Any, who: Any) -> Any:
     """Lanes in which the watched quantity of limited state b leaves its interval during a step.
 
-    Its values within the step stand in ``work.ahead``, `end` is the one at its end. Parabolas stand for its course, so
-    that leaving and coming back between two looks is seen. The slack is rounding; a quantity that rests at its
-    limit does not leave.
+    Its values within the step stand in ``work.inner_watched``, and `end` is the value at the end of the step. Parabolas
+    between these values show an exit and a return between two points. The slack is rounding: a quantity that rests at
+    its limit does not leave it.
     """
-    s0, s1 = get(work.event, b, who), get(work.ahead, b * shape.points, who)
-    slack = (_size(s0) + _size(end)) * 1e-12 + 1e-300
+    s0, s1 = get(work.watched, b, who), get(work.inner_watched, b * shape.points, who)
+    slack = (magnitude(s0) + magnitude(end)) * 1e-12 + 1e-300
     low, high = get(work.low, b, who) - slack, get(work.high, b, who) + slack
     out = lanes_not_less(end, high) | lanes_not_less(low, end)
     if points == 1:  # at 0, h/3 and h
@@ -146,19 +160,19 @@ def leaves(shape: Any, work: Any, b: Any, points: Any, end: Any, who: Any) -> An
     for i in range(points):
         s2 = end
         if i < points - 1:
-            s2 = get(work.ahead, b * shape.points + i + 1, who)
+            s2 = get(work.inner_watched, b * shape.points + i + 1, who)
         # The parabola's extreme lies within the two intervals if |rise| < 2 |bend|, and rise^2 / 4 bend beyond s1.
         rise, bend = (s2 - s0) * 0.5, (s2 + s0) * 0.5 - s1
         room = choose_less(bend, 0.0, bend * (s1 - high), bend * (s1 - low)) * 4.0
         beyond = choose_less(room, rise * rise, float("inf"), s1)
-        seen = choose_less(_size(rise), _size(bend) * 2.0, beyond, s1)
+        seen = choose_less(magnitude(rise), magnitude(bend) * 2.0, beyond, s1)
         out |= lanes_not_less(seen, high) | lanes_not_less(low, s1)
         s0, s1 = s1, s2
     return out
 
 
 @inlined
-def watch_limits(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> Any:
+def watched_quantity(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> Any:
     """Watched quantity of limited state b: the state itself where it is free, else its rate."""
     total = splat(0.0, who)
     for j in range(shape.n):
@@ -208,7 +222,7 @@ def estimate(shape: Any, plant: Any, call: Any, h: Any, work: Any, who: Any) -> 
     for k in range(shape.channels):
         # F at the start, as it was against as the stages see it: its curvature over the step.
         bend = get(work.force, k, who) - (get(work.F1, k, who) * 1.5 - get(work.F2, k, who) * 0.5)
-        error = _larger(error, _size(bend) * get(plant.gain, k, who))
+        error = _larger(error, magnitude(bend) * get(plant.gain, k, who))
     error = error * h
     put(work.error, 0, who, error)
     return lanes_not_less(error, splat(real(call.numbers, 1), who))
@@ -219,17 +233,17 @@ def radau_step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: An
     """Step from ``work.x`` to ``work.end``; returns (lanes in which Newton failed, lanes with too large an error).
 
     ``call.numbers`` holds the tolerated error estimate and the tolerated last change of Newton.
-    Watched quantities at the step's `points` are left in ``work.ahead``.
+    Watched quantities at the step's `points` are left in ``work.inner_watched``.
     """
     n, m = shape.n, shape.channels
     width = n + 4 + 2 * m
     stage = end_rows(n, m)
     for i in range(n):
-        put(work.end, i, None, _weigh(shape, call.delayed, table, i * width, work))
+        put(work.end, i, None, _linear_part(shape, call.delayed, table, i * width, work))
     failed, coarse = 0, 0
     if m > 0:
         for k in range(m):
-            put(work.a1, k, None, _weigh(shape, call.delayed, table, stage + k * width, work))
+            put(work.a1, k, None, _linear_part(shape, call.delayed, table, stage + k * width, work))
             a2 = get(plant.K, k, None) * (get(work.drive, 0, None) + get(work.drive, 1, None) * h)
             for i in range(n):
                 a2 = a2 + get(plant.H, k * n + i, None) * get(work.end, i, None)
@@ -244,44 +258,44 @@ def radau_step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: An
         for i in range(points):
             row = b * shape.points + i
             at = stage + (m + row) * width
-            value = _weigh(shape, call.delayed, table, at, work)
-            put(work.ahead, row, None, _add_forces(shape, table, at + n + 3, work, value, None))
+            value = _linear_part(shape, call.delayed, table, at, work)
+            put(work.inner_watched, row, None, _add_forces(shape, table, at + n + 3, work, value, None))
     return failed, coarse
 
 
 @inlined
-def _take(shape: Any, plant: Any, work: Any, h: Any, who: Any) -> None:
+def _accept(shape: Any, plant: Any, work: Any, h: Any, who: Any) -> None:
     for c in range(shape.channels):
         f1, f2 = get(work.F1, c, who), get(work.F2, c, who)
         put(work.force, c, who, f2)
         put(work.slope, c, who, (f2 - f1) * (1.5 / h))
     for b in range(shape.limits):
-        put(work.event, b, who, watch_limits(shape, plant, work, b, work.end, who))
+        put(work.watched, b, who, watched_quantity(shape, plant, work, b, work.end, who))
     for i in range(shape.n):
         put(work.x, i, who, get(work.end, i, who))
 
 
 @inlined
-def take_all(shape: Any, plant: Any, work: Any, h: Any) -> None:
+def accept_all(shape: Any, plant: Any, work: Any, h: Any) -> None:
     """Accept a step of length h in all lanes."""
-    _take(shape, plant, work, h, None)
+    _accept(shape, plant, work, h, None)
 
 
 @inlined
-def take_lane(shape: Any, plant: Any, work: Any, h: Any, lane: Any) -> None:
+def accept_lane(shape: Any, plant: Any, work: Any, h: Any, lane: Any) -> None:
     """Accept a step of length h in one lane."""
-    _take(shape, plant, work, h, lane)
+    _accept(shape, plant, work, h, lane)
 
 
 @inlined
-def take_some(shape: Any, plant: Any, work: Any, h: Any, some: Any) -> None:
+def accept_some(shape: Any, plant: Any, work: Any, h: Any, some: Any) -> None:
     """Accept a step of length h in the lanes whose bit is set in `some`."""
     for c in range(shape.channels):
         f1, f2 = get(work.F1, c, None), get(work.F2, c, None)
         put(work.force, c, None, choose_lanes(some, f2, get(work.force, c, None)))
         put(work.slope, c, None, choose_lanes(some, (f2 - f1) * (1.5 / h), get(work.slope, c, None)))
     for b in range(shape.limits):
-        end = watch_limits(shape, plant, work, b, work.end, None)
-        put(work.event, b, None, choose_lanes(some, end, get(work.event, b, None)))
+        end = watched_quantity(shape, plant, work, b, work.end, None)
+        put(work.watched, b, None, choose_lanes(some, end, get(work.watched, b, None)))
     for i in range(shape.n):
         put(work.x, i, None, choose_lanes(some, get(work.end, i, None), get(work.x, i, None)))

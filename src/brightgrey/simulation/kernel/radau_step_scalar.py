@@ -8,28 +8,28 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.kernel.compilation import inlined, inner
-from brightgrey.simulation.kernel.memory_layout import end_rows, points_of, solo_rows, table_rows
+from brightgrey.simulation.kernel.machine.compilation import inlined, inner
+from brightgrey.simulation.kernel.machine.memory_layout import column_rows, end_rows, points_of, table_rows
+from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, set_whole, skip, whole
 from brightgrey.simulation.kernel.radau_step import estimate, solve_stages
-from brightgrey.simulation.kernel.simd import LANES, get, put, real, set_whole, skip, whole
 
-__all__ = ["forget", "step_lane"]
+__all__ = ["mark_columns_outdated", "step_lane"]
 
 
 @inner
-def forget(shape: Any, work: Any) -> None:
+def mark_columns_outdated(shape: Any, work: Any) -> None:
     """Mark all copies as out of date."""
     for i in range((1 << shape.limits) * (shape.ticks + 1) * LANES):
-        set_whole(work.copied, i, 0)
+        set_whole(work.columns_current, i, 0)
 
 
 @inner
-def _copy(shape: Any, plant: Any, table: Any, points: Any, h: Any, lane: Any, target: Any) -> None:
+def _copy_step_table(shape: Any, plant: Any, table: Any, points: Any, h: Any, lane: Any, target: Any) -> None:
     """One lane's step table to columns: end states, ports at h/3, watched quantities, ports at the end."""
     n, m = shape.n, shape.channels
     columns = n + 4 + 2 * m
     last = n + m + shape.limits * points
-    tall = solo_rows(shape) * LANES
+    tall = column_rows(shape) * LANES
     for column in range(columns):
         at = column * tall
         for i in range(n):
@@ -55,17 +55,17 @@ def _copy(shape: Any, plant: Any, table: Any, points: Any, h: Any, lane: Any, ta
 def step_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, h: Any, work: Any, lane: Any) -> Any:
     """Step of 2^level ticks from ``work.x`` to ``work.end``: (whether Newton failed, whether the error is too large).
 
-    Watched quantities at the step's points are left in ``work.ahead``.
+    Watched quantities at the step's points are left in ``work.inner_watched``.
     """
     n, m = shape.n, shape.channels
-    columns, high = n + 4 + 2 * m, solo_rows(shape)
+    columns, high = n + 4 + 2 * m, column_rows(shape)
     number = (bits * (shape.ticks + 1) + level) * LANES + lane
-    solo = skip(work.solo, number * columns * high)
+    solo = skip(work.lane_columns, number * columns * high)
     points = points_of(shape, level)
-    if whole(work.copied, number) == 0:
+    if whole(work.columns_current, number) == 0:
         table = skip(work.tables, (bits * (shape.ticks + 1) + level) * table_rows(shape))
-        _copy(shape, plant, table, points, h, lane, solo)
-        set_whole(work.copied, number, 1)
+        _copy_step_table(shape, plant, table, points, h, lane, solo)
+        set_whole(work.columns_current, number, 1)
     last = n + m + shape.limits * points
     used = (last + m + LANES - 1) // LANES
     for q in range(used):
@@ -76,12 +76,12 @@ def step_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, h: Any, 
         total = total + get(solo, (n + 1) * high + q, None) * get(work.drive, 1, lane)
         if call.delayed == 1:
             total = total + get(solo, (n + 3 + 2 * m) * high + q, None) * get(work.drive, 2, lane)
-        put(work.rows, q, None, total)
+        put(work.column, q, None, total)
     failed, coarse = 0, 0
     if m > 0:
         for k in range(m):
-            put(work.a1, k, lane, real(work.rows, n + k))
-            put(work.a2, k, lane, real(work.rows, last + k))
+            put(work.a1, k, lane, real(work.column, n + k))
+            put(work.a2, k, lane, real(work.column, last + k))
             for j in range(2 * m):
                 at = (n + 3 + j) * high * LANES
                 put(work.coupled, k * 2 * m + j, lane, real(solo, at + n + k))
@@ -89,14 +89,14 @@ def step_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, h: Any, 
         failed = solve_stages(shape, plant, call, work.coupled, 0, 2 * m, 2 * m * m, h, work, lane)
         coarse = estimate(shape, plant, call, h, work, lane)
         for q in range(used):
-            total = get(work.rows, q, None)
+            total = get(work.column, q, None)
             for k in range(m):
                 total = total + get(solo, (n + 3 + k) * high + q, None) * get(work.F1, k, lane)
                 total = total + get(solo, (n + 3 + m + k) * high + q, None) * get(work.F2, k, lane)
-            put(work.rows, q, None, total)
+            put(work.column, q, None, total)
     for i in range(n):
-        put(work.end, i, lane, real(work.rows, i))
+        put(work.end, i, lane, real(work.column, i))
     for b in range(shape.limits):
         for i in range(points):
-            put(work.ahead, b * shape.points + i, lane, real(work.rows, n + m + b * points + i))
+            put(work.inner_watched, b * shape.points + i, lane, real(work.column, n + m + b * points + i))
     return failed, coarse

@@ -8,13 +8,26 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.kernel.compilation import Entry, inlined
 from brightgrey.simulation.kernel.contact_modes import drive_all, drive_lane, mode_bits, use_table, use_table_of
-from brightgrey.simulation.kernel.memory_layout import call_of, plant_of, points_of, shape_of, table_rows, work_of
-from brightgrey.simulation.kernel.radau_step import leaves, radau_step, take_lane, take_some, watch_limits
+from brightgrey.simulation.kernel.machine.compilation import Entry, inlined
+from brightgrey.simulation.kernel.machine.memory_layout import (
+    call_of,
+    plant_of,
+    points_of,
+    shape_of,
+    table_rows,
+    work_of,
+)
+from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, set_whole, skip, whole
+from brightgrey.simulation.kernel.machine.simd import call as invoke
+from brightgrey.simulation.kernel.radau_step import (
+    accept_lane,
+    accept_some,
+    lanes_leaving_interval,
+    radau_step,
+    watched_quantity,
+)
 from brightgrey.simulation.kernel.radau_step_scalar import step_lane
-from brightgrey.simulation.kernel.simd import LANES, get, put, real, set_whole, skip, whole
-from brightgrey.simulation.kernel.simd import call as invoke
 
 __all__ = ["accept_or_refine", "refine_group", "refine_lane"]
 
@@ -22,49 +35,51 @@ _WORTHWHILE = LANES // 2  # lanes of a group from which a step of all registers 
 
 
 @inlined
-def _attempt(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any) -> Any:
+def _attempt_all_lanes(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any) -> Any:
     """Step of 2^level ticks in all lanes: those in which it failed or a limit is passed, those with a large error."""
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
     table = skip(work.tables, (bits * (shape.ticks + 1) + level) * table_rows(shape))
     points = points_of(shape, level)
     out, coarse = radau_step(shape, plant, call, table, (1 << level) * tick, points, work)
     for b in range(shape.limits):
-        out |= leaves(shape, work, b, points, watch_limits(shape, plant, work, b, work.end, None), None)
+        out |= lanes_leaving_interval(
+            shape, work, b, points, watched_quantity(shape, plant, work, b, work.end, None), None
+        )
     return out, coarse
 
 
 @inlined
-def _attempt_alone(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any, lane: Any) -> Any:
-    """As `_attempt`, for one lane."""
+def _attempt_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any, lane: Any) -> Any:
+    """As `_attempt_all_lanes`, for one lane."""
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
     out, coarse = step_lane(shape, plant, call, bits, level, (1 << level) * tick, work, lane)
     for b in range(shape.limits):
-        end = watch_limits(shape, plant, work, b, work.end, lane)
-        out |= leaves(shape, work, b, points_of(shape, level), end, lane)
+        end = watched_quantity(shape, plant, work, b, work.end, lane)
+        out |= lanes_leaving_interval(shape, work, b, points_of(shape, level), end, lane)
     return out, coarse
 
 
 @inlined
-def _longer(shape: Any, call: Any, work: Any, level: Any, position: Any, lane: Any) -> Any:
+def _longer_step(shape: Any, call: Any, work: Any, level: Any, position: Any, lane: Any) -> Any:
     """Level of the step from `position` on: the error's estimate grows eightfold with twice the step."""
     small = 8.0 * get(work.error, 0, lane) < real(call.numbers, 1)
     return level + 1 if level < shape.ticks and not position & (1 << level) and small else level
 
 
 @inlined
-def _reached(shape: Any, plant: Any, work: Any, level: Any, lane: Any) -> Any:
+def _part_before_limit(shape: Any, plant: Any, work: Any, level: Any, lane: Any) -> Any:
     """Part of an attempted step after which a watched quantity first leaves its interval, roughly; 1 if none does."""
     points = points_of(shape, level)
     first = 1.0
     for b in range(shape.limits):
         low, high = get(work.low, b, lane), get(work.high, b, lane)
-        t0, s0 = 0.0, get(work.event, b, lane)
+        t0, s0 = 0.0, get(work.watched, b, lane)
         for i in range(points + 1):
             t1 = 1.0 if i == points else 1.0 / 3.0 if points == 1 else (i + 1.0) / (points + 1.0)
             if i == points:
-                s1 = watch_limits(shape, plant, work, b, work.end, lane)
+                s1 = watched_quantity(shape, plant, work, b, work.end, lane)
             else:
-                s1 = get(work.ahead, b * shape.points + i, lane)
+                s1 = get(work.inner_watched, b * shape.points + i, lane)
             if s1 > high or s1 < low:
                 limit = high if s1 > high else low
                 first = min(first, t0 + (t1 - t0) * max((limit - s0) / (s1 - s0), 0.0))
@@ -74,7 +89,7 @@ def _reached(shape: Any, plant: Any, work: Any, level: Any, lane: Any) -> Any:
 
 
 @inlined
-def _shorter(shape: Any, plant: Any, call: Any, work: Any, level: Any, lane: Any) -> Any:
+def _shorter_step(shape: Any, plant: Any, call: Any, work: Any, level: Any, lane: Any) -> Any:
     """Level of the next attempt: ends before the first limit, and is as short as the error's estimate lets expect.
 
     At most a quarter for the error's sake: where friction turns within the step, its estimate exaggerates. Where
@@ -82,7 +97,7 @@ def _shorter(shape: Any, plant: Any, call: Any, work: Any, level: Any, lane: Any
     """
     if shape.jump == 0:
         return level - 1
-    size = float(1 << level) * _reached(shape, plant, work, level, lane)
+    size = float(1 << level) * _part_before_limit(shape, plant, work, level, lane)
     ratio = get(work.error, 0, lane) / real(call.numbers, 1) * 0.125 if shape.channels > 0 else 0.0
     least = max(level - 2, 0)
     level -= 1
@@ -97,11 +112,11 @@ def _shorter(shape: Any, plant: Any, call: Any, work: Any, level: Any, lane: Any
 @inlined
 def _pass_event(block: Any, shape: Any, plant: Any, call: Any, start: Any, work: Any, lane: Any) -> None:
     """Carry one lane over the tick `start` after a sample, in which a limit is reached or left."""
-    invoke(call.creep, (block, start, lane))
+    invoke(call.locate_events, (block, start, lane))
     for i in range(shape.n):
         put(work.x, i, lane, get(work.end, i, lane))
     for b in range(shape.limits):
-        put(work.event, b, lane, watch_limits(shape, plant, work, b, work.x, lane))
+        put(work.watched, b, lane, watched_quantity(shape, plant, work, b, work.x, lane))
 
 
 @Entry
@@ -123,19 +138,19 @@ def refine_lane(block: Any, k: Any, base: Any, lane: Any, follow: Any, position:
         size = 1 << level
         start = (base << shape.ticks) + position
         drive_lane(shape, plant, call.u, k, float(start), float(size), per_sample, dt, work, lane)
-        out, coarse = _attempt_alone(shape, plant, call, mode_bits(shape, work, lane), level, work, lane)
+        out, coarse = _attempt_lane(shape, plant, call, mode_bits(shape, work, lane), level, work, lane)
         if level > 0 and (out or (coarse and not follow)):
-            level = _shorter(shape, plant, call, work, level, lane)
+            level = _shorter_step(shape, plant, call, work, level, lane)
             continue
         if out:
             _pass_event(block, shape, plant, call, start, work, lane)
         else:
-            take_lane(shape, plant, work, size * (dt / per_sample), lane)
+            accept_lane(shape, plant, work, size * (dt / per_sample), lane)
         if not follow:
             for i in range(position, position + size):
                 set_whole(work.plan, i, level)
         position += size
-        level = shape.ticks if follow else _longer(shape, call, work, level, position, lane)
+        level = shape.ticks if follow else _longer_step(shape, call, work, level, position, lane)
     if bits != mode_bits(shape, work, lane):
         use_table(shape, work, lane)
 
@@ -156,12 +171,12 @@ def accept_or_refine(block: Any, k: Any, base: Any, failed: Any, coarse: Any, de
     exceptional &= ~dead
     for lane in range(LANES):  # before any attempt of one group writes over what the full step says of the others
         if (exceptional >> lane) & 1:
-            set_whole(work.begin, lane, _shorter(shape, plant, call, work, shape.ticks, lane))
-    take_some(shape, plant, work, h, ~exceptional)
+            set_whole(work.first_level, lane, _shorter_step(shape, plant, call, work, shape.ticks, lane))
+    accept_some(shape, plant, work, h, ~exceptional)
     for leader in range(0, LANES, group):
         led = (exceptional >> leader) & ((1 << group) - 1)
         if led & 1 and group >= _WORTHWHILE:
-            invoke(call.together, (block, k, base, leader, whole(work.begin, leader), dead))
+            invoke(call.refine_group, (block, k, base, leader, whole(work.first_level, leader), dead))
         elif led:
             if not led & 1:  # the leader took the full step
                 for tick in range(ticks):
@@ -170,8 +185,8 @@ def accept_or_refine(block: Any, k: Any, base: Any, failed: Any, coarse: Any, de
                 if (exceptional >> lane) & 1:
                     # Followers of a leader that took the full step have failed it, too.
                     follow = 1 if lane > leader else 0
-                    level = whole(work.begin, lane) if not follow or not led & 1 else shape.ticks
-                    invoke(call.refine, (block, k, base, lane, follow, 0, ticks, level))
+                    level = whole(work.first_level, lane) if not follow or not led & 1 else shape.ticks
+                    invoke(call.refine_lane, (block, k, base, lane, follow, 0, ticks, level))
 
 
 @Entry
@@ -188,11 +203,11 @@ def refine_group(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: A
         size = 1 << level
         drive_all(shape, plant, call, k, (base << shape.ticks) + position, size, work)
         bits = mode_bits(shape, work, leader)
-        out, coarse = _attempt(shape, plant, call, bits, level, work)
+        out, coarse = _attempt_all_lanes(shape, plant, call, bits, level, work)
         if level > 0 and ((out | coarse) >> leader) & 1:
-            level = _shorter(shape, plant, call, work, level, leader)
+            level = _shorter_step(shape, plant, call, work, level, leader)
             continue
-        after = _longer(shape, call, work, level, position + size, leader)
+        after = _longer_step(shape, call, work, level, position + size, leader)
         for i in range(position, position + size):
             set_whole(work.plan, i, level)
         alone = 0
@@ -200,16 +215,16 @@ def refine_group(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: A
             if (out >> lane) & 1 or mode_bits(shape, work, lane) != bits:
                 alone |= 1 << lane
         alone &= ~dead
-        take_some(shape, plant, work, size * tick, ~alone & (((1 << shape.group) - 1) << leader))
+        accept_some(shape, plant, work, size * tick, ~alone & (((1 << shape.group) - 1) << leader))
         changed = 0
         for lane in range(leader, leader + shape.group):
             if not (alone >> lane) & 1:
                 continue
             if mode_bits(shape, work, lane) != bits:
-                invoke(call.refine, (block, k, base, lane, 1, position, position + size, level))
+                invoke(call.refine_lane, (block, k, base, lane, 1, position, position + size, level))
             elif level > 0:
-                own = _shorter(shape, plant, call, work, level, lane)
-                invoke(call.refine, (block, k, base, lane, 1, position, position + size, own))
+                own = _shorter_step(shape, plant, call, work, level, lane)
+                invoke(call.refine_lane, (block, k, base, lane, 1, position, position + size, own))
             else:
                 _pass_event(block, shape, plant, call, (base << shape.ticks) + position, work, lane)
                 changed |= (1 if mode_bits(shape, work, lane) != bits else 0) << lane

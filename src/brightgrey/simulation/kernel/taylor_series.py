@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.simulation.kernel.compilation import inner
-from brightgrey.simulation.kernel.memory_layout import SERIES_TERMS
-from brightgrey.simulation.kernel.simd import LANES, choose_less, get, lanes_not_less, put, real, splat
+from brightgrey.effects.arithmetic import magnitude
+from brightgrey.simulation.kernel.machine.compilation import inner
+from brightgrey.simulation.kernel.machine.memory_layout import SERIES_TERMS
+from brightgrey.simulation.kernel.machine.simd import LANES, get, lanes_not_less, put, real, splat
+from brightgrey.simulation.kernel.tolerances import TOLERANCES
 
 __all__ = ["expand", "mode_columns", "value_at"]
-
-_ROUNDING = 1e-16
 
 
 @inner
@@ -33,11 +33,6 @@ def mode_columns(shape: Any, plant: Any, mode: Any, work: Any, lane: Any) -> Non
 
 
 @inner
-def _size(a: Any) -> Any:
-    return choose_less(a, 0.0, -a, a)
-
-
-@inner
 def expand(n: Any, work: Any, span: Any) -> Any:
     """Taylor series of x' = A x + b0 + b1 t from the state in ``work.point``: (reach, number of terms).
 
@@ -46,7 +41,7 @@ def expand(n: Any, work: Any, span: Any) -> Any:
     terms are zero, the more of them the more masses lie between.
     """
     put(work.series, 0, None, get(work.point, 0, None))
-    size = _size(get(work.point, 0, None))
+    size = magnitude(get(work.point, 0, None))
     before = size
     for k in range(1, SERIES_TERMS):
         total = splat(0.0, None)
@@ -58,18 +53,18 @@ def expand(n: Any, work: Any, span: Any) -> Any:
             total = total + get(work.system, j, None) * (real(work.series, (k - 1) * LANES + j) * span)
         total = total * (1.0 / k)
         put(work.series, k, None, total)
-        now = _size(total)
-        if k > 3 and lanes_not_less(now + before, size * _ROUNDING + 1e-300) == 0:
+        now = magnitude(total)
+        if k > 3 and lanes_not_less(now + before, size * TOLERANCES.series_rounding + 1e-300) == 0:
             return span, k + 1
         size, before = size + now, now
-    last = _size(get(work.series, SERIES_TERMS - 1, None))
+    last = magnitude(get(work.series, SERIES_TERMS - 1, None))
     part = 1.0
     for _ in range(60):
         size, power = splat(0.0, None), 1.0
         for k in range(SERIES_TERMS - 2):
-            size = size + _size(get(work.series, k, None)) * power
+            size = size + magnitude(get(work.series, k, None)) * power
             power *= part
-        if lanes_not_less(last * part ** (SERIES_TERMS - 1), size * (100.0 * _ROUNDING) + 1e-300) == 0:
+        if lanes_not_less(last * part ** (SERIES_TERMS - 1), size * (100.0 * TOLERANCES.series_rounding) + 1e-300) == 0:
             break
         part *= 0.5
     power = 1.0

@@ -195,7 +195,7 @@ def _step(stepper: Any) -> None:
         raise FloatingPointError("the solution left the finite numbers")
 
 
-def _begin(drive: _Drive, x: Array) -> tuple[Array, _Phase]:
+def _initial_phase(drive: _Drive, x: Array) -> tuple[Array, _Phase]:
     """Split the initial state, in the order of the plant's names, into `_Drive`'s state and the phase."""
     plant, n = drive.plant, drive.plant.masses
     q, v, last = x[:n], x[n : 2 * n], x[2 * n + (plant.alpha is not None) :]
@@ -249,7 +249,7 @@ def solve_adaptive(
         If the solution leaves the finite numbers.
     """
     drive = _Drive(plant, Radau if implicit else DOP853, rtol, rtol * _scales(plant, segments, x0))
-    y, phase = _begin(drive, x0)
+    y, phase = _initial_phase(drive, x0)
     n, s = plant.masses, segments
     rows, gaps = np.zeros((len(s.at_sample), len(y))), np.zeros(len(s.at_sample))
     acceleration = np.zeros(len(s.at_sample))

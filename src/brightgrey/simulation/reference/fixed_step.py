@@ -17,7 +17,7 @@ from numba import njit
 
 from brightgrey.simulation.reference.plant import Array, Plant, Segments, Trajectory, difference
 
-__all__ = ["Fixed", "solve_fixed_step"]
+__all__ = ["FixedStepSolution", "solve_fixed_step"]
 
 # Modes of the shaft with backlash. STIFF stands for no backlash, or a gap of no width.
 STIFF, FRONT, BACK, GAP = 0, 1, 2, 3
@@ -28,13 +28,13 @@ COARSEST, TRUSTED, FINEST = 8e-6, 1e-6, 5e-8  # steps in s
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def _compiled(function: F) -> F:
+def _compile_cached(function: F) -> F:
     """Compile and keep on disk: nothing here depends on another file, so the cache cannot go stale."""
     return cast(F, njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))
 
 
 @dataclass(frozen=True)
-class Fixed:
+class FixedStepSolution:
     """Solution at the finest step.
 
     Attributes
@@ -66,8 +66,8 @@ def _pack(plant: Plant) -> Array:
     return p
 
 
-@_compiled
-def _slope(x: Array, mode: int, u: float, p: Array, out: Array) -> None:
+@_compile_cached
+def _state_rates(x: Array, mode: int, u: float, p: Array, out: Array) -> None:
     """Newton's law for every mass; x = (q, v, T), p as packed by :func:`_pack`."""
     n = int(p[0])
     v1 = x[n]
@@ -90,25 +90,25 @@ def _slope(x: Array, mode: int, u: float, p: Array, out: Array) -> None:
         torque = shaft
 
 
-@_compiled
+@_compile_cached
 def _rk4(x: Array, mode: int, h: float, u: float, du: float, p: Array, w: Array, out: Array) -> None:
     """One step of length h from x to out; the input is u + du t. `w` is room for slopes."""
     m = len(x)
-    _slope(x, mode, u, p, w[0])
+    _state_rates(x, mode, u, p, w[0])
     for i in range(m):
         w[4, i] = x[i] + 0.5 * h * w[0, i]
-    _slope(w[4], mode, u + 0.5 * h * du, p, w[1])
+    _state_rates(w[4], mode, u + 0.5 * h * du, p, w[1])
     for i in range(m):
         w[4, i] = x[i] + 0.5 * h * w[1, i]
-    _slope(w[4], mode, u + 0.5 * h * du, p, w[2])
+    _state_rates(w[4], mode, u + 0.5 * h * du, p, w[2])
     for i in range(m):
         w[4, i] = x[i] + h * w[2, i]
-    _slope(w[4], mode, u + h * du, p, w[3])
+    _state_rates(w[4], mode, u + h * du, p, w[3])
     for i in range(m):
         out[i] = x[i] + h / 6.0 * (w[0, i] + 2.0 * (w[1, i] + w[2, i]) + w[3, i])
 
 
-@_compiled
+@_compile_cached
 def _guard(x: Array, mode: int, gap: float, p: Array) -> float:
     """Not negative while the mode lasts: torque in contact, distance to the nearer side in the gap."""
     n = int(p[0])
@@ -120,8 +120,8 @@ def _guard(x: Array, mode: int, gap: float, p: Array) -> float:
     return min(-gap, float(gap + p[8]))
 
 
-@_compiled
-def _moved(x: Array, out: Array, mode: int, gap: float, tau: float, t: float, p: Array) -> float:
+@_compile_cached
+def _gap_after(x: Array, out: Array, mode: int, gap: float, tau: float, t: float, p: Array) -> float:
     """Lambda after a step of length t from x to out: in the gap it follows the twist less what tau relaxes.
 
     Written as a change, so that a side that has just been left is left by not even a rounding error.
@@ -131,7 +131,7 @@ def _moved(x: Array, out: Array, mode: int, gap: float, tau: float, t: float, p:
     return float(gap + ((out[0] - out[1]) - (x[0] - x[1])) - tau * math.expm1(-p[14] / p[17] * t))
 
 
-@_compiled
+@_compile_cached
 def _until(
     x: Array,
     mode: int,
@@ -146,7 +146,7 @@ def _until(
 ) -> float:
     """Time in [0, h] at which the guard passes zero (Illinois rule), with the state of that time in `out`."""
     a, ga = 0.0, _guard(x, mode, gap, p)
-    b, gb = h, _guard(out, mode, _moved(x, out, mode, gap, tau, h, p), p)
+    b, gb = h, _guard(out, mode, _gap_after(x, out, mode, gap, tau, h, p), p)
     if ga <= 0.0:
         out[:] = x
         return 0.0
@@ -156,7 +156,7 @@ def _until(
         if not a < t < b:
             t = 0.5 * (a + b)
         _rk4(x, mode, t, u, du, p, w, out)
-        g = _guard(out, mode, _moved(x, out, mode, gap, tau, t, p), p)
+        g = _guard(out, mode, _gap_after(x, out, mode, gap, tau, t, p), p)
         if g <= 0.0:
             b, gb = t, g
             ga *= 0.5 if last == 1 else 1.0
@@ -171,8 +171,8 @@ def _until(
     return b
 
 
-@_compiled
-def _run(
+@_compile_cached
+def _run_pieces(
     x: Array,
     mode: int,
     gap: float,
@@ -201,12 +201,12 @@ def _run(
                 left = h - done
                 u = start[piece] + du * (j * h + done)
                 _rk4(x, mode, left, u, du, p, w, out)
-                moved = _moved(x, out, mode, gap, tau, left, p)
+                moved = _gap_after(x, out, mode, gap, tau, left, p)
                 t = left
                 ends = mode != STIFF and attempt < SWITCHES - 1 and _guard(out, mode, moved, p) < 0.0
                 if ends:
                     t = _until(x, mode, gap, tau, left, u, du, p, w, out)
-                    moved = _moved(x, out, mode, gap, tau, t, p)
+                    moved = _gap_after(x, out, mode, gap, tau, t, p)
                 gap = moved
                 if mode == GAP:
                     tau *= math.exp(-p[14] / p[17] * t)
@@ -224,16 +224,16 @@ def _run(
             states[sample[piece]], modes[sample[piece]], gaps[sample[piece]] = x, mode, gap
 
 
-@_compiled
+@_compile_cached
 def _accelerations(states: Array, modes: Any, u: Array, p: Array, acceleration: Array) -> None:
     """Acceleration of mass 1 at every sample, from the right-hand side."""
     out = np.zeros(states.shape[1])
     for k in range(len(states)):
-        _slope(states[k], modes[k], u[k], p, out)
+        _state_rates(states[k], modes[k], u[k], p, out)
         acceleration[k] = out[int(p[0])]
 
 
-def _begin(plant: Plant, x: Array) -> tuple[Array, int, float]:
+def _initial_mode(plant: Plant, x: Array) -> tuple[Array, int, float]:
     """Split the initial state into (q, v, T), mode and lambda."""
     n = plant.masses
     if plant.alpha is None:
@@ -252,12 +252,12 @@ def _begin(plant: Plant, x: Array) -> tuple[Array, int, float]:
 def _integrate(plant: Plant, segments: Segments, x0: Array, step: float) -> Trajectory:
     """One run with the given step."""
     p = _pack(plant)
-    x, mode, gap = _begin(plant, x0)
+    x, mode, gap = _initial_mode(plant, x0)
     samples = len(segments.at_sample)
     states, gaps = np.zeros((samples, len(x))), np.zeros(samples)
     modes = np.zeros(samples, dtype=np.int64)
     s = segments
-    _run(x.copy(), mode, gap, p, s.length, s.start, s.end, s.sample, step, states, modes, gaps)
+    _run_pieces(x.copy(), mode, gap, p, s.length, s.start, s.end, s.sample, step, states, modes, gaps)
     acceleration = np.zeros(samples)
     _accelerations(states, modes, s.at_sample, p, acceleration)
     if plant.alpha is not None:
@@ -265,7 +265,7 @@ def _integrate(plant: Plant, segments: Segments, x0: Array, step: float) -> Traj
     return Trajectory(plant.state_names, states.T, acceleration)
 
 
-def solve_fixed_step(plant: Plant, segments: Segments, x0: Array, tolerance: float) -> Fixed:
+def solve_fixed_step(plant: Plant, segments: Segments, x0: Array, tolerance: float) -> FixedStepSolution:
     """Halve the step until position and velocity of mass 1 change by less than `tolerance` of their peaks.
 
     Ends earlier where halving no longer helps: a system that many impacts make sensitive keeps the rounding
@@ -279,5 +279,5 @@ def solve_fixed_step(plant: Plant, segments: Segments, x0: Array, tolerance: flo
         change = max(difference(kind, fine, coarse) for kind in ("position", "velocity"))
         settled = step <= TRUSTED and change > 0.3 * before
         if change <= tolerance or settled or step <= FINEST:
-            return Fixed(fine, change, step)
+            return FixedStepSolution(fine, change, step)
         coarse, before = fine, change

@@ -119,7 +119,7 @@ class Plant:
         symbols = [f"J{i + 1}" for i in range(n)]
         symbols += [f"{s}{k + 1}" for s in "cd" for k in range(n - 1)]
         symbols += [p for name in names for p in _PARAMETERS.get(name, ())]
-        _check(structure, symbols, values, f_tanh)
+        _check_values(structure, symbols, values, f_tanh)
         has = set(symbols)
         if "alpha" in has and not values["d1"] > 0.0:
             raise SettingsError("d1 must be positive with backlash: the gap relaxes with c/d")
@@ -157,7 +157,7 @@ class Plant:
         return x
 
 
-def _check(structure: str, symbols: list[str], values: Mapping[str, float], f_tanh: float) -> None:
+def _check_values(structure: str, symbols: list[str], values: Mapping[str, float], f_tanh: float) -> None:
     """Names complete and known, values physical."""
     for symbol in values:
         if symbol not in symbols:

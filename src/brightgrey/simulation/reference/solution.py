@@ -163,7 +163,7 @@ def compare_solvers(
     return SolverAgreement(y, apart, growth, chaotic, solution.step)
 
 
-def _fixed(plant: Plant, u: Array, dt: float, x0: Array | None, hold: Hold) -> fixed.Fixed:
+def _fixed(plant: Plant, u: Array, dt: float, x0: Array | None, hold: Hold) -> fixed.FixedStepSolution:
     segments = cut(u, dt, plant.T_d, hold)
     solution = fixed.solve_fixed_step(plant, segments, plant.initial(x0, float(u[0])), _HALVING)
     if not np.all(np.isfinite(solution.trajectory.states)):

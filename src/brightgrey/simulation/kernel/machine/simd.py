@@ -79,7 +79,7 @@ def _is_number(kind: Any) -> bool:
     return bool(kind == lanes or isinstance(kind, types.Float | types.Integer))
 
 
-def _spread(builder: Any, value: Any) -> Any:
+def _broadcast(builder: Any, value: Any) -> Any:
     """Copy a double to all lanes."""
     first = ir.Constant(ir.IntType(32), 0)
     undefined = ir.Constant(_VECTOR, ir.Undefined)
@@ -90,7 +90,7 @@ def _spread(builder: Any, value: Any) -> Any:
 def _as_lanes(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     if kind == lanes:
         return value
-    return _spread(builder, context.cast(builder, value, kind, types.float64))
+    return _broadcast(builder, context.cast(builder, value, kind, types.float64))
 
 
 def _binary(instruction: str) -> Any:

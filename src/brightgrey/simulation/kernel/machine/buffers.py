@@ -1,4 +1,4 @@
-"""Memory of the kernel: tables of systems, room to work in, and the block of addresses that an entry is given."""
+"""Memory of the kernel: tables of systems, working memory, and the block of addresses that an entry is given."""
 
 from __future__ import annotations
 
@@ -11,15 +11,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.simulation.kernel.memory_layout import SERIES_TERMS, Call, PlantRows, Shape, Work, solo_rows, table_rows
-from brightgrey.simulation.kernel.simd import LANES
+from brightgrey.simulation.kernel.machine.memory_layout import (
+    SERIES_TERMS,
+    Call,
+    PlantRows,
+    Shape,
+    Work,
+    column_rows,
+    table_rows,
+)
+from brightgrey.simulation.kernel.machine.simd import LANES
 
 __all__ = ["PlantBuffers", "address", "aligned", "block_for", "plants_for", "work_for"]
 
-_ENTRY = 8  # bytes of a number
+_ENTRY = np.dtype(np.float64).itemsize  # bytes of a number
 _LINE = 64  # bytes of a cache line: a register that lies across two of them takes two accesses
-_PER_CALL = ("law", "channel", "first", "turning", "limited", "outputs")
-_TABLES = tuple(name for name in PlantRows._fields if name not in _PER_CALL)
+_SHARED_FIELDS = ("law", "channel", "first", "turning", "limited", "outputs")
+_FIELDS_BY_LANE = tuple(name for name in PlantRows._fields if name not in _SHARED_FIELDS)
 
 
 class PlantBuffers(NamedTuple):
@@ -32,7 +40,7 @@ class PlantBuffers(NamedTuple):
     stride : int
         Bytes from one batch to the next, of everything that differs by lane.
     memory : tuple of ndarray
-        What the addresses point to.
+        Arrays to which the addresses point.
     """
 
     first: PlantRows
@@ -43,34 +51,34 @@ class PlantBuffers(NamedTuple):
 def plants_for(
     tables: Mapping[str, NDArray[np.float64]], numbers: Mapping[str, Sequence[int]], pick: NDArray[np.int64]
 ) -> PlantBuffers:
-    """Memory that holds the parameter sets `pick`, shape (batches, LANES).
+    """Allocate and fill the memory of the parameter sets `pick`, shape (batches, LANES).
 
     Parameters
     ----------
     tables : mapping of str to ndarray, shape (rows, sets)
-        Fields of `Plant` that differ by lane.
+        Fields of `PlantRows` that differ by lane.
     numbers : mapping of str to sequence of int
-        The others.
+        The other fields.
     pick : int ndarray
     """
-    rows = np.concatenate([tables[name] for name in _TABLES])
+    rows = np.concatenate([tables[name] for name in _FIELDS_BY_LANE])
     lanes = aligned((len(pick), len(rows), LANES))
     lanes[:] = rows[:, pick].transpose(1, 0, 2)
-    whole_numbers = np.array([n for name in _PER_CALL for n in numbers[name]] or [0], np.int64)
+    whole_numbers = np.array([n for name in _SHARED_FIELDS for n in numbers[name]] or [0], np.int64)
     places: dict[str, int] = {}
     place = address(lanes)
-    for name in _TABLES:
+    for name in _FIELDS_BY_LANE:
         places[name] = place
         place += len(tables[name]) * LANES * _ENTRY
     place = address(whole_numbers)
-    for name in _PER_CALL:
+    for name in _SHARED_FIELDS:
         places[name] = place
         place += len(numbers[name]) * _ENTRY
     return PlantBuffers(PlantRows(**places), len(rows) * LANES * _ENTRY, (lanes, whole_numbers))
 
 
 def block_for(shape: Shape, plants: PlantBuffers, work: Work, call: Call) -> NDArray[np.int64]:
-    """Block of one thread. All memory whose addresses it holds has to be kept alive by the caller.
+    """Block of one thread. The caller has to keep alive all memory whose addresses it holds.
 
     Parameters
     ----------
@@ -80,12 +88,12 @@ def block_for(shape: Shape, plants: PlantBuffers, work: Work, call: Call) -> NDA
     call : Call
         Whole numbers and addresses.
     """
-    strides = [plants.stride if name in _TABLES else 0 for name in PlantRows._fields]
+    strides = [plants.stride if name in _FIELDS_BY_LANE else 0 for name in PlantRows._fields]
     return np.array([*shape, *work, *call, *plants.first, *plants.first, *strides], np.int64)
 
 
 def address(array: NDArray[Any]) -> int:
-    """Where the memory of an array begins."""
+    """Address of the first entry of an array."""
     return int(array.__array_interface__["data"][0])
 
 
@@ -99,15 +107,15 @@ def aligned(shape: tuple[int, ...]) -> NDArray[np.float64]:
 
 def work_for(shape: Shape) -> tuple[Work, NDArray[np.float64]]:
     """Zeroed memory for one thread: the addresses in it, and the memory itself."""
-    rows, starts = _places(shape)
+    rows, starts = _work_places(shape)
     memory = aligned((rows, LANES))
     begin = address(memory)
     return Work(*(begin + start for start in starts)), memory
 
 
 @lru_cache(maxsize=256)
-def _places(shape: Shape) -> tuple[int, tuple[int, ...]]:
-    """Rows that a thread's memory takes, and at which byte of it each field begins."""
+def _work_places(shape: Shape) -> tuple[int, tuple[int, ...]]:
+    """Rows of a thread's memory, and the byte at which each field begins."""
     n, m, b = shape.n, shape.channels, shape.limits
     modes, levels = 2**b, shape.ticks + 1
     table, pieces = int(table_rows(shape)), 2**shape.ticks
@@ -131,13 +139,13 @@ def _places(shape: Shape) -> tuple[int, tuple[int, ...]]:
         z2=m,
         M=4 * m * m,
         rhs=2 * m,
-        event=b,
-        ahead=b * shape.points,
+        watched=b,
+        inner_watched=b * shape.points,
         error=1,
-        spent=1,
+        squares=1,
         drive=3,
         plan=-(-pieces // LANES),
-        begin=1,
+        first_level=1,
         point=1,
         system=n + 2,
         series=SERIES_TERMS,
@@ -145,10 +153,10 @@ def _places(shape: Shape) -> tuple[int, tuple[int, ...]]:
         fading=2,
         scratch=5 * n + 3,
         build=6 * propagator,
-        look=2 * (n + 3 + 2 * m),
-        solo=modes * levels * LANES * (n + 4 + 2 * m) * int(solo_rows(shape)),
-        copied=modes * levels,
-        rows=int(solo_rows(shape)),
+        watched_weights=2 * (n + 3 + 2 * m),
+        lane_columns=modes * levels * LANES * (n + 4 + 2 * m) * int(column_rows(shape)),
+        columns_current=modes * levels,
+        column=int(column_rows(shape)),
         coupled=4 * m * m,
     )
     starts = accumulate(rows, initial=0)

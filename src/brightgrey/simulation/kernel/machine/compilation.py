@@ -1,11 +1,11 @@
-"""How the kernel is compiled: one place for numba's options and for a disk cache that cannot go stale.
+"""Compilation of the kernel: numba's options, and a disk cache that cannot go stale.
 
-numba's cache looks at the file of the compiled function only. A changed law stands in another file, so the
-cache's folder is named by a hash of every source file the kernel is made of.
+numba's own cache only looks at the file of the compiled function, but a changed law stands in another file. The
+folder of the cache is therefore named by a hash of every source file of the kernel and of the effects.
 
 The kernel is cut into a few entries that call each other by address. A function that calls another one directly
-takes over its machine code and optimises it once more, at every level of calls: a third of the compile time was
-spent a second time and more on the same code.
+takes over its machine code and optimises it once more, at every level of calls. Without the cut, a third of the
+compile time went into code that had been compiled before.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numba
 import numba.core.config
 from numba.core import types
 
-__all__ = ["Entry", "cached", "inlined", "inner"]
+__all__ = ["Entry", "cache_folder", "cached", "inlined", "inner"]
 
 _CONFIG: Any = numba.core.config
 _OPTIONS: dict[str, Any] = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
@@ -33,14 +33,19 @@ inner: Callable[[Callable[..., Any]], Any] = numba.njit(**_OPTIONS)
 """Compile a function that only compiled functions call."""
 
 inlined: Callable[[Callable[..., Any]], Any] = numba.njit(**_OPTIONS, forceinline=True)
-"""As `inner`, merged into its caller: for what runs at every step, where passing the names of all tables on the
-stack would cost as much as the arithmetic."""
+"""As `inner`, but merged into its caller. For functions that run at every step, where passing the addresses of all
+tables on the stack would cost as much as the arithmetic."""
 
 
 @cache
-def cache_folder() -> Path:
-    """Folder of the disk cache, named by the kernel's and all effects' sources."""
-    package = Path(__file__).parents[2]
+def cache_folder(package: Path = Path(__file__).parents[3]) -> Path:
+    """Folder of the disk cache, named by a hash of all source files of the effects and of the kernel.
+
+    Parameters
+    ----------
+    package : Path
+        Folder of the package whose sources are hashed.
+    """
     digest = hashlib.sha256(numba.__version__.encode())
     for room in ("effects", "simulation/kernel"):
         for file in sorted((package / room).rglob("*.py")):
@@ -52,7 +57,7 @@ def cache_folder() -> Path:
 
 @contextmanager
 def _folder_set() -> Iterator[None]:
-    """Make numba write to our folder: it takes the folder from its configuration at decoration, and nowhere else."""
+    """Make numba write to our folder, which it reads from its configuration only when a function is decorated."""
     folder = cache_folder()
     folder.mkdir(parents=True, exist_ok=True)
     with _LOCK:
@@ -74,7 +79,7 @@ def cached(function: Callable[..., Any]) -> Any:
 
 
 class Entry:
-    """Decorator for a function of whole numbers, ``(block, ...) -> None``, that compiled code calls by its address."""
+    """Decorator for a function of integers, ``(block, ...) -> None``, that compiled code calls by its address."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function

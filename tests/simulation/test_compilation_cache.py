@@ -1,0 +1,49 @@
+"""The disk cache of the kernel is named by every source file that it is compiled from."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+import brightgrey
+from brightgrey.simulation.kernel.machine.compilation import cache_folder
+
+ROOMS = ("effects", "simulation/kernel")
+
+
+@pytest.fixture
+def package(tmp_path):
+    """Copy of the sources that are hashed."""
+    for room in ROOMS:
+        shutil.copytree(Path(brightgrey.__file__).parent / room, tmp_path / "brightgrey" / room)
+    return tmp_path / "brightgrey"
+
+
+def changed_name(package, file):
+    """Name of the cache folder while `file` of the package has one more comment."""
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text + "# changed\n", encoding="utf-8")
+    cache_folder.cache_clear()
+    name = cache_folder(package).name
+    file.write_text(text, encoding="utf-8")
+    cache_folder.cache_clear()
+    return name
+
+
+def test_cache_folder__copy_of_the_sources__has_the_same_name(package):
+    assert cache_folder(package).name == cache_folder().name
+
+
+def test_cache_folder__any_file_of_effects_or_kernel_changed__has_another_name(package):
+    files = sorted(file for room in ROOMS for file in (package / room).rglob("*.py"))
+    folders = {str(file.relative_to(package).parent) for file in files}
+    assert folders >= {"effects", "effects/library", "simulation/kernel", "simulation/kernel/machine"}
+    names = [changed_name(package, file) for file in files]
+    assert len({cache_folder(package).name, *names}) == len(files) + 1
+
+
+def test_cache_folder__new_effect__has_another_name(package):
+    before = cache_folder(package).name
+    (package / "effects" / "library" / "drag.py").write_text("EFFECT = None\n", encoding="utf-8")
+    cache_folder.cache_clear()
+    assert cache_folder(package).name != before
