@@ -35,7 +35,6 @@ from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.paper.experiment import reference_recording, task_of
 from brightgrey.paper.repetitions import (
     RunSummary,
-    genetic_search,
     repetitions_csv,
     summarise_run,
     summary,
@@ -43,7 +42,7 @@ from brightgrey.paper.repetitions import (
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.criteria import Misfit, criterion
 from brightgrey.search.fits import Fits
-from brightgrey.search.genetic import estimator, evolve
+from brightgrey.search.genetic import estimator, evolve, genetic_search
 from brightgrey.search.genetic.job_evaluator import JobEvaluator
 from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
 from brightgrey.search.genetic.settings import PAPER_SETTINGS, PROBABILITIES, TUNED_SETTINGS

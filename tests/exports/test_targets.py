@@ -19,7 +19,7 @@ from brightgrey.exports import external_tools as tools
 from brightgrey.exports.numeric_model import numeric_model
 from brightgrey.exports.registry import EXPORTS, export, exporter
 from brightgrey.exports.targets import modelica
-from brightgrey.exports.verification import compare, deviation, native, verification_of, verification_run
+from brightgrey.exports.verification import compare_with_native, deviation, native, verification_of, verification_run
 from brightgrey.model.files import write_files
 from brightgrey.recordings import Recording
 from brightgrey.simulation.plain import plain_response
@@ -278,7 +278,7 @@ def test_missing_package_is_said(tmp_path, monkeypatch):
     target, numeric = exporter("control"), numeric_model(drawn("one_mass+coulomb", 1))
     run = verification_of(numeric)
     monkeypatch.setattr(tools.importlib, "import_module", absent)
-    compared = compare(tmp_path, numeric, run, target.verify, target.tolerance)
+    compared = compare_with_native(tmp_path, numeric, run, target.verify, target.tolerance)
     assert compared.text == "not verified: control is not installed (pip install 'brightgrey[control]')"
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from brightgrey.model.criterion import bic
+from brightgrey.model.criterion import bic_of_traces
 from brightgrey.model.ranking import Row, front, ranking_csv
 from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Signal
@@ -72,21 +72,21 @@ def test_front_by_its_definition(pairs):
 def test_bic_of_white_residuals_is_its_formula():
     residual = np.random.default_rng(1).normal(size=500)
     expected = 500 * np.log(np.mean(residual**2)) + 3 * np.log(500)
-    assert bic([trace(residual)], 3, [1e-9]) == pytest.approx(expected, rel=1e-12)
+    assert bic_of_traces([trace(residual)], 3, [1e-9]) == pytest.approx(expected, rel=1e-12)
 
 
 def test_bic_pays_for_a_parameter_that_explains_nothing():
     residual = np.random.default_rng(1).normal(size=500)
-    assert bic([trace(residual)], 4, [1e-9]) > bic([trace(residual)], 3, [1e-9])
+    assert bic_of_traces([trace(residual)], 4, [1e-9]) > bic_of_traces([trace(residual)], 3, [1e-9])
 
 
 def test_perfect_fit_has_the_resolution_as_floor():
-    assert bic([trace(np.zeros(100))], 0, [0.1]) == pytest.approx(100 * np.log(0.1**2 / 12), rel=1e-12)
+    assert bic_of_traces([trace(np.zeros(100))], 0, [0.1]) == pytest.approx(100 * np.log(0.1**2 / 12), rel=1e-12)
 
 
 def test_diverged_simulation_has_no_criterion_and_no_fit():
     residual = np.append(np.zeros(50), np.nan)
-    assert bic([trace(residual)], 1, [0.1]) is None
+    assert bic_of_traces([trace(residual)], 1, [0.1]) is None
     fit = pooled_fit([trace(residual)])["n, filtered"]
     assert (fit.rss, fit.rmse, fit.fit_percent) == (None, None, None)
 

@@ -14,10 +14,10 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Placed
 from brightgrey.paper.assumed import ASSUMED
 from brightgrey.paper.experiment import assumed_bounds, first_appearance, recovery_verdict, reference_recording, task_of
-from brightgrey.paper.repetitions import RunSummary, genetic_search, summarise_run, summary, wilson_interval
+from brightgrey.paper.repetitions import RunSummary, summarise_run, summary, wilson_interval
 from brightgrey.recordings import Recording, Signal
 from brightgrey.search import IdentificationTask
-from brightgrey.search.genetic import GeneticSettings, LeastSquares, PatternSearch, history_csv
+from brightgrey.search.genetic import GeneticSettings, LeastSquares, PatternSearch, genetic_search, history_csv
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 from support.genetic_runs import search_with
@@ -100,8 +100,7 @@ PROGRAM = """
 import sys
 sys.path.insert(0, {folder!r})
 from test_task import SHORT, small_task
-from brightgrey.search.genetic import history_csv
-from brightgrey.paper.repetitions import genetic_search
+from brightgrey.search.genetic import genetic_search, history_csv
 sys.stdout.write(history_csv(genetic_search(small_task(), SHORT, 11, workers=2)))
 """
 

@@ -19,7 +19,7 @@ from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.optimisation.pattern_fit import check_estimator
 from brightgrey.estimation.problem.initial_state import check_initial
 from brightgrey.kit import Structure, function_set
-from brightgrey.model.criterion import bic
+from brightgrey.model.criterion import bic_of_traces
 from brightgrey.model.from_fit import model_of
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
@@ -204,7 +204,7 @@ def _result(
     """Put the model, its place in the ranking and the notes together."""
     free = len(fit.structure.parameters) - len(constants)
     steps = np.max([r.resolution for r in several], axis=0) * [s.factor for s in several[0].outputs]
-    value = bic(train, free, steps.tolist())
+    value = bic_of_traces(train, free, steps.tolist())
     fits = pooled_fit(train)
     criterion = None if value is None else CriterionPart(name="BIC", value=value)
     model = model_of(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from brightgrey.errors import one_of
 from brightgrey.exports.numeric_model import NumericModel, numeric_model
-from brightgrey.exports.verification import Verify, compare, verification_of
+from brightgrey.exports.verification import Verify, compare_with_native, verification_of
 from brightgrey.model.files import check_folder, write_files
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
@@ -122,6 +122,6 @@ def export(model: Model, to: str, folder: str | Path, recording: Recording | Non
     with tempfile.TemporaryDirectory(prefix="brightgrey-") as place:
         work = Path(place)
         write_files(work, files)
-        compared = compare(work, numeric, run, target.verify, target.tolerance)
+        compared = compare_with_native(work, numeric, run, target.verify, target.tolerance)
     write_files(path, files)
     return Export(to, tuple(path / name for name in files), *compared)

@@ -8,7 +8,7 @@ from importlib.resources import files
 from brightgrey.exports.expressions.languages import number_literal
 from brightgrey.exports.numeric_model import NumericModel
 
-__all__ = ["NAME", "fill", "header_words", "signal_names", "template"]
+__all__ = ["NAME", "fill_words", "header_words", "signal_names", "template"]
 
 NAME = "drive"
 """Name of the exported model, and so of its files and functions."""
@@ -19,7 +19,7 @@ def template(name: str) -> str:
     return files("brightgrey.exports").joinpath("templates", name).read_text(encoding="utf-8")
 
 
-def fill(text: str, words: Mapping[str, str]) -> str:
+def fill_words(text: str, words: Mapping[str, str]) -> str:
     """Put `words` where the text has ``@word@``."""
     for word, meaning in words.items():
         text = text.replace(f"@{word}@", meaning)

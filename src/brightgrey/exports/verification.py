@@ -23,7 +23,7 @@ __all__ = [
     "VerificationRun",
     "Verified",
     "Verify",
-    "compare",
+    "compare_with_native",
     "deviation",
     "native",
     "verification_of",
@@ -102,7 +102,7 @@ Verify = Callable[[Path, NumericModel, VerificationRun], Verified]
 
 
 class Comparison(NamedTuple):
-    """Result of :func:`compare`.
+    """Result of :func:`compare_with_native`.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ def deviation(y: Array, other: Array) -> float:
     return worst if np.isfinite(worst) else float("inf")
 
 
-def compare(
+def compare_with_native(
     folder: Path,
     numeric: NumericModel,
     run: VerificationRun,

@@ -6,11 +6,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import Literal
 
 from brightgrey.effects import Effect, Parameter, Scales, registry
 from brightgrey.errors import StructureError, unknown_name
 
-__all__ = ["Placed", "Structure"]
+__all__ = ["Placed", "Structure", "Verdict"]
+
+Verdict = Literal["needed", "not needed", "not decidable"]
+"""Verdict of a search on an effect."""
 
 
 @dataclass(frozen=True)

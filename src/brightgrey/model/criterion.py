@@ -1,4 +1,4 @@
-"""What models of the same recordings are compared by."""
+"""Information criterion of a model, from its residuals on the recordings."""
 
 from __future__ import annotations
 
@@ -7,27 +7,26 @@ from collections.abc import Sequence
 import numpy as np
 
 from brightgrey.model.trace import Trace
+from brightgrey.search.criteria import bic
 
-__all__ = ["bic"]
+__all__ = ["bic_of_traces"]
 
 
-def bic(traces: Sequence[Trace], n_parameters: int, resolution: Sequence[float]) -> float | None:
-    """Bayesian information criterion (Schwarz 1978, doi:10.1214/aos/1176344136), smaller is better.
+def bic_of_traces(traces: Sequence[Trace], n_parameters: int, resolution: Sequence[float]) -> float | None:
+    """Bayesian information criterion, smaller is better, see :func:`brightgrey.search.criteria.bic`.
 
-    ``sum over outputs of n ln(RSS/n) + d ln(N)`` for noise whose size is unknown and different for each
-    output; n samples per output, N in all, d parameters. It takes the residuals as white; simulation errors
-    seldom are, and then it favours too many parameters. The outputs' units shift it by a constant: compare it
-    only between models of the same recordings.
+    It takes the residuals as white. Simulation errors seldom are, and then it favours too many parameters. The units of
+    the outputs shift it by a constant: compare it only between models of the same recordings.
 
     Parameters
     ----------
     traces : sequence of Trace
-        The recordings the model was identified from.
+        Recordings that the model was identified from.
     n_parameters : int
-        Number of estimated parameters d.
+        Number of estimated parameters.
     resolution : sequence of float
-        Smallest step of each output in its unit. RSS counts as no less than that of rounding to it, step²/12
-        per sample, so that a perfect fit does not end in -inf.
+        Smallest step of each output in its unit. The residual sum of squares counts as no less than that of rounding to
+        this step, step²/12 per sample, so that a perfect fit does not end in -inf.
 
     Returns
     -------
@@ -35,10 +34,7 @@ def bic(traces: Sequence[Trace], n_parameters: int, resolution: Sequence[float])
         None if a simulation diverged.
     """
     samples = sum(trace.t.size for trace in traces)
-    total = 0.0
-    for row, step in enumerate(resolution):
-        mean_square = sum(float(np.sum(trace.residual[row] ** 2)) for trace in traces) / samples
-        total += samples * float(np.log(max(mean_square, step**2 / 12.0)))
-    if not np.isfinite(total):
-        return None
-    return total + n_parameters * float(np.log(samples * len(resolution)))
+    rss = [sum(float(np.sum(trace.residual[row] ** 2)) for trace in traces) for row in range(len(resolution))]
+    floored = [max(one, samples * step**2 / 12.0) for one, step in zip(rss, resolution, strict=True)]
+    value = bic(floored, samples, n_parameters)
+    return value if np.isfinite(value) else None

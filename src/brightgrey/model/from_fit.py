@@ -1,4 +1,4 @@
-"""From a fit, which is in SI, to the model that people keep, which is in their recording's units."""
+"""Conversion of a fit, which is in SI, to a model, which is in the recording's units."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def model_of(
     fit : Fit
         In SI units.
     recordings : sequence of Recording
-        What was fitted; the first one's units are the model's.
+        Recordings that were fitted; the first one's units are the model's.
     train, test : mapping of str to OutputFitPart
         Fit by output name, in the outputs' units.
     criterion : CriterionPart or None
@@ -75,11 +75,11 @@ def model_of(
         schema=SCHEMA,
         structure=fit.structure.names,
         parameters={
-            name: _parameter(fit.estimates[name], asked.get(name), *units.of(parameter.dimension))
+            name: _parameter_part(fit.estimates[name], asked.get(name), *units.of(parameter.dimension))
             for name, parameter in declared.items()
         },
-        signals=_signals(recordings[0]),
-        settings=_settings(fit, recordings[0], factors, fixed),
+        signals=_signal_parts(recordings[0]),
+        settings=_settings_part(fit, recordings[0], factors, fixed),
         initial_state=_initial_states(fit, recordings, units),
         fit=FitPart(train=train, test=test),
         criterion=criterion,
@@ -108,8 +108,8 @@ def _profile(found: Profile, factor: float) -> ProfilePart:
     return ProfilePart(ci95=(low, high), quadratic=found.quadratic, text=found.text)
 
 
-def _parameter(estimate: Estimate, profile: Profile | None, unit: str, factor: float) -> ParameterPart:
-    """One estimate in shown units; what is not finite cannot be said."""
+def _parameter_part(estimate: Estimate, profile: Profile | None, unit: str, factor: float) -> ParameterPart:
+    """One estimate in shown units; numbers that are not finite become None."""
     low, high = (factor * limit for limit in estimate.ci95)
     std = factor * estimate.std
     return ParameterPart(
@@ -123,7 +123,7 @@ def _parameter(estimate: Estimate, profile: Profile | None, unit: str, factor: f
     )
 
 
-def _signals(recording: Recording) -> tuple[SignalPart, ...]:
+def _signal_parts(recording: Recording) -> tuple[SignalPart, ...]:
     return tuple(
         SignalPart(
             name=signal.name,
@@ -137,7 +137,9 @@ def _signals(recording: Recording) -> tuple[SignalPart, ...]:
     )
 
 
-def _settings(fit: Fit, recording: Recording, factors: Mapping[str, float], fixed: Mapping[str, float]) -> SettingsPart:
+def _settings_part(
+    fit: Fit, recording: Recording, factors: Mapping[str, float], fixed: Mapping[str, float]
+) -> SettingsPart:
     speed_unit, speed = recording.units.of(SPEED)
     gain_unit, gain = recording.units.of(PER_SPEED)
     s = fit.settings
@@ -153,7 +155,7 @@ def _settings(fit: Fit, recording: Recording, factors: Mapping[str, float], fixe
         bounds={
             name: (factors[name] * low, factors[name] * high)
             for name, (low, high) in fit.bounds.items()
-            if name in factors and name not in fixed  # beginnings that were estimated are no parameters
+            if name in factors and name not in fixed  # initial states that were estimated are no parameters
         },
         fixed={name: factors[name] * value for name, value in fixed.items()},
     )

@@ -14,6 +14,7 @@ from pydantic import ConfigDict, Field, ValidationError
 from brightgrey.effects import PER_SPEED, SPEED, Element
 from brightgrey.errors import BrightgreyError, SettingsError, nearest, unknown_name
 from brightgrey.kit import Placed, Structure, function_set
+from brightgrey.kit.structure import Verdict
 from brightgrey.model.files import write_file
 from brightgrey.model.schema import (
     CriterionPart,
@@ -25,7 +26,6 @@ from brightgrey.model.schema import (
     SettingsPart,
     SignalPart,
     TiesPart,
-    Verdict,
 )
 from brightgrey.notebook_html import table
 from brightgrey.recordings import Signal
@@ -63,7 +63,7 @@ class Model(Part):
 
     @cached_property
     def structure(self) -> Structure:
-        """Which effects are in the model, and where."""
+        """Effects of the model with their places."""
         return Structure.of(self.effects)
 
     @cached_property
@@ -74,12 +74,12 @@ class Model(Part):
     @property
     def input(self) -> Signal:
         """The input column, as the recording was read."""
-        return _signal(self.signals[0])
+        return _signal_of(self.signals[0])
 
     @property
     def outputs(self) -> tuple[Signal, ...]:
         """The output columns, as the recording was read."""
-        return tuple(_signal(part) for part in self.signals[1:])
+        return tuple(_signal_of(part) for part in self.signals[1:])
 
     def placed(self, element: Element) -> Placed:
         """Placed effect that an element of the assembled model belongs to."""
@@ -107,11 +107,11 @@ class Model(Part):
     def _repr_html_(self) -> str:
         rows = []
         for name, part in self.parameters.items():
-            spread = "" if part.std is None else f"{part.std:.2g}"
+            deviation = "" if part.std is None else f"{part.std:.2g}"
             bound = "" if part.at_bound is None else f"at its {part.at_bound} bound"
             fixed = "fixed" if name in self.settings.fixed else bound
             about = self.structure.parameters[name].about
-            rows.append((name, f"{part.value:.5g}", spread, part.unit, fixed, about))
+            rows.append((name, f"{part.value:.5g}", deviation, part.unit, fixed, about))
         fits = [
             (name, *("" if value is None else f"{value:.5g}" for value in (fit.fit_percent, fit.rmse)))
             for name, fit in self.fit.train.items()
@@ -137,7 +137,7 @@ class Model(Part):
         Raises
         ------
         SettingsError
-            With the first field that is missing, unknown or wrong.
+            If a field is missing, unknown or wrong; the message names the first such field.
         """
         if not isinstance(data, dict):
             raise SettingsError(f"a JSON object is wanted, this is a {type(data).__name__}")
@@ -196,12 +196,12 @@ def load_model(path: str | Path) -> Model:
         raise SettingsError(f"model file '{path}': {error}") from None
 
 
-def _signal(part: SignalPart) -> Signal:
+def _signal_of(part: SignalPart) -> Signal:
     return Signal(name=part.name, kind=part.kind, unit=part.unit, gain=part.gain, unit_given=True)
 
 
 def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a number; null is written where nothing can be said")
+    raise ValueError(f"{name} is not a number; write null for a number that is not known")
 
 
 def _first_problem(error: ValidationError, cls: type[Part]) -> str:
@@ -222,7 +222,7 @@ def _first_problem(error: ValidationError, cls: type[Part]) -> str:
 
 
 def _check_consistent(model: Model) -> None:
-    """Refuse parts that do not fit each other: structure, parameters, signals and units."""
+    """Refuse parts that contradict each other: structure, parameters, signals and units."""
     try:
         declared = function_set().check(model.structure).parameters
     except BrightgreyError as error:

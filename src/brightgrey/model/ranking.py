@@ -1,4 +1,4 @@
-"""ranking.csv: one row per structure tried, best first; and which of them are worth their parameters."""
+"""ranking.csv: one row per structure tried, best first, and the Pareto front among them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["COLUMNS", "Row", "front", "ranking_csv"]
+__all__ = ["RANKING_COLUMNS", "Row", "front", "ranking_csv"]
 
-COLUMNS = ("rank", "structure", "n_parameters", "rss", "fit_percent", "criterion", "tied", "front")
+RANKING_COLUMNS = ("rank", "structure", "n_parameters", "rss", "fit_percent", "criterion", "tied", "front")
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class Row:
     fit_percent : float
         Mean over the outputs.
     criterion : float or None
-        What the rows are sorted by.
+        Value that the rows are sorted by.
     tied : bool
-        The recording cannot tell it from the best.
+        The recording does not distinguish it from the best.
     """
 
     structure: str
@@ -67,7 +67,7 @@ def ranking_csv(rows: Sequence[Row]) -> str:
     """
     text, ahead = io.StringIO(), {id(row) for row in front(rows)}
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow(RANKING_COLUMNS)
     for rank, row in enumerate(rows, 1):
         criterion = "" if row.criterion is None else repr(row.criterion)
         marks = ["true" if mark else "false" for mark in (row.tied, id(row) in ahead)]

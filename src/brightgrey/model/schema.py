@@ -23,11 +23,9 @@ __all__ = [
     "ValuePart",
 ]
 
-Verdict = Literal["needed", "not needed", "not decidable"]
-
 
 class Part(BaseModel):
-    """Frozen, strict about names, and free of NaN: what model.json cannot say is null."""
+    """Base of all parts: frozen, strict about names, and free of NaN; a number that is not known is null."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -48,9 +46,9 @@ class ProfilePart(Part):
 
 
 class ParameterPart(Part):
-    """One parameter; std and ci95 are null where nothing can be said, at_bound is null inside the bounds.
+    """One parameter; std and ci95 are null where they are not known, at_bound is null inside the bounds.
 
-    between_recordings is the standard deviation of what the recordings alone would say; null with one of them.
+    between_recordings is the standard deviation of the estimates from each recording alone; null with one recording.
     profile is null where none was asked for.
     """
 
@@ -75,7 +73,7 @@ class SignalPart(Part):
 
 
 class SettingsPart(Part):
-    """What besides structure, parameters and input is needed to simulate (and to estimate) again.
+    """Settings that simulating and estimating again need beside structure, parameters and input.
 
     f_tanh and speed_scale carry their units beside them; bounds and fixed stand in the parameters' units.
     """
@@ -118,7 +116,7 @@ class FitPart(Part):
 
 
 class CriterionPart(Part):
-    """What structures are ranked by; smaller is better for BIC."""
+    """Criterion that structures are ranked by; smaller is better for BIC."""
 
     name: str
     value: float
@@ -132,7 +130,7 @@ class TiesPart(Part):
 
 
 class FindingPart(Part):
-    """One thing to say about the estimation, and the parameters it is about."""
+    """One finding of the estimation, and the parameters it concerns."""
 
     kind: str
     text: str
@@ -140,7 +138,7 @@ class FindingPart(Part):
 
 
 class OutcomePart(Part):
-    """How the estimation ended: the gravest finding, and all others, the gravest first."""
+    """Outcome of the estimation: the gravest finding, and all others, the gravest first."""
 
     kind: str
     text: str

@@ -18,7 +18,7 @@ __all__ = ["Trace", "pooled_fit"]
 
 @dataclass(frozen=True)
 class Trace:
-    """One recording with what a model makes of its input.
+    """One recording with the simulation of a model under its input.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Trace:
     input : Signal
     outputs : tuple of Signal
     test : bool
-        The model has not seen this recording when it was identified.
+        The recording was not used to identify the model.
     """
 
     name: str
@@ -88,13 +88,13 @@ def pooled_fit(traces: Sequence[Trace]) -> Mapping[str, OutputFitPart]:
     fits = {}
     for row, signal in enumerate(traces[0].outputs):
         rss = sum(float(np.sum(trace.residual[row] ** 2)) for trace in traces)
-        spread = sum(float(np.sum((trace.measured[row] - trace.measured[row].mean()) ** 2)) for trace in traces)
+        variation = sum(float(np.sum((trace.measured[row] - trace.measured[row].mean()) ** 2)) for trace in traces)
         samples = sum(trace.t.size for trace in traces)
-        if np.isfinite(rss) and spread > 0.0:
+        if np.isfinite(rss) and variation > 0.0:
             fit = OutputFitPart(
                 rss=rss,
                 rmse=float(np.sqrt(rss / samples)),
-                fit_percent=float(100.0 * (1.0 - np.sqrt(rss / spread))),
+                fit_percent=float(100.0 * (1.0 - np.sqrt(rss / variation))),
             )
         else:
             fit = OutputFitPart(rss=None, rmse=None, fit_percent=None)

@@ -1,4 +1,4 @@
-"""The paper's experiment (section 4) as a task for a search: reference recording, ranges, and what counts as found."""
+"""The paper's experiment (section 4) as a task for a search: reference recording, ranges, verdict on a result."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def task_of(
 
 
 def recovery_verdict(found: Structure, truth: Structure) -> RecoveryVerdict:
-    """What a found structure is worth: the true one, the true one with redundant extras, or another.
+    """Compare a found structure with the true one: the same, the same with redundant extras, or another.
 
     Extras are further submodels, or more masses.
     """

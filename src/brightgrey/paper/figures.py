@@ -16,13 +16,13 @@ __all__ = ["outputs"]
 
 SIZE = (7.6, 6.4)  # inches
 REFERENCE = "#BBBBBB"
-# Okabe and Ito's palette without yellow; lines that lie on each other are told apart by their dashes, too.
-COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+# Okabe and Ito's palette without yellow; dashes distinguish lines that lie on each other.
+LINE_COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 DASHES = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)), (0, (3, 3)))
 
 
-def outputs(recording: Recording, simulated: Sequence[Array], labels: Sequence[str], until: float | None) -> Figure:
-    """First output of several models over that of the reference, above; what is left between them below.
+def outputs(recording: Recording, simulated: Sequence[Array], labels: Sequence[str], until: float = np.inf) -> Figure:
+    """First output of several models over that of the reference; their distance from the reference below.
 
     Parameters
     ----------
@@ -31,11 +31,11 @@ def outputs(recording: Recording, simulated: Sequence[Array], labels: Sequence[s
         In SI.
     labels : sequence of str
         One per model.
-    until : float, optional
+    until : float
         Last time in s that is drawn.
     """
     signal = recording.outputs[0]
-    shown = recording.t <= (np.inf if until is None else until)
+    shown = recording.t <= until
     t, measured = recording.t[shown], recording.y[0][shown] * signal.factor
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout="constrained")
@@ -43,7 +43,7 @@ def outputs(recording: Recording, simulated: Sequence[Array], labels: Sequence[s
         top.plot(*thin(t, measured), color=REFERENCE, linewidth=4.5, label="reference")
         for number, (y, label) in enumerate(zip(simulated, labels, strict=True)):
             style = {
-                "color": COLOURS[number % len(COLOURS)],
+                "color": LINE_COLOURS[number % len(LINE_COLOURS)],
                 "linestyle": DASHES[number % len(DASHES)],
                 "linewidth": 1.1,
             }

@@ -1,34 +1,24 @@
-"""The same search with many seeds, and what comes of it."""
+"""Repetitions of a genetic search with many seeds, and the rates at which it finds the true structure."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
-from brightgrey.kit import PAPER, Grammar, Structure
+from brightgrey.kit import Structure
 from brightgrey.paper.experiment import RecoveryVerdict, first_appearance, recovery_verdict
-from brightgrey.search.criteria import criterion
-from brightgrey.search.genetic.engine import Evaluator, evolve
-from brightgrey.search.genetic.estimators import estimator
-from brightgrey.search.genetic.evaluation import Estimator
-from brightgrey.search.genetic.history import Progress, Run
-from brightgrey.search.genetic.job_evaluator import JobEvaluator
-from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
-from brightgrey.search.genetic.settings import GeneticSettings
-from brightgrey.search.parallel import thread_pool
-from brightgrey.search.task import IdentificationTask
+from brightgrey.search.genetic.history import Run
 
-__all__ = ["RunSummary", "Summary", "genetic_search", "repetitions_csv", "summarise_run", "summary", "wilson_interval"]
+__all__ = ["RunSummary", "Summary", "repetitions_csv", "summarise_run", "summary", "wilson_interval"]
 
 
 @dataclass(frozen=True)
 class RunSummary:
-    """One search for a known truth.
+    """Result of one search whose true structure is known.
 
     Attributes
     ----------
@@ -36,11 +26,12 @@ class RunSummary:
     best, last : str
         Best structure of all generations, and of the last one.
     best_verdict, last_verdict : str
-        See :func:`brightgrey.paper.experiment.verdict`.
+        See :func:`brightgrey.paper.experiment.recovery_verdict`.
     first : int or None
         Generation in which the true structure first is in the population.
     simulations, passes, identifications : int
-        Parameter sets that were simulated; the same, each counted by its share of the recordings' samples.
+        Parameter sets that were simulated; the same, each counted by its share of the recordings' samples;
+        structures that were identified.
     generations : str
         Best structure of each generation, separated by spaces.
     """
@@ -59,7 +50,7 @@ class RunSummary:
 
 @dataclass(frozen=True)
 class Summary:
-    """Of several repetitions.
+    """Rates and medians over several repetitions.
 
     Attributes
     ----------
@@ -71,9 +62,9 @@ class Summary:
     last_true : int
         Best individual of the last generation has the true structure.
     seen : int
-        The true structure was in some population, or identified beside one.
+        Runs in which the true structure was identified in any generation.
     first : float or None
-        Median generation in which it first was; None if it was not in at least half of the runs.
+        Median of the generation in which it first appeared; None if it did in fewer than half of the runs.
     simulations, passes : float
         Medians.
     """
@@ -90,51 +81,8 @@ class Summary:
     passes: float
 
 
-def genetic_search(
-    task: IdentificationTask,
-    settings: GeneticSettings,
-    seed: int,
-    *,
-    workers: int = 1,
-    executor: Executor | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    identify: Estimator | None = None,
-    grammar: Grammar = PAPER,
-) -> Run:
-    """Search once on `task` by genetic programming.
-
-    Parameters
-    ----------
-    task : IdentificationTask
-    settings : GeneticSettings
-    seed : int
-    workers : int
-        Threads, if there is no executor.
-    executor : concurrent.futures.Executor, optional
-        Makes the identifications; the result does not depend on it.
-    progress : callable, optional
-        Called after every generation.
-    identify : Estimator, optional
-        Replaces the estimator of `settings`.
-    grammar : Grammar
-    """
-    judge = criterion(settings.criterion, settings.k_p)
-    with thread_pool(executor, workers) as pool:
-        evaluator: Evaluator
-        if settings.start_from == "neighbours":
-            structures, last = tuple(grammar.structures()), settings.generations
-            evaluator = LatticeEvaluator(
-                task, structures, pool, judge, options=settings.options, seed=seed, generations=last
-            )
-        else:
-            chosen = identify or estimator(settings.estimator, task, settings.iterations, settings.stall_polls)
-            start = task.default_start if settings.start_from == "standard" else None
-            evaluator = JobEvaluator(chosen, pool, judge, start)
-        return evolve(evaluator, task.draw, settings, grammar=grammar, seed=seed, progress=progress)
-
-
 def summarise_run(done: Run, truth: Structure, seed: int) -> RunSummary:
-    """What a search for `truth` came to."""
+    """Summary of a search for the structure `truth`."""
     per_generation = [done.best_of(g).job.structure for g in range(done.generations)]
     best = done.best.job.structure
     return RunSummary(
@@ -152,7 +100,7 @@ def summarise_run(done: Run, truth: Structure, seed: int) -> RunSummary:
 
 
 def summary(repetitions: Sequence[RunSummary]) -> Summary:
-    """Rates over `repetitions`, at least one."""
+    """Rates over at least one repetition."""
     n = len(repetitions)
     true = sum(r.best_verdict == "true" for r in repetitions)
     extras = sum(r.best_verdict == "true with extras" for r in repetitions)
@@ -172,7 +120,14 @@ def summary(repetitions: Sequence[RunSummary]) -> Summary:
 
 
 def wilson_interval(successes: int, count: int, z: float = 1.96) -> tuple[float, float]:
-    """Interval of a rate (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
+    """Confidence interval of a rate (Wilson 1927, doi:10.1080/01621459.1927.10502953).
+
+    Parameters
+    ----------
+    successes, count : int
+    z : float
+        Quantile of the normal distribution; 1.96 gives an interval of 95 %.
+    """
     rate, share = successes / count, z * z / count
     middle = (rate + 0.5 * share) / (1.0 + share)
     half = z / (1.0 + share) * float(np.sqrt(rate * (1.0 - rate) / count + 0.25 * share / count))

@@ -1,4 +1,4 @@
-"""The paper's experiment (section 4), repeated with several seeds."""
+"""Reproduction of the paper's experiment (section 4) with several seeds."""
 
 from __future__ import annotations
 
@@ -17,19 +17,16 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Structure
 from brightgrey.model.files import check_folder, write_files
 from brightgrey.paper.experiment import reference_recording, task_of
-from brightgrey.paper.repetitions import RunSummary, Summary, genetic_search, repetitions_csv, summarise_run, summary
+from brightgrey.paper.repetitions import RunSummary, Summary, repetitions_csv, summarise_run, summary
 from brightgrey.search import IdentificationTask
-from brightgrey.search.genetic import Evaluation, GeneticSettings, Progress, Run, history_csv
+from brightgrey.search.genetic import Evaluation, GeneticSettings, Progress, Run, genetic_search, history_csv
 
 __all__ = ["Reproduction", "reproduce"]
-
-LATER = 8  # generation of the paper's figures 8 and 9
-BEGINNING = 0.8  # s that the paper's figure 9 shows
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What :func:`reproduce` came to.
+    """Result of :func:`reproduce`.
 
     Attributes
     ----------
@@ -56,11 +53,11 @@ class Reproduction:
 
     @property
     def later(self) -> int:
-        """Generation that the figures 8 and 9 show: the paper's eighth, or the last one if there are fewer."""
-        return min(LATER, self.runs[0].generations - 1)
+        """Generation of figures 8 and 9: the eighth, as in the paper, or the last one if there are fewer."""
+        return min(8, self.runs[0].generations - 1)
 
     def figures(self) -> dict[str, bytes]:
-        """Figures that correspond to the paper's 6 to 9, of the first seed, as PNG by file name."""
+        """Figures of the first seed like the paper's 6 to 9, as PNG by file name; 9 shows 0.8 s, as in the paper."""
         from brightgrey.paper.figures import outputs
         from brightgrey.report.drawing.matplotlib_figure import picture
         from brightgrey.report.drawing.trees import trees
@@ -68,10 +65,10 @@ class Reproduction:
         first, later = self.runs[0].generation(0), self.runs[0].generation(self.later)
         recording = self.task.recordings[0]
         drawn = {
-            "figure6.png": outputs(recording, [self._output(e) for e in first], _labels(first), None),
+            "figure6.png": outputs(recording, [self._output(e) for e in first], _labels(first)),
             "figure7.png": trees([e.tree for e in first], _titles(first)),
             "figure8.png": trees([e.tree for e in later], _titles(later)),
-            "figure9.png": outputs(recording, [self._output(e) for e in later], _labels(later), BEGINNING),
+            "figure9.png": outputs(recording, [self._output(e) for e in later], _labels(later), until=0.8),
         }
         return {name: picture(figure, "png") for name, figure in drawn.items()}
 
@@ -167,13 +164,10 @@ def _with_seed(progress: Callable[[int, Progress], None] | None, seed: int) -> C
     return None if progress is None else lambda step: progress(seed, step)
 
 
-def _numbers(e: Evaluation) -> str:
-    """Structure as the paper writes it, (2,5,6,7)."""
-    return ",".join(str(p.effect.number) for p in e.job.structure.placed)
-
-
 def _titles(generation: tuple[Evaluation, ...]) -> list[str]:
-    return [f"model {e.individual + 1}: ({_numbers(e)})" for e in generation]
+    from brightgrey.report.drawing.svg import effect_numbers
+
+    return [f"model {e.individual + 1}: {effect_numbers(e.job.structure)}" for e in generation]
 
 
 def _labels(generation: tuple[Evaluation, ...]) -> list[str]:

@@ -12,6 +12,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 from brightgrey.kit import Placed, Structure
+from brightgrey.kit.structure import Verdict
 from brightgrey.search.comparison import Judged
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.lattice import mass_chain_of
@@ -19,7 +20,7 @@ from brightgrey.search.minimal import minimal_structures
 from brightgrey.search.parallel import thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
-from brightgrey.search.verdicts import EffectVerdict, Reason, Size, Verdict, decisive
+from brightgrey.search.verdicts import EffectVerdict, Reason, Size, decisive
 from brightgrey.search.yardstick import Obstacle, Yardstick
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]

@@ -11,7 +11,6 @@ from brightgrey.kit import Placed
 
 __all__ = ["EffectVerdict", "Reason", "ReasonKind", "Size", "Verdict", "decisive"]
 
-Verdict = Literal["needed", "not needed", "not decidable"]
 
 ReasonKind = Literal[
     "indispensable",

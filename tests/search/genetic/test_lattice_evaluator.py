@@ -13,11 +13,10 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar
 from brightgrey.paper.experiment import reference_recording, task_of
-from brightgrey.paper.repetitions import genetic_search
 from brightgrey.search import criterion
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted, Options, from_above, from_everywhere
-from brightgrey.search.genetic import GeneticSettings
+from brightgrey.search.genetic import GeneticSettings, genetic_search
 from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
 from brightgrey.search.genetic.settings import TUNED_SETTINGS
 from brightgrey.search.lattice import complexity, contains

@@ -12,7 +12,7 @@ from brightgrey.exports.expressions.languages import C, law_statements, number_l
 from brightgrey.exports.external_tools import program, run_program
 from brightgrey.exports.numeric_model import NumericModel, propagator_tables
 from brightgrey.exports.registry import Exporter
-from brightgrey.exports.source_text import NAME, fill, header_words, template
+from brightgrey.exports.source_text import NAME, fill_words, header_words, template
 from brightgrey.exports.verification import VerificationRun, Verified
 
 __all__ = ["EXPORTER", "sources"]
@@ -32,7 +32,7 @@ def sources(numeric: NumericModel) -> dict[str, str]:
         "data": "\n".join([*_macros(numeric), "", *_tables(numeric)]),
     }
     code = template("engine.c").replace("@events@\n", template("events.c") + "\n")
-    return {f"{NAME}.h": fill(template("engine.h"), words), f"{NAME}.c": fill(code, words)}
+    return {f"{NAME}.h": fill_words(template("engine.h"), words), f"{NAME}.c": fill_words(code, words)}
 
 
 def _law_function(i: int, element: Element) -> str:
@@ -110,7 +110,7 @@ def files_of(numeric: NumericModel) -> dict[str, bytes]:
 def verify(folder: Path, numeric: NumericModel, run: VerificationRun) -> Verified:
     """Compile with gcc, every warning an error, and run."""
     gcc = program("gcc")
-    text = fill(template("run.c"), {"name": NAME, "NAME": NAME.upper()})
+    text = fill_words(template("run.c"), {"name": NAME, "NAME": NAME.upper()})
     (folder / "run.c").write_text(text, encoding="utf-8")
     flags = ("-std=c99", "-O2", "-Wall", "-Wextra", "-pedantic", "-Werror")
     run_program([gcc, *flags, f"{NAME}.c", "run.c", "-o", "run", "-lm"], folder)

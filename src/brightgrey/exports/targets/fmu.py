@@ -18,7 +18,7 @@ from brightgrey.exports.expressions.languages import number_literal
 from brightgrey.exports.external_tools import ExportError, MissingToolError, import_library, program, run_program
 from brightgrey.exports.numeric_model import NumericModel
 from brightgrey.exports.registry import Exporter
-from brightgrey.exports.source_text import NAME, fill, header_words, signal_names, template
+from brightgrey.exports.source_text import NAME, fill_words, header_words, signal_names, template
 from brightgrey.exports.targets.c99 import sources
 from brightgrey.exports.verification import VerificationRun, Verified
 from brightgrey.recordings.units.parser import parse_unit
@@ -34,7 +34,7 @@ _PLATFORM_FOLDERS = {("linux", "x86_64"): "linux64", ("darwin", "x86_64"): "darw
 def files_of(numeric: NumericModel) -> dict[str, bytes]:
     """One zip archive; the same model gives the same sources and description. Without gcc it has no binary inside."""
     text = sources(numeric)
-    glue = fill(template("fmi2.c"), _glue_words(numeric))
+    glue = fill_words(template("fmi2.c"), _glue_words(numeric))
     guid = hashlib.sha256("".join([glue, *text.values()]).encode()).hexdigest()[:32]
     glue = glue.replace("@guid@", guid)
     content = {f"sources/{name}": body.encode() for name, body in text.items()}
@@ -105,7 +105,7 @@ def _description(numeric: NumericModel, guid: str) -> bytes:
         stepSize=number_literal(numeric.dt),
     )
     variables = ElementTree.SubElement(root, "ModelVariables")
-    used = _variables(numeric, variables)
+    used = _add_variables(numeric, variables)
     for unit in sorted(used):
         _define(units, unit)
     structure = ElementTree.SubElement(root, "ModelStructure")
@@ -117,7 +117,7 @@ def _description(numeric: NumericModel, guid: str) -> bytes:
     return bytes(ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"
 
 
-def _variables(numeric: NumericModel, into: ElementTree.Element) -> set[str]:
+def _add_variables(numeric: NumericModel, into: ElementTree.Element) -> set[str]:
     """Write all variables in the order of their value references; returns the units in use."""
     model, used = numeric.model, set()
 

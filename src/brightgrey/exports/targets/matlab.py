@@ -15,13 +15,13 @@ from brightgrey.exports.expressions.languages import MATLAB, law_statements
 from brightgrey.exports.external_tools import program, run_program
 from brightgrey.exports.numeric_model import NumericModel, propagator_tables
 from brightgrey.exports.registry import Exporter
-from brightgrey.exports.source_text import NAME, fill, header_words, template
+from brightgrey.exports.source_text import NAME, fill_words, header_words, template
 from brightgrey.exports.verification import VerificationRun, Verified
 
 __all__ = ["EXPORTER"]
 
 _OCTAVE_SCRIPT = f"t = load('run.mat'); y = {NAME}(t.u, t.x0); save('-v7', 'response.mat', 'y')"
-_LAW_CALL = """\
+_MATLAB_LAW_CALL = """\
   [f, d] = law_{law}(z({port}));
   force({port}) = force({port}) + f;
   slope({port}) = slope({port}) + d;"""
@@ -31,13 +31,17 @@ def files_of(numeric: NumericModel) -> dict[str, bytes]:
     """Files ``drive.m`` and ``drive.mat``."""
     smooth = numeric.low.smooth
     words = header_words(numeric) | {
-        "dispatch": "\n".join(_LAW_CALL.format(law=i, port=k + 1) for i, (_, k) in enumerate(smooth)) or "  % none",
+        "dispatch": "\n".join(_MATLAB_LAW_CALL.format(law=i, port=k + 1) for i, (_, k) in enumerate(smooth))
+        or "  % none",
         "laws": "\n\n".join(_law_subfunction(i, element) for i, (element, _) in enumerate(smooth)),
     }
     content = io.BytesIO()
-    savemat(content, _variables(numeric), oned_as="column")  # type: ignore[arg-type]  # it takes streams too
+    savemat(content, _mat_variables(numeric), oned_as="column")  # type: ignore[arg-type]  # it takes streams too
     head = b"MATLAB 5.0 MAT-file, written by brightgrey".ljust(116)  # scipy writes the time of day there
-    return {f"{NAME}.m": fill(template("engine.m"), words).encode(), f"{NAME}.mat": head + content.getvalue()[116:]}
+    return {
+        f"{NAME}.m": fill_words(template("engine.m"), words).encode(),
+        f"{NAME}.mat": head + content.getvalue()[116:],
+    }
 
 
 def _law_subfunction(i: int, element: Element) -> str:
@@ -46,7 +50,7 @@ def _law_subfunction(i: int, element: Element) -> str:
     return f"function [force, slope] = law_{i}(z)\n% {element.name}\n{body}\nend"
 
 
-def _variables(numeric: NumericModel) -> dict[str, Any]:
+def _mat_variables(numeric: NumericModel) -> dict[str, Any]:
     """Variables of the MAT file; states and outputs are counted from 1."""
     a, table = numeric.arrays(), propagator_tables(numeric)
     C, D = _output_rows(numeric)

@@ -17,7 +17,7 @@ from brightgrey.exports.expressions.trace import rename_symbols, traced
 from brightgrey.exports.external_tools import ExportError, import_library
 from brightgrey.exports.numeric_model import NumericModel
 from brightgrey.exports.registry import Exporter
-from brightgrey.exports.source_text import fill, header_words, template
+from brightgrey.exports.source_text import fill_words, header_words, template
 from brightgrey.exports.verification import VerificationRun, Verified
 from brightgrey.kit.structure import Placed
 from brightgrey.recordings.units.parser import parse_unit
@@ -200,7 +200,7 @@ def verify(folder: Path, numeric: NumericModel, run: VerificationRun) -> Verifie
         + re.sub(r"^within ;\n", "", source)
         + _test_bench(numeric, run, (0, 0.0) if roots else numeric.delay)
     )
-    result = _simulate(rumoca, roots, text, numeric, (run.u.size - 1) * numeric.dt)
+    result = _solve_by_rumoca(rumoca, roots, text, numeric, (run.u.size - 1) * numeric.dt)
     if isinstance(result, str):
         return Verified(None, f"compiled by rumoca, whose solver gave up ({result})")
     t = np.asarray(result.time)
@@ -215,7 +215,7 @@ def verify(folder: Path, numeric: NumericModel, run: VerificationRun) -> Verifie
     return Verified(numeric.shown(np.array(y), run.x0), f"Modelica by rumoca with {where}")
 
 
-def _simulate(rumoca: Any, roots: list[str], text: str, numeric: NumericModel, end: float) -> Any:
+def _solve_by_rumoca(rumoca: Any, roots: list[str], text: str, numeric: NumericModel, end: float) -> Any:
     """Result of the test bench; the complaint of rumoca's solver if it gives up at all tolerances.
 
     It gives up where its steps disagree, seldom at all of them.
@@ -235,8 +235,8 @@ def _simulate(rumoca: Any, roots: list[str], text: str, numeric: NumericModel, e
 
 
 def _library_stand_in() -> str:
-    domains = "".join(fill(template("standin_domain.mo"), words) for words in (ROTATION, TRANSLATION))
-    return fill(template("standin.mo"), {"domains": domains})
+    domains = "".join(fill_words(template("standin_domain.mo"), words) for words in (ROTATION, TRANSLATION))
+    return fill_words(template("standin.mo"), {"domains": domains})
 
 
 def _test_bench(numeric: NumericModel, run: VerificationRun, late: tuple[int, float]) -> str:
@@ -249,7 +249,7 @@ def _test_bench(numeric: NumericModel, run: VerificationRun, late: tuple[int, fl
         number_literal(value * numeric.input_factor)
         for value in (*[run.u[0]] * (late[0] + 1), *run.u, run.u[-1], run.u[-1])
     ]
-    return fill(
+    return fill_words(
         template("bench.mo"),
         {
             "starts": starts,

@@ -14,13 +14,13 @@ from brightgrey.exports.expressions.languages import PYTHON, law_statements, num
 from brightgrey.exports.external_tools import import_library
 from brightgrey.exports.numeric_model import NumericModel
 from brightgrey.exports.registry import Exporter
-from brightgrey.exports.source_text import NAME, fill, header_words, signal_names, template
+from brightgrey.exports.source_text import NAME, fill_words, header_words, signal_names, template
 from brightgrey.exports.verification import VerificationRun, Verified
 
 __all__ = ["EXPORTER"]
 
-_MODULE = f"{NAME}_control.py"
-_LAW_CALL = "    f, d = _law_{law}(z[{port}])\n    force[{port}] += f\n    slope[{port}] += d"
+_MODULE_FILE = f"{NAME}_control.py"
+_PYTHON_LAW_CALL = "    f, d = _law_{law}(z[{port}])\n    force[{port}] += f\n    slope[{port}] += d"
 
 
 def files_of(numeric: NumericModel) -> dict[str, bytes]:
@@ -40,10 +40,11 @@ def files_of(numeric: NumericModel) -> dict[str, bytes]:
         **{name: _literal(arrays[name]) for name in ("differenced", "rest", "A", "B", "G", "H", "K")},
         "limited": f"[{', '.join(limited)}]",
         "scale": number_literal(numeric.settings.speed_scale),
-        "dispatch": "\n".join(_LAW_CALL.format(law=i, port=k) for i, (_, k) in enumerate(smooth)) or "    # none",
+        "dispatch": "\n".join(_PYTHON_LAW_CALL.format(law=i, port=k) for i, (_, k) in enumerate(smooth))
+        or "    # none",
         "laws": "\n\n\n".join(_law_definition(i, element) for i, (element, _) in enumerate(smooth)) or "# No law.",
     }
-    return {_MODULE: fill(template("control.py.in"), words).encode()}
+    return {_MODULE_FILE: fill_words(template("control.py.in"), words).encode()}
 
 
 def _saturated_integrator(numeric: NumericModel, b: int) -> str:
@@ -67,7 +68,7 @@ def _law_definition(i: int, element: Element) -> str:
 def verify(folder: Path, numeric: NumericModel, run: VerificationRun) -> Verified:
     """Simulate by python-control, with its solver."""
     import_library("control", "control")
-    spec = importlib.util.spec_from_file_location("brightgrey_exported_drive", folder / _MODULE)
+    spec = importlib.util.spec_from_file_location("brightgrey_exported_drive", folder / _MODULE_FILE)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

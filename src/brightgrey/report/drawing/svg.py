@@ -7,13 +7,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from brightgrey.kit import Structure
 from brightgrey.model.schema import ParameterPart
 from brightgrey.report.charts.search_progress import ancestors, parents
 from brightgrey.report.drawing.trees import edges, positions
 from brightgrey.report.options import REPORT_OPTIONS
 from brightgrey.search.genetic import Evaluation, Node, Run
 
-__all__ = ["family", "range_bar", "tree"]
+__all__ = ["effect_numbers", "family", "range_bar", "tree"]
 
 # Pixels: distances between the nodes of a tree, their radius, the margin; cells of the family; size of a range bar.
 STEP, LEVEL, RADIUS, EDGE = 46.0, 44.0, 15.0, 20.0
@@ -50,16 +51,18 @@ def family(run: Run) -> str:
     spots: dict[tuple[int, int], _Spot] = {}
     shown = sorted({e.generation for e in found})
     for row, generation in enumerate(shown):
-        for column, e in enumerate(sorted((e for e in found if e.generation == generation), key=_identity)):
+        for column, e in enumerate(
+            sorted((e for e in found if e.generation == generation), key=_generation_and_number)
+        ):
             kind = "carrier" if e is run.best else "part"
             x, y = EDGE + CELL * (column + 0.5), EDGE + ROW * row
             title = f"generation {generation}: {e.job.structure}, {e.operator}, criterion {e.value:.6g}"
-            spots[_identity(e)] = _Spot(x, y, _effect_numbers(e), title, kind)
+            spots[_generation_and_number(e)] = _Spot(x, y, effect_numbers(e.job.structure), title, kind)
     lines = [
-        (spots[_identity(parent)], spots[_identity(e)])
+        (spots[_generation_and_number(parent)], spots[_generation_and_number(e)])
         for e in found
         for parent in parents(run, e)
-        if _identity(parent) in spots
+        if _generation_and_number(parent) in spots
     ]
     half = (0.47 * CELL, 11.0)
     shapes = "".join(
@@ -70,13 +73,13 @@ def family(run: Run) -> str:
     return _svg(list(spots.values()), lines, shapes, (0.5 * CELL, EDGE), "family")
 
 
-def _identity(e: Evaluation) -> tuple[int, int]:
+def _generation_and_number(e: Evaluation) -> tuple[int, int]:
     return e.generation, e.individual
 
 
-def _effect_numbers(e: Evaluation) -> str:
-    """Structure as the paper writes it, (2,5,6,7)."""
-    return f"({','.join(str(p.effect.number) for p in e.job.structure.placed)})"
+def effect_numbers(structure: Structure) -> str:
+    """Structure as the paper writes it, ``(2,5,6,7)``."""
+    return f"({','.join(str(p.effect.number) for p in structure.placed)})"
 
 
 def _svg(

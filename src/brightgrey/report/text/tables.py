@@ -74,14 +74,16 @@ def parameter_rows(model: Model) -> list[ParameterRow]:
                 unit=part.unit,
                 interval=interval_text(part.ci95),
                 bounds="" if fixed else _range_text(bounds),
-                note=FIXED if fixed else _note(part, half_width if shown_half else None, declared.scale == "log"),
+                note=FIXED
+                if fixed
+                else _reservation(part, half_width if shown_half else None, declared.scale == "log"),
                 about=declared.about,
             )
         )
     return rows
 
 
-def _note(part: ParameterPart, half_width: float | None, positive: bool) -> str:
+def _reservation(part: ParameterPart, half_width: float | None, positive: bool) -> str:
     """Reason to mistrust an estimate. A value that may be zero is known to be small, however wide its interval."""
     if part.at_bound:
         return AT[part.at_bound]

@@ -4,6 +4,7 @@ from brightgrey.search.genetic.engine import evolve
 from brightgrey.search.genetic.estimators import LeastSquares, PatternSearch, estimator
 from brightgrey.search.genetic.evaluation import Estimator, Evaluated, Job
 from brightgrey.search.genetic.history import Evaluation, Progress, Run, history_csv
+from brightgrey.search.genetic.search import genetic_search
 from brightgrey.search.genetic.settings import GeneticSettings
 from brightgrey.search.genetic.tree import Node
 
@@ -20,5 +21,6 @@ __all__ = [
     "Run",
     "estimator",
     "evolve",
+    "genetic_search",
     "history_csv",
 ]
