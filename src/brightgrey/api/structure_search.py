@@ -19,7 +19,7 @@ from brightgrey.recordings import Recording
 from brightgrey.search import IdentificationTask
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.exhaustive import ExhaustiveResult, SearchProgress, candidates, search_exhaustively
-from brightgrey.search.genetic import GeneticSettings, Progress, Run, history_csv
+from brightgrey.search.genetic import GeneticSettings, Progress, Run, genetic_search, history_csv
 from brightgrey.search.genetic.settings import TUNED_SETTINGS
 from brightgrey.search.parallel import thread_pool
 
@@ -148,8 +148,6 @@ def _note_on_survey(done: ExhaustiveResult, structures: int) -> str:
 
 
 def _genetic(task: IdentificationTask, settings: GeneticSettings, wish: SearchRequest) -> SearchResult:
-    from brightgrey.paper.repetitions import genetic_search
-
     done = genetic_search(
         task,
         settings,

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from brightgrey.kit import Placed
+from brightgrey.kit.structure import Verdict
 
 __all__ = ["EffectVerdict", "Reason", "ReasonKind", "Size", "Verdict", "decisive"]
 
