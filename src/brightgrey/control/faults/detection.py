@@ -1,11 +1,10 @@
-"""Fault detection: which physical change a new recording shows against the model.
+"""Fault detection: physical changes of a drive that a new recording shows against its model.
 
-The declarations say which parameters belong to one fault. The innovations of a filter with the model are white as
-long as the drive is the model's; a fault makes them follow their derivative by the size of the fault. That size is
-estimated from them (Fisher's scoring), with a covariance that allows for innovations which are not quite white (Newey,
-West 1987, doi:10.2307/1913610). Through a gap no filter with one state follows the contacts; there the model is
-simulated instead (:mod:`brightgrey.control.faults.simulated_changes`). A fault is reported when it is larger than what
-matters, at the confidence asked for.
+Effects declare the parameters that belong to one fault. Without a gap the changes are found from the innovations of an
+extended Kalman filter by Fisher's scoring (:mod:`brightgrey.control.faults.parameter_changes`). Their covariance allows
+for correlated innovations (Newey and West 1987, doi:10.2307/1913610). With a gap the model is simulated instead
+(:mod:`brightgrey.control.faults.simulated_changes`), because no filter with one state follows the contacts. A fault is
+reported if it exceeds the smallest change of interest with the confidence asked for.
 """
 
 from __future__ import annotations
@@ -13,46 +12,82 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from brightgrey.arrays import Array
-from brightgrey.control.faults.parameter_changes import ChangeProblem, PosteriorPoint, maximise_posteriors
-from brightgrey.control.faults.simulated_changes import ChangeEstimate, ParameterGroup, estimate_changes
-from brightgrey.control.filters.extended_kalman import Noise
+from brightgrey.control.faults.parameter_changes import (
+    ChangeProblem,
+    FaultCase,
+    PosteriorPoint,
+    ScoringOptions,
+    maximise_posteriors,
+)
+from brightgrey.control.faults.simulated_changes import (
+    ChangeEstimate,
+    ParameterGroup,
+    SimulatedChangeOptions,
+    estimate_changes,
+)
 from brightgrey.effects import Fault
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Structure
-from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["FaultCase", "FaultFinding", "detect_faults", "fault_groups"]
+__all__ = ["FaultCase", "FaultDetectionOptions", "FaultFinding", "detect_faults", "fault_groups"]
 
-_MOST_DOUBT = 0.5  # of a parameter: beyond it the prior says nothing, and steps would leave the model
-_SINGULAR = 1e10
-_TELLING = 0.5  # a change by half has to be detectable, or the recording does not decide
+Z95 = 1.96  # quantile of the normal distribution for an interval of 95 %
+
+
+@dataclass(frozen=True)
+class FaultDetectionOptions:
+    """Limits of the decision, and options of the two estimators.
+
+    Attributes
+    ----------
+    max_prior_std : float
+        Largest relative standard deviation of a parameter that is used as prior knowledge.
+    max_condition : float
+        Condition of the scaled information above which a recording says nothing about the changes.
+    decidable_change : float
+        Relative change that a recording must be able to show, or it does not decide.
+    scoring : ScoringOptions
+        Without a gap.
+    simulation : SimulatedChangeOptions
+        With a gap.
+    """
+
+    max_prior_std: float = 0.5
+    max_condition: float = 1e10
+    decidable_change: float = 0.5
+    scoring: ScoringOptions = field(default_factory=ScoringOptions)
+    simulation: SimulatedChangeOptions = field(default_factory=SimulatedChangeOptions)
+
+
+FAULT_DETECTION = FaultDetectionOptions()
 
 
 @dataclass(frozen=True)
 class FaultFinding:
-    """What a recording says about one kind of fault.
+    """Result of fault detection for one kind of fault.
 
     Attributes
     ----------
     subject : str
         E.g. ``friction``.
     parameters : tuple of str
-        That were changed together.
+        Changed by a common factor.
     verdict : {'changed', 'as before', 'not decidable'}
     factor : float
-        Estimated size now over size in the model.
+        Estimated value now over the value in the model.
     ci95 : (low, high)
-    confidence : float
-        Probability that the change is larger than what matters.
+        Confidence interval of the factor.
+    probability : float
+        That the change exceeds the smallest one of interest, from 0 to 1.
     text : str
-        One sentence.
+        The finding in words, values in the recording's units.
     """
 
     subject: str
@@ -65,7 +100,7 @@ class FaultFinding:
 
 
 def fault_groups(structure: Structure) -> Mapping[Fault, tuple[str, ...]]:
-    """Parameters of `structure` by the fault that their change is called."""
+    """Parameters of `structure` by the fault that a change of them means."""
     found: dict[Fault, list[str]] = {}
     for name, parameter in structure.parameters.items():
         if parameter.fault is not None:
@@ -73,25 +108,12 @@ def fault_groups(structure: Structure) -> Mapping[Fault, tuple[str, ...]]:
     return {fault: tuple(names) for fault, names in found.items()}
 
 
-@dataclass(frozen=True)
-class FaultCase:
-    """A recording and the model it is held against.
+class _Level(NamedTuple):
+    """Smallest relative change of interest, confidence of a report, and the change that has to be detectable."""
 
-    Attributes
-    ----------
-    values : mapping of str to float
-        The model's parameters, SI.
-    recording : Recording
-    noise : Noise
-        From a recording without fault, :func:`brightgrey.control.filters.setup.noise_levels`.
-    std : mapping of str to float
-        Standard deviations of the model's parameters, SI: a fault must stand out from them, too.
-    """
-
-    values: Mapping[str, float]
-    recording: Recording
-    noise: Noise
-    std: Mapping[str, float] = field(default_factory=dict)
+    min_change: float
+    confidence: float
+    decidable_change: float
 
 
 def detect_faults(
@@ -101,46 +123,63 @@ def detect_faults(
     *,
     min_change: float = 0.1,
     confidence: float = 0.99,
+    options: FaultDetectionOptions = FAULT_DETECTION,
 ) -> list[tuple[FaultFinding, ...]]:
-    """Look for faults in new recordings; several are filtered side by side, or simulated one by one through a gap.
+    """Look for faults in new recordings.
+
+    Several cases are filtered side by side; with a gap they are simulated one after the other.
 
     Parameters
     ----------
     structure, settings
         Of the model, SI.
-    cases : sequence of Case
+    cases : sequence of FaultCase
         Recordings of the same length, signals and sampling time.
-    matters : float
-        Relative change that is not yet worth reporting.
+    min_change : float
+        Smallest relative change of interest; a ratio.
     confidence : float
-        At which a change is reported.
+        Probability at which a change is reported, 0.5 to 1.
+    options : FaultDetectionOptions
 
     Returns
     -------
-    list of tuple of Finding
-        For each case one finding per kind of fault that the structure knows; *not decidable* where the filter diverges.
+    list of tuple of FaultFinding
+        For each case one finding per fault of the structure; *not decidable* where the filter diverges.
 
     Raises
     ------
     SettingsError
-        If `matters` or `confidence` is out of range.
+        If `min_change` or `confidence` is out of range.
     """
-    if not (0.0 <= min_change < _TELLING and 0.5 < confidence < 1.0):
-        raise SettingsError(f"matters is {min_change:g} (0 to {_TELLING:g}) and confidence {confidence:g} (0.5 to 1)")
-    kinds = fault_groups(structure)
-    trials = [ChangeProblem(case.values, case.recording, case.noise, _parameter_groups(case, kinds)) for case in cases]
+    if not (0.0 <= min_change < options.decidable_change and 0.5 < confidence < 1.0):
+        raise SettingsError(
+            f"the smallest change is {min_change:g} and the confidence {confidence:g}; allowed are changes from 0 to "
+            f"{options.decidable_change:g} and confidences from 0.5 to 1"
+        )
+    faults = fault_groups(structure)
+    problems = [ChangeProblem(case, _parameter_groups(case, faults, options.max_prior_std)) for case in cases]
     if structure.has_hard_limit:
-        least = math.log1p(min_change)
+        threshold = math.log1p(min_change)
         found = [
-            estimate_changes(structure, t.values, t.changes, t.recording, settings, min_change=least) for t in trials
+            estimate_changes(
+                structure,
+                p.case.values,
+                p.groups,
+                p.case.recording,
+                settings,
+                min_change=threshold,
+                options=options.simulation,
+            )
+            for p in problems
         ]
     else:
-        points = maximise_posteriors(structure, settings, trials)
+        points = maximise_posteriors(structure, settings, problems, options.scoring)
         found = [
-            ChangeEstimate(p.log_factors, _robust_std(p, t.prior_information))
-            for p, t in zip(points, trials, strict=True)
+            ChangeEstimate(point.log_factors, _newey_west_std(point, p.prior_information, options.max_condition))
+            for point, p in zip(points, problems, strict=True)
         ]
-    return [_judge_changes(case, kinds, one, min_change, confidence) for case, one in zip(cases, found, strict=True)]
+    level = _Level(min_change, confidence, options.decidable_change)
+    return [_findings(structure, case, faults, one, level) for case, one in zip(cases, found, strict=True)]
 
 
 def _relative_std(case: FaultCase) -> dict[str, float]:
@@ -148,39 +187,30 @@ def _relative_std(case: FaultCase) -> dict[str, float]:
     return {n: abs(s / case.values[n]) for n, s in case.std.items() if s > 0.0 and case.values[n] != 0.0}
 
 
-def _parameter_groups(case: FaultCase, kinds: Mapping[Fault, tuple[str, ...]]) -> tuple[ParameterGroup, ...]:
-    """What may have changed: the faults freely, every other parameter as far as the model does not know it.
+def _parameter_groups(
+    case: FaultCase, faults: Mapping[Fault, tuple[str, ...]], max_prior_std: float
+) -> tuple[ParameterGroup, ...]:
+    """Free groups of the faults, and every other parameter with the model's standard deviation as its prior.
 
-    The first parameter of a fault stands for it, and the doubt about it is added in the end; the fault's other
-    parameters may be off against it.
+    The first parameter of a fault represents it; its own standard deviation is added to the result. The fault's other
+    parameters may deviate from it.
     """
-    doubts = _relative_std(case)
-    first = {name: names[0] for names in kinds.values() for name in names}
-    doubtful = {
-        n: min(math.hypot(s, doubts.get(first[n], 0.0) if n in first else 0.0), _MOST_DOUBT)
-        for n, s in doubts.items()
+    std = _relative_std(case)
+    first = {name: names[0] for names in faults.values() for name in names}
+    prior = {
+        n: min(math.hypot(s, std.get(first[n], 0.0) if n in first else 0.0), max_prior_std)
+        for n, s in std.items()
         if first.get(n) != n
     }
-    free = (ParameterGroup(names, math.inf) for names in kinds.values())
-    return (*free, *(ParameterGroup((name,), doubt) for name, doubt in doubtful.items()))
+    free = (ParameterGroup(names, math.inf) for names in faults.values())
+    return (*free, *(ParameterGroup((name,), s) for name, s in prior.items()))
 
 
-def _judge_changes(
-    case: FaultCase, kinds: Mapping[Fault, tuple[str, ...]], found: ChangeEstimate, matters: float, confidence: float
-) -> tuple[FaultFinding, ...]:
-    doubts = _relative_std(case)
-    own = [doubts.get(names[0], 0.0) for names in kinds.values()]
-    return tuple(
-        _judge_change(fault, names, float(found.log_factors[i]), math.hypot(found.std[i], own[i]), matters, confidence)
-        for i, (fault, names) in enumerate(kinds.items())
-    )
-
-
-def _robust_std(found: PosteriorPoint, prior: Array) -> Array:
-    """Standard deviation of each estimated size, with autocorrelated innovations allowed for."""
+def _newey_west_std(found: PosteriorPoint, prior: Array, max_condition: float) -> Array:
+    """Standard deviation of each log factor, with correlated innovations allowed for; inf where nothing is known."""
     information = found.information
     scale = np.sqrt(np.diag(information)) if np.isfinite(found.posterior) else np.zeros(len(prior))
-    if not np.all(scale > 0.0) or np.linalg.cond(information / scale[:, None] / scale) > _SINGULAR:
+    if not np.all(scale > 0.0) or np.linalg.cond(information / scale[:, None] / scale) > max_condition:
         return np.full(len(prior), np.inf)
     scores = found.scores - found.scores.mean(axis=0)
     total = scores.T @ scores + np.diag(prior)
@@ -194,24 +224,54 @@ def _robust_std(found: PosteriorPoint, prior: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(robust, plain)))
 
 
-def _judge_change(
-    fault: Fault, names: Sequence[str], size: float, std: float, matters: float, confidence: float
+def _findings(
+    structure: Structure,
+    case: FaultCase,
+    faults: Mapping[Fault, tuple[str, ...]],
+    found: ChangeEstimate,
+    level: _Level,
+) -> tuple[FaultFinding, ...]:
+    std = _relative_std(case)
+    findings = []
+    for i, (fault, names) in enumerate(faults.items()):
+        own_std = math.hypot(found.std[i], std.get(names[0], 0.0))
+        values = ", ".join(_value_text(structure, case, name, math.exp(found.log_factors[i])) for name in names)
+        findings.append(_finding(fault, names, float(found.log_factors[i]), own_std, level, values))
+    return tuple(findings)
+
+
+def _value_text(structure: Structure, case: FaultCase, name: str, factor: float) -> str:
+    """Value of a parameter now and in the model, in the recording's units."""
+    unit, scale = case.recording.units.of(structure.parameters[name].dimension)
+    before = case.values[name] * scale
+    return f"{name} {factor * before:.3g} instead of {before:.3g} {unit}".rstrip()
+
+
+def _finding(
+    fault: Fault, names: Sequence[str], log_factor: float, std: float, level: _Level, values: str
 ) -> FaultFinding:
-    up, down = math.log1p(matters), -math.log1p(matters)
-    z = float(ndtri(confidence))
-    above = float(ndtr((size - up) / std)) if std > 0.0 else float(size > up)
-    below = 0.0 if fault.grows else float(ndtr((down - size) / std)) if std > 0.0 else float(size < down)
-    sure = max(above, below)
-    low, high = (math.exp(min(max(size + s * 1.96 * std, -50.0), 50.0)) for s in (-1.0, 1.0))
-    factor = math.exp(size)
-    if sure >= confidence:
-        word = "has grown" if fault.grows else "has changed"
+    """Decide on one fault by the normal distribution of its log factor."""
+    limit = math.log1p(level.min_change)
+    above = float(ndtr((log_factor - limit) / std)) if std > 0.0 else float(log_factor > limit)
+    below = float(ndtr((-limit - log_factor) / std)) if std > 0.0 else float(log_factor < -limit)
+    probability = above if fault.grows else max(above, below)
+    low, high = (math.exp(min(max(log_factor + s * Z95 * std, -50.0), 50.0)) for s in (-1.0, 1.0))
+    factor = math.exp(log_factor)
+    estimate = f"{factor:.2f} times the model's value (95 % interval {low:.2f} to {high:.2f})"
+    verdict: Literal["changed", "as before", "not decidable"]
+    if probability >= level.confidence:
+        verdict, word = "changed", "has grown" if fault.grows else "has changed"
         text = (
-            f"{fault.subject} {word}: {factor:.2f} times the model's ({low:.2f} to {high:.2f}), {100 * sure:.1f} % sure"
+            f"{fault.subject} {word} to {estimate}: {values}. The change exceeds {100 * level.min_change:g} % with a "
+            f"probability of {100 * probability:.1f} %."
         )
-        return FaultFinding(fault.subject, tuple(names), "changed", factor, (low, high), sure, text)
-    if not z * std < math.log1p(_TELLING) - up:
-        text = f"{fault.subject}: not decidable from this recording"
-        return FaultFinding(fault.subject, tuple(names), "not decidable", factor, (low, high), sure, text)
-    text = f"{fault.subject}: as before, {factor:.2f} times the model's ({low:.2f} to {high:.2f})"
-    return FaultFinding(fault.subject, tuple(names), "as before", factor, (low, high), sure, text)
+    elif not float(ndtri(level.confidence)) * std < math.log1p(level.decidable_change) - limit:
+        verdict = "not decidable"
+        text = (
+            f"{fault.subject} is not decidable: this recording would not show a change by "
+            f"{100 * level.decidable_change:g} %. Record a motion with more acceleration, reversals and low speeds."
+        )
+    else:
+        verdict, text = "as before", f"{fault.subject} is as before: {estimate}."
+    text = text[0].upper() + text[1:]
+    return FaultFinding(fault.subject, tuple(names), verdict, factor, (low, high), probability, text)

@@ -1,13 +1,13 @@
-"""Which change of a model makes a filter's innovations likely again: many recordings side by side.
+"""Parameter changes by the likelihood of a filter's innovations, for many recordings side by side.
 
-Filtering one recording or fifty costs nearly the same, so every search asks for the models it wants to have tried, all
-searches wait for each other, and one run of the filter answers them all.
+A filter run for fifty recordings takes hardly longer than one for a single recording. Every search therefore yields the
+factors that it wants evaluated, and one filter run answers all searches together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -20,19 +20,42 @@ from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["ChangeProblem", "PosteriorPoint", "maximise_posteriors"]
-
-_DIFFERENCE = 0.01  # of the logarithm: contacts make smaller ones rough
-_FACTORS = (0.6, 0.8, 1.25, 1.6, 2.2, 3.0)  # sizes tried first: contacts make the likelihood many-humped
-_FRACTIONS = (1.0, 0.5, 0.2)
-_TURNS = 8
-_SETTLED = 0.3  # standard deviations that a step still moves
-_LANES = 600  # models in one run of the filter; a matter of memory
+__all__ = ["ChangeProblem", "FaultCase", "PosteriorPoint", "ScoringOptions", "maximise_posteriors"]
 
 
 @dataclass(frozen=True)
-class ChangeProblem:
-    """A recording, the model it is held against, and what of it may have changed.
+class ScoringOptions:
+    """Search for the largest posterior by Fisher's scoring.
+
+    Attributes
+    ----------
+    difference : float
+        Step of the central differences in the logarithm of a factor. Contacts make the likelihood rough below it.
+    start_factors : tuple of float
+        Factors tried first for each free group, because contacts give the likelihood several maxima.
+    step_fractions : tuple of float
+        Parts of a scoring step that are tried side by side.
+    max_steps : int
+    tolerance : float
+        The search ends at a step below it, in standard deviations.
+    max_sets : int
+        Parameter sets in one filter run, limited by memory.
+    """
+
+    difference: float = 0.01
+    start_factors: tuple[float, ...] = (0.6, 0.8, 1.25, 1.6, 2.2, 3.0)
+    step_fractions: tuple[float, ...] = (1.0, 0.5, 0.2)
+    max_steps: int = 8
+    tolerance: float = 0.3
+    max_sets: int = 600
+
+
+SCORING = ScoringOptions()
+
+
+@dataclass(frozen=True)
+class FaultCase:
+    """A recording and the model that it is compared with.
 
     Attributes
     ----------
@@ -40,34 +63,42 @@ class ChangeProblem:
         The model's parameters, SI.
     recording : Recording
     noise : Noise
-    changes : tuple of ParameterGroup
+        From a recording without fault, :func:`brightgrey.control.filters.setup.estimate_noise`.
+    std : mapping of str to float
+        Standard deviations of the model's parameters, SI. A fault must exceed them, too.
     """
 
     values: Mapping[str, float]
     recording: Recording
     noise: Noise
-    changes: tuple[ParameterGroup, ...]
+    std: Mapping[str, float] = field(default_factory=dict)
+
+
+class ChangeProblem(NamedTuple):
+    """A case and the groups of parameters that may have changed."""
+
+    case: FaultCase
+    groups: tuple[ParameterGroup, ...]
 
     @property
     def prior_information(self) -> Array:
-        """What is known of the logarithms of the factors: 1 over their variance, 0 for nothing; shape (changes,)."""
-        return np.array([change.prior_std**-2 for change in self.changes])
+        """Inverse prior variances of the logarithms of the factors, 0 for a free group; shape (groups,)."""
+        return np.array([group.prior_std**-2 for group in self.groups])
 
 
 class PosteriorPoint(NamedTuple):
-    """Logarithms of the factors and what the innovations say there.
+    """Logarithms of the factors, and the posterior with its derivatives there.
 
     Attributes
     ----------
-    size : ndarray, shape (changes,)
+    log_factors : ndarray, shape (groups,)
     posterior : float
         -inf where the filter diverges.
-    scores : ndarray, shape (samples, changes)
-        Derivatives of the samples' logarithms of likelihood.
-    information : ndarray, shape (changes, changes)
-        Fisher's, with the prior.
-    white : ndarray, shape (samples x outputs,)
-        Whitened innovations.
+    scores : ndarray, shape (samples, groups)
+        Derivatives of each sample's log-likelihood.
+    information : ndarray, shape (groups, groups)
+        Fisher's information with that of the prior.
+    normalised_innovations : ndarray, shape (samples x outputs,)
     """
 
     log_factors: Array
@@ -78,9 +109,9 @@ class PosteriorPoint(NamedTuple):
 
 
 class _Evaluation(NamedTuple):
-    """Of the models that were asked for: posterior (K,), whitened innovations and their expected sizes.
+    """Posterior (K,), normalised innovations (K, samples, outputs) and log-determinants (K, samples) of K sets.
 
-    `white` has shape (K, samples, outputs), `volume` (the logarithm of the covariance's determinant) (K, samples).
+    The determinants are those of the covariances of the innovations.
     """
 
     posterior: Array
@@ -92,32 +123,33 @@ _Search = Generator[Array, _Evaluation, PosteriorPoint]
 
 
 def maximise_posteriors(
-    structure: Structure, settings: Settings, trials: Sequence[ChangeProblem]
+    structure: Structure, settings: Settings, problems: Sequence[ChangeProblem], options: ScoringOptions = SCORING
 ) -> list[PosteriorPoint]:
-    """Find the largest posterior of each trial."""
-    searches = [_fisher_scoring(trial) for trial in trials]
-    asked = {i: next(search) for i, search in enumerate(searches)}
+    """Find the point of the largest posterior of each problem."""
+    searches = [_fisher_scoring(problem, options) for problem in problems]
+    requests = {i: next(search) for i, search in enumerate(searches)}
     found: dict[int, PosteriorPoint] = {}
-    while asked:
-        answers = _evaluate_in_batches(structure, settings, [(trials[i], sizes) for i, sizes in asked.items()])
-        for i, answer in zip(tuple(asked), answers, strict=True):
+    while requests:
+        pairs = [(problems[i], log_factors) for i, log_factors in requests.items()]
+        evaluations = _evaluate_in_batches(structure, settings, pairs, options.max_sets)
+        for i, evaluation in zip(tuple(requests), evaluations, strict=True):
             try:
-                asked[i] = searches[i].send(answer)
+                requests[i] = searches[i].send(evaluation)
             except StopIteration as end:
                 found[i] = end.value
-                del asked[i]
-    return [found[i] for i in range(len(trials))]
+                del requests[i]
+    return [found[i] for i in range(len(problems))]
 
 
 def _evaluate_in_batches(
-    structure: Structure, settings: Settings, asked: Sequence[tuple[ChangeProblem, Array]]
+    structure: Structure, settings: Settings, requests: Sequence[tuple[ChangeProblem, Array]], max_sets: int
 ) -> list[_Evaluation]:
-    """Filter for all searches, in runs of about _LANES models."""
+    """Filter for all searches, in runs of about `max_sets` parameter sets."""
     out: list[_Evaluation] = []
     part: list[tuple[ChangeProblem, Array]] = []
-    for i, one in enumerate(asked):
+    for i, one in enumerate(requests):
         part.append(one)
-        if i == len(asked) - 1 or sum(len(sizes) for _, sizes in part) + len(asked[i + 1][1]) > _LANES:
+        if i == len(requests) - 1 or sum(len(sizes) for _, sizes in part) + len(requests[i + 1][1]) > max_sets:
             out += _evaluate(structure, settings, part)
             part = []
     return out
@@ -126,68 +158,70 @@ def _evaluate_in_batches(
 def _evaluate(
     structure: Structure, settings: Settings, part: Sequence[tuple[ChangeProblem, Array]]
 ) -> list[_Evaluation]:
+    """Filter all parameter sets of several searches in one run."""
     values: dict[str, list[Array]] = {name: [] for name in structure.parameters}
-    for trial, sizes in part:
-        factors = {name: np.ones(len(sizes)) for name in values}
-        for i, change in enumerate(trial.changes):
-            for name in change.parameters:
-                factors[name] = factors[name] * np.exp(sizes[:, i])
-        for name, course in values.items():
-            course.append(trial.values[name] * factors[name])
-    each = [trial.recording for trial, sizes in part for _ in sizes]
+    for problem, log_factors in part:
+        factors = {name: np.ones(len(log_factors)) for name in values}
+        for i, group in enumerate(problem.groups):
+            for name in group.parameters:
+                factors[name] = factors[name] * np.exp(log_factors[:, i])
+        for name, sets in values.items():
+            sets.append(problem.case.values[name] * factors[name])
+    cases = [problem.case for problem, log_factors in part for _ in log_factors]
     noise = Noise(
-        np.array([float(np.ravel(trial.noise.torque)[0]) for trial, sizes in part for _ in sizes]),
-        np.array([np.ravel(trial.noise.outputs) for trial, sizes in part for _ in sizes]),
+        np.array([float(np.ravel(case.noise.torque)[0]) for case in cases]),
+        np.array([np.ravel(case.noise.outputs) for case in cases]),
     )
-    with np.errstate(all="ignore"):  # a model far off may diverge: it has no likelihood then
-        merged = {name: np.concatenate(course) for name, course in values.items()}
-        found = extended_kalman_filter(prepare(structure, merged, each, settings).filter_input, noise)
+    with np.errstate(all="ignore"):  # a distant model may diverge; its posterior is -inf then
+        merged = {name: np.concatenate(sets) for name, sets in values.items()}
+        prepared = prepare(structure, merged, [case.recording for case in cases], settings)
+        found = extended_kalman_filter(prepared.filter_input, noise)
         white = found.normalised_innovations.transpose(1, 0, 2)
-        volume = np.linalg.slogdet(found.covariances)[1].T
-        likelihood = found.log_likelihood
-    answers, first = [], 0
-    for trial, sizes in part:
-        own = slice(first, first + len(sizes))
-        posterior = likelihood[own] - 0.5 * np.square(sizes) @ trial.prior_information
-        answers.append(_Evaluation(np.where(np.isfinite(posterior), posterior, -np.inf), white[own], volume[own]))
-        first += len(sizes)
-    return answers
+        log_determinants = np.linalg.slogdet(found.covariances)[1].T
+    evaluations, first = [], 0
+    for problem, log_factors in part:
+        own = slice(first, first + len(log_factors))
+        posterior = found.log_likelihood[own] - 0.5 * np.square(log_factors) @ problem.prior_information
+        finite = np.where(np.isfinite(posterior), posterior, -np.inf)
+        evaluations.append(_Evaluation(finite, white[own], log_determinants[own]))
+        first += len(log_factors)
+    return evaluations
 
 
-def _differentiate(trial: ChangeProblem, size: Array) -> Generator[Array, _Evaluation, PosteriorPoint]:
-    """A point with the derivatives there."""
-    m = len(size)
-    answer = yield size + _DIFFERENCE * np.vstack([np.zeros((1, m)), np.eye(m), -np.eye(m)])
-    white, volume = ((part[1 : m + 1] - part[m + 1 :]) / (2.0 * _DIFFERENCE) for part in answer[1:])
-    # Not the difference of their squares: far from the best fit its error would hide what is known beforehand.
-    scores = -((white * answer.normalised_innovations[0]).sum(axis=2) + 0.5 * volume).T
+def _differentiate(problem: ChangeProblem, log_factors: Array, difference: float) -> _Search:
+    """Evaluate a point with its derivatives, by central differences."""
+    m = len(log_factors)
+    evaluation = yield log_factors + difference * np.vstack([np.zeros((1, m)), np.eye(m), -np.eye(m)])
+    white, log_det = ((part[1 : m + 1] - part[m + 1 :]) / (2.0 * difference) for part in evaluation[1:])
+    # Differences of the squares would have errors that, far from the best fit, exceed the prior information.
+    scores = -((white * evaluation.normalised_innovations[0]).sum(axis=2) + 0.5 * log_det).T
     flat = white.reshape(m, -1)
-    information = flat @ flat.T + 0.5 / white.shape[2] * volume @ volume.T + np.diag(trial.prior_information)
+    information = flat @ flat.T + 0.5 / white.shape[2] * log_det @ log_det.T + np.diag(problem.prior_information)
     usable = bool(np.isfinite(scores).all() and np.isfinite(information).all())
-    posterior = float(answer.posterior[0]) if usable else -np.inf
-    return PosteriorPoint(size, posterior, scores, information, answer.normalised_innovations[0].ravel())
+    posterior = float(evaluation.posterior[0]) if usable else -np.inf
+    return PosteriorPoint(log_factors, posterior, scores, information, evaluation.normalised_innovations[0].ravel())
 
 
-def _fisher_scoring(trial: ChangeProblem) -> _Search:
-    """Sizes with the largest posterior: a coarse look along each, then Fisher's scoring."""
-    m = len(trial.changes)
-    tries = [np.zeros(m)]
-    for i in np.flatnonzero(trial.prior_information == 0.0):
-        tries += [np.log(factor) * np.eye(m)[i] for factor in _FACTORS]
-    answer = yield np.array(tries)
-    here = yield from _differentiate(trial, tries[int(np.argmax(answer.posterior))])
-    for _ in range(_TURNS):
-        if not np.isfinite(here.posterior):
+def _fisher_scoring(problem: ChangeProblem, options: ScoringOptions) -> _Search:
+    """Maximise the posterior: a coarse grid along each free group, then Fisher's scoring."""
+    m, prior = len(problem.groups), problem.prior_information
+    starts = [np.zeros(m)]
+    for i in np.flatnonzero(prior == 0.0):
+        starts += [np.log(factor) * np.eye(m)[i] for factor in options.start_factors]
+    evaluation = yield np.array(starts)
+    point = yield from _differentiate(problem, starts[int(np.argmax(evaluation.posterior))], options.difference)
+    for _ in range(options.max_steps):
+        if not np.isfinite(point.posterior):
             break
-        uphill = here.scores.sum(axis=0) - trial.prior_information * here.log_factors
-        step = np.linalg.lstsq(here.information, uphill, rcond=None)[0]
-        if np.abs(step * np.sqrt(np.diag(here.information))).max() < _SETTLED:
+        gradient = point.scores.sum(axis=0) - prior * point.log_factors
+        step = np.linalg.lstsq(point.information, gradient, rcond=None)[0]
+        if np.abs(step * np.sqrt(np.diag(point.information))).max() < options.tolerance:
             break
         step *= min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-12))
-        sizes = np.array([here.log_factors + share * step for share in _FRACTIONS])
-        answer = yield sizes
-        best = int(np.argmax(answer.posterior))
-        if not answer.posterior[best] > here.posterior:
+        candidates = np.array([point.log_factors + fraction * step for fraction in options.step_fractions])
+        evaluation = yield candidates
+        best = int(np.argmax(evaluation.posterior))
+        if not evaluation.posterior[best] > point.posterior:
             break
-        here = yield from _differentiate(trial, sizes[best])
-    return here
+        point = yield from _differentiate(problem, candidates[best], options.difference)
+    return point

@@ -1,8 +1,7 @@
-"""What has changed of a known drive, by simulation: factors on groups of its parameters, from one recording.
+"""Parameter changes by simulation: factors on groups of a known drive's parameters, from one recording.
 
-The drive's model is known up to the doubt it came with, so little is searched: a common factor for each group that may
-have changed freely, and one for every other doubt, held near 1. A simulation follows the contacts in a gap, which no
-filter with one state does.
+Each group that may have changed gets a free common factor. Every other parameter gets a factor with the model's
+standard deviation as its prior. A simulation follows the contacts in a gap, which no filter with one state does.
 """
 
 from __future__ import annotations
@@ -25,44 +24,63 @@ from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["ChangeEstimate", "ParameterGroup", "estimate_changes"]
+__all__ = ["ChangeEstimate", "ParameterGroup", "SimulatedChangeOptions", "estimate_changes"]
 
-_MOST = 5.0  # factor that is looked for, to either side
-_DOUBTS = 5.0  # standard deviations that what is known may be off
-_STARTS, _PATIENCE = 8, 2
-_RIVALS = 4  # ends from which a held factor is fitted
-_SINGULAR = 1e-10  # of the information with normed parameters, whose diagonal is 1
+
+@dataclass(frozen=True)
+class SimulatedChangeOptions:
+    """Range and effort of the search.
+
+    Attributes
+    ----------
+    max_factor : float
+        Largest factor on a free group; its inverse is the smallest.
+    max_prior_std : float
+        Range of the other factors, in standard deviations of their prior.
+    starts, patience : int
+        Of the multistart.
+    restarts : int
+        Optima from which a fit with one fixed factor starts.
+    min_eigenvalue : float
+        Of the scaled information, over the largest one; smaller ones are raised to it.
+    """
+
+    max_factor: float = 5.0
+    max_prior_std: float = 5.0
+    starts: int = 8
+    patience: int = 2
+    restarts: int = 4
+    min_eigenvalue: float = 1e-10
+
+
+SIMULATED_CHANGES = SimulatedChangeOptions()
 
 
 class ParameterGroup(NamedTuple):
-    """Parameters that are multiplied by a common factor, and the standard deviation of its logarithm beforehand.
-
-    An infinite one says that nothing is known.
-    """
+    """Parameters with a common factor, and the prior standard deviation of the factor's logarithm (inf: free)."""
 
     parameters: tuple[str, ...]
     prior_std: float
 
     @property
     def name(self) -> str:
-        """The factor's."""
+        """Name of the factor."""
         return "factor of " + ", ".join(self.parameters)
 
     @property
     def free(self) -> bool:
-        """Whether nothing is known beforehand."""
+        """True without prior knowledge."""
         return not np.isfinite(self.prior_std)
 
 
 class ChangeEstimate(NamedTuple):
-    """What a recording says of the changes.
+    """Estimated changes of the groups.
 
     Attributes
     ----------
-    size : ndarray, shape (changes,)
-        Logarithms of the factors.
-    std : ndarray, shape (changes,)
-        Their standard deviations; very large where nothing is said.
+    log_factors : ndarray, shape (groups,)
+    std : ndarray, shape (groups,)
+        Standard deviations of the logarithms; very large where the recording does not determine a factor.
     """
 
     log_factors: Array
@@ -72,110 +90,122 @@ class ChangeEstimate(NamedTuple):
 def estimate_changes(
     structure: Structure,
     values: Mapping[str, float],
-    changes: Sequence[ParameterGroup],
+    groups: Sequence[ParameterGroup],
     recording: Recording,
     settings: Settings,
     *,
     min_change: float,
+    options: SimulatedChangeOptions = SIMULATED_CHANGES,
 ) -> ChangeEstimate:
-    """Find the factors with which the model explains a recording best.
+    """Fit the factors with which the model explains a recording best.
 
     Parameters
     ----------
     structure : Structure
     values : mapping of str to float
         The model's parameters, SI.
-    changes : sequence of ParameterGroup
+    groups : sequence of ParameterGroup
     recording : Recording
     settings : Settings
-        Of the last descents; the search goes at the ``fast`` level.
-    matters : float
-        Logarithm of a factor. A free change that comes out larger is held at this size, all else is fitted anew, and
-        what that costs (the likelihood ratio) decides how sure it is: through a gap the quadratic picture of the cost
-        is often too narrow.
+        Of the final fits; the multistart runs at the ``fast`` level.
+    min_change : float
+        Smallest logarithm of a factor that is of interest. Every free factor beyond it is fixed at this value and the
+        rest is fitted again. The likelihood ratio then gives the standard deviation, because with a gap the quadratic
+        approximation of the cost is often too narrow.
+    options : SimulatedChangeOptions
 
     Returns
     -------
     ChangeEstimate
-        The standard deviations allow for autocorrelated residuals, as in
+        The standard deviations allow for correlated residuals, as in
         :mod:`brightgrey.estimation.uncertainty.covariance`.
     """
     problem = _ProblemWithPrior.of(structure, [recording])
-    search = _factor_space(values, changes, recording, problem)
-    problem = replace(problem, prior_stds={c.name: c.prior_std for c in changes if not c.free})
+    space = _factor_space(values, groups, recording, problem, options)
+    problem = replace(problem, prior_stds={group.name: group.prior_std for group in groups if not group.free})
     fast = replace(settings, level="fast")
-    found = multistart(problem, search, fast, [{}], starts=_STARTS, patience=_PATIENCE, seed=0)
-    ends = sorted(found.ends, key=lambda end: end.cost)[:_RIVALS]
-    problem = _reweight(problem, search, settings, ends[0].values)
-    last = fit_to_convergence(problem, search, settings, ends[0].values)
-    size = search.to_scaled(last.values)
-    white, std = _standard_deviations(problem, last.residual, last.jacobian)
-    for i, change in enumerate(changes):
-        if change.free and abs(size[i]) > min_change and np.isfinite(white[i]):
-            begins = np.stack([last.values, *(end.values for end in ends)], axis=1)
-            held, begins = _fix_factor(search, i, float(np.exp(np.copysign(min_change, size[i]))), begins)
-            least = min(end.cost for end in fit_many(problem, held, settings, begins, cost_to_beat=np.inf))
-            ratio = np.sqrt(max(least - last.cost, 0.0)) * white[i] / std[i]
-            std[i] = max(std[i], (abs(size[i]) - min_change) / max(ratio, 1e-6))
-    return ChangeEstimate(size[: len(changes)], std[: len(changes)])
+    found = multistart(problem, space, fast, [{}], starts=options.starts, patience=options.patience, seed=0)
+    optima = sorted(found.ends, key=lambda optimum: optimum.cost)[: options.restarts]
+    problem = _reweight(problem, space, settings, optima[0].values)
+    best = fit_to_convergence(problem, space, settings, optima[0].values)
+    log_factors = space.to_scaled(best.values)
+    white, std = _standard_deviations(problem, best.residual, best.jacobian, options.min_eigenvalue)
+    for i, group in enumerate(groups):
+        if group.free and abs(log_factors[i]) > min_change and np.isfinite(white[i]):
+            starts = np.stack([best.values, *(optimum.values for optimum in optima)], axis=1)
+            fixed, starts = _fix_factor(space, i, float(np.exp(np.copysign(min_change, log_factors[i]))), starts)
+            cost = min(end.cost for end in fit_many(problem, fixed, settings, starts, cost_to_beat=np.inf))
+            ratio = np.sqrt(max(cost - best.cost, 0.0)) * white[i] / std[i]
+            std[i] = max(std[i], (abs(log_factors[i]) - min_change) / max(ratio, 1e-6))
+    return ChangeEstimate(log_factors[: len(groups)], std[: len(groups)])
 
 
 @dataclass(frozen=True)
 class _FactorSpace(ParameterSpace):
-    """Search of factors; by name it gives the parameters that they lead to, too."""
+    """Space of the factors; by name it also gives the parameters that follow from them."""
 
     model: Mapping[str, float] = field(default_factory=dict)
-    changes: tuple[ParameterGroup, ...] = ()
+    groups: tuple[ParameterGroup, ...] = ()
 
     def named(self, values: Array) -> dict[str, Array]:
         given = super().named(values)
         own = {name: np.full(values.shape[1], value) for name, value in self.model.items()}
-        for change in self.changes:
-            for name in change.parameters:
-                own[name] = own[name] * given[change.name]
+        for group in self.groups:
+            for name in group.parameters:
+                own[name] = own[name] * given[group.name]
         return given | own
 
 
 def _factor_space(
     values: Mapping[str, float],
-    changes: Sequence[ParameterGroup],
+    groups: Sequence[ParameterGroup],
     recording: Recording,
     problem: SimulationErrorProblem,
+    options: SimulatedChangeOptions,
 ) -> _FactorSpace:
-    reach = np.exp([min(_DOUBTS * change.prior_std, np.log(_MOST)) for change in changes])
+    high = np.exp([min(options.max_prior_std * group.prior_std, np.log(options.max_factor)) for group in groups])
     unknown = problem.unknown_initial
     return _FactorSpace(
-        names=(*(change.name for change in changes), *(part.name for part in unknown)),
-        low=np.array([*(1.0 / reach), *(part.low for part in unknown)]),
-        high=np.array([*reach, *(part.high for part in unknown)]),
-        start=np.array([*np.ones(len(changes)), *(part.start for part in unknown)]),
-        log=np.array([True] * len(changes) + [False] * len(unknown)),
+        names=(*(group.name for group in groups), *(part.name for part in unknown)),
+        low=np.array([*(1.0 / high), *(part.low for part in unknown)]),
+        high=np.array([*high, *(part.high for part in unknown)]),
+        start=np.array([*np.ones(len(groups)), *(part.start for part in unknown)]),
+        log=np.array([True] * len(groups) + [False] * len(unknown)),
         fixed={},
         scales=scales([recording]),
         blocks=(),
-        not_sampled=np.array([not change.free for change in changes] + [not part.drawn for part in unknown]),
+        not_sampled=np.array([not group.free for group in groups] + [not part.drawn for part in unknown]),
         model=values,
-        changes=tuple(changes),
+        groups=tuple(groups),
     )
 
 
-def _fix_factor(search: _FactorSpace, i: int, value: float, begins: Array) -> tuple[_FactorSpace, Array]:
-    """Search and starts, shape (P, S), with one factor fixed."""
-    rest = np.arange(len(search.names)) != i
-    part = {name: getattr(search, name)[rest] for name in ("low", "high", "start", "log", "not_sampled")}
-    names = tuple(name for name, stays in zip(search.names, rest, strict=True) if stays)
-    return replace(search, names=names, fixed={search.names[i]: value}, **part), begins[rest]
+def _fix_factor(space: _FactorSpace, i: int, value: float, starts: Array) -> tuple[_FactorSpace, Array]:
+    """Space and starts, shape (P, S), with one factor fixed."""
+    rest = np.arange(len(space.names)) != i
+    names = tuple(name for name, keep in zip(space.names, rest, strict=True) if keep)
+    smaller = replace(
+        space,
+        names=names,
+        low=space.low[rest],
+        high=space.high[rest],
+        start=space.start[rest],
+        log=space.log[rest],
+        not_sampled=space.not_sampled[rest],
+        fixed={space.names[i]: value},
+    )
+    return smaller, starts[rest]
 
 
 @dataclass(frozen=True)
 class _ProblemWithPrior(SimulationErrorProblem):
-    """Problem with one more residual for each factor of which something is known: its logarithm over that doubt."""
+    """Problem with one more residual for each factor with a prior: its logarithm over the prior standard deviation."""
 
     prior_stds: Mapping[str, float] = field(default_factory=dict)
 
     def residuals(self, values: Mapping[str, Array], settings: Settings, *, group: int = 1) -> Array:
-        apart = super().residuals(values, settings, group=group)
-        return np.concatenate([apart, self._prior_residuals(values)])
+        simulated = super().residuals(values, settings, group=group)
+        return np.concatenate([simulated, self._prior_residuals(values)])
 
     def normal_products(self, values: Mapping[str, Array], settings: Settings, per_step: Array) -> Array:
         total = super().normal_products(values, settings, per_step)
@@ -184,8 +214,9 @@ class _ProblemWithPrior(SimulationErrorProblem):
         return np.asarray(total + np.einsum("bsi,bsj->sij", r, r))
 
     def costs(self, values: Mapping[str, Array], settings: Settings, upper_limits: Array | None = None) -> Array:
-        more = np.square(self._prior_residuals(values)).sum(axis=0)
-        return np.asarray(super().costs(values, settings, None if upper_limits is None else upper_limits - more) + more)
+        prior = np.square(self._prior_residuals(values)).sum(axis=0)
+        limits = None if upper_limits is None else upper_limits - prior
+        return np.asarray(super().costs(values, settings, limits) + prior)
 
     def _prior_residuals(self, values: Mapping[str, Array]) -> Array:
         sets = len(next(iter(values.values())))
@@ -193,27 +224,30 @@ class _ProblemWithPrior(SimulationErrorProblem):
 
 
 def _reweight(
-    problem: _ProblemWithPrior, search: ParameterSpace, settings: Settings, values: Array
+    problem: _ProblemWithPrior, space: ParameterSpace, settings: Settings, values: Array
 ) -> _ProblemWithPrior:
-    """The same with the residuals at `values` for noise, which is what no change explains; at least the sensor's."""
+    """Weigh the outputs by their residuals at `values`, which no change explains, or by the sensor noise if larger."""
     (recording,) = problem.recordings
-    residual = problem.residuals(search.named(values[:, None]), settings)[: recording.y.size]
-    size = np.sqrt(np.mean(np.square(residual.reshape(recording.y.shape)), axis=1)) / problem.weights
-    noise = np.maximum(size, output_noise(recording))
+    residual = problem.residuals(space.named(values[:, None]), settings)[: recording.y.size]
+    rms = np.sqrt(np.mean(np.square(residual.reshape(recording.y.shape)), axis=1)) / problem.weights
+    noise = np.maximum(rms, output_noise(recording))
     return replace(problem, weights=1.0 / np.where(noise > 0.0, noise, 1.0 / problem.weights))
 
 
-def _standard_deviations(problem: _ProblemWithPrior, residual: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Standard deviations, shape (P,), if residuals were white, and as they are; very large where nothing is told."""
+def _standard_deviations(
+    problem: _ProblemWithPrior, residual: Array, jacobian: Array, min_eigenvalue: float
+) -> tuple[Array, Array]:
+    """Standard deviations, shape (P,), for white residuals and for the residuals as they are."""
     (recording,) = problem.recordings
     n = recording.y.size
-    scale = np.linalg.norm(jacobian, axis=0)
-    J = jacobian / np.where(scale > 0.0, scale, 1.0)
-    data, known = J[:n], J[n:]
+    norm = np.linalg.norm(jacobian, axis=0)
+    scale = np.where(norm > 0.0, norm, 1.0)
+    J = jacobian / scale
+    data, prior = J[:n], J[n:]
     lengths = [recording.samples] * len(recording.y)
-    meat = known.T @ known + gradient_covariance(noise_models(residual[:n], data, lengths), data, lengths)
-    size, base = np.linalg.eigh(J.T @ J)
-    inverse = (base / np.maximum(size, _SINGULAR * max(size[-1], 1.0))) @ base.T
-    stds = (np.sqrt(np.diag(cov)) for cov in (inverse, inverse @ meat @ inverse))
-    white, coloured = (np.where(scale > 0.0, std / np.where(scale > 0.0, scale, 1.0), np.inf) for std in stds)
+    scores = prior.T @ prior + gradient_covariance(noise_models(residual[:n], data, lengths), data, lengths)
+    eigenvalues, vectors = np.linalg.eigh(J.T @ J)
+    inverse = (vectors / np.maximum(eigenvalues, min_eigenvalue * max(eigenvalues[-1], 1.0))) @ vectors.T
+    stds = (np.sqrt(np.diag(cov)) for cov in (inverse, inverse @ scores @ inverse))
+    white, coloured = (np.where(norm > 0.0, std / scale, np.inf) for std in stds)
     return white, coloured

@@ -1,9 +1,9 @@
-"""One sampling interval ahead, with its derivative, for many parameter sets or states side by side.
+"""Discretisation over one sampling interval, with derivatives, for many parameter sets or states side by side.
 
-An exponential Rosenbrock step (exprb32, Hochbruck, Ostermann, Schweitzer 2009, doi:10.1137/080717717): linear part
-and ramp of the input exact, the bend of the laws to third order, whatever the slope of friction. The same matrix
-exponential gives the transition matrix of the linearisation, which is what an extended Kalman filter asks for. The
-compiled kernel is more accurate but gives no derivatives.
+Each step is an exponential Rosenbrock step (exprb32, Hochbruck, Ostermann and Schweitzer 2009,
+doi:10.1137/080717717). It is exact for the linear part and the ramp of the input, and of third order for the curvature
+of the laws, however steep friction is. The same matrix exponential gives the transition matrix that an extended Kalman
+filter needs. The compiled kernel is more accurate but gives no derivatives.
 """
 
 from __future__ import annotations
@@ -18,17 +18,45 @@ from brightgrey.arrays import Array
 from brightgrey.effects import Law
 from brightgrey.kit import StateSpace
 
-__all__ = ["DelayedInput", "ElementBatch", "Propagated", "delay_input", "matrix_exponential", "propagate_states"]
+__all__ = [
+    "DelayedInput",
+    "ElementBatch",
+    "Propagated",
+    "StepOptions",
+    "delay_input",
+    "matrix_exponential",
+    "propagate_states",
+]
 
 TAYLOR_ORDER = 8
-TAYLOR_MAX_NORM = 0.3
-_PIECES = (4, 16, 64)
-_SOON = 0.1  # of a step
+TAYLOR_MAX_NORM = 0.3  # of the scaled matrix: the remainder is below 1e-10
+
+
+@dataclass(frozen=True)
+class StepOptions:
+    """Refinement of the steps.
+
+    Attributes
+    ----------
+    substeps : tuple of int
+        Numbers of equal steps of an interval that are tried where one step is too coarse.
+    contact_substeps : int
+        From this number of steps on the making or breaking of a contact asks for no smaller ones.
+    contact_lookahead : float
+        Part of a step within which a contact that is about to close is taken as closed.
+    """
+
+    substeps: tuple[int, ...] = (4, 16, 64)
+    contact_substeps: int = 16
+    contact_lookahead: float = 0.1
+
+
+STEPS = StepOptions()
 
 
 @dataclass(frozen=True)
 class _BatchElement:
-    """One element with the lane on the first axis; low and high are None if it has no limits."""
+    """One element with the parameter set on the first axis; `state` is -1 if it has no limits."""
 
     law: Law
     H: Array
@@ -44,16 +72,16 @@ class _BatchElement:
         return self.state >= 0
 
     def contact_condition(self) -> tuple[Array, Array]:
-        """Row (K, n) of the state that decides a contact against the limits, and how fast the limited state follows."""
-        pull = -self.H[:, 0, self.state]
-        row = self.H[:, 0] / pull[:, None]
+        """Row (K, n) of the position to which the limited state is pulled, and the rate in 1/s at which it follows."""
+        rate = -self.H[:, 0, self.state]
+        row = self.H[:, 0] / rate[:, None]
         row[:, self.state] = 0.0
-        return row, pull
+        return row, rate
 
 
 @dataclass(frozen=True)
 class ElementBatch:
-    """A system with the parameter sets on the first axis, as batched matrix products want it.
+    """A system with the parameter sets on the first axis, as batched matrix products need it.
 
     Attributes
     ----------
@@ -61,10 +89,10 @@ class ElementBatch:
     B : ndarray, shape (K, n)
     C : ndarray, shape (K, outputs, n)
     elements : tuple
-    rows : tuple of int
-        ``StateSpace.derivative_rows``.
+    derivative_rows : tuple of int
+        As in ``StateSpace``.
     speeds : ndarray of int
-        Which states are speeds.
+        Indices of the states that are speeds.
     """
 
     A: Array
@@ -75,9 +103,9 @@ class ElementBatch:
     speeds: NDArray[np.int64]
 
     @classmethod
-    def of(cls, system: StateSpace, lanes: int = 1) -> ElementBatch:
-        """Take a batch of K sets as it is; repeat one set `lanes` times."""
-        K = system.batch[0] if system.batch else lanes
+    def of(cls, system: StateSpace, sets: int = 1) -> ElementBatch:
+        """Take a batch of K sets as it is; repeat a single set `sets` times."""
+        K = system.batch[0] if system.batch else sets
 
         def first(array: ArrayLike, rank: int) -> Array:
             a = np.asarray(array, float)
@@ -102,7 +130,7 @@ class ElementBatch:
         return cls(A, B, C, elements, system.derivative_rows, speeds)
 
     def select(self, which: NDArray[np.int64]) -> ElementBatch:
-        """Some of the lanes; one may come several times."""
+        """Batch of some of the sets; a set may be selected several times."""
         elements = tuple(
             replace(
                 e,
@@ -118,7 +146,7 @@ class ElementBatch:
         return replace(self, A=self.A[which], B=self.B[which], C=self.C[which], elements=elements)
 
     def linearise(self, z: Array, u: Array) -> tuple[Array, Array, Array]:
-        """Z' (K, n), its derivative by z (K, n, n) and by u (K, n) at states (K, n) and inputs (K,)."""
+        """Derivative of the states (K, n), and its own derivatives by z (K, n, n) and by u (K, n)."""
         J, b = self.A.copy(), self.B.copy()
         rate = np.einsum("kij,kj->ki", self.A, z) + self.B * u[:, None]
         for e in self.elements:
@@ -143,23 +171,23 @@ class ElementBatch:
                     C[:, out], y[:, out], D[:, out] = J[:, row], rate[:, row], b[:, row]
         return y, C, D
 
-    def clip_to_limits(self, z: Array, u: Array | None = None, soon: Array | None = None) -> tuple[Array, Array]:
-        """Put limited states into their limits, along the way they act; the derivative of doing so.
+    def clip_to_limits(self, z: Array, u: Array | None = None, lookahead: Array | None = None) -> tuple[Array, Array]:
+        """Clip limited states along the direction in which they act; also return the derivative (K, n, n).
 
-        With inputs `u`, those that would reach a limit within the times `soon` are put there, too: a state that a
-        filter has found a hair's breadth off a closed contact would else run through it.
+        With inputs `u`, states that would reach a limit within the times `lookahead` are set to it, too. A state that
+        a filter estimates slightly off a closed contact would otherwise run through it.
         """
         n = z.shape[1]
         change = np.broadcast_to(np.eye(n), (len(z), n, n)).copy()
         z = z.copy()
         for e in self.elements:
             if e.has_limits:
-                wanted = z[:, e.state]
-                if u is not None and soon is not None:
+                target = z[:, e.state]
+                if u is not None and lookahead is not None:
                     rate = np.einsum("kj,kj->k", e.H[:, 0], z) + e.K[:, 0] * u
-                    wanted = wanted + rate * soon
-                    wanted = np.where((wanted > e.low) & (wanted < e.high), z[:, e.state], wanted)
-                miss = np.clip(wanted, e.low, e.high) - z[:, e.state]
+                    target = target + rate * lookahead
+                    target = np.where((target > e.low) & (target < e.high), z[:, e.state], target)
+                miss = np.clip(target, e.low, e.high) - z[:, e.state]
                 out = miss != 0.0
                 z += e.G * miss[:, None]
                 z[:, e.state] = np.clip(z[:, e.state], e.low, e.high)
@@ -176,30 +204,36 @@ class Propagated(NamedTuple):
 
 
 def propagate_states(
-    batch: ElementBatch, z: Array, u0: Array, u1: Array, dt: ArrayLike, tolerance: Array
+    batch: ElementBatch,
+    z: Array,
+    u0: Array,
+    u1: Array,
+    dt: ArrayLike,
+    tolerance: Array,
+    options: StepOptions = STEPS,
 ) -> Propagated:
-    """Carry states over an interval, in as many steps as each lane needs.
+    """Propagate states over an interval, in as many steps as each parameter set needs.
 
     Parameters
     ----------
-    lanes : Lanes
+    batch : ElementBatch
     z : ndarray, shape (K, n)
     u0, u1 : ndarray, shape (K,)
-        Input at begin and end; a straight line between.
+        Input at begin and end of the interval, a straight line between.
     dt : float or ndarray, shape (K,)
-        Interval in s; 0 leaves a lane as it is.
+        Interval in s; 0 leaves a set as it is.
     tolerance : ndarray, shape (K,)
-        How much the steps of second and third order may differ in any speed, rad/s (m/s). Where a gap closes or opens
-        within an interval the steps are at most a sixteenth of it.
+        Largest difference between the steps of second and third order in any speed, rad/s (m/s).
+    options : StepOptions
     """
     span = np.broadcast_to(np.asarray(dt, float), (len(z),))
-    step, coarse = _equal_steps(batch, z, u0, u1, span, 1, tolerance)
-    for pieces in _PIECES:
+    step, coarse = _equal_steps(batch, z, u0, u1, span, 1, tolerance, options)
+    for count in options.substeps:
         if not coarse.any():
             break
         again = np.flatnonzero(coarse)
         finer, still = _equal_steps(
-            batch.select(again), z[again], u0[again], u1[again], span[again], pieces, tolerance[again]
+            batch.select(again), z[again], u0[again], u1[again], span[again], count, tolerance[again], options
         )
         for whole, part in zip(step, finer, strict=True):
             whole[again] = part
@@ -208,43 +242,49 @@ def propagate_states(
 
 
 def _equal_steps(
-    lanes: ElementBatch, z: Array, u0: Array, u1: Array, dt: Array, pieces: int, tolerance: Array
+    batch: ElementBatch,
+    z: Array,
+    u0: Array,
+    u1: Array,
+    dt: Array,
+    count: int,
+    tolerance: Array,
+    options: StepOptions,
 ) -> tuple[Propagated, NDArray[np.bool_]]:
-    """Equal steps, and which lanes need smaller ones."""
+    """Result of `count` equal steps, and a mask of the sets that need smaller ones."""
     K, n = z.shape
-    h = dt / pieces
+    h = dt / count
     total = np.broadcast_to(np.eye(n), (K, n, n)).copy()
     by_input = np.zeros((K, n))
     slope = (u1 - u0) / np.where(dt > 0.0, dt, 1.0)
     coarse = np.zeros(K, bool)
-    for part in range(pieces):
-        u = u0 + slope * h * part
-        z, put = lanes.clip_to_limits(z, u, _SOON * h)
-        total, by_input = put @ total, np.einsum("kij,kj->ki", put, by_input)
-        rate, J, b = lanes.linearise(z, u)
-        M = np.zeros((K, n + 3, n + 3))  # dz, 1, t, held input
+    for i in range(count):
+        u = u0 + slope * h * i
+        z, clip = batch.clip_to_limits(z, u, options.contact_lookahead * h)
+        total, by_input = clip @ total, np.einsum("kij,kj->ki", clip, by_input)
+        rate, J, b = batch.linearise(z, u)
+        M = np.zeros((K, n + 3, n + 3))  # increment of z, 1, t, held input
         M[:, :n, :n], M[:, :n, n], M[:, :n, n + 1], M[:, :n, n + 2] = J, rate, b * slope[:, None], b
         M[:, n + 1, n] = 1.0
         E = matrix_exponential(M * h[:, None, None])
-        moved = z + E[:, :n, n]
-        after, _, _ = lanes.linearise(moved, u + slope * h)
-        bend = after - rate - np.einsum("kij,kj->ki", J, E[:, :n, n]) - b * (slope * h)[:, None]
-        for e in lanes.elements:
-            if e.has_limits:  # a contact that is made or lost is no bend; it is gone through in small steps
-                coarse |= (pieces < _PIECES[1]) & (np.abs(bend[:, e.state]) * h > tolerance * dt)
-                bend -= e.G * bend[:, e.state, None]
-        better = (
-            np.linalg.solve(np.eye(n) - 0.25 * h[:, None, None] * J, bend[:, :, None])[:, :, 0] * (h / 3.0)[:, None]
-        )
-        coarse |= np.abs(better[:, lanes.speeds]).max(axis=1, initial=0.0) > tolerance
-        z, put = lanes.clip_to_limits(moved + better)
-        by_input = np.einsum("kij,kj->ki", put, np.einsum("kij,kj->ki", E[:, :n, :n], by_input) + E[:, :n, n + 2])
-        total = put @ E[:, :n, :n] @ total
+        second_order = z + E[:, :n, n]
+        after, _, _ = batch.linearise(second_order, u + slope * h)
+        remainder = after - rate - np.einsum("kij,kj->ki", J, E[:, :n, n]) - b * (slope * h)[:, None]
+        for e in batch.elements:
+            if e.has_limits:  # the switch of a contact is no curvature: small steps go through it
+                coarse |= (count < options.contact_substeps) & (np.abs(remainder[:, e.state]) * h > tolerance * dt)
+                remainder -= e.G * remainder[:, e.state, None]
+        correction = np.linalg.solve(np.eye(n) - 0.25 * h[:, None, None] * J, remainder[:, :, None])[:, :, 0]
+        correction = correction * (h / 3.0)[:, None]
+        coarse |= np.abs(correction[:, batch.speeds]).max(axis=1, initial=0.0) > tolerance
+        z, clip = batch.clip_to_limits(second_order + correction)
+        by_input = np.einsum("kij,kj->ki", clip, np.einsum("kij,kj->ki", E[:, :n, :n], by_input) + E[:, :n, n + 2])
+        total = clip @ E[:, :n, :n] @ total
     return Propagated(z, total, by_input), coarse
 
 
 def matrix_exponential(M: Array) -> Array:
-    """Matrix exponentials, shape (K, m, m), by Taylor series and squaring, each matrix for itself."""
+    """Matrix exponentials, shape (K, m, m), by scaling, Taylor series and squaring; each matrix is scaled alone."""
     size = np.abs(M).sum(axis=2).max(axis=1)
     halvings = np.ceil(np.log2(np.maximum(size / TAYLOR_MAX_NORM, 1.0)))
     halvings = np.where(np.isfinite(halvings), halvings, 0.0).astype(int)
@@ -260,16 +300,16 @@ def matrix_exponential(M: Array) -> Array:
 
 
 class DelayedInput(NamedTuple):
-    """Delayed input, which bends once within every interval: where the next sample of what was asked for arrives.
+    """Delayed input. Within every interval it switches once, when the next sample of the input arrives.
 
     Attributes
     ----------
-    first, knee : ndarray, shape (samples, K)
-        At the sample and just before the bend; a straight line between.
-    after, last : ndarray, shape (samples, K)
-        Just after the bend and at the end of the interval.
-    share : ndarray, shape (K,)
-        Part of the interval before the bend, above 0; 1 for delays of whole samples.
+    start, before_switch : ndarray, shape (samples, K)
+        At the sample and just before the switch, a straight line between.
+    after_switch, end : ndarray, shape (samples, K)
+        Just after the switch and at the end of the interval, a straight line between.
+    switch_fraction : ndarray, shape (K,)
+        Part of the interval before the switch, above 0; 1 for delays of whole samples.
     """
 
     start: Array
@@ -279,7 +319,7 @@ class DelayedInput(NamedTuple):
     switch_fraction: Array
 
     def select(self, which: NDArray[np.int64]) -> DelayedInput:
-        """Some of the lanes; one may come several times."""
+        """Input of some of the sets; a set may be selected several times."""
         return DelayedInput(*(part[..., which] for part in self))
 
 
@@ -289,7 +329,7 @@ def delay_input(u: Array, dt: float, delay: Array, hold: str) -> DelayedInput:
     Parameters
     ----------
     u : ndarray, shape (samples, K)
-        Before the first sample it was as there.
+        Before the first sample the input has the value of the first sample.
     dt : float
     delay : ndarray, shape (K,)
         In s.

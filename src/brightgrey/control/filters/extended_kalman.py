@@ -1,11 +1,12 @@
-"""Extended Kalman filter: the state of a drive from its recording, the Jacobian from the element table.
+"""Extended Kalman filter: the state of a drive from its recording.
 
-The form of the model gives the linearisation for free, so no effect is named here. The disturbance is a torque beside
-the input, held over each sampling interval; what the sensors add is white.
+The construction kit gives the Jacobian of every model, so no effect is named here. The disturbance is a torque beside
+the input, held over each sampling interval. The measurement noise is white.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,54 +24,55 @@ __all__ = [
     "extended_kalman_filter",
     "initial_estimate",
     "predict",
+    "run_filter",
     "update",
 ]
 
 
 @dataclass(frozen=True)
 class Noise:
-    """What the model does not know.
+    """Standard deviations of the disturbance and of the measurement noise.
 
     Attributes
     ----------
     torque : float or ndarray, shape (K,)
-        Standard deviation of a torque beside the input, held over each sampling interval, N m (N).
+        Of the disturbing torque beside the input, held over each sampling interval, N m (N).
     outputs : ndarray, shape (outputs,) or (K, outputs)
-        Standard deviation of each measured output.
+        Of each measured output, SI.
     """
 
     torque: float | Array
     outputs: Array
 
-    def measurement_covariance(self, lanes: int) -> Array:
-        """Covariance of the measurement, shape (K, outputs, outputs)."""
-        std = np.broadcast_to(self.outputs, (lanes, np.shape(self.outputs)[-1]))
+    def measurement_covariance(self, sets: int) -> Array:
+        """Covariance R of the measurement noise, shape (K, outputs, outputs)."""
+        std = np.broadcast_to(self.outputs, (sets, np.shape(self.outputs)[-1]))
         return np.asarray(np.square(std)[:, :, None] * np.eye(std.shape[1]))
 
-    def disturbance_std(self, lanes: int) -> Array:
+    def disturbance_std(self, sets: int) -> Array:
         """Standard deviation of the disturbance, shape (K,)."""
-        return np.broadcast_to(np.asarray(self.torque, float), (lanes,))
+        return np.broadcast_to(np.asarray(self.torque, float), (sets,))
 
 
 @dataclass(frozen=True)
 class FilterResult:
-    """What a filter found.
+    """Estimated states and innovations of a filter run.
 
     Attributes
     ----------
     z : ndarray, shape (samples, K, n)
-        Estimated states, each from the samples up to its own.
+        Filtered states: each is estimated from the samples up to its own.
     std : ndarray, shape (samples, K, n)
-        Their standard deviations.
-    likeliest : ndarray, shape (samples, K, n)
-        The states of the likeliest component of a sum of Gaussians; else the estimated ones.
+        Standard deviations of the states.
+    most_likely : ndarray, shape (samples, K, n)
+        States of the most likely component of a Gaussian sum; the estimated states for the other filters.
     innovations : ndarray, shape (samples, K, outputs)
-        Measured less predicted.
+        Measured minus predicted outputs.
     covariances : ndarray, shape (samples, K, outputs, outputs)
-        Expected of the innovations.
-    white : ndarray, shape (samples, K, outputs)
-        Innovations made white, normal and of unit size: what each output, given those before it, is in standard
-        deviations; of a sum of Gaussians the quantile of the normal distribution that the sum gave it.
+        Covariances that the filter predicts for the innovations.
+    normalised_innovations : ndarray, shape (samples, K, outputs)
+        Innovations transformed to white noise of variance 1, output after output by the Cholesky factor of the
+        covariance. Of a Gaussian sum they are normal quantiles of its predictive distribution.
     log_likelihood : ndarray, shape (K,)
         Logarithm of the likelihood of each recording.
     """
@@ -90,7 +92,7 @@ class FilterResult:
 
 
 class MeasurementUpdate(NamedTuple):
-    """State (K, m) and covariance (K, m, m) after a sample; innovation (K, outputs) and what was expected of it."""
+    """State (K, m) and covariance (K, m, m) after a sample, innovation (K, outputs) and its predicted covariance."""
 
     x: Array
     P: Array
@@ -99,23 +101,55 @@ class MeasurementUpdate(NamedTuple):
 
 
 def predict(process: ProcessModel, k: int, x: Array, P: Array, torque: Array) -> tuple[Array, Array]:
-    """State and covariance one sample on; `torque` (K,) is the disturbance's standard deviation."""
-    moved = process.transition(k, x)
-    F, push = moved.by_state, moved.by_disturbance * torque[:, None]
-    return moved.x, F @ P @ F.transpose(0, 2, 1) + push[:, :, None] * push[:, None, :]
+    """Predict state and covariance at sample k + 1; `torque` (K,) is the disturbance's standard deviation."""
+    step = process.transition(k, x)
+    F, disturbed = step.by_state, step.by_disturbance * torque[:, None]
+    return step.x, F @ P @ F.transpose(0, 2, 1) + disturbed[:, :, None] * disturbed[:, None, :]
 
 
 def update(process: ProcessModel, k: int, x: Array, P: Array, y: Array, R: Array) -> MeasurementUpdate:
-    """State and covariance with the measurement `y` (K, outputs) of sample k; Joseph's form."""
-    expected, H = process.predict_outputs(k, x)
+    """Update state and covariance with the measurement `y` (K, outputs) of sample k, in Joseph's form."""
+    predicted, H = process.predict_outputs(k, x)
     S = H @ P @ H.transpose(0, 2, 1) + R
     gain = np.linalg.solve(S, H @ P).transpose(0, 2, 1)
-    innovation = y - expected
+    innovation = y - predicted
     rest = np.eye(x.shape[1]) - gain @ H
     after = rest @ P @ rest.transpose(0, 2, 1) + gain @ R @ gain.transpose(0, 2, 1)
-    return MeasurementUpdate(
-        process.clip_to_limits(x + np.einsum("kij,kj->ki", gain, innovation)), after, innovation, S
-    )
+    x = process.clip_to_limits(x + np.einsum("kij,kj->ki", gain, innovation))
+    return MeasurementUpdate(x, after, innovation, S)
+
+
+def initial_estimate(filter_input: FilterInput, process: ProcessModel, torque: Array) -> tuple[Array, Array]:
+    """State and covariance before the first sample is used."""
+    first_speed = filter_input.system.state_names.index("v1")
+    return process.augment(filter_input.z0, filter_input.P0, torque, first_speed)
+
+
+def run_filter(
+    filter_input: FilterInput,
+    noise: Noise,
+    predict_state: Callable[[ProcessModel, int, Array, Array, Array], tuple[Array, Array]],
+) -> FilterResult:
+    """Run a Gaussian filter: the linearised update after the given prediction.
+
+    Parameters
+    ----------
+    filter_input : FilterInput
+    noise : Noise
+    predict_state : callable
+        Called as :func:`predict`.
+    """
+    samples, K = filter_input.u.shape
+    process = ProcessModel.of(filter_input)
+    R, torque = noise.measurement_covariance(K), noise.disturbance_std(K)
+    x, P = initial_estimate(filter_input, process, torque)
+    record = FilterRecord.empty(samples, K, process.n_states, len(filter_input.differenced))
+    for k in range(samples):
+        if k:
+            x, P = predict_state(process, k - 1, x, P, torque)
+        x, P, innovation, S = update(process, k, x, P, filter_input.y[k], R)
+        record.store(k, x, P, innovation, S)
+    return record.gaussian_result()
 
 
 def extended_kalman_filter(filter_input: FilterInput, noise: Noise) -> FilterResult:
@@ -123,35 +157,21 @@ def extended_kalman_filter(filter_input: FilterInput, noise: Noise) -> FilterRes
 
     Parameters
     ----------
-    watched : FilterInput
+    filter_input : FilterInput
+        From :func:`brightgrey.control.filters.setup.prepare`.
     noise : Noise
 
     Returns
     -------
-    Filtered
+    FilterResult
 
     Notes
     -----
-    A contact is decided at the expected state; where contacts are uncertain within the state's spread, use
-    :func:`brightgrey.control.filters.gaussian_sum.mixture`, and where friction is hard within it, compare with
-    :func:`brightgrey.control.filters.unscented_kalman.unscented`.
+    The filter decides every contact at the predicted state. If a gap may be open or closed within the state's standard
+    deviation, use :func:`brightgrey.control.filters.gaussian_sum.gaussian_sum_filter`. If friction changes sharply
+    within it, compare with :func:`brightgrey.control.filters.unscented_kalman.unscented_kalman_filter`.
     """
-    samples, K = filter_input.u.shape
-    course = ProcessModel.of(filter_input)
-    R, torque = noise.measurement_covariance(K), noise.disturbance_std(K)
-    x, P = initial_estimate(filter_input, course, torque)
-    out = FilterRecord.empty(samples, K, course.n_states, len(filter_input.differenced))
-    for k in range(samples):
-        if k:
-            x, P = predict(course, k - 1, x, P, torque)
-        x, P, innovation, S = update(course, k, x, P, filter_input.y[k], R)
-        out.store(k, x, P, innovation, S)
-    return out.gaussian_result()
-
-
-def initial_estimate(filter_input: FilterInput, process: ProcessModel, torque: Array) -> tuple[Array, Array]:
-    """State and covariance at the first sample."""
-    return process.augment(filter_input.z0, filter_input.P0, torque, filter_input.system.state_names.index("v1"))
+    return run_filter(filter_input, noise, predict)
 
 
 @dataclass(frozen=True)
@@ -165,32 +185,27 @@ class FilterRecord:
     covariances: Array
 
     @classmethod
-    def empty(cls, samples: int, K: int, n: int, outputs: int) -> FilterRecord:
-        """Room for `samples` of K lanes with n states."""
-        return cls(
-            np.empty((samples, K, n)),
-            np.empty((samples, K, n)),
-            np.empty((samples, K, n)),
-            np.empty((samples, K, outputs)),
-            np.empty((samples, K, outputs, outputs)),
-        )
+    def empty(cls, samples: int, sets: int, states: int, outputs: int) -> FilterRecord:
+        """Arrays for all samples of several parameter sets, not yet filled."""
+        z, std, most_likely = (np.empty((samples, sets, states)) for _ in range(3))
+        return cls(z, std, most_likely, np.empty((samples, sets, outputs)), np.empty((samples, sets, outputs, outputs)))
 
-    def store(self, k: int, x: Array, P: Array, innovation: Array, S: Array, likeliest: Array | None = None) -> None:
-        """Write down sample k."""
+    def store(self, k: int, x: Array, P: Array, innovation: Array, S: Array, most_likely: Array | None = None) -> None:
+        """Store sample k."""
         n = self.z.shape[2]
         self.z[k], self.innovations[k], self.covariances[k] = x[:, :n], innovation, S
-        self.most_likely[k] = (x if likeliest is None else likeliest)[:, :n]
+        self.most_likely[k] = (x if most_likely is None else most_likely)[:, :n]
         self.std[k] = np.sqrt(np.maximum(np.einsum("kii->ki", P)[:, :n], 0.0))
 
     def gaussian_result(self) -> FilterResult:
-        """What was found, where each innovation is normal."""
+        """Result of a filter whose innovations are normal."""
         roots = np.linalg.cholesky(self.covariances)
         white = np.asarray(np.linalg.solve(roots, self.innovations[..., None])[..., 0])
-        _, size = np.linalg.slogdet(2.0 * np.pi * self.covariances)
-        return self.result(white, -0.5 * np.sum(np.square(white).sum(axis=-1) + size, axis=0))
+        _, log_det = np.linalg.slogdet(2.0 * np.pi * self.covariances)
+        return self.result(white, -0.5 * np.sum(np.square(white).sum(axis=-1) + log_det, axis=0))
 
     def result(self, white: Array, log_likelihood: Array) -> FilterResult:
-        """What was found, with the innovations made white and the likelihood."""
+        """Result with the given normalised innovations and likelihoods."""
         return FilterResult(
             self.z, self.std, self.most_likely, self.innovations, self.covariances, white, log_likelihood
         )

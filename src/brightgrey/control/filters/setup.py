@@ -1,4 +1,4 @@
-"""From a recording and a model to what the filters take, and noise levels from a recording that the model explains."""
+"""Setup of the filters: data and first state from a recording and a model, and the noise by maximum likelihood."""
 
 from __future__ import annotations
 
@@ -19,27 +19,74 @@ from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 
-__all__ = ["PreparedRecording", "estimate_noise", "initial_distribution", "prepare", "shaft_torque"]
+__all__ = [
+    "FilterSetup",
+    "NoiseGrid",
+    "PreparedRecording",
+    "estimate_noise",
+    "initial_distribution",
+    "prepare",
+    "shaft_torque",
+]
 
-_AT_REST = 0.02  # of the speed scale: how well the first speed is known
-_TORQUES = tuple(10.0 ** (0.5 * k) for k in range(-8, 1))  # of the largest input
-_SENSORS = (0.5, 1.0, 2.0, 4.0)  # of the noise seen in the recording
-_FINER = tuple(10.0 ** (k / 8.0) for k in range(-2, 3))
-_ENOUGH = 6000  # samples
-_STEP_ERROR = 0.1  # of the speed's noise
+
+@dataclass(frozen=True)
+class FilterSetup:
+    """Uncertainty of the first state, and accuracy of the filter's steps.
+
+    Attributes
+    ----------
+    initial_std : float
+        Standard deviation of the first speed over the largest speed, and of a lagging input over the largest input.
+    step_tolerance : float
+        Error of a step over the noise of the speed.
+    min_speed_noise, max_speed_noise : float
+        Limits of that noise, over the largest speed.
+    """
+
+    initial_std: float = 0.02
+    step_tolerance: float = 0.1
+    min_speed_noise: float = 1e-4
+    max_speed_noise: float = 1e-2
+
+
+@dataclass(frozen=True)
+class NoiseGrid:
+    """Candidates of the maximum-likelihood search for the noise.
+
+    Attributes
+    ----------
+    torques : tuple of float
+        Standard deviations of the disturbance over the largest input.
+    sensors : tuple of float
+        Factors on the measurement noise that the recording shows.
+    refinement : tuple of float
+        Factors on both for the second grid, around the best point of the first.
+    max_samples : int
+        Of a longer recording only the middle part is used.
+    """
+
+    torques: tuple[float, ...] = tuple(10.0 ** (0.5 * k) for k in range(-8, 1))
+    sensors: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
+    refinement: tuple[float, ...] = tuple(10.0 ** (k / 8.0) for k in range(-2, 3))
+    max_samples: int = 6000
+
+
+FILTER_SETUP = FilterSetup()
+NOISE_GRID = NoiseGrid()
 
 
 @dataclass(frozen=True)
 class PreparedRecording:
-    """A recording as the filters take it.
+    """Input of the filters for a recording, and its coordinates.
 
     Attributes
     ----------
-    watched : FilterInput
-    twisted : TwistModel
-        Coordinates, and the way back to all states.
-    sensors : ndarray, shape (K, outputs)
-        Noise of each output as its recording shows it, SI.
+    filter_input : FilterInput
+    twist_model : TwistModel
+        Transformation from the filter's states to all states.
+    sensor_noise : ndarray, shape (K, outputs)
+        Standard deviation of the noise that the recording shows in each output, SI.
     """
 
     filter_input: FilterInput
@@ -52,6 +99,7 @@ def prepare(
     values: Mapping[str, ArrayLike],
     recording: Recording | Sequence[Recording],
     settings: Settings,
+    setup: FilterSetup = FILTER_SETUP,
 ) -> PreparedRecording:
     """Prepare recordings for a filter with the model `values` of `structure`.
 
@@ -59,15 +107,21 @@ def prepare(
     ----------
     structure : Structure
     values : mapping of str to float or ndarray, shape (K,)
-        SI. Arrays watch with K parameter sets at once.
+        SI. With arrays K parameter sets are filtered side by side.
     recording : Recording or sequence of Recording
         One for all parameter sets, or one for each; then of the same length, signals, sampling time and hold.
     settings : Settings
         ``f_tanh`` and ``speed_scale`` are used.
+    setup : FilterSetup
 
     Returns
     -------
     PreparedRecording
+
+    Raises
+    ------
+    RecordingError
+        If the recordings cannot be filtered side by side.
     """
     first = recording if isinstance(recording, Recording) else recording[0]
     kinds = [signal.kind for signal in first.outputs]
@@ -80,12 +134,12 @@ def prepare(
     coordinates = to_twist_coordinates(system)
     own = {id(r): (np.asarray(output_noise(r)), initial_state(r, system), float(np.abs(r.u).max())) for r in each}
     sensors, starts, torques = (np.array(part) for part in zip(*(own[id(r)] for r in each), strict=True))
-    speed_noise = _speed_tolerance(kinds, sensors, settings)
-    speed = _AT_REST * settings.speed_scale
-    z0, P0 = initial_distribution(coordinates, starts, speed, speed_noise, _AT_REST * torques)
+    speed_noise = _speed_noise_of(kinds, sensors, settings, setup)
+    speed = setup.initial_std * settings.speed_scale
+    z0, P0 = initial_distribution(coordinates, starts, speed, speed_noise, setup.initial_std * torques)
     if "position" in kinds:
         P0[:, 0, 0] = np.square(sensors[:, kinds.index("position")])
-    watched = FilterInput(
+    filter_input = FilterInput(
         coordinates.system,
         np.stack([r.u for r in each], axis=1),
         np.stack([r.y.T for r in each], axis=1),
@@ -94,57 +148,60 @@ def prepare(
         z0,
         P0,
         differenced,
-        _STEP_ERROR * speed_noise,
+        setup.step_tolerance * speed_noise,
     )
-    return PreparedRecording(watched, coordinates, sensors)
+    return PreparedRecording(filter_input, coordinates, sensors)
 
 
-def _check_compatible(each: Sequence[Recording], lanes: int) -> None:
+def _check_compatible(each: Sequence[Recording], sets: int) -> None:
     """Refuse recordings that cannot be filtered side by side."""
     natures = {(r.samples, r.dt, r.hold, tuple(s.kind for s in r.outputs)) for r in each}
-    if len(each) != lanes or len(natures) != 1:
+    if len(each) != sets or len(natures) != 1:
         raise RecordingError(
-            f"{len(each)} recordings for {lanes} parameter sets; one for each is wanted, all of the same length, "
-            "signals, sampling time and hold"
+            f"{len(each)} recordings for {sets} parameter sets; give one for each, all with the same length, signals, "
+            "sampling time and hold"
         )
 
 
-def _speed_tolerance(kinds: Sequence[str], sensors: Array, settings: Settings) -> Array:
-    """Size of speed that does not matter, shape (K,): the noise of a measured one, else a thousandth of the largest."""
-    seen = [i for i, kind in enumerate(kinds) if kind.startswith("velocity")]
-    least = sensors[:, seen].min(axis=1) if seen else np.zeros(len(sensors))
-    return np.asarray(np.clip(least, 1e-4 * settings.speed_scale, 1e-2 * settings.speed_scale))
+def _speed_noise_of(kinds: Sequence[str], sensors: Array, settings: Settings, setup: FilterSetup) -> Array:
+    """Noise of the best measured speed within the limits of `setup`, shape (K,); the lower limit without one."""
+    speeds = [i for i, kind in enumerate(kinds) if kind.startswith("velocity")]
+    noise = sensors[:, speeds].min(axis=1) if speeds else np.zeros(len(sensors))
+    low, high = setup.min_speed_noise * settings.speed_scale, setup.max_speed_noise * settings.speed_scale
+    return np.asarray(np.clip(noise, low, high))
 
 
 def initial_distribution(
-    coordinates: TwistModel, x0: Array, speed: float, apart: Array, torque: Array
+    coordinates: TwistModel, x0: Array, speed: float, speed_difference: Array, torque: Array
 ) -> tuple[Array, Array]:
-    """First state, shape (K, n), and its covariance: all masses move alike, gaps stand anywhere, shafts are relaxed.
+    """Mean, shape (K, n), and covariance of the first state.
+
+    All masses move at a common speed, the position in a gap is uniformly distributed, and shafts are relaxed.
 
     Parameters
     ----------
     coordinates : TwistModel
     x0 : ndarray, shape (K, states)
-        Expected state but for gaps.
+        Expected state, apart from the positions in gaps.
     speed : float
-        How well the common speed is known.
-    apart : ndarray, shape (K,)
-        How equal the speeds of the masses are where the drive starts from rest.
+        Standard deviation of the common speed, rad/s (m/s).
+    speed_difference : ndarray, shape (K,)
+        Standard deviation of a mass's speed against the common one where the drive starts from rest.
     torque : ndarray, shape (K,)
-        How well a lagging input is known.
+        Standard deviation of a lagging input.
     """
     system = coordinates.system
     n, K = len(system.states), len(x0)
     z0 = x0 @ coordinates.W.T
     P0 = np.zeros((K, n, n))
     A = np.broadcast_to(system.A.reshape(n, n, -1), (n, n, K))
-    fastest = np.sqrt(np.abs(A).sum(axis=(0, 1)))  # a bound of the turning rate; twists are small against it
+    fastest = np.sqrt(np.abs(A).sum(axis=(0, 1)))  # bound of the natural frequencies, which scales the twists
     speeds = np.array([state.at_rest == "speed" for state in system.states])
     P0 += np.square(speed) * np.outer(speeds, speeds)
     for i, state in enumerate(system.states):
         if speeds[i]:
-            rests = z0[:, i] == 0.0
-            P0[:, i, i] += np.square(np.where(rests, apart, speed))
+            at_rest = z0[:, i] == 0.0
+            P0[:, i, i] += np.square(np.where(at_rest, speed_difference, speed))
         elif state.at_rest == "input":
             P0[:, i, i] = np.square(torque)
         elif state.name.startswith("twist"):
@@ -152,36 +209,41 @@ def initial_distribution(
     for e in system.elements:
         if e.limits is not None:
             low, high = np.broadcast_to(e.limits.lower, (K,)), np.broadcast_to(e.limits.upper, (K,))
-            follows = np.zeros((K, n))
-            follows[:, e.limits.state] = 1.0
+            direction = np.zeros((K, n))
+            direction[:, e.limits.state] = 1.0
             twist = _twist_beside_gap(e, system)
             H = e.H[0].reshape(n, -1)
-            follows[:, twist] = -H[e.limits.state] / H[twist]
-            z0 += (0.5 * (low + high))[:, None] * follows
+            direction[:, twist] = -H[e.limits.state] / H[twist]
+            z0 += (0.5 * (low + high))[:, None] * direction
             z0[:, e.limits.state] = 0.5 * (low + high)
-            P0 += (np.square(high - low) / 12.0)[:, None, None] * follows[:, :, None] * follows[:, None, :]
+            P0 += (np.square(high - low) / 12.0)[:, None, None] * direction[:, :, None] * direction[:, None, :]
     return z0, P0
 
 
 def _twist_beside_gap(gap: Element, system: StateSpace) -> int:
-    """Number of the twist that stands where the position in `gap` does, when its shaft is relaxed."""
+    """Index of the twist that equals the position in `gap` when the shaft is relaxed."""
     assert gap.limits is not None
     H = np.abs(gap.H[0].reshape(len(system.states), -1)).max(axis=1)
-    ways = [i for i, state in enumerate(system.states) if state.name.startswith("twist") and H[i] > 0.0]
-    return max(ways, key=lambda i: float(H[i]))
+    twists = [i for i, state in enumerate(system.states) if state.name.startswith("twist") and H[i] > 0.0]
+    return max(twists, key=lambda i: float(H[i]))
 
 
 def estimate_noise(
-    structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings
+    structure: Structure,
+    values: Mapping[str, float],
+    recording: Recording,
+    settings: Settings,
+    grid: NoiseGrid = NOISE_GRID,
 ) -> Noise:
-    """Noise levels under which the model explains `recording` best.
+    """Estimate the noise of a drive from a recording that its model explains.
 
     Parameters
     ----------
     structure, values, settings
         The model, SI.
     recording : Recording
-        One that the model was identified from: what is found here is the measure of what is normal.
+        Best one that the model was identified from: its noise is the reference for normal operation.
+    grid : NoiseGrid
 
     Returns
     -------
@@ -189,47 +251,47 @@ def estimate_noise(
 
     Notes
     -----
-    Maximum likelihood of the innovations over the standard deviation of a disturbing torque and one factor on the
-    sensors' noise, on a grid and a finer one around its best point; of a long recording the middle 6000 samples.
+    The likelihood of the innovations of the extended Kalman filter is maximised over the standard deviation of the
+    disturbance and one factor on the measurement noise, on a coarse grid and a finer one around its best point.
     """
-    part = _middle_part(recording)
-    torque = float(np.abs(part.u).max()) or 1.0
-    seen = prepare(structure, values, part, settings)
-    grid = [(t * torque, s) for t in _TORQUES for s in _SENSORS]
-    best = _most_likely_noise(seen, grid)
-    best = _most_likely_noise(seen, [(best[0] * t, best[1] * s) for t in _FINER for s in _FINER])
-    return Noise(best[0], best[1] * seen.sensor_noise[0])
+    part = _middle_part(recording, grid.max_samples)
+    largest = float(np.abs(part.u).max()) or 1.0
+    prepared = prepare(structure, values, part, settings)
+    best = _most_likely_noise(prepared, [(t * largest, s) for t in grid.torques for s in grid.sensors])
+    finer = [(best[0] * t, best[1] * s) for t in grid.refinement for s in grid.refinement]
+    torque, factor = _most_likely_noise(prepared, finer)
+    return Noise(torque, factor * prepared.sensor_noise[0])
 
 
-def _middle_part(recording: Recording) -> Recording:
-    extra = recording.samples - _ENOUGH
+def _middle_part(recording: Recording, samples: int) -> Recording:
+    extra = recording.samples - samples
     if extra <= 0:
         return recording
-    part = slice(extra // 2, extra // 2 + _ENOUGH)
+    part = slice(extra // 2, extra // 2 + samples)
     return replace(recording, t=recording.t[part], u=recording.u[part], y=recording.y[:, part])
 
 
-def _most_likely_noise(seen: PreparedRecording, grid: list[tuple[float, float]]) -> tuple[float, float]:
-    """Torque and sensor factor with the largest likelihood; all of a grid are filtered side by side."""
-    w, lanes = seen.filter_input, len(grid)
-    wide = replace(
-        w,
-        u=np.repeat(w.u, lanes, axis=1),
-        y=np.repeat(w.y, lanes, axis=1),
-        z0=np.repeat(w.z0, lanes, axis=0),
-        P0=np.repeat(w.P0, lanes, axis=0),
-        tolerance=np.repeat(w.tolerance, lanes),
+def _most_likely_noise(prepared: PreparedRecording, grid: list[tuple[float, float]]) -> tuple[float, float]:
+    """Disturbance and sensor factor with the largest likelihood; all candidates are filtered side by side."""
+    one, sets = prepared.filter_input, len(grid)
+    repeated = replace(
+        one,
+        u=np.repeat(one.u, sets, axis=1),
+        y=np.repeat(one.y, sets, axis=1),
+        z0=np.repeat(one.z0, sets, axis=0),
+        P0=np.repeat(one.P0, sets, axis=0),
+        tolerance=np.repeat(one.tolerance, sets),
     )
     torques, factors = np.array(grid).T
-    found = extended_kalman_filter(wide, Noise(torques, factors[:, None] * seen.sensor_noise)).log_likelihood
+    found = extended_kalman_filter(repeated, Noise(torques, factors[:, None] * prepared.sensor_noise)).log_likelihood
     return grid[int(np.argmax(np.where(np.isfinite(found), found, -np.inf)))]
 
 
 def shaft_torque(system: StateSpace, z: Array) -> Array:
     """Torque that the first shaft takes from mass 1, shape (...,), for states `z` (..., n) in twist coordinates.
 
-    Read from the assembled matrices: what of mass 1's acceleration is neither input nor friction, times its inertia.
-    Through a gap, ask for the ``likeliest`` states of a filter: a mean of contact and none is neither.
+    It is the part of mass 1's acceleration that is neither input nor friction, times the inertia. With a gap use the
+    ``most_likely`` states of a Gaussian-sum filter, because the mean of an open and a closed gap is neither.
     """
     v = system.state_names.index("v1")
     row = system.A[v].copy()

@@ -1,7 +1,7 @@
-"""What happens to a filter's state from sample to sample, and what the sensors show of it.
+"""State transition and measurement of the filters, for many recordings or parameter sets side by side.
 
-Beside the model's states a filter may have to remember two things: the position at the last sample, where a speed was
-made by differencing it, and the disturbance that acts at the sample, where an acceleration shows it at once or a dead
+A filter may need two states beside the model's. One is the position at the last sample, where a measured velocity was
+made by differencing it. The other is the disturbance at the sample, where an acceleration shows it at once or a dead
 time carries a part of it into the next interval.
 """
 
@@ -22,24 +22,25 @@ __all__ = ["FilterInput", "ProcessModel", "Transition"]
 
 @dataclass(frozen=True)
 class FilterInput:
-    """Recordings of K drives of one structure, or of one drive seen by K parameter sets.
+    """Recordings of K drives of one structure, or one recording for K parameter sets.
 
     Attributes
     ----------
     system : StateSpace
-        In twist coordinates; one set or K.
+        In twist coordinates; one parameter set or K.
     u : ndarray, shape (samples, K)
     y : ndarray, shape (samples, K, outputs)
     dt : float
+        Sampling interval, s.
     hold : {'linear', 'zoh'}
     z0 : ndarray, shape (K, n)
         Expected state at the first sample.
     P0 : ndarray, shape (K, n, n)
         Its covariance.
     differenced : tuple of bool
-        Outputs that are a position's difference over the last interval; the system's output is that position.
+        True for an output that is a position's difference over the last interval; the system's output is that position.
     tolerance : ndarray, shape (K,)
-        Error of a step in any speed, rad/s (m/s); a tenth of the speed's noise is plenty.
+        Error of a step in any speed, rad/s (m/s). A tenth of the speed's noise is small enough.
     """
 
     system: StateSpace
@@ -63,18 +64,20 @@ class Transition(NamedTuple):
 
 @dataclass(frozen=True)
 class ProcessModel:
-    """Recordings as a filter goes through them. States: the model's n, the last position, the disturbance.
+    """Discrete-time model of a filter. Its states are the model's n, the last position and the disturbance.
 
     Attributes
     ----------
-    lanes : Lanes
-    timed : DelayedInput
-        Delayed input.
+    batch : ElementBatch
+        The model with its K parameter sets.
+    delayed_input : DelayedInput
     dt : float
+        Sampling interval, s.
     tolerance : ndarray, shape (K,)
+        Error of a step in any speed, rad/s (m/s).
     differenced : ndarray of bool, shape (outputs,)
-    remembers_push : bool
-        Whether the disturbance is a state.
+    has_disturbance_state : bool
+        The disturbance is the last state.
     """
 
     batch: ElementBatch
@@ -86,20 +89,23 @@ class ProcessModel:
 
     @classmethod
     def of(cls, filter_input: FilterInput, copies: int = 1) -> ProcessModel:
-        """Each recording `copies` times, one copy after the other."""
-        K = filter_input.u.shape[1]
-        lanes = ElementBatch.of(filter_input.system, K)
-        each = np.repeat(np.arange(K), copies)
-        delay = np.broadcast_to(np.asarray(filter_input.system.dead_time, float), (K,))
-        timed = delay_input(filter_input.u, filter_input.dt, delay, filter_input.hold)
-        pushed = bool(np.any(timed.switch_fraction < 1.0)) or any(
-            row >= 0 for row in filter_input.system.derivative_rows
+        """Process model with `copies` sets for each recording, one after the other."""
+        system, K = filter_input.system, filter_input.u.shape[1]
+        delay = np.broadcast_to(np.asarray(system.dead_time, float), (K,))
+        delayed = delay_input(filter_input.u, filter_input.dt, delay, filter_input.hold)
+        acceleration = any(row >= 0 for row in system.derivative_rows)
+        process = cls(
+            ElementBatch.of(system, K),
+            delayed,
+            filter_input.dt,
+            filter_input.tolerance,
+            np.array(filter_input.differenced),
+            bool(np.any(delayed.switch_fraction < 1.0)) or acceleration,
         )
-        course = cls(lanes, timed, filter_input.dt, filter_input.tolerance, np.array(filter_input.differenced), pushed)
-        return course.select(each) if copies > 1 else course
+        return process.select(np.repeat(np.arange(K), copies)) if copies > 1 else process
 
     def select(self, which: NDArray[np.int64]) -> ProcessModel:
-        """Some of the recordings; one may come several times."""
+        """Process model of some of the sets; a set may be selected several times."""
         return replace(
             self,
             batch=self.batch.select(which),
@@ -107,88 +113,85 @@ class ProcessModel:
             tolerance=self.tolerance[which],
         )
 
+    @property
+    def n_states(self) -> int:
+        """Number of the model's states."""
+        return int(self.batch.A.shape[1])
+
+    @property
+    def has_position_state(self) -> bool:
+        """True if the last position is a state."""
+        return bool(self.differenced.any())
+
+    def _input_at(self, k: int, x: Array) -> Array:
+        """Delayed input with the disturbance at sample k, shape (K,)."""
+        return np.asarray(self.delayed_input.start[k] + (x[:, -1] if self.has_disturbance_state else 0.0))
+
     def derivative(self, k: int, x: Array) -> Array:
         """Derivative (K, n) of the model's states at sample k."""
-        push = x[:, -1] if self.has_disturbance_state else 0.0
-        return self.batch.linearise(x[:, : self.n_states], self.delayed_input.start[k] + push)[0]
+        return self.batch.linearise(x[:, : self.n_states], self._input_at(k, x))[0]
 
     def negligible_differences(self) -> Array:
-        """Differences of states (K, n) that do not matter: what changes speeds by the tolerance within a sample."""
+        """Differences of states (K, n) that change no speed by more than the tolerance within a sample."""
         n = self.n_states
         small = np.repeat(self.tolerance[:, None], n, axis=1)
         for e in self.batch.elements:
             if e.has_limits:
-                row, pull = e.contact_condition()
-                jump = np.abs(e.G[:, self.batch.speeds]).max(axis=1) * pull * self.dt
-                small[:, e.state] = self.tolerance / jump
+                row, pull_rate = e.contact_condition()
+                speed_change = np.abs(e.G[:, self.batch.speeds]).max(axis=1) * pull_rate * self.dt
+                small[:, e.state] = self.tolerance / speed_change
                 for i in np.flatnonzero(row.any(axis=0)):
                     if i not in self.batch.speeds:
                         small[:, i] = small[:, e.state]
         return small
 
-    @property
-    def n_states(self) -> int:
-        """The model's."""
-        return int(self.batch.A.shape[1])
-
-    @property
-    def has_position_state(self) -> bool:
-        """Whether the last position is a state."""
-        return bool(self.differenced.any())
-
     def augment(self, z0: Array, P0: Array, torque: Array, first_speed: int) -> tuple[Array, Array]:
         """State and covariance at the first sample from the model's (K, n), (K, n, n).
 
-        The last position lies one interval back by mass 1's speed, state number `first_speed`.
+        The last position lies one interval back by mass 1's speed, which is state number `first_speed`.
         """
         n = z0.shape[1]
-        wide = np.eye(n + self.has_position_state + self.has_disturbance_state)[:, :n]
+        extend = np.eye(n + self.has_position_state + self.has_disturbance_state)[:, :n]
         if self.has_position_state:
-            wide[n, 0], wide[n, first_speed] = 1.0, -self.dt
-        P = np.asarray(wide @ P0 @ wide.T)
+            extend[n, 0], extend[n, first_speed] = 1.0, -self.dt
+        P = np.asarray(extend @ P0 @ extend.T)
         if self.has_disturbance_state:
             P[:, -1, -1] = np.square(torque)
-        return z0 @ wide.T, P
+        return z0 @ extend.T, P
 
-    def transition(self, k: int, x: Array, fresh: Array | None = None) -> Transition:
-        """From sample k to the next; `fresh` (K,) is the disturbance of the interval, 0 where not given."""
+    def transition(self, k: int, x: Array, disturbance: Array | None = None) -> Transition:
+        """Transition from sample k to the next; `disturbance` (K,) is that of the new interval, 0 if not given."""
         n, K = self.n_states, len(x)
-        new = np.zeros(K) if fresh is None else fresh
+        new = np.zeros(K) if disturbance is None else disturbance
         own = x[:, -1] if self.has_disturbance_state else new
-        t = self.delayed_input
+        u, share = self.delayed_input, self.delayed_input.switch_fraction
         step = propagate_states(
-            self.batch,
-            x[:, :n],
-            t.start[k] + own,
-            t.before_switch[k] + own,
-            t.switch_fraction * self.dt,
-            self.tolerance,
+            self.batch, x[:, :n], u.start[k] + own, u.before_switch[k] + own, share * self.dt, self.tolerance
         )
         z, F, by_own, by_new = step.z, step.by_state, step.by_input, np.zeros((K, n))
-        if np.any(t.switch_fraction < 1.0):
-            rest = (1.0 - t.switch_fraction) * self.dt
-            step = propagate_states(self.batch, z, t.after_switch[k] + new, t.end[k] + new, rest, self.tolerance)
+        if np.any(share < 1.0):
+            rest = (1.0 - share) * self.dt
+            step = propagate_states(self.batch, z, u.after_switch[k] + new, u.end[k] + new, rest, self.tolerance)
             z, F, by_new = step.z, step.by_state @ F, step.by_input
             by_own = np.einsum("kij,kj->ki", step.by_state, by_own)
         if not (self.has_position_state or self.has_disturbance_state):
             return Transition(z, F, by_own)
         m = x.shape[1]
-        after, by_state, by_push = np.zeros((K, m)), np.zeros((K, m, m)), np.zeros((K, m))
+        after, by_state, by_disturbance = np.zeros((K, m)), np.zeros((K, m, m)), np.zeros((K, m))
         after[:, :n], by_state[:, :n, :n] = z, F
         if self.has_position_state:
             after[:, n], by_state[:, n, 0] = x[:, 0], 1.0
         if self.has_disturbance_state:
             after[:, -1], by_state[:, :n, -1] = new, by_own
-            by_push[:, :n], by_push[:, -1] = by_new, 1.0
+            by_disturbance[:, :n], by_disturbance[:, -1] = by_new, 1.0
         else:
-            by_push[:, :n] = by_own
-        return Transition(after, by_state, by_push)
+            by_disturbance[:, :n] = by_own
+        return Transition(after, by_state, by_disturbance)
 
     def predict_outputs(self, k: int, x: Array) -> tuple[Array, Array]:
-        """Outputs (K, outputs) that are expected at sample k, and their derivative by the state."""
+        """Predicted outputs (K, outputs) at sample k, and their derivative by the state (K, outputs, m)."""
         n = self.n_states
-        push = x[:, -1] if self.has_disturbance_state else 0.0
-        y, own, by_input = self.batch.outputs(x[:, :n], self.delayed_input.start[k] + push)
+        y, own, by_input = self.batch.outputs(x[:, :n], self._input_at(k, x))
         C = np.zeros((*own.shape[:2], x.shape[1]))
         C[:, :, :n] = own
         if self.has_disturbance_state:
@@ -200,7 +203,7 @@ class ProcessModel:
         return y, C
 
     def clip_to_limits(self, x: Array) -> Array:
-        """Limited states within their limits; a measurement gives no impulse, so nothing else moves."""
+        """Clip limited states in place; a measurement gives no impulse, so no other state changes."""
         for e in self.batch.elements:
             if e.has_limits:
                 x[:, e.state] = np.clip(x[:, e.state], e.low, e.high)
