@@ -133,9 +133,9 @@ def design(
         Largest torque of the drive, in the input's unit.
     sampling_time : float, optional
         Of the controller in s; the recording's if not given.
-    computing : float
+    computing_time : float
         Time from sampling to output in s.
-    settling : float
+    settling_time : float
         Time in s after which the state control shall have forgotten a constant disturbance.
 
     Returns

@@ -6,7 +6,7 @@ import contextlib
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, cast
 
 import typer
@@ -16,6 +16,7 @@ from brightgrey.cli.demo import demo
 from brightgrey.cli.effects import effects
 from brightgrey.cli.export import export
 from brightgrey.cli.fleet import fleet
+from brightgrey.cli.help_page import Command, Program
 from brightgrey.cli.identify import identify
 from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.runs import runs
@@ -30,11 +31,12 @@ __all__ = ["app", "main"]
 UsageProblem = cast(type[typer.BadParameter], typer.BadParameter.__mro__[1])
 
 app = typer.Typer(
+    cls=Program,
     name="brightgrey",
     help="Find out from a recording of a drive which physical effects are at work and how large they are.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # its tables cannot be read in a narrow window
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
@@ -55,29 +57,57 @@ def _common(
     pass
 
 
-app.command()(demo)
-app.command()(identify)
-app.command()(simulate)
-app.command()(export)
-app.command()(effects)
-app.command()(reproduce)
-app.command()(runs)
-app.command()(fleet)
-app.command()(analyse)
-app.command()(control)
-app.command()(watch)
+IDENTIFY = "brightgrey identify axis.csv --input torque --output velocity"
+"""Begin of the examples that identify a recording."""
+
+# Two examples for each command, in the order of the help page.
+COMMANDS: dict[Callable[..., None], tuple[str, str]] = {
+    demo: ("brightgrey demo", "brightgrey demo --out demo --seed 1"),
+    identify: (IDENTIFY, f"{IDENTIFY} --unit 'torque=N m' --structure two_mass+coulomb+viscous --out axis"),
+    simulate: (
+        "brightgrey simulate out/model.json axis.csv",
+        "brightgrey simulate out/model.json axis.csv --out simulated.csv",
+    ),
+    export: (
+        "brightgrey export out/model.json --to fmu",
+        "brightgrey export out/model.json --to c --to matlab --recording axis.csv --out export",
+    ),
+    effects: ("brightgrey effects", "brightgrey effects --json"),
+    reproduce: ("brightgrey reproduce", "brightgrey reproduce --seeds 20 --preset tuned --out tuned"),
+    runs: ("brightgrey runs .", "brightgrey runs out --json"),
+    fleet: (
+        "brightgrey fleet fleet.csv --input torque --output velocity",
+        "brightgrey fleet fleet.toml --structure two_mass+coulomb+viscous --out fleet",
+    ),
+    analyse: (
+        "brightgrey analyse out/model.json",
+        "brightgrey analyse out/model.json --speed 10 --controller '0.5 10 / 1 0'",
+    ),
+    control: (
+        "brightgrey control out/model.json --torque 5",
+        "brightgrey control out/model.json --torque 5 --dt 0.001 --computing 0.0005",
+    ),
+    watch: (
+        "brightgrey watch out/model.json today.csv --baseline axis.csv",
+        "brightgrey watch out/model.json today.csv --baseline axis.csv --min-change 0.2",
+    ),
+}
+for command, examples in COMMANDS.items():
+    app.command(cls=Command, epilog="\n".join(examples))(command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the program and return its exit code.
 
-    Wrong use and unusable input end with one line on stderr and exit code 2, an interruption with 130.
+    Wrong use and unusable input end with one line on stderr and exit code 2, an interruption with 130. Without
+    arguments the help is shown.
     """
+    given = list(sys.argv[1:] if arguments is None else arguments)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without ± must not end the program
     try:
-        code = app(args=None if arguments is None else list(arguments), standalone_mode=False)
+        code = app(args=given or ["--help"], standalone_mode=False)
         sys.stdout.flush()
     except BrightgreyError as error:
         return _fail(str(error))
@@ -93,11 +123,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, typer.Abort):
         print("brightgrey: interrupted, nothing written", file=sys.stderr)
         return 130
+    if not given:
+        return 2
     return code if isinstance(code, int) else 0
 
 
 def _fail(message: str) -> int:
-    line = " ".join(message.split())
-    if line:  # none without arguments: the help has been shown
-        print(f"brightgrey: {line}", file=sys.stderr)
+    print(f"brightgrey: {' '.join(message.split())}", file=sys.stderr)
     return 2

@@ -1,7 +1,4 @@
-"""Options that several commands share, and from their texts to values.
-
-Every refusal says what came and what is wanted.
-"""
+"""Options that all commands share, and the reading of their texts."""
 
 from __future__ import annotations
 
@@ -12,17 +9,13 @@ from typing import Annotated
 
 import typer
 
+from brightgrey.cli.options.groups import OUTPUT, RECORDING, RUN
 from brightgrey.errors import SettingsError
 
 __all__ = [
     "CORES",
-    "Dask",
     "Json",
-    "MaxEvaluations",
-    "MaxSeconds",
-    "Processes",
     "Quiet",
-    "Restart",
     "Seed",
     "Step",
     "Time",
@@ -36,43 +29,33 @@ __all__ = [
     "window",
 ]
 
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")]
-Seed = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Seed of all random draws.")]
 CORES = os.cpu_count() or 1
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.", rich_help_panel=OUTPUT)]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print the result as JSON instead of tables.", rich_help_panel=OUTPUT)
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Seed of all random draws.", rich_help_panel=RUN)]
 Workers = Annotated[
     int,
-    typer.Option("--workers", min=1, metavar="N", help="Threads to simulate on. Results do not depend on it."),
-]
-Processes = Annotated[
-    bool, typer.Option("--processes", help="Evaluate in processes of this machine instead of threads.")
-]
-Dask = Annotated[
-    str | None,
-    typer.Option("--dask", metavar="ADDRESS", help="Evaluate on the workers of the Dask scheduler at host:port."),
-]
-MaxEvaluations = Annotated[
-    int | None,
     typer.Option(
-        "--max-evaluations",
+        "--workers",
+        min=1,
         metavar="N",
-        help="Stop a search after so many evaluations in all, with the best so far; the same command goes on.",
+        help="Threads of the simulation; the result does not depend on their number.",
+        rich_help_panel=RUN,
     ),
 ]
-MaxSeconds = Annotated[
-    float | None,
-    typer.Option("--max-seconds", metavar="S", help="Stop a search after so long, with the best so far."),
-]
-Restart = Annotated[bool, typer.Option("--restart", help="Forget the run that DIR holds, and begin anew.")]
 Time = Annotated[
-    str | None, typer.Option("--time", metavar="NAME", help="Column of time. Found where its name says it.")
-]
-Step = Annotated[
-    float | None, typer.Option("--dt", metavar="S", help="Sampling time in s, where no column has the time.")
+    str | None, typer.Option("--time", metavar="NAME", help="Column of the time; found by its name if not given.")
 ]
 Unit = Annotated[
-    list[str] | None,
-    typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column. May be repeated."),
+    list[str] | None, typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column. Repeat for more.")
+]
+Step = Annotated[
+    float | None,
+    typer.Option(
+        "--dt", metavar="S", help="Sampling time in s, if there is no column of time.", rich_help_panel=RECORDING
+    ),
 ]
 
 BOUND = "NAME=LOW:HIGH in the recording's units, or 'NAME=LOW%:HIGH% of VALUE'"

@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 __all__ = [
     "as_json",
     "effects",
-    "kept",
     "plain_table",
     "reproduction",
     "result",
     "screen",
     "simulation",
+    "stored",
     "text",
     "working",
 ]
@@ -68,8 +68,8 @@ def as_json(value: Any) -> None:
     print(json_module.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def kept(found: StoredRun, folder: Path, *, quiet: bool, json: bool) -> None:
-    """Print what a run has come to, now or earlier."""
+def stored(found: StoredRun, folder: Path, *, quiet: bool, json: bool) -> None:
+    """Print the result of a run that has finished now or earlier."""
     if found.result is not None:
         result(found.result, folder, quiet=quiet, json=json)
         if found.stopped and not (quiet or json):

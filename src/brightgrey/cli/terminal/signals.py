@@ -12,44 +12,44 @@ import typer
 
 from brightgrey.runs import RunError, Stop
 
-__all__ = ["Signals", "signals"]
+__all__ = ["SignalStop", "stop_on_signal"]
 
-_WATCHED = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-class Signals(Stop):
-    """Is told to stop by a signal, and keeps which."""
+class SignalStop(Stop):
+    """Stop that a signal triggers; `number` is that of the signal."""
 
     number: int | None = None
 
-    def leave(self) -> None:
-        """End the program with the exit code of the signal, if there was one."""
+    def exit_with_signal(self) -> None:
+        """End the program with the exit code of the signal, if one has come."""
         if self.number is not None:
             raise typer.Exit(128 + self.number)
 
 
 @contextmanager
-def signals() -> Iterator[Signals]:
-    """Listen to the signals in this context. A run that they have kept from any result ends with their exit code."""
-    stop = Signals()
+def stop_on_signal() -> Iterator[SignalStop]:
+    """Stop a search when SIGINT or SIGTERM comes; a search without any result then ends the program."""
+    stop = SignalStop()
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
 
     def handle(number: int, frame: Any) -> None:
-        for watched in _WATCHED:
-            signal.signal(watched, signal.SIG_DFL)
+        for name in _SIGNALS:
+            signal.signal(name, signal.SIG_DFL)
         stop.number = number
         stop.tell()
 
-    before = {watched: signal.signal(watched, handle) for watched in _WATCHED}
+    before = {name: signal.signal(name, handle) for name in _SIGNALS}
     try:
         yield stop
     except RunError as error:
         if stop.number is None:
             raise
         typer.echo(f"brightgrey: {error}", err=True)
-        stop.leave()
+        stop.exit_with_signal()
     finally:
-        for watched, handler in before.items():
-            signal.signal(watched, handler)
+        for name, handler in before.items():
+            signal.signal(name, handler)

@@ -1,0 +1,59 @@
+"""Help pages of the command line: options under headings, two examples at the end, plain text for any width.
+
+The tables of rich cannot be read in a narrow window, and to load them takes longer than everything else.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+from typer.core import TyperCommand, TyperGroup
+
+__all__ = ["Command", "Program"]
+
+MOST_USED = "Options"
+NAMES = 26  # characters of the column with the names of options
+
+
+class Program(TyperGroup):
+    """The program, whose commands are listed with their whole first sentences."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands in the order in which they were added."""
+        commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        records = [(name, command.get_short_help_str(limit=200)) for name, command in commands if command]
+        with formatter.section("Commands"):
+            formatter.write_dl(records)
+
+
+class Command(TyperCommand):
+    """A command whose options stand under headings. Its epilog holds one example per line."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments, the options used most, and the others by their headings."""
+        sections: dict[str, list[tuple[str, str]]] = {"Arguments": [], MOST_USED: []}
+        for parameter in self.get_params(ctx):
+            names, text = parameter.get_help_record(ctx) or ("", "")
+            if parameter.param_type_name == "argument":
+                sections["Arguments"].append((parameter.metavar or names, text))
+            elif names:
+                heading = getattr(parameter, "rich_help_panel", None) or MOST_USED
+                sections.setdefault(heading, []).append((names, text))
+        for heading, records in sections.items():
+            if records:
+                with formatter.section(heading):
+                    formatter.write_dl(records, col_max=NAMES)
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the examples; long ones go on in the next line, as a shell understands it."""
+        with formatter.section("Examples"):
+            for example in (self.epilog or "").splitlines():
+                words = textwrap.wrap(
+                    example,
+                    formatter.width - 4,
+                    subsequent_indent="    ",
+                    break_long_words=False,
+                    break_on_hyphens=False,
+                )
+                formatter.write("".join(f"  {line}\n" for line in " \\\n".join(words).splitlines()))

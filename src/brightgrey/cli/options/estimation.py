@@ -1,0 +1,97 @@
+"""Options of the estimation of parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from brightgrey.cli.options.common import bounds, fixed
+from brightgrey.cli.options.groups import ESTIMATION
+
+__all__ = ["EstimationOptions", "FurtherEstimationOptions"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimationOptions:
+    """Ranges, known values and the initial state."""
+
+    bound: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--bound",
+            metavar="NAME=LOW:HIGH",
+            help="Range of a parameter in the recording's units, or 'NAME=50%:200% of VALUE'; without it the range "
+            "comes from the recording. Repeat for more.",
+        ),
+    ] = None
+    fix: Annotated[
+        list[str] | None,
+        typer.Option("--fix", metavar="NAME=VALUE", help="Hold a parameter at this value. Repeat for more."),
+    ] = None
+    f_tanh: Annotated[
+        float | None,
+        typer.Option(
+            "--f-tanh",
+            metavar="X",
+            help="Gain of the smoothed sign of friction per unit of speed. Default: 100 over the largest speed.",
+            rich_help_panel=ESTIMATION,
+        ),
+    ] = None
+    initial: Annotated[
+        str,
+        typer.Option(
+            "--initial",
+            metavar="NAME",
+            help="State before the first sample: rest, samples (moving as the first samples show) or estimated "
+            "(within the noise of the first samples). auto is rest, or estimated if the first samples clearly move.",
+            rich_help_panel=ESTIMATION,
+        ),
+    ] = "auto"
+
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of ``identify``.
+
+        Raises
+        ------
+        SettingsError
+            For a text that cannot be read.
+        """
+        from brightgrey.estimation.problem.initial_state import check_initial
+
+        return {
+            "bounds": bounds(self.bound or ()),
+            "fixed": fixed(self.fix or ()),
+            "f_tanh": self.f_tanh,
+            "initial": check_initial(self.initial),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class FurtherEstimationOptions:
+    """Start model, test recording and profiles, for one identification."""
+
+    test_recording: Annotated[
+        Path | None,
+        typer.Option("--test-recording", metavar="FILE", help="Compare the model with this recording, too."),
+    ] = None
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            "--start",
+            metavar="MODEL",
+            help="Start the estimation from this model.json, too.",
+            rich_help_panel=ESTIMATION,
+        ),
+    ] = None
+    profile: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--profile",
+            metavar="NAME",
+            help="Compute the interval of this parameter by profile likelihood, too. Repeat for more.",
+            rich_help_panel=ESTIMATION,
+        ),
+    ] = None

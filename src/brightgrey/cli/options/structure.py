@@ -1,0 +1,83 @@
+"""Options that name a structure, or say how it is searched for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import typer
+
+from brightgrey.cli.options.groups import STRUCTURE
+from brightgrey.errors import SettingsError, one_of
+
+__all__ = ["SEARCHES", "StructureOptions"]
+
+SEARCHES = ("auto", "exhaustive", "genetic")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StructureOptions:
+    """A structure, or the limits of a search for it."""
+
+    structure: Annotated[
+        str | None,
+        typer.Option(
+            "--structure",
+            metavar="EFFECT+…",
+            help="Effects in the model, joined by +; 'brightgrey effects' lists them. Without it the structure is "
+            "searched for.",
+        ),
+    ] = None
+    search: Annotated[
+        str | None,
+        typer.Option(
+            "--search",
+            metavar="NAME",
+            help="How to search: exhaustive fits every structure and gives evidence for each effect; genetic is the "
+            "paper's genetic programming (only in identify); auto (default) is exhaustive if that takes minutes at "
+            "most.",
+        ),
+    ] = None
+    require: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--require",
+            metavar="EFFECT",
+            help="Search only structures with this effect. Repeat for more.",
+            rich_help_panel=STRUCTURE,
+        ),
+    ] = None
+    exclude: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--exclude",
+            metavar="EFFECT",
+            help="Search only structures without this effect. Repeat for more.",
+            rich_help_panel=STRUCTURE,
+        ),
+    ] = None
+
+    def checked(self, searches: tuple[str, ...] = SEARCHES) -> str | None:
+        """Return the structure in its standard form, None if it is searched for.
+
+        Raises
+        ------
+        SettingsError
+            For an unknown effect or search, a structure that breaks a rule, or options that exclude each other.
+        """
+        from brightgrey.kit import function_set
+
+        effects = (*(self.require or ()), *(self.exclude or ()))
+        if self.structure is not None:
+            if self.search is not None or effects:
+                raise SettingsError("--structure excludes --search, --require and --exclude")
+            return str(function_set().parse(self.structure))
+        if self.search is not None:
+            one_of("search", self.search, searches)
+        if self.search == "genetic" and effects:
+            raise SettingsError("--require and --exclude belong to the exhaustive search")
+        if effects:
+            from brightgrey.search.exhaustive import candidates
+
+            candidates(effects, grammar=function_set())
+        return None
