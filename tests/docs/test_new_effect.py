@@ -1,18 +1,12 @@
 """The effect of docs/how-to/add-effect.md, put as one file into a copy of the package, appears everywhere."""
 
 import json
-import os
 import re
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-
-import brightgrey
 
 ROOT = Path(__file__).parents[2]
 TRUTH = {"J1": 0.02, "M_C": 0.3, "k_D": 0.004}
@@ -35,33 +29,10 @@ def recorded():
     return "t [s],torque [N m],speed [rad/s]\n" + "".join(rows)
 
 
-@pytest.fixture(scope="module")
-def extended(tmp_path_factory):
-    """Function that runs Python with a copy of the package that has the one file more."""
-    folder = tmp_path_factory.mktemp("extended")
-    package = folder / "brightgrey"
-    shutil.copytree(Path(brightgrey.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    text = (ROOT / "docs" / "how-to" / "add-effect.md").read_text(encoding="utf-8")
-    (name,) = re.findall(r"^`src/brightgrey/effects/library/(\w+\.py)`:$", text, re.MULTILINE)
-    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    assert not (package / "effects" / "library" / name).exists()
-    (package / "effects" / "library" / name).write_text(code, encoding="utf-8")
-    (folder / "a.csv").write_text(recorded(), encoding="utf-8")
-
-    def run(*arguments):
-        done = subprocess.run(
-            [sys.executable, *map(str, arguments)],
-            cwd=folder,
-            env={**os.environ, "PYTHONPATH": str(folder), "XDG_CACHE_HOME": str(folder / "cache")},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr + done.stdout
-        return done.stdout
-
-    run.folder = folder
-    return run
+@pytest.fixture(scope="module", autouse=True)
+def recording(extended):
+    """The recording a.csv beside the extended copy of the package."""
+    (extended.folder / "a.csv").write_text(recorded(), encoding="utf-8")
 
 
 OPTIONS = ("--input", "torque", "--output", "speed", "--f-tanh", F_TANH, "--workers", 2)

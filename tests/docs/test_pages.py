@@ -24,19 +24,55 @@ def test_linked_pages_are_there(page):
 
 
 def test_every_page_is_in_the_contents():
-    contents = re.findall(r"^[\w/-]+$", (DOCS / "index.md").read_text(encoding="utf-8"), re.MULTILINE)
-    assert set(contents) == {page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES} - {"index"}
+    listed = {
+        (index.parent / name).with_suffix(".md")
+        for index in DOCS.rglob("index.md")
+        for toctree in re.findall(
+            r"^```\{toctree\}(.*?)^```", index.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+        )
+        for name in re.findall(r"^[\w/-]+$", toctree, re.MULTILINE)
+    }
+    assert listed == set(PAGES) - {DOCS / "index.md"}
 
 
 def test_options_that_are_named_exist(capsys):
-    for command in ("identify", "simulate", "analyse", "control", "watch", "export", "reproduce", "demo"):
+    for command in ("identify", "simulate", "analyse", "control", "watch", "export", "reproduce", "demo", "fleet"):
         main([command, "--help"])
     offered = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out))
     for page in PAGES:
-        if page.stem == "results":  # those of the benchmarks
+        if page.parent.name == "validation":  # those of the benchmarks
             continue
         named = set(re.findall(r"`(--[a-z][a-z-]+)", page.read_text(encoding="utf-8")))
         assert named <= offered, page.stem
+
+
+@each
+def test_prose_is_at_most_120_characters_wide(page):
+    for line in page.read_text(encoding="utf-8").splitlines():
+        assert len(line) <= 120 or line.startswith(("|", "   :exclude-members:")), line
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "validation").glob("*.md")), ids=lambda p: p.stem)
+def test_validation_page__has_at_most_60_lines(page):
+    assert len(page.read_text(encoding="utf-8").splitlines()) <= 60
+
+
+def test_validation_pages__are_those_that_the_data_give():
+    done = subprocess.run(
+        [sys.executable, str(DOCS.parent / "bench" / "validation.py"), "--check"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_paper_page__names_files_that_are_there():
+    text = (DOCS / "reference" / "paper.md").read_text(encoding="utf-8")
+    for name in re.findall(r"`([a-z_/]+\.py)`", text):
+        assert any((root / name).is_file() for root in (DOCS.parent / "src" / "brightgrey", DOCS.parent / "tests")), (
+            name
+        )
 
 
 def test_function_set_has_every_declaration():
