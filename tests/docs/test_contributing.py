@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-J, FRICTION, VISCOUS, IMBALANCE, F_TANH, NOISE, DT = 0.02, 0.1, 0.01, 0.25, 4.0, 0.02, 0.004
+J, FRICTION, VISCOUS, IMBALANCE, F_TANH, NOISE, DT = 0.02, 0.1, 0.01, 0.05, 4.0, 0.02, 0.004
 
 
 @pytest.fixture(scope="module")
 def archive(extended):
     """NumPy archive of a drive with a load out of balance: J v' = u - friction - IMBALANCE sin(q), solved by scipy."""
     t = DT * np.arange(1000)
-    u = 0.6 * np.sin(2.0 * np.pi * 0.5 * t) + 0.5 * np.sin(2.0 * np.pi * 1.3 * t)
+    u = (np.sin(2.0 * np.pi * 0.5 * t) + 0.8 * np.sin(2.0 * np.pi * 1.3 * t)) * (t > 0.05)
 
     def rate(at, x):
         q, v = x
