@@ -1,4 +1,4 @@
-"""Ladders with fewer masses that show much the same."""
+"""Chains with fewer masses that behave alike."""
 
 import numpy as np
 import pytest
@@ -10,8 +10,8 @@ STIFF = 2e5
 
 
 @pytest.mark.parametrize("rigid", [1, 2, 3])
-def test_masses_at_a_rigid_shaft_move_as_one(rigid):
-    """Wherever the rigid shaft is, what is left moves as the whole did."""
+def test_merge__rigid_shaft__moves_as_the_whole_did(rigid):
+    """Wherever the rigid shaft is, the shorter chain moves as the whole did."""
     values = {"J1": 0.01, "J2": 0.008, "J3": 0.006, "J4": 0.004} | {f"d{k}": 0.05 for k in (1, 2, 3)}
     values |= {f"c{k}": STIFF if k == rigid else 100.0 + k for k in (1, 2, 3)}
     fewer = registry()["four_mass"].search.merge(values, 3)
@@ -24,7 +24,7 @@ def test_masses_at_a_rigid_shaft_move_as_one(rigid):
     np.testing.assert_allclose(left, whole, atol=2e-3 * np.abs(whole).max())
 
 
-def test_all_inertia_stays_down_to_one_mass():
+def test_merge__down_to_one_mass__keeps_the_inertia():
     values = {"J1": 1.0, "J2": 2.0, "J3": 4.0, "c1": 1.0, "c2": 1.0, "d1": 1.0, "d2": 1.0}
     assert registry()["three_mass"].search.merge(values, 1) == {"J1": 7.0}
     assert registry()["one_mass"].search.merge is None

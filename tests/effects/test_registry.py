@@ -1,4 +1,4 @@
-"""What every effect of the registry has to keep. Nothing here names one, so a new one is tested at once."""
+"""Properties that every effect of the registry must have. No effect is named, so that a new one is tested at once."""
 
 import re
 from dataclasses import replace
@@ -45,7 +45,7 @@ positive = st.floats(0.2, 3.0)
 
 
 @each
-def test_declaration_is_complete(effect):
+def test_declaration__is_complete(effect):
     for text in (effect.title, effect.about, effect.equation, effect.source):
         assert text.strip()
     assert re.fullmatch(r"[a-z][a-z_]*", effect.name)
@@ -62,11 +62,11 @@ def test_declaration_is_complete(effect):
         assert 0 <= effect.law.ports <= 2
 
 
-def test_symbols_are_those_of_the_design():
+def test_symbols__are_those_of_the_design():
     assert {p.symbol for e in EFFECTS if e.number <= 11 for p in e.parameters} == FIXED_SYMBOLS
 
 
-def test_numbers_and_names_are_unique():
+def test_numbers_and_names__are_unique():
     assert len({e.number for e in EFFECTS}) == len(EFFECTS)
     assert [e.number for e in EFFECTS] == sorted(e.number for e in EFFECTS)
 
@@ -74,7 +74,7 @@ def test_numbers_and_names_are_unique():
 @each
 @quick
 @given(scale=scales)
-def test_bounds_hold_the_start(effect, scale):
+def test_bounds__any_scales__hold_the_start(effect, scale):
     for parameter in effect.parameters:
         low, high = parameter.bounds(scale)
         start = parameter.start(scale)
@@ -88,7 +88,7 @@ def test_bounds_hold_the_start(effect, scale):
 @each
 @quick
 @given(scale=scales, torque=sizes, motion=sizes, time=sizes)
-def test_bounds_follow_the_units_by_the_declared_dimension(effect, scale, torque, motion, time):
+def test_bounds__other_units__follow_the_dimension(effect, scale, torque, motion, time):
     """The same recording in other units gives the same range: this is what Dimension says."""
     powers = {
         "torque": (1, 0, 0),
@@ -144,7 +144,7 @@ def test_law__slopes__are_its_derivatives(effect, data):
 @each_law
 @quick
 @given(data=st.data())
-def test_declared_properties_hold(effect, data):
+def test_law__declared_properties__hold(effect, data):
     law, z, p = drawn(effect, data)
     phi = float(law.value(z, p)[0])
     assert np.isfinite(phi)
@@ -163,7 +163,7 @@ def test_declared_properties_hold(effect, data):
 @each_law
 @quick
 @given(data=st.data())
-def test_laws_take_arrays(effect, data):
+def test_law__arrays__equal_floats(effect, data):
     law, z, p = drawn(effect, data)
     phi, slopes = law.value(z, p)
     many, many_slopes = law.value(tuple(np.full(3, a) for a in z), tuple(np.full(3, a) for a in p))
@@ -173,9 +173,9 @@ def test_laws_take_arrays(effect, data):
 
 
 @each
-def test_stamps_leave_the_draft_as_it_was(effect):
-    ladder = next(e for e in EFFECTS if e.masses == 3)
-    draft = ladder.stamp(Draft(), 1, {p.symbol: 2.0 for p in ladder.parameters})
+def test_stamp__leaves_the_draft_unchanged(effect):
+    chain = next(e for e in EFFECTS if e.masses == 3)
+    draft = chain.stamp(Draft(), 1, {p.symbol: 2.0 for p in chain.parameters})
     if effect.masses:
         draft = Draft()
     elif effect.where == "drive":
@@ -192,3 +192,17 @@ def test_stamps_leave_the_draft_as_it_was(effect):
     assert effect.has_states == (own_states > 0)
     assert effect.has_hard_limit == any(e.limits is not None for e in after.elements[len(draft.elements) :])
     assert (effect.law is not None) == (len(after.elements) > len(draft.elements))
+
+
+@each
+@quick
+@given(scale=scales)
+def test_relevant_size__every_place__finite_values_of_known_parameters(effect, scale):
+    if effect.relevant_size is None:
+        return
+    values = {q.symbol: q.start(scale) for e in EFFECTS if e.masses == 4 for q in e.parameters}
+    for place in {"drive": (1,), "mass": (1, 2, 3, 4), "shaft": (1, 2, 3)}[effect.where]:
+        sizes = effect.relevant_size(scale, values, place)
+        assert set(sizes) <= {q.symbol for q in effect.parameters}
+        assert {q.symbol for q in effect.parameters if q.size} <= set(sizes)
+        assert np.isfinite(list(sizes.values())).all()

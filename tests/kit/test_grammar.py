@@ -9,18 +9,18 @@ from brightgrey.kit import PAPER, Grammar, Structure
 ALL = list(PAPER.structures())
 
 
-def test_there_are_exactly_448_structures_and_no_two_are_equal():
+def test_paper_grammar__structures__are_448_and_unequal():
     # Four ladders with seven effects each, without the 64 that would put backlash on a shaft of one mass.
     assert len(ALL) == len(set(ALL)) == len({str(s) for s in ALL}) == 4 * 2**7 - 64 == 448
 
 
-def test_every_effect_is_present_and_every_structure_reads_back():
+def test_paper_grammar__every_structure__reads_back():
     assert {p.name for s in ALL for p in s.placed} == set(registry())
     for structure in ALL:
         assert PAPER.parse(str(structure)) == structure
 
 
-def test_smaller_structures_come_first():
+def test_paper_grammar__structures__smaller_come_first():
     sizes = [len(s.placed) for s in ALL]
     assert sizes == sorted(sizes)
 
@@ -36,7 +36,7 @@ def test_smaller_structures_come_first():
         ("two_mass+stribek", ["'stribeck'"]),
     ],
 )
-def test_wrong_combinations_are_refused_with_the_reason(text, said):
+def test_parse__wrong_combination__refused_with_the_rule(text, said):
     with pytest.raises(StructureError) as refusal:
         PAPER.parse(text)
     for part in said:
@@ -44,7 +44,7 @@ def test_wrong_combinations_are_refused_with_the_reason(text, said):
     assert "\n" not in str(refusal.value)
 
 
-def test_a_grammar_is_data():
+def test_grammar__other_places__gives_its_structures():
     wide = Grammar("wide", {"two_mass": (1,), "coulomb": (1, 2)})
     assert [str(s) for s in wide.structures()] == [
         "two_mass",
@@ -52,7 +52,7 @@ def test_a_grammar_is_data():
         "two_mass+coulomb@2",
         "two_mass+coulomb+coulomb@2",
     ]
-    assert wide.reason_against(Structure.parse("two_mass+viscous")) is not None
+    assert wide.broken_rule(Structure.parse("two_mass+viscous")) is not None
     three = Grammar("three", {"two_mass": (1,), "coulomb": (3,)})
     with pytest.raises(StructureError, match="no mass 3"):
         three.parse("two_mass+coulomb@3")

@@ -19,7 +19,7 @@ def system_of(text, values, outputs=OUTPUTS, f_tanh=2.0):
     return assemble(Structure.parse(text), values, f_tanh, outputs)
 
 
-def test_two_masses_by_equations_7_to_10():
+def test_two_mass__equals_equations_7_to_10():
     s = system_of("two_mass", TWO)
     A = [
         [0, 0, 1, 0],
@@ -34,7 +34,7 @@ def test_two_masses_by_equations_7_to_10():
     assert s.state_names == ("q1", "q2", "v1", "v2")
 
 
-def test_three_masses_by_equations_7_to_10():
+def test_three_mass__equals_equations_7_to_10():
     s = system_of("three_mass", THREE)
     M = np.diag([J1, J2, J3])
     C = np.array([[c1, -c1, 0], [-c1, c1 + c2, -c2], [0, -c2, c2]])
@@ -47,7 +47,7 @@ def test_three_masses_by_equations_7_to_10():
     np.testing.assert_allclose(s.D[:, 0], [0, 0, 1 / J1], **EXACT)
 
 
-def test_friction_and_gravity_by_equation_11_show_in_the_acceleration():
+def test_friction_and_gravity__equation_11__show_in_the_acceleration():
     own = {"M_C": 1.5, "f_v": 0.3, "M_S": 0.7, "omega_S": 4.0, "M_G": -0.9}
     s = system_of("two_mass+coulomb+viscous+stribeck+gravity", {**TWO, **own})
     for v in (-3.0, 0.05, 6.0):
@@ -61,7 +61,7 @@ def test_friction_and_gravity_by_equation_11_show_in_the_acceleration():
         np.testing.assert_allclose(s.g(x, u), [0, 0, expected], **EXACT)
 
 
-def test_backlash_in_its_five_steps():
+def test_backlash__equals_the_five_steps():
     alpha = 0.2
     s = system_of("three_mass+backlash", {**THREE, "alpha": alpha})
     plain = system_of("three_mass", THREE)
@@ -85,13 +85,13 @@ def test_backlash_in_its_five_steps():
             assert torque == pytest.approx(0.0, abs=1e-12)
 
 
-def test_gap_of_no_width_leaves_no_rate():
+def test_backlash__gap_of_no_width__no_rate():
     s = system_of("two_mass+backlash", {**TWO, "alpha": 0.0})
     assert not s.f(np.array([0.3, 0.0, 1.0, -1.0, 0.0]), 0.0).any()
     assert not s.f(np.array([-0.3, 0.0, -1.0, 1.0, 0.0]), 0.0).any()
 
 
-def test_current_control_is_connected_from_the_left_by_equation_16():
+def test_current_control__equals_equation_16():
     T_1 = 0.004
     plain = system_of("two_mass", TWO)
     s = system_of("two_mass+current_control", {**TWO, "T_1": T_1})
@@ -104,7 +104,7 @@ def test_current_control_is_connected_from_the_left_by_equation_16():
     np.testing.assert_array_equal(s.rest(position=0.5, speed=2.0, u=3.0), [0.5, 0.5, 2, 2, 3])
 
 
-def test_dead_time_changes_nothing_else():
+def test_delay__changes_nothing_but_the_dead_time():
     plain, s = system_of("two_mass", TWO), system_of("two_mass+delay", {**TWO, "T_d": 0.003})
     for name in ("A", "B", "C", "D"):
         np.testing.assert_array_equal(getattr(s, name), getattr(plain, name))
@@ -112,7 +112,7 @@ def test_dead_time_changes_nothing_else():
 
 
 @pytest.mark.parametrize("number", range(0, 448, 9))
-def test_linearisation_is_the_derivative(number):
+def test_linearise__equals_finite_differences(number):
     structure = ALL[number]
     rng = np.random.default_rng(number)
     s = assemble(structure, random_values(structure.parameters, rng), 2.5, OUTPUTS)
@@ -131,7 +131,7 @@ def test_linearisation_is_the_derivative(number):
 
 
 @pytest.mark.parametrize("number", range(4, 448, 37))
-def test_batch_is_assembled_like_its_members(number):
+def test_assemble__batch__equals_its_members(number):
     structure = ALL[number]
     sets = [random_values(structure.parameters, np.random.default_rng([number, k])) for k in range(5)]
     together = {name: np.array([values[name] for values in sets]) for name in structure.parameters}
@@ -147,7 +147,7 @@ def test_batch_is_assembled_like_its_members(number):
                 np.testing.assert_array_equal(np.broadcast_to(np.asarray(a), (*np.shape(b), 5))[..., k], b)
 
 
-def test_states_stand_in_the_order_of_the_design():
+def test_assemble__states__in_the_order_of_the_design():
     for structure in ALL:
         values = dict.fromkeys(structure.parameters, 1.0)
         n = structure.masses
@@ -158,7 +158,7 @@ def test_states_stand_in_the_order_of_the_design():
         assert len(tail) == sum(p.effect.has_states and not p.effect.masses for p in structure.placed)
 
 
-def test_wrong_values_and_outputs_are_refused():
+def test_assemble__wrong_values_or_outputs__refused():
     with pytest.raises(SettingsError, match="no value for parameter d1"):
         system_of("two_mass", {k: v for k, v in TWO.items() if k != "d1"})
     with pytest.raises(SettingsError, match="Did you mean 'J1'"):
@@ -167,6 +167,6 @@ def test_wrong_values_and_outputs_are_refused():
         system_of("two_mass", TWO, outputs=("velocitty",))
 
 
-def test_every_effect_of_the_registry_is_assembled_somewhere():
+def test_assemble__every_effect_with_a_law__is_covered():
     seen = {e.name.split("@")[0] for s in ALL for e in assemble(s, dict.fromkeys(s.parameters, 1.0), 1.0).elements}
     assert seen == {name for name, effect in registry().items() if effect.law is not None}

@@ -2,12 +2,12 @@
 
 import pytest
 
-from brightgrey.effects import registry
+from brightgrey.effects import Scales, registry
 from brightgrey.errors import StructureError
 from brightgrey.kit import Placed, Structure
 
 
-def test_order_and_spaces_of_the_text_do_not_matter():
+def test_parse__other_order_and_spaces__same_structure():
     structure = Structure.parse("viscous + coulomb+ two_mass")
     assert str(structure) == "two_mass+coulomb+viscous"
     assert structure == Structure.parse("two_mass+coulomb+viscous")
@@ -15,19 +15,19 @@ def test_order_and_spaces_of_the_text_do_not_matter():
     assert structure.names == ("two_mass", "coulomb", "viscous")
 
 
-def test_text_of_a_structure_reads_back():
+def test_structure__its_text__reads_back():
     for text in ("four_mass", "two_mass+coulomb@2", "three_mass+coulomb+coulomb@3+backlash@2"):
         assert str(Structure.parse(text)) == text
 
 
-def test_place_one_is_omitted_and_other_places_mark_the_parameters():
+def test_placed__place_one__is_omitted_in_names():
     structure = Structure.parse("two_mass+coulomb@1+coulomb@2")
     assert structure.names == ("two_mass", "coulomb", "coulomb@2")
     assert list(structure.parameters) == ["J1", "J2", "c1", "d1", "M_C", "M_C@2"]
     assert Placed.parse("coulomb@2") == Placed("coulomb", 2)
 
 
-def test_masses_are_counted_from_the_declarations():
+def test_structure__masses__counted_from_the_declarations():
     for name, effect in registry().items():
         assert Structure.of([name]).masses == effect.masses
 
@@ -45,8 +45,20 @@ def test_masses_are_counted_from_the_declarations():
         ("two_mass+coulomb@2+coulomb@2", "'coulomb@2' stands more than once"),
     ],
 )
-def test_wrong_text_is_refused_in_one_line_that_helps(text, said):
+def test_parse__wrong_text__refused_in_one_line(text, said):
     with pytest.raises(StructureError) as refusal:
         Structure.parse(text)
     assert said in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def test_relevant_size__gap_in_another_shaft__reads_the_stiffness_of_that_shaft():
+    scales = Scales(2.0, 40.0, 400.0, 1e6, 1e-3, 2.0, 0.02, 0.1, 0.01, 0.0)
+    values = {"c1": 100.0, "c2": 50.0}
+    assert Placed("backlash").relevant_size(scales, values) == {"alpha": pytest.approx(0.001)}
+    assert Placed("backlash", 2).relevant_size(scales, values) == {"alpha@2": pytest.approx(0.002)}
+
+
+def test_has_hard_limit__only_with_a_gap():
+    assert Structure.parse("two_mass+coulomb+backlash").has_hard_limit
+    assert not Structure.parse("two_mass+coulomb+stribeck+gravity+current_control+delay").has_hard_limit

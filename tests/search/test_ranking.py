@@ -83,4 +83,4 @@ def test_a_structure_alone_is_its_own_survey(task):
     found = search_exhaustively(task, [Structure.parse(TRUTH)])
     assert [str(r.structure) for r in found.ranking] == [TRUTH]
     assert found.evidence.optional == ()
-    assert PAPER.reason_against(found.best.structure) is None
+    assert PAPER.broken_rule(found.best.structure) is None

@@ -15,12 +15,12 @@ SAMPLE = range(9, 448, 37)
 OUTPUTS = ("position", "velocity")
 
 
-def test_sample_has_every_effect():
+def test_sample__has_every_effect():
     assert {p.name for i in SAMPLE for p in ALL[i].placed} == set(registry())
 
 
 @pytest.mark.parametrize("number", SAMPLE, ids=lambda i: str(ALL[i]))
-def test_levels_keep_their_accuracy(number):
+def test_levels__random_drives__keep_their_accuracy(number):
     structure = ALL[number]
     values = random_values(structure.parameters, np.random.default_rng([2, number]))
     u = E.torque()

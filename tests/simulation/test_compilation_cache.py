@@ -34,7 +34,7 @@ def test_cache_folder__copy_of_the_sources__has_the_same_name(package):
     assert cache_folder(package).name == cache_folder().name
 
 
-def test_cache_folder__any_file_of_effects_or_kernel_changed__has_another_name(package):
+def test_cache_folder__any_source_file_changed__has_another_name(package):
     files = sorted(file for room in ROOMS for file in (package / room).rglob("*.py"))
     folders = {str(file.relative_to(package).parent) for file in files}
     assert folders >= {"effects", "effects/library", "simulation/kernel", "simulation/kernel/machine"}

@@ -98,7 +98,7 @@ def moving(structure, s, values, rng):
 
 @drawn
 @given(number=ANY, seed=SEEDS)
-def test_no_energy_is_gained_without_input(number, seed):
+def test_energy__no_input__never_grows(number, seed):
     structure, values, rng = drive(number, seed)
     s = all_states(structure, values)
     x0 = moving(structure, s, values, rng)
@@ -123,7 +123,7 @@ def test_no_energy_is_gained_without_input(number, seed):
 
 @drawn
 @given(number=st.sampled_from(RUBBING), seed=SEEDS)
-def test_friction_takes_energy_only(number, seed):
+def test_friction__any_motion__takes_energy_only(number, seed):
     """Power balance at mass 1: what friction takes is what is left of all other torques."""
     structure, values, _ = drive(number, seed)
     s = all_states(structure, values)
@@ -140,7 +140,7 @@ def test_friction_takes_energy_only(number, seed):
 
 @drawn
 @given(number=st.sampled_from(GAPS), seed=SEEDS)
-def test_torque_through_the_gap_pushes_only_at_its_ends(number, seed):
+def test_backlash__torque__pushes_only_at_the_ends_of_the_gap(number, seed):
     structure, values, _ = drive(number, seed)
     s = all_states(structure, values)
     y = run(s, TORQUE, s.rest(u=TORQUE[0]))
@@ -159,7 +159,7 @@ def test_torque_through_the_gap_pushes_only_at_its_ends(number, seed):
 
 @drawn
 @given(number=ANY, seed=SEEDS)
-def test_motion_is_odd_about_the_middle_of_the_gap(number, seed):
+def test_backlash__mirrored_input__mirrored_motion(number, seed):
     structure, values, _ = drive(number, seed)
     s = all_states(structure, values)
     x0 = s.rest(u=TORQUE[0])
@@ -186,7 +186,7 @@ def test_motion_is_odd_about_the_middle_of_the_gap(number, seed):
 
 @drawn
 @given(number=st.sampled_from(GAPS), seed=SEEDS)
-def test_gap_of_no_width_equals_no_backlash(number, seed):
+def test_backlash__no_width__equals_no_backlash(number, seed):
     structure, values, _ = drive(number, seed, alpha=0.0)
     without = Structure(tuple(p for p in structure.placed if p.name != "backlash"))
     plain = all_states(without, {k: v for k, v in values.items() if k != "alpha"})
@@ -203,7 +203,7 @@ def test_gap_of_no_width_equals_no_backlash(number, seed):
     "effect", [e for e in registry().values() if any(q.size for q in e.parameters)], ids=lambda e: e.name
 )
 @pytest.mark.parametrize("number", [0, 3])
-def test_an_effect_without_its_size_is_not_there(effect, number):
+def test_effect__size_zero__vanishes(effect, number):
     """A hundred-millionth stands for nothing, where a lag of zero would be divided by."""
     without = PAPER.parse("two_mass+coulomb+viscous" if effect.name not in ("coulomb", "viscous") else "two_mass")
     structure = Structure.of([*without.names, effect.name])
@@ -215,7 +215,7 @@ def test_an_effect_without_its_size_is_not_there(effect, number):
 
 
 @pytest.mark.parametrize("masses", ["two_mass", "three_mass", "four_mass"])
-def test_ladder_without_damping_keeps_momentum_and_energy(masses):
+def test_mass_chain__no_damping__keeps_momentum_and_energy(masses):
     structure = PAPER.parse(masses)
     values = random_values(structure.parameters, np.random.default_rng(7))
     values |= {k: 1e-12 * values[k] for k in values if k.startswith("d")}
@@ -229,7 +229,7 @@ def test_ladder_without_damping_keeps_momentum_and_energy(masses):
     np.testing.assert_allclose(total, total[0], rtol=2 * ACCURATE)
 
 
-def test_resonance_and_antiresonance_of_two_masses():
+def test_two_mass__frequency_response__resonance_and_antiresonance():
     J1, J2, c = 0.012, 0.008, 75.0
     values = {"J1": J1, "J2": J2, "c1": c, "d1": 1e-12}
     structure = PAPER.parse("two_mass")
@@ -256,7 +256,7 @@ def test_resonance_and_antiresonance_of_two_masses():
 
 @drawn
 @given(number=st.sampled_from(DELAYED), seed=SEEDS, hold=st.sampled_from(["linear", "zoh"]))
-def test_dead_time_shifts_the_input(number, seed, hold):
+def test_delay__input__is_shifted(number, seed, hold):
     structure, values, _ = drive(number, seed)
     how = replace(SETTINGS, hold=hold)
     without = Structure(tuple(p for p in structure.placed if p.name != "delay"))
@@ -281,7 +281,7 @@ def test_dead_time_shifts_the_input(number, seed, hold):
 
 @drawn
 @given(number=ANY, seed=SEEDS)
-def test_acceleration_is_the_derivative_of_velocity(number, seed):
+def test_acceleration__is_the_derivative_of_velocity(number, seed):
     structure, values, _ = drive(number, seed)
     s = assemble(structure, values, E.f_tanh, ("velocity", "acceleration"))
     fine = 1e-5
@@ -296,7 +296,7 @@ def test_acceleration_is_the_derivative_of_velocity(number, seed):
 
 @drawn
 @given(number=ANY, seed=SEEDS)
-def test_neighbours_and_threads_change_no_bit(number, seed):
+def test_response__other_neighbours_and_threads__same_bits(number, seed):
     structure = ALL[number]
     sets = [random_values(structure.parameters, np.random.default_rng([seed, k])) for k in range(17)]
     sets[5] |= {"T_d": 0.0} if "T_d" in sets[5] else {}
@@ -316,7 +316,7 @@ def test_neighbours_and_threads_change_no_bit(number, seed):
 @pytest.mark.parametrize("name", ["two_mass+coulomb+viscous+backlash", "three_mass+stribeck+backlash+delay"])
 @pytest.mark.parametrize("group", [2, 4, 8, 16])
 @pytest.mark.parametrize("level", ["fast", "accurate"])
-def test_other_groups_change_no_bit(name, group, level):
+def test_response__other_groups__same_bits(name, group, level):
     """A group's lanes go on together where its leader needs short steps; the others next to them must not notice."""
     structure = PAPER.parse(name)
     rng = np.random.default_rng(group)
@@ -343,7 +343,7 @@ def test_other_groups_change_no_bit(name, group, level):
 
 @pytest.mark.parametrize("group", [2, 6, 16, 18])
 @pytest.mark.parametrize("level", ["fast", "accurate"])
-def test_groups_rejoin_where_contacts_have_multiplied_a_difference(group, level):
+def test_response__contacts_multiply_a_difference__group_rejoins(group, level):
     """Where a load rattles undamped, a millionth becomes another motion, which says nothing of derivatives."""
     structure = PAPER.parse("two_mass+backlash")
     rattling = {"J1": 4.5e-3, "J2": 1e-2, "c1": 1e4, "d1": 3e-3, "alpha": 1e-3}
@@ -369,7 +369,7 @@ def test_groups_rejoin_where_contacts_have_multiplied_a_difference(group, level)
 
 
 @pytest.mark.parametrize("number", [447, 290, 200])
-def test_frozen_steps_give_jacobians(number):
+def test_response__steps_of_the_leader__differences_are_derivatives(number):
     structure, values, _ = drive(number)
     names = list(values)
     u = TORQUE[:500]
@@ -393,8 +393,8 @@ def test_frozen_steps_give_jacobians(number):
 @pytest.mark.parametrize("name", ["one_mass+coulomb+viscous+stribeck+delay", "three_mass+backlash+gravity+delay"])
 @pytest.mark.parametrize("group", [1, 4])
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
-def test_what_is_no_number_is_lost_with_its_group_and_nothing_else_is(name, group, wrong):
-    """Once it took the dead time from all that were simulated with it, parted their channels, or never ended."""
+def test_response__set_not_finite__only_its_group_is_lost(name, group, wrong):
+    """Such a set must not take the dead time from the others, split their channels, or never end."""
     structure = PAPER.parse(name)
     rng = np.random.default_rng(5)
     drawn_sets = [random_values(structure.parameters, rng) for _ in range(12 // group)]
@@ -428,7 +428,7 @@ def test_what_is_no_number_is_lost_with_its_group_and_nothing_else_is(name, grou
 
 
 @pytest.mark.parametrize("name", ["one_mass+viscous+delay", "two_mass+backlash+delay"])
-def test_rates_beyond_all_measure_end(name):
+def test_response__rates_beyond_measure__end_and_leave_the_neighbour(name):
     structure = PAPER.parse(name)
     good = random_values(structure.parameters, np.random.default_rng(6))
     sets = {n: np.array([v, 1e-18 * v if n == "J1" else v]) for n, v in good.items()}
@@ -439,7 +439,7 @@ def test_rates_beyond_all_measure_end(name):
     np.testing.assert_array_equal(y[..., 0], known[..., 0])
 
 
-def test_a_system_that_leaves_the_numbers_is_reported_and_its_neighbour_is_not():
+def test_response__system_diverges__reported_without_its_neighbour():
     structure = PAPER.parse("two_mass+coulomb+viscous")
     good = random_values(structure.parameters, np.random.default_rng(1))
     sets = {n: np.array([v, np.nan if n == "M_C" else v, v]) for n, v in good.items()}

@@ -8,7 +8,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure, assemble
 from brightgrey.simulation.reference import UnsettledError, compare_solvers, reference
-from brightgrey.simulation.reference.adaptive import _Drive, _Phase
+from brightgrey.simulation.reference.adaptive import DriveEquations, ShaftPhase
 from brightgrey.simulation.reference.plant import Plant
 
 DT = 1e-3
@@ -25,7 +25,7 @@ def solve(structure, values, u, method, f_tanh=1.0, **options):
 
 
 @METHODS
-def test_one_mass_with_viscous_friction_answers_a_step(method):
+def test_reference__viscous_friction__step_response(method):
     values = {"J1": 0.3, "f_v": 2.0}
     kinds = ("position", "velocity", "acceleration")
     q, v, a = solve("one_mass+viscous", values, np.full(200, 5.0), method, outputs=kinds)
@@ -37,7 +37,7 @@ def test_one_mass_with_viscous_friction_answers_a_step(method):
 
 
 @METHODS
-def test_two_masses_swing_at_their_resonance(method):
+def test_reference__two_masses__swing_at_their_resonance(method):
     J1, J2, c = 0.012, 0.008, 75.0
     values = {"J1": J1, "J2": J2, "c1": c, "d1": 0.0}
     omega = np.sqrt(c * (1 / J1 + 1 / J2))
@@ -48,7 +48,7 @@ def test_two_masses_swing_at_their_resonance(method):
 
 
 @METHODS
-def test_current_loop_of_ten_microseconds(method):
+def test_reference__current_loop_of_ten_microseconds__step_response(method):
     u = np.where(T >= 0.05, 1.0, 0.0)
     v, T_motor = solve("one_mass+current_control", {"J1": 1.0, "T_1": 1e-5}, u, method, hold="zoh", outputs=("v1", "T"))
     since = np.clip(T - 0.05, 0.0, None)
@@ -57,13 +57,13 @@ def test_current_loop_of_ten_microseconds(method):
 
 
 @METHODS
-def test_current_loop_starts_at_the_first_input(method):
+def test_reference__current_loop__starts_at_the_first_input(method):
     (v,) = solve("one_mass+current_control", {"J1": 2.0, "T_1": 0.02}, np.full(200, 3.0), method)
     np.testing.assert_allclose(v, 1.5 * T, **EXACT)
 
 
 @METHODS
-def test_coulomb_far_from_standstill_is_a_constant(method):
+def test_reference__coulomb_far_from_standstill__constant_torque(method):
     # tanh(10 v) is 1 to the last digit while v > 2
     values = {"J1": 0.5, "M_C": 3.0, "M_G": 1.0}
     (v,) = solve("one_mass+coulomb+gravity", values, np.zeros(200), method, f_tanh=10.0, x0=np.array([0.0, 8.0]))
@@ -71,14 +71,14 @@ def test_coulomb_far_from_standstill_is_a_constant(method):
 
 
 @METHODS
-def test_stuck_drive_creeps_as_tanh_says(method):
+def test_reference__torque_below_breakaway__creeps(method):
     # Below breakaway the balance is M_C tanh(f v) = u, reached with the time constant J/(f M_C) = 0.5 ms.
     (v,) = solve("one_mass+coulomb", {"J1": 0.01, "M_C": 2.0}, np.ones(200), method, f_tanh=10.0)
     np.testing.assert_allclose(v[50:], np.arctanh(0.5) / 10.0, **EXACT)
 
 
 @METHODS
-def test_friction_is_odd(method):
+def test_reference__mirrored_torque__mirrored_motion(method):
     values = {"J1": 0.02, "M_C": 0.5, "M_S": 0.4, "omega_S": 3.0, "f_v": 0.01}
     u = 3.0 * np.sin(40.0 * T)
     one, other = (solve("one_mass+coulomb+viscous+stribeck", values, s * u, method, f_tanh=2.0) for s in (1, -1))
@@ -89,7 +89,7 @@ def test_friction_is_odd(method):
 @METHODS
 @pytest.mark.parametrize("hold", ["linear", "zoh"])
 @pytest.mark.parametrize("samples", [3.0, 2.4, 0.3])
-def test_delay_shifts_the_input(method, hold, samples):
+def test_reference__delay__shifts_the_input(method, hold, samples):
     u = np.random.default_rng(2).normal(size=200)
     T_d = samples * DT
     (v,) = solve("one_mass+delay", {"J1": 0.5, "T_d": T_d}, u, method, hold=hold)
@@ -105,7 +105,7 @@ BACKLASH = {"J1": 0.02, "J2": 0.01, "c1": 40.0, "d1": 0.02, "alpha": 0.05}
 
 
 @METHODS
-def test_free_flight_in_the_gap(method):
+def test_reference__open_gap__free_flight(method):
     # The twist differs from lambda: tau = 0.02 relaxes with c/d = 2000 1/s, and no mass feels any torque.
     x0 = np.array([-0.02, 0.0, 0.3, 0.1, -0.04])
     names = ("q1", "q2", "v1", "v2", "lambda1")
@@ -119,7 +119,7 @@ def test_free_flight_in_the_gap(method):
 
 @METHODS
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_impact_and_rebound(method, side):
+def test_reference__impact__rebounds_with_known_speeds(method, side):
     """From the middle of the gap: contact lasts until c tau + d tau' = 0, the speeds after it are known."""
     v = 0.4
     x0 = np.array([0.0, 0.05, side * v, 0.0, -0.05])
@@ -142,7 +142,7 @@ def test_impact_and_rebound(method, side):
     assert np.all(gap[resting] == (0.0 if side > 0 else -0.1))
 
 
-def test_gap_of_no_width_is_no_gap():
+def test_reference__gap_of_no_width__same_bits_as_no_gap():
     values = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036}
     u = np.sin(60.0 * T)
     for method in ("fixed", "events"):
@@ -161,7 +161,7 @@ SAMPLE = [
 
 @pytest.mark.parametrize("hold", ["linear", "zoh"])
 @pytest.mark.parametrize("name", SAMPLE)
-def test_methods_agree(name, hold):
+def test_compare_solvers__random_drives__methods_agree(name, hold):
     values = random_values(Structure.parse(name).parameters, np.random.default_rng(len(name)))
     found = compare_solvers(name, values, E.torque()[:1000], E.dt, f_tanh=E.f_tanh, hold=hold)
     assert not found.chaotic  # drawn so; the long test counts the chaotic ones
@@ -170,7 +170,7 @@ def test_methods_agree(name, hold):
 
 @pytest.mark.long
 @pytest.mark.parametrize("part", range(8))
-def test_methods_agree_on_every_structure(part):
+def test_compare_solvers__every_structure__methods_agree(part):
     chaotic = 0
     for i, structure in list(enumerate(ALL))[part::8]:
         values = random_values(structure.parameters, np.random.default_rng([11, i]))
@@ -180,7 +180,7 @@ def test_methods_agree_on_every_structure(part):
     assert chaotic <= 0.2 * len(ALL[part::8])
 
 
-def test_implicit_solver_agrees_on_a_stiff_drive():
+def test_solve_adaptive__stiff_drive__implicit_solver_agrees():
     """Radau against both: a light motor whose friction is as steep as 6e4 1/s."""
     from brightgrey.simulation.reference import adaptive as events
     from brightgrey.simulation.reference.plant import cut
@@ -199,7 +199,7 @@ def test_implicit_solver_agrees_on_a_stiff_drive():
 CHAOTIC = "four_mass+stribeck+gravity+backlash+delay"
 
 
-def test_chaos_is_measured_and_refused():
+def test_reference__chaotic_drive__measured_and_refused():
     index = sorted(map(str, ALL)).index(CHAOTIC)
     values = random_values(Structure.parse(CHAOTIC).parameters, np.random.default_rng([7, index]))
     found = compare_solvers(CHAOTIC, values, E.torque(), E.dt, f_tanh=E.f_tanh, both=False)
@@ -211,7 +211,7 @@ def test_chaos_is_measured_and_refused():
 
 
 @pytest.mark.parametrize("structure", ALL[::9], ids=str)
-def test_construction_kit_has_the_same_right_hand_side(structure):
+def test_construction_kit__right_hand_side__equals_newtons_law(structure):
     """x' of the assembled state space equals Newton's law, in contact and in the gap."""
     rng = np.random.default_rng(1)
     values = random_values(structure.parameters, rng)
@@ -219,18 +219,18 @@ def test_construction_kit_has_the_same_right_hand_side(structure):
     plant = Plant.of(str(structure), values, 2.5)
     assert system.state_names == plant.state_names
     n = plant.masses
-    drive = _Drive(plant, None, 1e-9, np.zeros(1))
+    drive = DriveEquations(plant, None, 1e-9, np.zeros(1))
     for _ in range(20):
         x, u = rng.normal(size=len(system.states)), float(rng.normal())
-        phase = _Phase(None)
+        phase = ShaftPhase(None)
         has_gap = plant.alpha is not None
         y = np.concatenate([x[:1], x[: n - 1] - x[1:n], x[n : 2 * n], x[2 * n + has_gap :]])
         if has_gap:
             pick = rng.integers(3)
             x[2 * n] = (0.0, -2.0 * plant.alpha, -plant.alpha)[pick]
-            phase = _Phase((1, -1, 0)[pick], x[2 * n])
+            phase = ShaftPhase((1, -1, 0)[pick], x[2 * n])
             if phase.side and drive.guard(y, 0.0, phase) < 0.0:
-                phase = _Phase(0, x[2 * n])
+                phase = ShaftPhase(0, x[2 * n])
         expected = np.array(drive.rates(y.tolist(), u, phase))
         found = system.derivative(x, u)
         scale = np.max(np.abs(system.A), axis=1) * 10.0 + np.abs(found)
@@ -258,7 +258,7 @@ def test_construction_kit_has_the_same_right_hand_side(structure):
         ("one_mass+viscous", {"J1": 1e-6, "f_v": -1.0}, {"x0": np.ones(2)}, UnsettledError, "finite"),
     ],
 )
-def test_wrong_use_is_named(structure, values, options, error, message):
+def test_reference__wrong_use__names_what_is_allowed(structure, values, options, error, message):
     options = {"f_tanh": 1.0} | options
     with pytest.raises(error, match=message) as caught:
         reference(structure, values, np.zeros(20), DT, **options)
@@ -267,6 +267,6 @@ def test_wrong_use_is_named(structure, values, options, error, message):
 
 
 @pytest.mark.parametrize("u", [np.zeros(1), np.array([0.0, np.nan]), np.zeros((2, 2))])
-def test_input_must_be_a_row_of_numbers(u):
+def test_reference__input_no_row_of_numbers__refused(u):
     with pytest.raises(SettingsError, match="row of at least two"):
         reference("one_mass", {"J1": 1.0}, u, DT, f_tanh=1.0)

@@ -33,7 +33,7 @@ def case(request):
     return (system, u, e.dt, x0, how, target, weights), course
 
 
-def test_sums_are_those_of_the_response(case):
+def test_squares__no_limit__sums_of_the_response(case):
     arguments, course = case
     found = squares(*arguments, sums=np.zeros(SETS), upper_limits=np.full(SETS, np.inf))
     np.testing.assert_allclose(found, np.where(np.isfinite(course[-1]), course[-1], np.inf), rtol=1e-12)
@@ -41,7 +41,7 @@ def test_sums_are_those_of_the_response(case):
     np.testing.assert_allclose(further, found + 7.0, rtol=1e-12)
 
 
-def test_what_stays_below_its_limit_does_not_depend_on_it(case):
+def test_squares__sum_below_its_limit__does_not_depend_on_it(case):
     arguments, _ = case
     found = squares(*arguments, sums=np.zeros(SETS), upper_limits=np.full(SETS, np.inf))
     most = np.random.default_rng(2).uniform(0.2, 3.0, SETS) * found

@@ -29,28 +29,28 @@ HOLDS, LEVELS = ("linear", "zoh"), ("accurate", "fast")
 )
 @example(PAPER.parse("four_mass+coulomb+viscous+backlash+current_control+delay"), 7, "accurate", "zoh")
 @example(PAPER.parse("three_mass+stribeck+current_control+delay"), 7, "fast", "linear")
-def test_compiled_equals_plain(structure: Structure, seed: int, level: str, hold: str) -> None:
+def test_kernel__any_structure__equals_plain(structure: Structure, seed: int, level: str, hold: str) -> None:
     values = random_values(structure.parameters, np.random.default_rng(seed))
     same(structure, values, TORQUE[150:450], level, hold)
 
 
-# A rigid coupling with hardly any damping, as fits end at where there is one mass: its damper relaxes within d/c = 1 ns
-# and 3 ns as long as the gap is open.
+# A rigid coupling with hardly any damping, as fits with one mass too many end at. While the gap is open, its damper
+# relaxes within d/c = 1 ns and 3 ns.
 RIGID = {"J1": 0.0165, "J2": 0.00704, "J3": 0.000972, "c1": 123e3, "c2": 0.156, "d2": 0.0398}
 RIGID |= {"alpha": 0.7, "M_C": 0.288}
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("damping", [1.23e-4, 4e-4])
-def test_gap_whose_damper_relaxes_in_nanoseconds(level: str, damping: float) -> None:
+def test_kernel__damper_relaxes_in_nanoseconds__equals_plain(level: str, damping: float) -> None:
     same(PAPER.parse("three_mass+coulomb+backlash"), RIGID | {"d1": damping}, -TORQUE[150:350], level, "linear")
 
 
 @pytest.mark.parametrize("hold", HOLDS)
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("T_d", [0.37e-3, 1.0e-3 / 3.0, 2.0e-3 - 1e-12])
-def test_so_it_does_with_dead_time_in_a_tiny_gap_that_rattles(level: str, hold: str, T_d: float) -> None:
-    """As a gap begins in searches: knots fall anywhere in a step, and there are contacts in every sample."""
+def test_kernel__dead_time_and_rattling_gap__equals_plain(level: str, hold: str, T_d: float) -> None:
+    """Searches start from such gaps: knots fall anywhere in a step, and every sample has contacts."""
     structure = PAPER.parse("three_mass+coulomb+viscous+gravity+backlash+current_control+delay")
     values = RIGID | {"c1": 3e3, "d1": 1.5e-6, "c2": 40.0, "alpha": 1.4e-5, "f_v": 0.01, "M_G": 0.05}
     u = 3.0 * np.sin(0.7 * np.arange(16.0))
@@ -59,8 +59,8 @@ def test_so_it_does_with_dead_time_in_a_tiny_gap_that_rattles(level: str, hold: 
 
 @pytest.mark.parametrize(("level", "ticks"), [("accurate", 128), ("fast", 32)])
 @pytest.mark.parametrize("times", [9.0, 20.0, 40.0])
-def test_so_it_does_where_it_begins_elsewhere(level: str, ticks: int, times: float) -> None:
-    """The position in the gap fades to what it follows, some `times` of the damper's per tick, and meets a limit."""
+def test_kernel__gap_not_at_its_quasi_steady_course__equals_plain(level: str, ticks: int, times: float) -> None:
+    """The position in the gap relaxes to its quasi-steady course, `times` constants per tick, and meets a limit."""
     structure, rng = PAPER.parse("two_mass+backlash"), np.random.default_rng(5)
     for _ in range(10):
         c, alpha = 10.0 ** rng.uniform(1.0, 3.0), 10.0 ** rng.uniform(-4.0, -2.0)
@@ -72,8 +72,8 @@ def test_so_it_does_where_it_begins_elsewhere(level: str, ticks: int, times: flo
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_so_it_does_far_from_the_origin(level: str) -> None:
-    """After 16 turns rounding of positions is as large as a millionth of a millionth of the gap."""
+def test_kernel__far_from_the_origin__same_motion(level: str) -> None:
+    """After 16 turns the rounding of positions is 1e-12 of the gap."""
     names, u = ("velocity",), -TORQUE[150:350]
     structure, values = PAPER.parse("three_mass+coulomb+backlash"), RIGID | {"d1": 1.23e-4, "alpha": 1e-4}
     system = assemble(structure, values, PAPER_EXPERIMENT.f_tanh, names)
@@ -87,16 +87,16 @@ def test_so_it_does_far_from_the_origin(level: str) -> None:
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_gap_that_opens_at_rest_with_three_masses_behind(level: str) -> None:
-    """Of the last mass's position the first eight derivatives are zero then."""
+def test_kernel__gap_opens_at_rest_before_three_masses__equals_plain(level: str) -> None:
+    """The first eight derivatives of the last mass's position are zero then."""
     values = {"J1": 0.00066, "J2": 0.00045, "J3": 0.0025, "J4": 0.019, "c1": 3050.0, "c2": 4.84, "c3": 23.0}
     values |= {"d1": 1.2e-4, "d2": 0.0063, "d3": 0.12, "M_C": 1.15, "alpha": 0.003, "T_1": 0.0037}
     same(PAPER.parse("four_mass+coulomb+backlash+current_control"), values, -0.1 * np.arange(20.0), level, "linear")
 
 
 @pytest.mark.parametrize("off", [1e-10, 1e-9, 1.1e-9])
-def test_knot_beside_a_tick(off: float) -> None:
-    """Within a billionth of a tick it is on it, or just after: never a tick off."""
+def test_kernel__knot_beside_a_tick__equals_plain(off: float) -> None:
+    """A knot within a billionth of a tick is on the tick or just after it, never a tick away."""
     T_d = PAPER_EXPERIMENT.dt * (2.0 + off) / 128.0
     u = 3.0 * np.random.default_rng(0).normal(size=12)
     same(PAPER.parse("one_mass+coulomb+delay"), {"J1": 0.01, "M_C": 0.1, "T_d": T_d}, u, "accurate", "zoh")

@@ -58,7 +58,7 @@ class ChainHeuristics:
     relevant_damping_ratio: float = 0.02
 
 
-HEURISTICS = ChainHeuristics()
+CHAIN_HEURISTICS = ChainHeuristics()
 
 
 def mass_chain(name: str, masses: int) -> Effect:
@@ -157,14 +157,14 @@ def _sample_chains(scales: Scales, share: Array, *, masses: int) -> Array:
     The total inertia comes from the torque balance and is divided mass by mass. The resonance of each shaft is that
     of all inertia before it against all behind it, uniform in the logarithm over the visible frequencies.
     """
-    total = scales.inertia * HEURISTICS.total_factor ** (2.0 * share[0] - 1.0)
-    part = 1.0 / (1.0 + HEURISTICS.division_factor ** (1.0 - 2.0 * share[1:masses]))
+    total = scales.inertia * CHAIN_HEURISTICS.total_factor ** (2.0 * share[0] - 1.0)
+    part = 1.0 / (1.0 + CHAIN_HEURISTICS.division_factor ** (1.0 - 2.0 * share[1:masses]))
     left = np.cumprod(np.concatenate([np.ones_like(share[:1]), 1.0 - part]), axis=0)
     J = total * left * np.concatenate([part, np.ones_like(share[:1])])
     behind = total * left[1:]
     reduced = (total - behind) * behind / total
     omega = _slowest(scales) * (_fastest(scales) / _slowest(scales)) ** share[masses : 2 * masses - 1]
-    least = HEURISTICS.min_damping_ratio
+    least = CHAIN_HEURISTICS.min_damping_ratio
     ratio = least * (1.0 / least) ** share[2 * masses - 1 :]
     return np.concatenate([J, reduced * omega**2, 2.0 * ratio * reduced * omega])
 
@@ -172,14 +172,14 @@ def _sample_chains(scales: Scales, share: Array, *, masses: int) -> Array:
 def _split_last_mass(scales: Scales, values: Values, place: int, *, masses: int) -> Mapping[str, float]:
     """Split the last mass of the shorter chain: a part comes loose and resonates below Nyquist's frequency."""
     last = values[f"J{masses - 1}"]
-    loose, rest = HEURISTICS.relevant_part * last, (1.0 - HEURISTICS.relevant_part) * last
-    omega = HEURISTICS.relevant_frequency * _fastest(scales)
+    loose, rest = CHAIN_HEURISTICS.relevant_part * last, (1.0 - CHAIN_HEURISTICS.relevant_part) * last
+    omega = CHAIN_HEURISTICS.relevant_frequency * _fastest(scales)
     reduced = loose * rest / last
     return {
         f"J{masses - 1}": rest,
         f"J{masses}": loose,
         f"c{masses - 1}": reduced * omega**2,
-        f"d{masses - 1}": 2.0 * HEURISTICS.relevant_damping_ratio * reduced * omega,
+        f"d{masses - 1}": 2.0 * CHAIN_HEURISTICS.relevant_damping_ratio * reduced * omega,
     }
 
 
@@ -192,10 +192,10 @@ def _perturb_chains(values: Array, share: Array, omega: Array, *, masses: int) -
     out = values.copy()
     for k, draw in enumerate(share.T):
         J, c, d = (values[rows, k].tolist() for rows in _rows(masses))
-        stiff = HEURISTICS.stiff_range ** (draw[-1] - 0.3) * np.sqrt(max(c) / min(J))
+        stiff = CHAIN_HEURISTICS.stiff_range ** (draw[-1] - 0.3) * np.sqrt(max(c) / min(J))
         resonance = omega[k] if np.isfinite(omega[k]) else stiff
         joined, split = (min(int(part * (masses - 1)), masses - 2) for part in draw[:2])
-        ratio = HEURISTICS.min_damping_ratio ** draw[3]
+        ratio = CHAIN_HEURISTICS.min_damping_ratio ** draw[3]
         out[:, k] = _join_and_split(J, c, d, joined, split, 0.05 + 0.9 * draw[2], ratio, resonance)
     return out
 
@@ -204,7 +204,7 @@ def _enumerate_chains(values: Array, omega: Array, *, masses: int) -> Array:
     """Join each pair of neighbours and split each mass, with inertia and damping on a grid."""
     J, c, d = (values[rows].tolist() for rows in _rows(masses))
     pairs = range(masses - 1)
-    choices = list(product(pairs, pairs, HEURISTICS.grid_parts, HEURISTICS.grid_damping_ratios))
+    choices = list(product(pairs, pairs, CHAIN_HEURISTICS.grid_parts, CHAIN_HEURISTICS.grid_damping_ratios))
     table = [
         [_join_and_split([*J], [*c], [*d], *choice, resonance) for choice in choices] for resonance in omega.tolist()
     ]

@@ -1,4 +1,4 @@
-"""How an effect is drawn with the components of other tools."""
+"""Drawing of an effect with the components of the Modelica standard library."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ __all__ = ["Modelica", "force_on_mass"]
 
 @dataclass(frozen=True)
 class Modelica:
-    """How an effect is drawn in Modelica, with the components of its standard library where they exist.
+    """Drawing of an effect in Modelica, with components of the standard library where they exist.
 
-    Texts may hold ``$`` words: ``$place`` and ``$next`` (place + 1), ``$name`` (of the placed effect), the effect's
-    parameters by symbol, ``$law`` (the law, written out), and what differs between rotation and translation:
-    ``$library $Mass $m $Force $f $q $v``. Masses are components called ``mass1``, ``mass2``, ..., shafts ``shaft1``,
-    ``shaft2``, ...; the start of state q1 is the parameter ``start_q1``.
+    Texts may contain words with ``$``: ``$place`` and ``$next`` (place + 1), ``$name`` (of the placed effect),
+    ``$law`` (the law, written out) and the effect's parameters by symbol. ``$library $Mass $m $Force $f $q $v`` stand
+    for the names that differ between rotation and translation. Masses are components called ``mass1``, ``mass2``, and
+    so on, shafts are called ``shaft1``, ``shaft2``. The initial value of state q1 is the parameter ``start_q1``.
 
     Attributes
     ----------
     components : tuple of (class, name, modifiers)
     equations : tuple of str
     port : str
-        What the law's port reads.
+        Variable that the law's port reads.
     instead : tuple of (name, class, modifiers) or None
-        Component of another effect that becomes one of this class, with more modifiers.
+        Component of another effect that is replaced by one of this class, with further modifiers.
     block : tuple of (class, modifiers) or None
         Block with input u and output y in the signal path of the input.
     model : str
-        Text of a class of its own that is needed.
+        Text of a class that the drawing needs.
     """
 
     components: tuple[tuple[str, str, str], ...] = ()
@@ -39,7 +39,7 @@ class Modelica:
 
 
 def force_on_mass() -> Modelica:
-    """Drawing of a law that gives a torque on the mass at its place, from that mass's speed."""
+    """Draw a law that gives a torque on the mass at its place, from that mass's speed."""
     return Modelica(
         components=(("$library.Sources.$Force", "$name", ""),),
         equations=("$name.$f = $law", "connect($name.flange, mass$place.flange_b)"),

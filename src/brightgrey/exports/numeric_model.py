@@ -16,12 +16,13 @@ from brightgrey.arrays import Array
 from brightgrey.effects import Dimension, Element
 from brightgrey.kit import StateSpace, assemble
 from brightgrey.model.model import Model
+from brightgrey.recordings.recording import Hold
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units
 from brightgrey.simulation import Settings
 from brightgrey.simulation.kernel.lowering import Lowered, lower
 from brightgrey.simulation.response import parts_per_sample
-from brightgrey.simulation.settings import Hold, Tolerances, tolerances
+from brightgrey.simulation.settings import Tolerances, tolerances
 
 __all__ = ["ModelOutput", "NumericModel", "PropagatorTables", "numeric_model", "propagator_tables"]
 

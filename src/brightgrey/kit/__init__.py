@@ -1,4 +1,4 @@
-"""Construction kit (paper section 2.2): structures, grammars, and the state space they are assembled to."""
+"""Construction kit (paper section 2.2): structures, grammars, and assembly into state-space form."""
 
 from brightgrey.kit.assembly import OUTPUTS, assemble
 from brightgrey.kit.grammar import PAPER, Grammar, function_set

@@ -1,4 +1,4 @@
-"""From structure and parameter values to the state-space form, in the paper's order of operations."""
+"""Assembly of the state-space form from a structure and its parameter values, in the paper's order."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 
 from brightgrey.effects import Draft, Stage
-from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.errors import SettingsError, one_of
 from brightgrey.kit.state_space import StateSpace
 from brightgrey.kit.structure import Placed, Structure
 
@@ -29,8 +29,8 @@ def assemble(
 ) -> StateSpace:
     """Assemble the state space of `structure`.
 
-    Order of the paper's section 2.2: masses, friction, gravity, backlash, selection of actuator and sensors,
-    current control from the left, delay.
+    The order is that of the paper's section 2.2: masses, friction, gravity, backlash, selection of actuator and
+    sensors, current control from the left, delay.
 
     Parameters
     ----------
@@ -54,14 +54,12 @@ def assemble(
     """
     names = structure.parameters
     for name in values:
-        if name not in names:
-            raise SettingsError(unknown_name(f"parameter of '{structure}'", name, names))
+        one_of(f"parameter of '{structure}'", name, names)
     missing = [name for name in names if name not in values]
     if missing:
         raise SettingsError(f"no value for parameter {', '.join(missing)} of '{structure}'")
     for output in outputs:
-        if output not in OUTPUTS:
-            raise SettingsError(unknown_name("output", output, OUTPUTS))
+        one_of("output", output, OUTPUTS)
     given = [np.asarray(values[n], float) for n in names]
     if len({a.shape for a in given}) > 1:
         given = list(np.broadcast_arrays(*given))
@@ -79,20 +77,20 @@ def assemble(
 
 @cache
 def _in_order(structure: Structure) -> list[tuple[int, Placed]]:
-    """Placed effects with the number of the stage at which each is stamped, in the order of the stages."""
+    """Placed effects in the order in which they are stamped, each with the number of its stage."""
     return sorted(((_STAGE_ORDER.index(p.effect.stage), p) for p in structure.placed), key=lambda pair: pair[0])
 
 
 def _select_actuator(draft: Draft) -> Draft:
-    """Input selection matrix: the only actuator is at mass 1. Done once, later calls change nothing."""
+    """Apply the input selection matrix: the only actuator is at mass 1. A second call changes nothing."""
     return draft if draft.B.shape[1] == 1 else replace(draft, B=draft.B[:, :1])
 
 
 def _select_sensors(draft: Draft, outputs: Sequence[str]) -> StateSpace:
-    """Output selection matrix: rows of x, or rows of x' for acceleration, at mass 1.
+    """Apply the output selection matrix: rows of x, or rows of x' for acceleration, at mass 1.
 
-    Reading acceleration off x' gives C, D and g of eq. (9), (10), (18) and of backlash step 5 at once, with
-    friction and gravity in them, which the paper's eq. (11) forgets.
+    Acceleration as a row of x' gives C, D and g of eq. (9), (10), (18) and of backlash step 5 at once. It contains
+    friction and gravity, which are missing in the paper's eq. (11).
     """
     n = len(draft.states)
     C = np.zeros((len(outputs), n, *draft.batch))

@@ -1,4 +1,4 @@
-"""Which structures are legal: data, not code paths."""
+"""Grammars: the rules by which effects are combined, written as data."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ __all__ = ["PAPER", "Grammar", "function_set"]
 
 @dataclass(frozen=True)
 class Grammar:
-    """Construction rules.
+    """Construction rules of structures.
 
-    Beside the places listed here two rules hold for every grammar, because without them there is no system:
-    exactly one effect brings the masses, and an effect only stands at a mass or shaft that exists.
+    A grammar lists the places of each effect. Two rules hold for every grammar, because without them there is no
+    system: exactly one effect brings the masses, and an effect stands only at a mass or shaft that exists.
 
     Attributes
     ----------
     name : str
     places : mapping of str to tuple of int
-        Where each effect may stand, counted from the motor. An effect that is not listed is not in the
+        Places at which each effect may stand, counted from the motor. An effect that is not listed is not in the
         function set.
     """
 
     name: str
     places: Mapping[str, tuple[int, ...]]
 
-    def reason_against(self, structure: Structure) -> str | None:
-        """Which rule `structure` breaks, as one sentence, or None if it is legal."""
-        ladders = [p.name for p in structure.placed if p.effect.masses]
-        if len(ladders) != 1:
-            came = " and ".join(ladders) if ladders else "none"
+    def broken_rule(self, structure: Structure) -> str | None:
+        """Sentence about the rule that `structure` breaks, or None if it is legal."""
+        chains = [p.name for p in structure.placed if p.effect.masses]
+        if len(chains) != 1:
+            came = " and ".join(chains) if chains else "none"
             allowed = ", ".join(e.name for e in registry().values() if e.masses)
             return f"a structure has exactly one of {allowed}; in '{structure}' there is {came}"
         for placed in structure.placed:
@@ -48,7 +48,7 @@ class Grammar:
             last = {"drive": 1, "mass": structure.masses, "shaft": structure.masses - 1}[placed.effect.where]
             if placed.place > last:
                 what = f"no {placed.effect.where} {placed.place}"
-                return f"'{placed}' cannot stand in '{structure}': {ladders[0]} has {what}"
+                return f"'{placed}' cannot stand in '{structure}': {chains[0]} has {what}"
         return None
 
     def check(self, structure: Structure) -> Structure:
@@ -57,9 +57,9 @@ class Grammar:
         Raises
         ------
         StructureError
-            With the rule that it breaks.
+            If it is not; the message names the rule.
         """
-        reason = self.reason_against(structure)
+        reason = self.broken_rule(structure)
         if reason:
             raise StructureError(reason)
         return structure
@@ -71,13 +71,13 @@ class Grammar:
     def structures(self) -> Iterator[Structure]:
         """All legal structures, those with fewer effects first."""
         options = [Placed(name, place) for name, places in self.places.items() for place in places]
-        ladders = [p for p in options if p.effect.masses]
+        chains = [p for p in options if p.effect.masses]
         others = [p for p in options if not p.effect.masses]
         for size in range(len(others) + 1):
-            for ladder in ladders:
+            for chain in chains:
                 for chosen in itertools.combinations(others, size):
-                    structure = Structure((ladder, *chosen))
-                    if self.reason_against(structure) is None:
+                    structure = Structure((chain, *chosen))
+                    if self.broken_rule(structure) is None:
                         yield structure
 
 
@@ -96,9 +96,9 @@ PAPER = Grammar(
 
 @cache
 def function_set() -> Grammar:
-    """What models may consist of: the paper's grammar, and every other effect of the folder at the first place.
+    """Grammar of all effects: the paper's, and every further effect of the library at the first place.
 
-    Without other effects it is the paper's.
+    Without further effects it is the paper's grammar.
     """
     others = {name: (1,) for name in registry() if name not in PAPER.places}
     return replace(PAPER, name="all effects", places={**PAPER.places, **others}) if others else PAPER

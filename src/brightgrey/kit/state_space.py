@@ -1,4 +1,4 @@
-"""State-space form that every structure is assembled to (paper figure 4, eq. 17 and 18)."""
+"""State-space form into which every structure is assembled (paper figure 4, eq. 17 and 18)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class StateSpace:
     outputs : tuple of str
         ``position``, ``velocity`` or ``acceleration`` of mass 1.
     derivative_rows : tuple of int
-        For each output the row of x' that it is, or -1 if it is a row of x.
+        For each output its row of x', or -1 if it is a row of x.
     """
 
     A: Array
@@ -88,7 +88,7 @@ class StateSpace:
         return np.asarray(self.C @ x + self.D[:, 0] * u + self.g(x, u))
 
     def linearise(self, x: Array, u: float = 0.0) -> Linear:
-        """Exact linearisation at (x, u): A + sum of G phi' H and its like for B, C and D."""
+        """Exact linearisation at (x, u): A + sum of G phi' H, and likewise B, C and D."""
         A, B = self.A.copy(), self.B.copy()
         for e in self.elements:
             _, slopes = e.law.value(tuple(e.H @ x + e.K * u), e.p)
@@ -102,6 +102,6 @@ class StateSpace:
         return Linear(A, B, C, D)
 
     def rest(self, position: float = 0.0, speed: float = 0.0, u: float = 0.0) -> Array:
-        """State, shape (n,), in which all masses stand at `position` and move at `speed`, with T = `u`."""
+        """State, shape (n,), with all masses at `position`, moving at `speed`, and T = `u`."""
         values = {"position": position, "speed": speed, "zero": 0.0, "input": u}
         return np.array([values[state.at_rest] for state in self.states])

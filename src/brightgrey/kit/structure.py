@@ -1,4 +1,4 @@
-"""Structure: which effects are in a model, and where."""
+"""Structures: sets of effects, each at its place."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ Verdict = Literal["needed", "not needed", "not decidable"]
 
 @dataclass(frozen=True)
 class Placed:
-    """An effect at a place, counted from the motor. Written ``coulomb@2``; the paper's place 1 is omitted."""
+    """An effect at a place, counted from the motor.
+
+    It is written ``coulomb@2``; the paper's place 1 is omitted.
+    """
 
     name: str
     place: int = 1
@@ -73,7 +76,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class Structure:
-    """Set of placed effects, in the order of their numbers. Whether it is a legal one, a grammar says.
+    """Set of placed effects, in the order of their numbers. A grammar decides if it is legal.
 
     Attributes
     ----------
@@ -118,7 +121,7 @@ class Structure:
 
     @cached_property
     def beside(self) -> frozenset[Placed]:
-        """Placed effects that bring no masses."""
+        """Placed effects other than the one that brings the masses."""
         return frozenset(p for p in self.placed if not p.effect.masses)
 
     @cached_property
@@ -137,4 +140,4 @@ class Structure:
         return "+".join(self.names)
 
     def __reduce__(self) -> tuple[type[Structure], tuple[tuple[Placed, ...]]]:
-        return Structure, (self.placed,)  # the declarations of the parameters stay at home
+        return Structure, (self.placed,)  # cached declarations hold functions, which cannot be pickled

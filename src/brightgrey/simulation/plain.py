@@ -1,6 +1,6 @@
-"""Plain twin of the kernel: the same scheme for one system, in numpy, slow and easy to read.
+"""Plain implementation of the kernel's method for one system in numpy, slow and easy to read.
 
-Tests hold the compiled kernel against it. Matrix exponentials come from scipy, events from a root finder.
+Tests compare the compiled kernel with it. Matrix exponentials come from scipy, events from a root finder.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FREE, UPPER, LOWER, CLOSED = 0, 1, -1, 2
 
 @dataclass
 class _Simulation:
-    """One simulation under way. The only object of the package that changes: it is a simulator's memory."""
+    """Memory of a simulation in progress. It is mutable, unlike other objects of the package."""
 
     low: Lowered
     tolerance: Tolerances
@@ -43,7 +43,7 @@ class _Simulation:
     propagators: dict[tuple[tuple[bool, ...], float], Array] = field(default_factory=dict)
 
     def matrix(self) -> Array:
-        """System matrix of the present mode: free limited states move with their rate."""
+        """System matrix of the present mode, in which free limited states move with their rate."""
         A = self.low.A[:, :, 0].copy()
         for element, mode in zip(self.low.limited, self.modes, strict=True):
             if mode == FREE:
@@ -78,14 +78,14 @@ class _Simulation:
         return force, slope
 
     def watched(self, b: int, x: Array) -> float:
-        """Limited state b if it is free, else its rate."""
+        """Limited state b if it is free, otherwise its rate."""
         element = self.low.limited[b]
         assert element.limits is not None
         row = element.H[0].reshape(-1)
         return float(x[element.limits.state] if self.modes[b] == FREE else row @ x)
 
     def interval(self, b: int) -> tuple[float, float]:
-        """Where the watched quantity has to stay."""
+        """Interval in which the watched quantity has to stay."""
         limits = self.low.limited[b].limits
         assert limits is not None
         return {
@@ -118,7 +118,7 @@ def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, s
         np.zeros(len(low.G)),
         np.zeros(len(low.G)),
     )
-    drive = _delayed_input(u, dt, float(np.ravel(low.delay)[0]), settings.hold)
+    drive = _input_course(u, dt, float(np.ravel(low.delay)[0]), settings.hold)
     for b, element in enumerate(low.limited):
         assert element.limits is not None
         run.modes.append(FREE)
@@ -138,10 +138,10 @@ def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, s
     return y
 
 
-def _delayed_input(
+def _input_course(
     u: Array, dt: float, delay: float, hold: str
 ) -> Callable[[float, float], tuple[float, float, float, float]]:
-    """Delayed input on [t, t + h): value, slope, kink (or jump) inside, and how long after t the kink comes."""
+    """Delayed input on [t, t + h): value, slope, kink (or jump) inside, and the time from t to the kink."""
 
     def at(i: int) -> float:
         return float(u[min(max(i, 0), len(u) - 1)])
@@ -164,7 +164,7 @@ def _delayed_input(
 def _step_base(
     run: _Simulation, drive: Callable[[float, float], tuple[float, float, float, float]], t: float, base: int
 ) -> None:
-    """One base step, halved where it has to be."""
+    """Take one base step, in shorter steps where the error or a limit requires it."""
     position, size = 0, run.ticks
     while position < run.ticks:
         begin, h = t + (base * run.ticks + position) * run.tick, size * run.tick
@@ -197,7 +197,7 @@ def _step_base(
 
 
 def _next_size(run: _Simulation, size: int, failed: bool, error: float, states: list[Array]) -> int:
-    """Ticks of the next attempt: as many as lie before the first limit, and as the error's estimate lets expect."""
+    """Ticks of the next attempt: it ends before the first limit, and its expected error is small enough."""
     if not run.tolerance.long_steps:
         return size // 2
     reached = min((_part_until_limit(run, b, states) for b in range(len(run.modes))), default=1.0)
@@ -213,7 +213,7 @@ def _next_size(run: _Simulation, size: int, failed: bool, error: float, states: 
 
 
 def _part_until_limit(run: _Simulation, b: int, states: list[Array]) -> float:
-    """Part of a step after which the watched quantity first leaves its interval, roughly; 1 if it does not."""
+    """Approximate part of a step before the watched quantity leaves its interval; 1 if it stays."""
     low, high = run.interval(b)
     moments = [0.0, 1.0 / 3.0, 1.0] if len(states) == 3 else list(np.linspace(0.0, 1.0, len(states)))
     for (t0, s0), (t1, s1) in pairwise(zip(moments, (run.watched(b, x) for x in states), strict=True)):
@@ -268,7 +268,7 @@ def _try_step(
 
 
 def _leaves_its_interval(run: _Simulation, b: int, states: list[Array]) -> bool:
-    """Whether the watched quantity leaves its interval, by a parabola through 0, h/3 and h, or such of neighbours."""
+    """True if the watched quantity leaves its interval, by a parabola through 0, h/3 and h or through neighbours."""
     course = [run.watched(b, x) for x in states]
     slack = 1e-12 * (abs(course[0]) + abs(course[-1])) + 1e-300
     low, high = run.interval(b)
@@ -288,7 +288,7 @@ def _leaves_its_interval(run: _Simulation, b: int, states: list[Array]) -> bool:
 
 
 def _pass_limits(run: _Simulation, span: float, value: float, slope: float) -> None:
-    """Through all events of a short span, friction linearised at each of them."""
+    """Integrate over a short span through all its events, with friction linearised at each of them."""
     n, left = len(run.x), span
     for _ in range(200):
         H, K, G = run.low.H[:, :, 0], run.low.through[:, 0], run.low.G[:, :, 0]

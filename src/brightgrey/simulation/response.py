@@ -23,7 +23,7 @@ from brightgrey.simulation.kernel.lowering import (
     Lowered,
     Rows,
     fastest_natural_frequency,
-    fill,
+    fill_lanes,
     is_sound,
     lower,
     tabulate,
@@ -111,7 +111,7 @@ def response(
         leaders = np.flatnonzero((cuts == cut) & sound)
         own = (leaders[:, None] * group + np.arange(group)).ravel()
         lanes = _assign_lanes(len(leaders), group)
-        parts.append((own, lanes, *_simulate(job, own, lanes, int(cut))))
+        parts.append((own, lanes, *_simulate_lanes(job, own, lanes, int(cut))))
     if len(parts) == 1 and sound.all():
         ((_, lanes, y, diverged, _),) = parts
         y, diverged = (y[:, :, :sets] if lanes.in_order else y.take(lanes.place, axis=2)), diverged[lanes.place]
@@ -174,7 +174,7 @@ def squares(
     total = np.full(len(cuts), np.inf)
     for cut in np.unique(cuts[sound]):
         own = np.flatnonzero((cuts == cut) & sound)
-        found, lost, _ = _simulate(job, own, _assign_lanes(len(own), 1), int(cut), desired)
+        found, lost, _ = _simulate_lanes(job, own, _assign_lanes(len(own), 1), int(cut), desired)
         total[own] = np.where(lost < 0, found.ravel(), np.inf)[: len(own)]
     return total
 
@@ -211,7 +211,7 @@ class _Job:
         return cls(lowered, tabulate(lowered, start), np.ascontiguousarray(u, float), dt, settings, threads)
 
 
-def _simulate(
+def _simulate_lanes(
     job: _Job, sets: NDArray[np.int64], lanes: _LaneAssignment, cut: int, target: _SquaresTarget | None = None
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
     """Simulate parameter `sets` in `lanes`, for all of which a sample is cut in `cut` parts.
@@ -227,8 +227,8 @@ def _simulate(
     """
     pick = sets[lanes.pick]
     shape = _shape_of(job, lanes, cut)
-    plants = fill(job.lowered, job.rows, pick)
-    numbers = _numbers(job)
+    plants = fill_lanes(job.lowered, job.rows, pick)
+    numbers = _call_numbers(job)
     y = aligned((shape.outputs, shape.samples, pick.size) if target is None else pick.shape)
     upper_limits = aligned(pick.shape)
     if target is not None:
@@ -281,7 +281,7 @@ def _shape_of(job: _Job, lanes: _LaneAssignment, cut: int) -> Shape:
     )
 
 
-def _numbers(job: _Job) -> Array:
+def _call_numbers(job: _Job) -> Array:
     """Numbers of a call, in the order of `Call.numbers`."""
     scale = job.settings.speed_scale
     level = tolerances(job.settings.level, bool(job.lowered.limited))

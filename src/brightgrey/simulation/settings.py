@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
 from brightgrey.errors import SettingsError, one_of
+from brightgrey.recordings.recording import HOLDS, Hold
 
-__all__ = ["Hold", "Level", "Settings", "Stepping", "Tolerances", "stepping_of", "tolerances"]
+__all__ = ["Level", "Settings", "Stepping", "Tolerances", "stepping_of", "tolerances"]
 
 Level = Literal["accurate", "fast", "euler"]
-Hold = Literal["linear", "zoh"]
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Settings:
             if not 0.0 < value < float("inf"):
                 raise SettingsError(f"{name} is {value}; it has to be a positive number")
         one_of("level", self.level, get_args(Level))
-        one_of("hold", self.hold, get_args(Hold))
+        one_of("hold", self.hold, HOLDS)
         if self.substeps < 1:
             raise SettingsError(f"substeps is {self.substeps}; at least 1 is needed")
 

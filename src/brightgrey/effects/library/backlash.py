@@ -51,10 +51,10 @@ def relevant_gap(scales: Scales, values: Values, place: int) -> dict[str, float]
 
 
 def insert_gap(draft: Draft, place: int, values: Values) -> Draft:
-    """The five steps of the paper's section 2.2, at the shaft between mass `place` and the next.
+    """Put a gap into the shaft between mass `place` and the next, by the five steps of the paper's section 2.2.
 
-    Spring and damper are read from the matrix as built so far (A_red of eq. 13), so that the shaft keeps its
-    constants: entries (4, 2) and (5, 1) hold the spring, (4, 5) and (5, 4) the damper.
+    Spring and damper are read from the matrix as built so far (A_red of eq. 13), so that the shaft keeps its constants.
+    Entries (4, 2) and (5, 1) hold the spring, (4, 5) and (5, 4) the damper.
     """
     i, j = place, place + 1
     name = f"lambda{place}"
@@ -82,7 +82,7 @@ def insert_gap(draft: Draft, place: int, values: Values) -> Draft:
     )
 
 
-# The standard library's ElastoBacklash cuts the shaft's torque instead of following its twist in the gap.
+# The standard library's ElastoBacklash limits the shaft's torque instead of following its twist in the gap.
 DRAWING = """model Gap "Spring and damper in series with a gap"
   extends $library.Interfaces.PartialCompliantWithRelativeStates;
   parameter Real c "Spring constant";

@@ -10,7 +10,7 @@ from brightgrey.effects import TIME, TORQUE, Draft, Effect, Modelica, Parameter,
 
 
 def prepend_lag(draft: Draft, place: int, values: Values) -> Draft:
-    """Series connection from the left (eq. 16): the system's old input becomes the state T."""
+    """Connect the lag in series from the left (eq. 16): the system's previous input becomes the state T."""
     n = len(draft.states)
     B = draft.B[:, 0]
     draft = draft.with_state(State("T", TORQUE, "input"))

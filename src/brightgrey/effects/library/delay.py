@@ -7,7 +7,7 @@ from dataclasses import replace
 from brightgrey.effects import TIME, Draft, Effect, Modelica, Parameter, SearchHints, Values
 
 
-def delay_input(draft: Draft, place: int, values: Values) -> Draft:
+def shift_input(draft: Draft, place: int, values: Values) -> Draft:
     """Shift the input (eq. 6): u(t - T_d), and u = u[0] before the recording begins."""
     return replace(draft, dead_time=draft.dead_time + values["T_d"])
 
@@ -35,7 +35,7 @@ EFFECT = Effect(
             size=True,
         ),
     ),
-    stamp=delay_input,
+    stamp=shift_input,
     # At a tenth of the sampling rate this lags by 7 degrees.
     relevant_size=lambda s, values, place: {"T_d": 0.2 * s.interval},
     # From a tenth of a sample to fifty samples.

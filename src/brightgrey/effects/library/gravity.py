@@ -16,7 +16,7 @@ GRAVITY_LAW = Law(("M_G",), constant_torque, ports=0, affine=True)
 
 
 def add_gravity(draft: Draft, place: int, values: Values) -> Draft:
-    """Torque on the mass at `place`."""
+    """Add the torque to the mass at `place`."""
     return draft.with_element(GRAVITY_LAW, (), draft.B[:, place - 1], values)
 
 
@@ -35,7 +35,7 @@ EFFECT = Effect(
             TORQUE,
             "constant torque (force, in a linear axis) added to the mass",
             bounds=lambda s: (-2.0 * s.torque, 2.0 * s.torque),
-            # The offset is the part of the input that only holds the load, so the load is its opposite.
+            # The offset is the part of the input that only holds the load; the load is its opposite.
             start=lambda s: -s.offset,
             scale="linear",
             size=True,

@@ -48,7 +48,7 @@ class Rules:
         listed = tuple(types)
         if not listed or len(set(listed)) != len(listed):
             return False
-        return self.grammar.reason_against(Structure(listed)) is None
+        return self.grammar.broken_rule(Structure(listed)) is None
 
     def finishing(self, types: Iterable[Placed]) -> tuple[Placed, ...]:
         """Multiple-mass systems, fewest masses first, that complete `types`, which hold none."""

@@ -1,4 +1,4 @@
-"""What belongs to one lane: its delayed input, the modes of its limited states, the forces of its laws."""
+"""State of single lanes: delayed input, modes of the limited states, forces of the laws."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["drive_all", "drive_lane", "mode_bits", "set_force", "set_mode", "use
 
 @inner
 def _drive_now(shape: Any, u: Any, k: Any, start: Any, per_sample: Any, dt: Any, work: Any, who: Any) -> None:
-    """Input without dead time from the tick `start` after sample k on: to the same bit beside lanes that have one."""
+    """Input without dead time from the tick `start` after sample k on; the same bits beside delayed lanes."""
     here, after = real(u, k), real(u, min(k + 1, shape.samples - 1))
     slope = (after - here) / dt if shape.hold == 1 else 0.0
     put(work.drive, 0, who, splat(here + slope * (start * dt / per_sample), who))
@@ -124,7 +124,7 @@ def use_table_of(shape: Any, work: Any, some: Any, leader: Any) -> None:
 
 @inner
 def set_force(shape: Any, plant: Any, value: Any, work: Any, lane: Any) -> None:
-    """F of all channels at ``work.end`` for one lane; its rate of change is not known and taken as zero."""
+    """Set F of all channels at ``work.end`` for one lane; its rate of change is unknown and set to zero."""
     n = shape.n
     for k in range(shape.channels):
         port = get(plant.K, k, lane) * value

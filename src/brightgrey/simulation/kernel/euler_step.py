@@ -1,4 +1,4 @@
-"""The paper's integration (section 3.1, step 3): explicit Euler with sub-steps, limited states cut off."""
+"""The paper's integration (section 3.1, step 3): explicit Euler with sub-steps; limited states are clipped."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["euler_step"]
 
 @inner
 def _channel_forces(shape: Any, plant: Any, work: Any) -> None:
-    """F of every channel at the present state and input."""
+    """Set F of every channel at the present state and input."""
     for k in range(shape.channels):
         port = get(plant.K, k, None) * get(work.drive, 0, None)
         for i in range(shape.n):

@@ -1,7 +1,7 @@
-"""A tick in which a limited state reaches or leaves its limit: by Taylor series, friction linearised.
+"""Location of events: a tick in which a limited state reaches or leaves its limit, by Taylor series.
 
-The moment of an event is the root of a polynomial, in a gap of one and an exponential, so it depends smoothly on all
-parameters.
+Friction is linearised. The moment of an event is the root of a polynomial, or of a polynomial and an exponential while
+a gap is open, so that it depends smoothly on all parameters.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["locate_events"]
 
 @inner
 def _linearised(shape: Any, plant: Any, value: Any, slope: Any, work: Any, lane: Any) -> None:
-    """System of one lane at its present state, laws replaced by tangents, to ``work.system``."""
+    """Write the system of one lane to ``work.system``, with laws replaced by their tangents at its present state."""
     n = shape.n
     mode_columns(shape, plant, mode_bits(shape, work, lane), work, lane)
     for i in range(n):
@@ -48,7 +48,7 @@ def _linearised(shape: Any, plant: Any, value: Any, slope: Any, work: Any, lane:
 
 @inner
 def _is_stiff(shape: Any, plant: Any, b: Any, span: Any, work: Any, lane: Any) -> Any:
-    """Whether limited state b is free, relaxes many times within `span`, and moves nothing but itself."""
+    """True if limited state b is free, relaxes many times within `span`, and moves no other state."""
     n, row = shape.n, whole(plant.limited, b)
     own = get(plant.rate, b * n + row, lane)
     if whole(work.mode, b * LANES + lane) != 0 or -own * span < TOLERANCES.stiff_time_constants:
@@ -64,10 +64,10 @@ def _is_stiff(shape: Any, plant: Any, b: Any, span: Any, work: Any, lane: Any) -
 
 @inner
 def _make_quasi_steady(shape: Any, plant: Any, b: Any, terms: Any, reach: Any, work: Any, lane: Any) -> Any:
-    """Replace the series of a stiff limited state b by what it follows; whether it is stiff within the reach, too.
+    """Replace the series of a stiff limited state b by its quasi-steady course; True if it is stiff in the reach.
 
-    ``work.series`` holds the integral of what it is pulled by, p: x' = p - a x. It follows p/a - p'/a^2 + p''/a^3 and
-    so on, which ends as p is a polynomial, and what it is off that at first fades with exp(-a t).
+    The state obeys x' = p - a x, and ``work.series`` holds the integral of p. Its quasi-steady course is the finite sum
+    p/a - p'/a^2 + p''/a^3 ..., as p is a polynomial. The initial distance from that course fades with exp(-a t).
     """
     row = whole(plant.limited, b)
     a = -get(plant.rate, b * shape.n + row, lane) * reach
@@ -85,7 +85,7 @@ def _make_quasi_steady(shape: Any, plant: Any, b: Any, terms: Any, reach: Any, w
 
 @inner
 def _forget_fading(shape: Any, work: Any) -> None:
-    """No limited state is off what its series says."""
+    """Set the distance of all limited states from their series to zero."""
     for b in range(shape.limits):
         put(work.fading, 0, b, 0.0)
         put(work.fading, 1, b, 0.0)
@@ -95,9 +95,9 @@ def _forget_fading(shape: Any, work: Any) -> None:
 def _motion_series(shape: Any, plant: Any, span: Any, value: Any, slope: Any, work: Any, lane: Any) -> Any:
     """Series of the motion from ``work.point`` on: (reach, number of terms).
 
-    A gap's damper may relax in nanoseconds (d/c) as long as the gap is open. A power series would reach as far; it is
-    that of the other states instead, which do not feel the gap then, and the gap's position follows them but for an
-    exponential.
+    While a gap is open, its damper may relax within nanoseconds (d/c), and a power series of its position would not
+    reach further. The other states do not depend on the gap then. The series is theirs, and the gap's position follows
+    them apart from an exponential.
     """
     _linearised(shape, plant, value, slope, work, lane)
     stiff = 0
@@ -122,7 +122,7 @@ def _motion_series(shape: Any, plant: Any, span: Any, value: Any, slope: Any, wo
 
 @inner
 def _course_value(course: Any, terms: Any, off: Any, rate: Any, part: Any) -> Any:
-    """Value of the polynomial `course` by Horner's scheme, and of what is `off` it and fades."""
+    """Value of the polynomial `course` by Horner's scheme, plus the distance `off` it, which fades."""
     total = 0.0
     for k in range(terms - 1, -1, -1):
         total = total * part + real(course, k)
@@ -131,9 +131,9 @@ def _course_value(course: Any, terms: Any, off: Any, rate: Any, part: Any) -> An
 
 @inner
 def _course_root(course: Any, terms: Any, off: Any, rate: Any, limit: Any, left: Any, right: Any) -> Any:
-    """Where in (left, right] a course passes `limit`: Newton's method, kept in the bracket.
+    """Point in (left, right] at which a course passes `limit`, by Newton's method within a bracket.
 
-    Near the root an iteration squares the distance, so that one after a change of 1e-9 is exact.
+    Near the root an iteration squares the distance, so that the iteration after a change of 1e-9 is exact.
     """
     side = 1.0 if _course_value(course, terms, off, rate, right) > limit else -1.0
     moment = right
@@ -218,14 +218,14 @@ def _pass_all_events(shape: Any, plant: Any, length: Any, value: Any, slope: Any
         time += s * part
         if time >= length * (1.0 - 1e-12):
             return
-    put(work.point, 0, None, splat(float("nan"), None))  # too many events: rather no result than a wrong one
+    put(work.point, 0, None, splat(float("nan"), None))  # too many events: no result is better than a wrong one
 
 
 @Entry
 def locate_events(block: Any, start: Any, lane: Any) -> None:
-    """Carry one lane over the tick `start` after a sample, in two parts if the input has a knot inside; then F.
+    """Carry one lane over the tick `start` after a sample, from ``work.x`` to ``work.end``, and set F there.
 
-    Input in ``work.drive``, from ``work.x`` to ``work.end``.
+    The input is in ``work.drive``; if it has a knot inside the tick, the tick is taken in two parts.
     """
     shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
     n = shape.n

@@ -1,8 +1,8 @@
 """Step tables: the linear part of a step, exact for any stiffness.
 
 Between two knots of the input a system is ``x' = A x + B (u0 + u1 t) + c + G (F0 + F1 t)``. Its solution is a
-matrix times x plus a column for each of the other terms (the phi functions of exponential integrators,
-doi:10.1017/S0962492910000048). A Taylor polynomial gives them for a tiny step, doubling for all larger ones.
+matrix times x plus a column for each of the other terms: the phi functions of exponential integrators
+(doi:10.1017/S0962492910000048). They come from a Taylor polynomial for a tiny step, and from doubling for larger ones.
 """
 
 from __future__ import annotations
@@ -86,9 +86,10 @@ def _copy_rows(rows: Any, source: Any, target: Any) -> None:
 
 @inner
 def _halvings(n: Any, A: Any, work: Any, scaling: Any) -> Any:
-    """How often a length, row 1 of `scaling`, is halved until sqrt(|A^2|) length <= 1/2 (row 0); returns the most.
+    """Write to row 0 of `scaling` the halvings of the length in row 1 until sqrt(|A^2|) length <= 1/2.
 
-    The square's norm sees through the different sizes of positions and speeds, |A| itself would not.
+    Return the largest number. The norm of the square does not depend on the different sizes of positions and speeds,
+    which |A| does.
     """
     _multiply(n, n, A, A, 0, n, 1, work)
     most = 0
@@ -146,7 +147,7 @@ def _taylor(n: Any, channels: Any, plant: Any, A: Any, length: Any, out: Any, wo
 
 @inner
 def propagator_over(n: Any, channels: Any, plant: Any, A: Any, length: Any, out: Any, spare: Any, scaling: Any) -> None:
-    """Propagator over any `length` (a register) with the forces of so many `channels`; `scaling` has two rows."""
+    """Propagator over any `length` (a register) with the forces of all `channels`; `scaling` has two rows."""
     rows = n * n + n * (3 + 2 * channels)
     put(scaling, 1, None, length)
     most = _halvings(n, A, spare, scaling)

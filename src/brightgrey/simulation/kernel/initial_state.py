@@ -15,7 +15,7 @@ __all__ = ["set_initial_state"]
 
 @Entry
 def set_initial_state(block: Any) -> None:
-    """Put all lanes of the batch at work to their initial state."""
+    """Set all lanes of the batch at work to their initial state."""
     shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
     for i in range(shape.n):
         put(work.x, i, None, get(plant.x0, i, None))

@@ -1,4 +1,4 @@
-"""Dead time: the knots of the delayed input fall between samples, at a place of their own in every lane."""
+"""Dead time: the knots of the delayed input fall between samples, at a different point in every lane."""
 
 from __future__ import annotations
 
@@ -22,14 +22,15 @@ from brightgrey.simulation.kernel.tolerances import TOLERANCES
 __all__ = ["input_knot_weights"]
 
 
-_THIRDS = 3  # spans from a knot to the end of a step, to its third or to a look end at thirds of a tick
+_THIRDS = 3  # spans from a knot to the end of a step, to its stage or to an inner point end at thirds of a tick
 
 
 @inner
 def _ramp_starts(shape: Any, plant: Any, mode: Any, tick: Any, work: Any, begins: Any) -> None:
-    """Effects of the ramp (jump) on the state at all ends that its beginning, less than a tick, can have.
+    """Effects of the ramp (jump) on the state after all spans below one tick that can occur.
 
-    Of each, n rows and that with its length. By propagators, for a gap's damper may relax in nanoseconds (d/c).
+    Each has n rows and one for the length of the span. They are computed by propagators, because a gap's damper may
+    relax within nanoseconds (d/c).
     """
     n = shape.n
     rows = n * n + 3 * n  # without forces
@@ -50,7 +51,7 @@ def _ramp_starts(shape: Any, plant: Any, mode: Any, tick: Any, work: Any, begins
 
 @inner
 def _ramp_start(n: Any, rest: Any, lane: Any, begins: Any, p: Any) -> None:
-    """Effect p of the ramp (jump) on the state of one lane, `rest` seconds after its begin: less than a tick."""
+    """Effect p of the ramp (jump) on the state of one lane, `rest` seconds after its start: less than a tick."""
     nearest, off = 0, rest
     for number in range(_THIRDS):
         apart = abs(get(skip(begins, number * (n + 1)), n, lane) - rest)
@@ -62,12 +63,12 @@ def _ramp_start(n: Any, rest: Any, lane: Any, begins: Any, p: Any) -> None:
 
 @inner
 def _ramp_response(shape: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any, p: Any, begins: Any) -> None:
-    """Effect p of a ramp of unit slope (held input: a unit jump) on the state, `span` seconds after its begin."""
+    """Effect p of a ramp of unit slope (held input: a unit jump) on the state, `span` seconds after its start."""
     n = shape.n
     width = n + 4 + 2 * shape.channels
     whole = int(
         span / tick + 2.0 * TOLERANCES.same_span
-    )  # twice: what is a whole tick to `_ramp_starts` is one here, too
+    )  # twice, so that a whole tick in `_ramp_starts` is one here, too
     rest = max(span - whole * tick, 0.0)
     _ramp_start(n, rest, lane, begins, p)
     time = rest
@@ -98,7 +99,7 @@ def _row_product(n: Any, table: Any, at: Any, p: Any, lane: Any) -> Any:
 
 @Entry
 def input_knot_weights(block: Any) -> None:
-    """Write the kink's weights to all step tables; in each level one step per sample has a knot inside."""
+    """Write the kink's weights to all step tables; at each level one step per sample has a knot inside."""
     shape, plant, work = shape_of(block), plant_of(block), work_of(block)
     tick = real(call_of(block).numbers, 0) / (shape.base_steps * (1 << shape.ticks))
     n, m = shape.n, shape.channels

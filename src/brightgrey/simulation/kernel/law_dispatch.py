@@ -1,4 +1,4 @@
-"""All laws of the function set behind one number: compiled once for every structure."""
+"""Dispatch by the number of a law: all laws of the function set are compiled once, for every structure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["channel_force", "channel_forces", "smooth_laws"]
 
 
 def smooth_laws() -> tuple[Law, ...]:
-    """Laws that the kernel solves for implicitly: one port, no straight line. The position is the law's number."""
+    """Laws that the kernel solves for implicitly: one port, not affine. The position of a law is its number."""
     laws = (effect.law for effect in registry().values())
     return tuple(law for law in laws if law is not None and law.ports == 1 and not law.affine)
 
@@ -48,9 +48,9 @@ def _none(which: Any, p: Any, first: Any, who: Any, z1: Any, z2: Any) -> Any:
 
 
 def _dispatch_one(number: int, value: Any, parameters: int, rest: Any) -> Any:
-    """Function that evaluates ``value(z, p)`` for its number and asks `rest` for any other.
+    """Function that evaluates ``value(z, p)`` for its number and calls `rest` for any other.
 
-    It does so at both stages of a step in one go: two independent chains keep the processor busy.
+    It evaluates both stages of a step at once, because two independent chains of operations keep the processor busy.
     """
     if parameters not in _TAKE:
         raise TypeError(f"a law of {parameters} parameters: the kernel takes one to four")
@@ -78,7 +78,7 @@ def _of_one_port(law: Law) -> Any:
 
 
 def _dispatcher(pick: Callable[[Law], tuple[Any, int] | None]) -> Any:
-    """``f(number, p, first, who, z1, z2) -> (value1, slope1, value2, slope2)``: of picked laws, else 0."""
+    """Make ``f(number, p, first, who, z1, z2) -> (value1, slope1, value2, slope2)``: 0 for laws that are not picked."""
     function: Any = _none
     for number, law in enumerate(smooth_laws()):
         picked = pick(law)

@@ -1,4 +1,4 @@
-"""The simulation loop: full steps for all lanes at once, the exceptional ones lane by lane."""
+"""Simulation loop: full steps of all lanes at once, exceptional steps lane by lane."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = ["run_batch"]
 
 @inlined
 def _write_output(call: Any, samples: Any, out: Any, k: Any, at: Any, value: Any, work: Any) -> None:
-    """Write an output at sample k, or add the square of what it is off its target."""
+    """Write an output at sample k, or add the square of its deviation from the target."""
     if call.target == 0:
         store(call.y, (out * samples + k) * call.stride + at, value)
     else:
@@ -39,7 +39,7 @@ def _write_output(call: Any, samples: Any, out: Any, k: Any, at: Any, value: Any
 
 @inlined
 def _record_sample(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any) -> Any:
-    """Note the outputs at sample k, of the columns from `at` on; returns the lanes that are not worth going on with."""
+    """Record the outputs at sample k in the columns from `at` on; return the lanes that are given up."""
     n, samples = shape.n, shape.samples
     total = splat(0.0, None)
     for i in range(n):
@@ -75,7 +75,7 @@ def _record_sample(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any
 
 @inlined
 def _strayed_lanes(shape: Any, plant: Any, work: Any) -> Any:
-    """Lanes in which a limited state is elsewhere between its limits than in the lane that leads their group."""
+    """Lanes in which a limited state has moved away from that of the lane that leads their group."""
     out = 0
     for b in range(shape.limits):
         row = whole(plant.limited, b)
@@ -90,7 +90,7 @@ def _strayed_lanes(shape: Any, plant: Any, work: Any) -> Any:
 
 @inner
 def _rejoin_leaders(shape: Any, plant: Any, call: Any, number: Any, k: Any, apart: Any, work: Any) -> None:
-    """Let the groups with lanes among `apart`, since sample k - 1, go on from where their leaders are."""
+    """Continue the groups that have lanes in `apart` from the states of their leaders, from sample k - 1 on."""
     for leader in range(0, LANES, shape.group):
         followers = ((1 << shape.group) - 2) << leader
         if apart & followers == 0:
@@ -143,7 +143,7 @@ def run_batch(block: Any, first: Any, last: Any) -> None:
     Parameters
     ----------
     block : int
-        Address of a block that no other thread uses (``memory.block_for``).
+        Address of a block that no other thread uses (``buffers.block_for``).
     first, last : int
     """
     shape, work = shape_of(block), work_of(block)

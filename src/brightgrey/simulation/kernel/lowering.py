@@ -1,4 +1,7 @@
-"""From state spaces to the kernel's tables: straight lines counted to A, equal ports joined, lanes filled."""
+"""Lowering of state spaces to the kernel's tables.
+
+Affine laws are added to A and a constant, laws with the same port and column share a channel, and lanes are filled.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +18,32 @@ from brightgrey.kit import StateSpace
 from brightgrey.simulation.kernel.law_dispatch import smooth_laws
 from brightgrey.simulation.kernel.machine.buffers import PlantBuffers, plants_for
 
-__all__ = ["Lowered", "Rows", "fastest_natural_frequency", "fill", "is_sound", "lower", "tabulate"]
+__all__ = ["Lowered", "Rows", "fastest_natural_frequency", "fill_lanes", "is_sound", "lower", "tabulate"]
 
 Rows = dict[str, Array]
-"""Rows of `layout.Plant` by name, one column per parameter set."""
+"""Rows of `memory_layout.PlantRows` by name, one column per parameter set."""
 
 
 class Lowered(NamedTuple):
-    """System with K parameter sets on the last axis of every matrix, elements sorted by what the kernel does.
+    """System in the kernel's form, with K parameter sets on the last axis of every matrix.
 
-    ``x' = A x + B u + c + sum_k G_k F_k(H_k x + K_k u)``; `G`, `H` (channels, n, K), `through` (channels, K).
-    `smooth` pairs each law with its channel; `limited` are the integrators with saturation.
+    ``x' = A x + B u + c + sum_k G_k F_k(H_k x + K_k u)`` with channels k, and integrators with saturation.
+
+    Attributes
+    ----------
+    A : ndarray, shape (n, n, K)
+    B, c : ndarray, shape (n, K)
+    G, H : ndarray, shape (channels, n, K)
+    through : ndarray, shape (channels, K)
+        K_k of the channels.
+    smooth : tuple of (Element, int)
+        Elements that are solved for implicitly, each with its channel.
+    limited : tuple of Element
+        Integrators with saturation.
+    outputs : tuple of int
+        i for state i, n + i for its derivative.
+    delay : ndarray, shape (K,)
+        Dead time in samples.
     """
 
     A: Array
@@ -41,7 +59,7 @@ class Lowered(NamedTuple):
 
 
 def lower(system: StateSpace, dt: float) -> Lowered:
-    """Sort the elements of `system` and fold those with affine laws into A and a constant.
+    """Sort the elements of `system`; those with affine laws are added to A and a constant.
 
     Parameters
     ----------
@@ -62,7 +80,7 @@ def lower(system: StateSpace, dt: float) -> Lowered:
     A, B = batched(system.A, 2).copy(), batched(system.B[:, 0], 1).copy()
     c = np.zeros((n, sets))
     channels: list[tuple[Array, Array, Array]] = []
-    same = partial(np.array_equal, equal_nan=True)  # what is no number must not part the channels of other sets
+    same = partial(np.array_equal, equal_nan=True)  # a set that is not a number must not change the others' channels
     smooth: list[tuple[Element, int]] = []
     limited: list[Element] = []
     for element in system.elements:
@@ -97,7 +115,10 @@ def _nothing(n: int, sets: int) -> tuple[Array, Array, Array]:
 
 
 def fastest_natural_frequency(system: StateSpace, lowered: Lowered) -> Array:
-    """Upper bound, shape (K,), of the fastest oscillation in rad/s: Gershgorin's on speed over position."""
+    """Upper bound, shape (K,), of the fastest natural frequency in rad/s.
+
+    It is the square root of Gershgorin's bound for the matrix from positions to accelerations.
+    """
     names = system.state_names
     speeds = [i for i, name in enumerate(names) if name.startswith("v")]
     positions = [i for i, name in enumerate(names) if name.startswith("q")]
@@ -106,7 +127,7 @@ def fastest_natural_frequency(system: StateSpace, lowered: Lowered) -> Array:
 
 
 def tabulate(lowered: Lowered, x0: Array) -> Rows:
-    """Numbers of all parameter sets, begun at `x0`, shape (n, K), in the rows of the kernel's tables."""
+    """Numbers of all parameter sets in the rows of the kernel's tables; the initial states `x0` have shape (n, K)."""
     sets = x0.shape[1]
     n = lowered.A.shape[0]
     limits = [e.limits for e in lowered.limited if e.limits is not None]
@@ -137,19 +158,19 @@ def tabulate(lowered: Lowered, x0: Array) -> Rows:
 
 
 def is_sound(rows: Rows) -> NDArray[np.bool_]:
-    """Whether a parameter set, shape (K,), has finite numbers throughout, but for limits that are infinitely far away.
+    """Parameter sets, shape (K,), of which all numbers are finite; only limits may be infinitely far away.
 
-    Others must not go to the kernel: series that cannot converge would keep the lanes beside them waiting.
+    Other sets must not go to the kernel: their series do not converge and would hold up the lanes beside them.
     """
     limits = np.isnan(np.concatenate([rows["low"], rows["high"]])).any(axis=0)
     others = np.isfinite(np.concatenate([a for name, a in rows.items() if name not in ("low", "high")])).all(axis=0)
     return np.asarray(others & ~limits)
 
 
-def fill(lowered: Lowered, rows: Rows, pick: NDArray[np.int64]) -> PlantBuffers:
-    """Tables of the kernel for the parameter sets ``pick``, shape (batches, LANES); incomplete batches repeat one.
+def fill_lanes(lowered: Lowered, rows: Rows, pick: NDArray[np.int64]) -> PlantBuffers:
+    """Tables of the kernel for the parameter sets ``pick``, shape (batches, LANES); incomplete batches repeat a set.
 
-    Parameters stand in `rows` in the order of the elements, as `tabulate` puts them.
+    `rows` come from `tabulate`: their parameters are in the order of the elements.
     """
     laws = smooth_laws()
     first, turning, row = [], [-1] * len(lowered.G), 0

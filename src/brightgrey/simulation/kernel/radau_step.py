@@ -1,8 +1,8 @@
-"""One step of the simulation: exponential Radau IIA with two stages.
+"""Step of the simulation: exponential Radau IIA with two stages.
 
-The linear part, the input and its kink are exact. The channels' forces F run linearly through the stages at h/3
-and h (order 3 and L-stable, which stiff friction near standstill needs); their values are found by Newton's
-method on the ports, with a fixed number of iterations so that no lane waits for another.
+The linear part, the input and its kink are exact. The channels' forces F are linear in time through the stages at h/3
+and h. The method has order 3 and is L-stable, which stiff friction near standstill needs. The forces are found by
+Newton's method on the ports, with a fixed number of iterations so that no lane waits for another.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ __all__ = [
 
 @inlined
 def _linear_part(shape: Any, delayed: Any, table: Any, at: Any, work: Any) -> Any:
-    """Row of a step table times state and input, without F."""
+    """Product of a row of the step table with state and input, without F."""
     n = shape.n
     total = get(table, at + n + 2, None)
     for j in range(n):
@@ -85,7 +85,7 @@ def _newton_one(shape: Any, plant: Any, table: Any, middle: Any, end: Any, work:
 
 @inner
 def _larger(a: Any, b: Any) -> Any:
-    """Larger of two; not-a-number if either is."""
+    """Larger of two; not a number if either is none."""
     return choose_less(a, b, b, choose_less(b, a, a, a + 0.0 * b))
 
 
@@ -173,7 +173,7 @@ def lanes_leaving_interval(shape: Any, work: Any, b: Any, points: Any, end: Any,
 
 @inlined
 def watched_quantity(shape: Any, plant: Any, work: Any, b: Any, state: Any, who: Any) -> Any:
-    """Watched quantity of limited state b: the state itself where it is free, else its rate."""
+    """Watched quantity of limited state b: the state itself where it is free, otherwise its rate."""
     total = splat(0.0, who)
     for j in range(shape.n):
         total = total + get(plant.rate, b * shape.n + j, who) * get(state, j, who)
@@ -193,10 +193,10 @@ def solve_stages(
     work: Any,
     who: Any,
 ) -> Any:
-    """Solve for F1 and F2, with the ports without F in ``work.a1`` and ``work.a2``: lanes in which Newton failed.
+    """Solve for F1 and F2; return the lanes in which Newton's method failed.
 
-    The effect of each F1 and F2 on the ports stands in `table`: at h/3 from row `middle` on, `stride` rows per port, at
-    the end from row `end` on.
+    ``work.a1`` and ``work.a2`` hold the ports without F. The effect of each F1 and F2 on the ports is in `table`: at
+    h/3 from row `middle` on with `stride` rows per port, at the end from row `end` on.
     """
     m = shape.channels
     for k in range(m):
@@ -217,10 +217,10 @@ def solve_stages(
 
 @inlined
 def estimate(shape: Any, plant: Any, call: Any, h: Any, work: Any, who: Any) -> Any:
-    """Lanes in which the error's estimate, left in ``work.error``, is too large."""
+    """Write the error estimate to ``work.error``; return the lanes in which it is too large."""
     error = splat(0.0, who)
     for k in range(shape.channels):
-        # F at the start, as it was against as the stages see it: its curvature over the step.
+        # Difference between F at the start and its extrapolation from the stages: the curvature over the step.
         bend = get(work.force, k, who) - (get(work.F1, k, who) * 1.5 - get(work.F2, k, who) * 0.5)
         error = _larger(error, magnitude(bend) * get(plant.gain, k, who))
     error = error * h
@@ -230,10 +230,10 @@ def estimate(shape: Any, plant: Any, call: Any, h: Any, work: Any, who: Any) -> 
 
 @inlined
 def radau_step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: Any, work: Any) -> Any:
-    """Step from ``work.x`` to ``work.end``; returns (lanes in which Newton failed, lanes with too large an error).
+    """Step from ``work.x`` to ``work.end``: (lanes in which Newton's method failed, lanes with too large an error).
 
     ``call.numbers`` holds the tolerated error estimate and the tolerated last change of Newton.
-    Watched quantities at the step's `points` are left in ``work.inner_watched``.
+    Watched quantities at the step's `points` are written to ``work.inner_watched``.
     """
     n, m = shape.n, shape.channels
     width = n + 4 + 2 * m

@@ -1,7 +1,7 @@
-"""A step of one lane alone: its weights column by column, its states side by side in a register.
+"""Step of a single lane: its weights column by column, its states side by side in a register.
 
-The same arithmetic as :func:`brightgrey.simulation.kernel.radau_step.radau_step`. There one lane's weights lie far
-apart, each in a cache line of its own; here they are copied out at their first use.
+The arithmetic is that of :func:`brightgrey.simulation.kernel.radau_step.radau_step`. There the weights of one lane lie
+far apart, each in a cache line of its own; here they are copied to columns at their first use.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ __all__ = ["mark_columns_outdated", "step_lane"]
 
 @inner
 def mark_columns_outdated(shape: Any, work: Any) -> None:
-    """Mark all copies as out of date."""
+    """Mark the columns of all lanes as out of date."""
     for i in range((1 << shape.limits) * (shape.ticks + 1) * LANES):
         set_whole(work.columns_current, i, 0)
 
 
 @inner
 def _copy_step_table(shape: Any, plant: Any, table: Any, points: Any, h: Any, lane: Any, target: Any) -> None:
-    """One lane's step table to columns: end states, ports at h/3, watched quantities, ports at the end."""
+    """Copy one lane's step table to columns: end states, ports at h/3, watched quantities, ports at the end."""
     n, m = shape.n, shape.channels
     columns = n + 4 + 2 * m
     last = n + m + shape.limits * points
@@ -53,9 +53,9 @@ def _copy_step_table(shape: Any, plant: Any, table: Any, points: Any, h: Any, la
 
 @inlined
 def step_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, h: Any, work: Any, lane: Any) -> Any:
-    """Step of 2^level ticks from ``work.x`` to ``work.end``: (whether Newton failed, whether the error is too large).
+    """Step of 2^level ticks from ``work.x`` to ``work.end``: (Newton's method failed, the error is too large), 0 or 1.
 
-    Watched quantities at the step's points are left in ``work.inner_watched``.
+    Watched quantities at the step's points are written to ``work.inner_watched``.
     """
     n, m = shape.n, shape.channels
     columns, high = n + 4 + 2 * m, column_rows(shape)

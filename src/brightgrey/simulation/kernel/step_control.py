@@ -1,7 +1,7 @@
-"""What a full step cannot do: halved steps where friction turns, and limits that are reached within a step.
+"""Control of the step: shorter steps where friction reverses, and limits that are reached within a step.
 
-A base step is cut into ticks by powers of two; where a limited state reaches or leaves its limit, the tick is gone
-through by Taylor series.
+A base step is cut into ticks by powers of two. A tick in which a limited state reaches or leaves its limit is solved
+by Taylor series.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from brightgrey.simulation.kernel.radau_step_scalar import step_lane
 
 __all__ = ["accept_or_refine", "refine_group", "refine_lane"]
 
-_WORTHWHILE = LANES // 2  # lanes of a group from which a step of all registers costs less than one of each lane
+_MIN_GROUP = LANES // 2  # from so many lanes on, one step of all lanes costs less than a step of each
 
 
 @inlined
 def _attempt_all_lanes(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any) -> Any:
-    """Step of 2^level ticks in all lanes: those in which it failed or a limit is passed, those with a large error."""
+    """Step of 2^level ticks in all lanes: (lanes that failed or passed a limit, lanes with a large error)."""
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
     table = skip(work.tables, (bits * (shape.ticks + 1) + level) * table_rows(shape))
     points = points_of(shape, level)
@@ -61,14 +61,14 @@ def _attempt_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work
 
 @inlined
 def _longer_step(shape: Any, call: Any, work: Any, level: Any, position: Any, lane: Any) -> Any:
-    """Level of the step from `position` on: the error's estimate grows eightfold with twice the step."""
+    """Level of the step from `position` on; the error estimate grows eightfold with twice the step."""
     small = 8.0 * get(work.error, 0, lane) < real(call.numbers, 1)
     return level + 1 if level < shape.ticks and not position & (1 << level) and small else level
 
 
 @inlined
 def _part_before_limit(shape: Any, plant: Any, work: Any, level: Any, lane: Any) -> Any:
-    """Part of an attempted step after which a watched quantity first leaves its interval, roughly; 1 if none does."""
+    """Approximate part of an attempted step before a watched quantity leaves its interval; 1 if none does."""
     points = points_of(shape, level)
     first = 1.0
     for b in range(shape.limits):
@@ -90,10 +90,10 @@ def _part_before_limit(shape: Any, plant: Any, work: Any, level: Any, lane: Any)
 
 @inlined
 def _shorter_step(shape: Any, plant: Any, call: Any, work: Any, level: Any, lane: Any) -> Any:
-    """Level of the next attempt: ends before the first limit, and is as short as the error's estimate lets expect.
+    """Level of the next attempt: it ends before the first limit, and its expected error is small enough.
 
-    At most a quarter for the error's sake: where friction turns within the step, its estimate exaggerates. Where
-    steps do not jump (level ``accurate``, whose steps the exported programs take, too) the half is next.
+    For the error's sake a step is cut to a quarter at most, because the estimate exaggerates where friction reverses
+    within the step. Without long steps (level ``accurate``, as in the exported programs), a step is halved.
     """
     if shape.jump == 0:
         return level - 1
@@ -121,10 +121,10 @@ def _pass_event(block: Any, shape: Any, plant: Any, call: Any, start: Any, work:
 
 @Entry
 def refine_lane(block: Any, k: Any, base: Any, lane: Any, follow: Any, position: Any, until: Any, level: Any) -> None:
-    """Ticks [position, until) of base step `base` after sample k for one lane, in steps of 2^level ticks at first.
+    """Carry one lane over the ticks [position, until) of base step `base` after sample k.
 
-    From ``work.x`` on, and to it. The first lane of a group, or a lane on its own, chooses the steps and writes
-    them to ``work.plan``; with `follow` that plan is taken, cut finer only where the lane's own events ask for it.
+    The first step has 2^level ticks. The first lane of a group, or a lane on its own, chooses the steps and writes them
+    to ``work.plan``. With `follow` the lane takes that plan, and cuts it finer only for its own events.
     """
     shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
     per_sample = float(shape.base_steps << shape.ticks)
@@ -157,9 +157,9 @@ def refine_lane(block: Any, k: Any, base: Any, lane: Any, follow: Any, position:
 
 @Entry
 def accept_or_refine(block: Any, k: Any, base: Any, failed: Any, coarse: Any, dead: Any) -> None:
-    """Accept the full step of base step `base` after sample k in some lanes, and go through it in parts in the others.
+    """Accept the full step of base step `base` after sample k in some lanes, and refine it in the others.
 
-    `failed` are lanes in which it must not be accepted, `coarse` those that ask for shorter steps if they lead.
+    It must not be accepted in the lanes `failed`. Lanes in `coarse` need shorter steps if they lead a group.
     """
     shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
     h = real(call.numbers, 0) / shape.base_steps
@@ -175,7 +175,7 @@ def accept_or_refine(block: Any, k: Any, base: Any, failed: Any, coarse: Any, de
     accept_some(shape, plant, work, h, ~exceptional)
     for leader in range(0, LANES, group):
         led = (exceptional >> leader) & ((1 << group) - 1)
-        if led & 1 and group >= _WORTHWHILE:
+        if led & 1 and group >= _MIN_GROUP:
             invoke(call.refine_group, (block, k, base, leader, whole(work.first_level, leader), dead))
         elif led:
             if not led & 1:  # the leader took the full step
@@ -191,10 +191,9 @@ def accept_or_refine(block: Any, k: Any, base: Any, failed: Any, coarse: Any, de
 
 @Entry
 def refine_group(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: Any) -> None:
-    """Base step `base` after sample k for a whole group in steps that its leader chooses, of 2^level ticks at first.
+    """Carry a group over base step `base` after sample k in steps that its leader chooses, of 2^level ticks at first.
 
-    Lanes whose own events ask for more, or that are in another mode, go through a step on their own; `dead` ones do
-    not.
+    Lanes with events of their own, or in another mode, take a step on their own. Lanes in `dead` are left out.
     """
     shape, plant, work, call = shape_of(block), plant_of(block), work_of(block), call_of(block)
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)
@@ -228,7 +227,7 @@ def refine_group(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: A
             else:
                 _pass_event(block, shape, plant, call, (base << shape.ticks) + position, work, lane)
                 changed |= (1 if mode_bits(shape, work, lane) != bits else 0) << lane
-        if changed:  # mostly all of them, to the leader's mode
+        if changed:  # usually all of them change to the leader's mode
             now, same = mode_bits(shape, work, leader), 0
             for lane in range(leader, leader + shape.group):
                 if not (changed >> lane) & 1:

@@ -1,7 +1,7 @@
-"""One lane's solution as a power series in time: exact for any span between events.
+"""Solution of one lane as a power series in time, exact for any span between events.
 
-The states of the lane stand side by side in a register, so that a term of the series is a matrix times a vector in
-one go.
+The states of the lane stand side by side in a register, so that a term of the series is one product of a matrix and a
+vector.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ def mode_columns(shape: Any, plant: Any, mode: Any, work: Any, lane: Any) -> Non
 def expand(n: Any, work: Any, span: Any) -> Any:
     """Taylor series of x' = A x + b0 + b1 t from the state in ``work.point``: (reach, number of terms).
 
-    A, b0 and b1 are the rows of ``work.system``. The coefficients in ``work.series`` are those in t / reach, where
-    reach is `span`, halved until the last term is below rounding. It is compared with all others: from rest the first
-    terms are zero, the more of them the more masses lie between.
+    A, b0 and b1 are the rows of ``work.system``. The coefficients in ``work.series`` belong to t / reach. The reach is
+    `span`, halved until the last term is below rounding. The last term is compared with the sum of all others, because
+    the first terms are zero from rest, the more of them the more masses lie between.
     """
     put(work.series, 0, None, get(work.point, 0, None))
     size = magnitude(get(work.point, 0, None))

@@ -1,8 +1,8 @@
 """Independent solutions of high accuracy for every structure of the paper's grammar.
 
-They use neither the construction kit's assembly nor the effects' stamps and laws, so that they check these
-too, and they come by two methods that must agree. Meant for tests and benchmarks, not for estimation: they
-are hundreds of times slower than the kernel and know the paper's function set only.
+They use neither the construction kit's assembly nor the effects' stamps and laws, so that they check these too. They
+are computed by two methods that must agree. They serve tests and benchmarks, not estimation: they are hundreds of
+times slower than the kernel and only know the paper's function set.
 """
 
 from brightgrey.simulation.reference.solution import (

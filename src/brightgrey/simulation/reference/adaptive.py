@@ -1,9 +1,9 @@
-"""Reference, method 'events': adaptive integration by scipy, restarted at every knot of the torque.
+"""Reference solution, method 'events': adaptive integration by scipy, restarted at every knot of the torque.
 
-Every piece on which the input is a straight line is integrated on its own (DOP853, order 8), so that no step
-reaches across a knot or sleeps through the excitation. Where the shaft leaves or meets a side of the backlash
-gap, the instant is located by integrating again from the beginning of the step, never by interpolation.
-Written body by body in twists instead of positions, apart from the other method's compiled form.
+Every piece on which the input is a straight line is integrated on its own (DOP853, order 8). No step can therefore
+reach across a knot or miss the excitation. Where the shaft leaves or meets a side of the backlash gap, the instant is
+located by integrating again from the beginning of the step, never by interpolation. The equations are written body by
+body in twists instead of positions, independently of the other method's compiled form.
 """
 
 from __future__ import annotations
@@ -16,20 +16,25 @@ import numpy as np
 from scipy.integrate import DOP853, Radau
 from scipy.optimize import brentq, minimize_scalar
 
-from brightgrey.simulation.reference.plant import Array, Plant, Segments, Trajectory
+from brightgrey.arrays import Array
+from brightgrey.simulation.reference.plant import Plant, Segments, Trajectory
+from brightgrey.simulation.reference.tolerances import REFERENCE_TOLERANCES
 
-__all__ = ["solve_adaptive"]
-
-_SWITCHES = 50  # per piece of input, before chatter within rounding error is overrun
-_LOOKS = 17  # within a step
+__all__ = ["DriveEquations", "ShaftPhase", "solve_adaptive"]
 
 
 @dataclass(frozen=True)
-class _Phase:
-    """What shaft 1 does: it presses at lambda = `gap` (side +1 at 0, -1 at -2 alpha) or is open (side 0).
+class ShaftPhase:
+    """Contact of shaft 1.
 
-    It is open since the `twist` was this, lambda `gap` and so tau = `twist` - `gap`. Without a gap that could
-    open, side is None.
+    Attributes
+    ----------
+    side : {1, -1, 0, None}
+        The shaft presses at lambda = 0 (1) or at lambda = -2 alpha (-1), or is open (0); None without a gap.
+    gap : float
+        lambda while it presses, or at the moment when it opened.
+    twist : float
+        Twist at the moment when it opened, so that tau = `twist` - `gap` then.
     """
 
     side: int | None
@@ -38,8 +43,11 @@ class _Phase:
 
 
 @dataclass(frozen=True)
-class _Drive:
-    """Equations of motion of one plant. The state is a row (q1, twists of the shafts, speeds, T)."""
+class DriveEquations:
+    """Equations of motion of one plant, and their integration over pieces of the input.
+
+    The state is a row (q1, twists of the shafts, speeds, T).
+    """
 
     plant: Plant
     solver: type[Any]
@@ -51,12 +59,12 @@ class _Drive:
         p = self.plant
         return p.f_v * v + math.tanh(p.f_tanh * v) * (p.M_C + p.M_S * math.exp(-abs(v) / p.fading))
 
-    def pressing(self, y: list[float], phase: _Phase) -> float:
+    def pressing(self, y: list[float], phase: ShaftPhase) -> float:
         """Torque of shaft 1 in contact, c tau + d tau'."""
         n = self.plant.masses
         return self.plant.c[0] * (y[1] - phase.gap) + self.plant.d[0] * (y[n] - y[n + 1])
 
-    def rates(self, y: list[float], u: float, phase: _Phase) -> list[float]:
+    def rates(self, y: list[float], u: float, phase: ShaftPhase) -> list[float]:
         """Time derivative of the state for the delayed input `u`."""
         p, n = self.plant, self.plant.masses
         v = y[n : 2 * n]
@@ -75,7 +83,7 @@ class _Drive:
         rates = turning + [torque / J for torque, J in zip(load, p.J, strict=True)]
         return rates if p.T_1 is None else [*rates, (u - motor) / p.T_1]
 
-    def stepper(self, y: Array, u: float, slope: float, length: float, phase: _Phase) -> Any:
+    def stepper(self, y: Array, u: float, slope: float, length: float, phase: ShaftPhase) -> Any:
         """Solver of scipy over [0, length] with the input u + slope t."""
         return self.solver(
             lambda t, x: self.rates(x.tolist(), u + slope * t, phase),
@@ -87,8 +95,8 @@ class _Drive:
             first_step=min(length, 0.1 / self.plant.fastest_rate),
         )
 
-    def flow(self, y: Array, u: float, slope: float, length: float, phase: _Phase) -> Array:
-        """State after `length`, with no look at events."""
+    def flow(self, y: Array, u: float, slope: float, length: float, phase: ShaftPhase) -> Array:
+        """State after `length`, ignoring events."""
         if length <= 0.0:
             return y
         stepper = self.stepper(y, u, slope, length, phase)
@@ -96,18 +104,18 @@ class _Drive:
             _step(stepper)
         return np.asarray(stepper.y)
 
-    def gap(self, y: Array, t: float, phase: _Phase) -> float:
+    def gap(self, y: Array, t: float, phase: ShaftPhase) -> float:
         """Lambda the time t after the phase began; in the gap tau' = -(c/d) tau.
 
-        Written as a change, so that a side that has just been left is left by not even a rounding error.
+        It is computed as a change, so that just after a side was left the distance to it has no rounding error.
         """
         if phase.side != 0:
             return phase.gap
         relaxing = (phase.twist - phase.gap) * math.expm1(-self.plant.c[0] / self.plant.d[0] * t)
         return phase.gap + (float(y[1]) - phase.twist) - relaxing
 
-    def guard(self, y: Array, t: float, phase: _Phase) -> float:
-        """Falls below zero where the phase, begun the time t ago, ends."""
+    def guard(self, y: Array, t: float, phase: ShaftPhase) -> float:
+        """Quantity that falls below zero where a phase that began the time t ago ends."""
         if phase.side is None:
             return 1.0
         if phase.side:
@@ -115,30 +123,32 @@ class _Drive:
         gap = self.gap(y, t, phase)
         return min(-gap, gap + 2.0 * (self.plant.alpha or 0.0))
 
-    def following(self, y: Array, t: float, phase: _Phase) -> _Phase:
-        """Phase that begins where the guard has fallen below zero."""
+    def following(self, y: Array, t: float, phase: ShaftPhase) -> ShaftPhase:
+        """Phase that follows where the guard has fallen below zero."""
         if phase.side:
-            return _Phase(0, phase.gap, float(y[1]))
+            return ShaftPhase(0, phase.gap, float(y[1]))
         alpha = self.plant.alpha or 0.0
-        return _Phase(1, 0.0) if self.gap(y, t, phase) > -alpha else _Phase(-1, -2.0 * alpha)
+        return ShaftPhase(1, 0.0) if self.gap(y, t, phase) > -alpha else ShaftPhase(-1, -2.0 * alpha)
 
-    def piece(self, y: Array, u: float, slope: float, length: float, phase: _Phase) -> tuple[Array, _Phase]:
+    def piece(self, y: Array, u: float, slope: float, length: float, phase: ShaftPhase) -> tuple[Array, ShaftPhase]:
         """Integrate over one straight piece of the input and through all events in it."""
         done = 0.0
-        for attempt in range(_SWITCHES):
-            t, y, ended = self.until(y, u + slope * done, slope, length - done, phase, watch=attempt < _SWITCHES - 1)
+        for attempt in range(REFERENCE_TOLERANCES.max_switches):
+            t, y, ended = self.until(
+                y, u + slope * done, slope, length - done, phase, watch=attempt < REFERENCE_TOLERANCES.max_switches - 1
+            )
             done += t
             if not ended:
                 break
             phase = self.following(y, t, phase)
             if done >= length:
                 return y, phase
-        return y, _Phase(0, self.gap(y, t, phase), float(y[1])) if phase.side == 0 else phase
+        return y, ShaftPhase(0, self.gap(y, t, phase), float(y[1])) if phase.side == 0 else phase
 
     def until(
-        self, y: Array, u: float, slope: float, length: float, phase: _Phase, *, watch: bool
+        self, y: Array, u: float, slope: float, length: float, phase: ShaftPhase, *, watch: bool
     ) -> tuple[float, Array, bool]:
-        """Integrate to the end of phase or piece: time passed, state, whether the phase has ended."""
+        """Integrate to the end of phase or piece: (time passed, state, True if the phase has ended)."""
         if watch and self.guard(y, 0.0, phase) < 0.0:
             return 0.0, y, True
         stepper = self.stepper(y, u, slope, length, phase)
@@ -151,27 +161,27 @@ class _Drive:
                 return begin + after, self.flow(before, u + slope * begin, slope, after, phase), True
         return length, np.asarray(stepper.y), False
 
-    def dip(self, stepper: Any, begin: float, phase: _Phase) -> float:
+    def dip(self, stepper: Any, begin: float, phase: ShaftPhase) -> float:
         """Time into the last step at which the guard is below zero, 0 if it never is.
 
-        Looks between the step's ends too: a shaft may leave a side and be back within one step.
+        Points between the ends of the step are tested too, as a shaft may leave a side and return within one step.
         """
         if phase.side is None:
             return 0.0
         if self.guard(stepper.y, stepper.t, phase) < 0.0:
             return float(stepper.t) - begin
         inside = stepper.dense_output()
-        times = np.linspace(begin, stepper.t, _LOOKS)
+        times = np.linspace(begin, stepper.t, REFERENCE_TOLERANCES.inner_points)
         depths = [self.guard(y, t, phase) for t, y in zip(times, inside(times).T, strict=True)]
         k = int(np.argmin(depths[1:])) + 1
-        if k == _LOOKS - 1:
+        if k == REFERENCE_TOLERANCES.inner_points - 1:
             return 0.0
         lowest = minimize_scalar(
             lambda t: self.guard(inside(t), t, phase), bounds=(times[k - 1], times[k + 1]), method="bounded"
         )
         return float(lowest.x) - begin if lowest.fun < 0.0 else 0.0
 
-    def locate(self, y: Array, u: float, slope: float, begin: float, ahead: float, phase: _Phase) -> float:
+    def locate(self, y: Array, u: float, slope: float, begin: float, ahead: float, phase: ShaftPhase) -> float:
         """Time within a step at which the guard passes zero."""
 
         def guard(t: float) -> float:
@@ -189,28 +199,28 @@ class _Drive:
 
 
 def _step(stepper: Any) -> None:
-    """One step of a solver of scipy; what fails there is an error here."""
+    """One step of a solver of scipy; a failure raises FloatingPointError."""
     stepper.step()
     if stepper.status == "failed" or not np.all(np.isfinite(stepper.y)):
         raise FloatingPointError("the solution left the finite numbers")
 
 
-def _initial_phase(drive: _Drive, x: Array) -> tuple[Array, _Phase]:
-    """Split the initial state, in the order of the plant's names, into `_Drive`'s state and the phase."""
+def _initial_phase(drive: DriveEquations, x: Array) -> tuple[Array, ShaftPhase]:
+    """Split an initial state in the order of the plant's names into the state of `DriveEquations` and the phase."""
     plant, n = drive.plant, drive.plant.masses
     q, v, last = x[:n], x[n : 2 * n], x[2 * n + (plant.alpha is not None) :]
     y = np.concatenate([q[:1], q[:-1] - q[1:], v, last])
     if not plant.alpha:
-        return y, _Phase(None)
+        return y, ShaftPhase(None)
     gap = float(x[2 * n])
-    for contact in (_Phase(1, 0.0), _Phase(-1, -2.0 * plant.alpha)):
+    for contact in (ShaftPhase(1, 0.0), ShaftPhase(-1, -2.0 * plant.alpha)):
         if gap == contact.gap and drive.guard(y, 0.0, contact) >= 0.0:
             return y, contact
-    return y, _Phase(0, gap, float(y[1]))
+    return y, ShaftPhase(0, gap, float(y[1]))
 
 
 def _scales(plant: Plant, segments: Segments, x: Array) -> Array:
-    """Size that each state can be expected to reach: what the absolute tolerance is relative to."""
+    """Size that each state can be expected to reach; the absolute tolerance is relative to it."""
     n = plant.masses
     torque = float(np.max(np.abs(np.append(segments.start, segments.end)))) + abs(plant.M_G)
     impulse = np.cumsum(0.5 * (segments.start + segments.end) * segments.length) / sum(plant.J)
@@ -233,7 +243,7 @@ def solve_adaptive(
     Parameters
     ----------
     plant, segments, x0
-        What to integrate; `x0` in the order of ``plant.state_names``.
+        Drive, input and initial state; `x0` in the order of ``plant.state_names``.
     rtol : float
         Relative tolerance; the absolute one is `rtol` times the size that a state can be expected to reach.
     implicit : bool
@@ -248,7 +258,7 @@ def solve_adaptive(
     FloatingPointError
         If the solution leaves the finite numbers.
     """
-    drive = _Drive(plant, Radau if implicit else DOP853, rtol, rtol * _scales(plant, segments, x0))
+    drive = DriveEquations(plant, Radau if implicit else DOP853, rtol, rtol * _scales(plant, segments, x0))
     y, phase = _initial_phase(drive, x0)
     n, s = plant.masses, segments
     rows, gaps = np.zeros((len(s.at_sample), len(y))), np.zeros(len(s.at_sample))

@@ -1,8 +1,8 @@
-"""Reference, method 'fixed': classical Runge-Kutta with one fixed small step, compiled.
+"""Reference solution, method 'fixed': classical Runge-Kutta with one fixed small step, compiled.
 
-The step divides every straight piece of the input, is halved until the solution no longer changes, and is
-split where the shaft leaves or meets a side of the backlash gap. In the gap the shaft carries no torque, so
-tau' = -(c/d) tau has the solution tau_0 exp(-(c/d) t), which is used as it stands.
+The step divides every straight piece of the input and is halved until the solution no longer changes. It is split
+where the shaft leaves or meets a side of the backlash gap. In the gap the shaft carries no torque; the exact solution
+tau_0 exp(-(c/d) t) of tau' = -(c/d) tau is used there.
 """
 
 from __future__ import annotations
@@ -15,21 +15,23 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numba import njit
 
-from brightgrey.simulation.reference.plant import Array, Plant, Segments, Trajectory, difference
+from brightgrey.arrays import Array
+from brightgrey.simulation.reference.plant import Plant, Segments, Trajectory, difference
+from brightgrey.simulation.reference.tolerances import REFERENCE_TOLERANCES
 
 __all__ = ["FixedStepSolution", "solve_fixed_step"]
 
-# Modes of the shaft with backlash. STIFF stands for no backlash, or a gap of no width.
+# Modes of the shaft with backlash. STIFF stands for a shaft without backlash, or with a gap of no width.
 STIFF, FRONT, BACK, GAP = 0, 1, 2, 3
-# Per step: a shaft that chatters within rounding error must not stop the clock.
-SWITCHES = 12
-COARSEST, TRUSTED, FINEST = 8e-6, 1e-6, 5e-8  # steps in s
+# Events per step: a shaft that chatters within the rounding error must not stop the clock. It stands here and not
+# among the tolerances, as numba's cache only looks at this file.
+MAX_SWITCHES_PER_STEP = 12
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _compile_cached(function: F) -> F:
-    """Compile and keep on disk: nothing here depends on another file, so the cache cannot go stale."""
+    """Compile and keep on disk. No compiled function here depends on another file: the cache cannot go stale."""
     return cast(F, njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))
 
 
@@ -52,7 +54,7 @@ class FixedStepSolution:
 
 
 def _pack(plant: Plant) -> Array:
-    """Numbers for the compiled functions.
+    """Pack the numbers of a plant for the compiled functions.
 
     0: masses, f_v, M_C, M_S, 1/omega_S; 5: f_tanh, M_G, 1/T_1 or 0, 2 alpha; 10: 1/J; 14: c; 17: d.
     """
@@ -124,7 +126,7 @@ def _guard(x: Array, mode: int, gap: float, p: Array) -> float:
 def _gap_after(x: Array, out: Array, mode: int, gap: float, tau: float, t: float, p: Array) -> float:
     """Lambda after a step of length t from x to out: in the gap it follows the twist less what tau relaxes.
 
-    Written as a change, so that a side that has just been left is left by not even a rounding error.
+    It is computed as a change, so that just after a side was left the distance to it has no rounding error.
     """
     if mode != GAP:
         return gap
@@ -197,13 +199,13 @@ def _run_pieces(
         du = (end[piece] - start[piece]) / length[piece]
         for j in range(count):
             done = 0.0
-            for attempt in range(SWITCHES):
+            for attempt in range(MAX_SWITCHES_PER_STEP):
                 left = h - done
                 u = start[piece] + du * (j * h + done)
                 _rk4(x, mode, left, u, du, p, w, out)
                 moved = _gap_after(x, out, mode, gap, tau, left, p)
                 t = left
-                ends = mode != STIFF and attempt < SWITCHES - 1 and _guard(out, mode, moved, p) < 0.0
+                ends = mode != STIFF and attempt < MAX_SWITCHES_PER_STEP - 1 and _guard(out, mode, moved, p) < 0.0
                 if ends:
                     t = _until(x, mode, gap, tau, left, u, du, p, w, out)
                     moved = _gap_after(x, out, mode, gap, tau, t, p)
@@ -250,7 +252,7 @@ def _initial_mode(plant: Plant, x: Array) -> tuple[Array, int, float]:
 
 
 def _integrate(plant: Plant, segments: Segments, x0: Array, step: float) -> Trajectory:
-    """One run with the given step."""
+    """Integrate once with the given step."""
     p = _pack(plant)
     x, mode, gap = _initial_mode(plant, x0)
     samples = len(segments.at_sample)
@@ -268,16 +270,16 @@ def _integrate(plant: Plant, segments: Segments, x0: Array, step: float) -> Traj
 def solve_fixed_step(plant: Plant, segments: Segments, x0: Array, tolerance: float) -> FixedStepSolution:
     """Halve the step until position and velocity of mass 1 change by less than `tolerance` of their peaks.
 
-    Ends earlier where halving no longer helps: a system that many impacts make sensitive keeps the rounding
-    errors that these have magnified, a chaotic one never settles.
+    The method ends earlier where halving no longer helps. Many impacts magnify rounding errors, which no step can
+    reduce; a chaotic system never settles.
     """
-    step = min(COARSEST, 0.5 / plant.fastest_rate)
+    step = min(REFERENCE_TOLERANCES.coarsest_step, 0.5 / plant.fastest_rate)
     coarse, before = _integrate(plant, segments, x0, step), math.inf
     while True:
         step *= 0.5
         fine = _integrate(plant, segments, x0, step)
         change = max(difference(kind, fine, coarse) for kind in ("position", "velocity"))
-        settled = step <= TRUSTED and change > 0.3 * before
-        if change <= tolerance or settled or step <= FINEST:
+        settled = step <= REFERENCE_TOLERANCES.trusted_step and change > 0.3 * before
+        if change <= tolerance or settled or step <= REFERENCE_TOLERANCES.finest_step:
             return FixedStepSolution(fine, change, step)
         coarse, before = fine, change

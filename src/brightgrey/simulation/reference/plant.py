@@ -1,7 +1,7 @@
-"""What the reference solvers integrate: the numbers of one drive train, and its input cut at its knots.
+"""Input of the reference solvers: the numbers of one drive train, and the torque cut at its knots.
 
-Written from the physics and independent of the effects' stamps and laws on purpose: this is what they are
-checked against. It is therefore the one place beside the effects that knows the function set by name.
+It is written from the physics and does not use the effects' stamps and laws, because it serves to check them. It is
+therefore the only place beside the effects that knows the function set by name.
 """
 
 from __future__ import annotations
@@ -9,17 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.arrays import Array
-from brightgrey.errors import SettingsError, StructureError, unknown_name
+from brightgrey.errors import SettingsError, StructureError, one_of
+from brightgrey.recordings.recording import HOLDS, Hold
 
-__all__ = ["Array", "Hold", "Plant", "Segments", "Trajectory", "cut", "difference"]
-
-Hold = Literal["linear", "zoh"]
+__all__ = ["Plant", "Segments", "Trajectory", "cut", "difference"]
 
 _MASSES = {"one_mass": 1, "two_mass": 2, "three_mass": 3, "four_mass": 4}
 _PARAMETERS = {
@@ -37,7 +35,7 @@ _NOT_NEGATIVE = ("c", "d", "alpha", "T_d")
 
 @dataclass(frozen=True)
 class Plant:
-    """Numbers of a drive train, SI units. An effect that is absent has its neutral value.
+    """Numbers of a drive train in SI units. An effect that is absent has its neutral value.
 
     Attributes
     ----------
@@ -86,7 +84,7 @@ class Plant:
 
     @property
     def fastest_rate(self) -> float:
-        """Upper estimate of the fastest rate in 1/s; the gap's own c/d is not met, it is solved exactly."""
+        """Upper estimate of the fastest rate in 1/s, without the gap's c/d, which is solved exactly."""
         friction = (self.f_tanh * (abs(self.M_C) + abs(self.M_S)) + abs(self.f_v)) / self.J[0]
         shafts = 0.0
         for k, (c, d) in enumerate(zip(self.c, self.d, strict=True)):
@@ -108,12 +106,11 @@ class Plant:
         names = structure.split("+")
         known = (*_MASSES, *_PARAMETERS)
         for name in names:
-            if name not in known:
-                raise StructureError(unknown_name("effect", name, known))
-        ladders = [name for name in names if name in _MASSES]
-        if len(ladders) != 1 or len(set(names)) != len(names):
+            one_of("effect", name, known, error=StructureError)
+        chains = [name for name in names if name in _MASSES]
+        if len(chains) != 1 or len(set(names)) != len(names):
             raise StructureError(f"'{structure}': exactly one of {', '.join(_MASSES)}, and no effect twice")
-        n = _MASSES[ladders[0]]
+        n = _MASSES[chains[0]]
         if n == 1 and "backlash" in names:
             raise StructureError(f"'{structure}': backlash stands between mass 1 and 2, there is one mass")
         symbols = [f"J{i + 1}" for i in range(n)]
@@ -158,10 +155,9 @@ class Plant:
 
 
 def _check_values(structure: str, symbols: list[str], values: Mapping[str, float], f_tanh: float) -> None:
-    """Names complete and known, values physical."""
+    """Check that names are complete and known and that values are physical."""
     for symbol in values:
-        if symbol not in symbols:
-            raise SettingsError(unknown_name(f"parameter of '{structure}'", symbol, symbols))
+        one_of(f"parameter of '{structure}'", symbol, symbols)
     missing = [symbol for symbol in symbols if symbol not in values]
     if missing:
         raise SettingsError(f"no value for parameter {', '.join(missing)} of '{structure}'")
@@ -215,8 +211,7 @@ def cut(u: Array, dt: float, T_d: float, hold: Hold) -> Segments:
         raise SettingsError("the input must be a row of at least two finite numbers")
     if not (math.isfinite(dt) and dt > 0.0):
         raise SettingsError(f"dt = {dt:g} must be a positive number of seconds")
-    if hold not in ("linear", "zoh"):
-        raise SettingsError(unknown_name("hold", str(hold), ("linear", "zoh")))
+    one_of("hold", hold, HOLDS)
     whole = round(T_d / dt)
     if abs(T_d / dt - whole) < 1e-9:
         part = 0.0
@@ -266,15 +261,13 @@ class Trajectory:
     def output(self, kind: str) -> Array:
         """``position``, ``velocity``, ``acceleration`` of mass 1, or any state by name; shape (samples,), SI.
 
-        Anything else is a SettingsError.
+        Any other name raises SettingsError.
         """
         if kind == "acceleration":
             return self.acceleration
-        name = {"position": "q1", "velocity": "v1"}.get(kind, kind)
-        if name not in self.names:
-            allowed = ("position", "velocity", "acceleration", *self.names)
-            raise SettingsError(unknown_name("output", kind, allowed))
-        return np.asarray(self.states[self.names.index(name)])
+        names = {"position": "q1", "velocity": "v1", **{name: name for name in self.names}}
+        known = one_of("output", kind, (*names, "acceleration"))
+        return np.asarray(self.states[self.names.index(names[known])])
 
 
 def difference(kind: str, one: Trajectory, other: Trajectory) -> float:

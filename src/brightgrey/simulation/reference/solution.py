@@ -1,27 +1,25 @@
-"""One face for both methods, and what they say of each other."""
+"""Reference solution by either method, and the comparison of the two."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
-from brightgrey.errors import BrightgreyError, SettingsError, unknown_name
+from brightgrey.arrays import Array
+from brightgrey.errors import BrightgreyError, one_of
 from brightgrey.kit import Structure
+from brightgrey.recordings.recording import Hold
 from brightgrey.simulation.reference import adaptive as events
 from brightgrey.simulation.reference import fixed_step as fixed
-from brightgrey.simulation.reference.plant import Array, Hold, Plant, Trajectory, cut, difference
+from brightgrey.simulation.reference.plant import Plant, Trajectory, cut, difference
+from brightgrey.simulation.reference.tolerances import REFERENCE_TOLERANCES
 
 __all__ = ["Method", "SolverAgreement", "UnsettledError", "compare_solvers", "reference"]
 
 Method = Literal["events", "fixed"]
-
-_HALVING = 1e-9  # change of position and velocity at which the fixed step is small enough
-_LOOSE = 1e-6  # above it a solution is not a reference
-_PUSH = 1e-9
-_CHAOS = 1e-5
 
 
 class UnsettledError(BrightgreyError):
@@ -30,7 +28,7 @@ class UnsettledError(BrightgreyError):
 
 @dataclass(frozen=True)
 class SolverAgreement:
-    """Reference solution with what is known of its accuracy.
+    """Reference solution and measures of its accuracy.
 
     Attributes
     ----------
@@ -40,11 +38,11 @@ class SolverAgreement:
         Largest distance between the two methods relative to the output's peak (acceleration: RMS of the
         distance relative to RMS). NaN where only one method was run.
     growth : ndarray, shape (outputs,)
-        The same measure for the response to an input that is changed by 1e-9 of its peak: shifted, and by a random
-        sign at every sample; the larger of the two. A shift alone leaves the times of fast contacts nearly unchanged.
+        The same measure for the response to an input that is changed by 1e-9 of its peak: once shifted, once with a
+        random sign at every sample. The larger of the two counts, as a shift hardly moves the times of fast contacts.
     chaotic : bool
-        Position or velocity has grown apart by more than 1e-5 of its peak. No step rule is accurate then:
-        such a system is to be listed apart.
+        Position or velocity has grown apart by more than 1e-5 of its peak. No step rule is accurate then, so that
+        such a system has to be listed separately.
     step : float
         Step of the method 'fixed' in s.
     """
@@ -89,7 +87,7 @@ def reference(
     outputs : sequence of str
         ``position``, ``velocity``, ``acceleration`` of mass 1, or any state by name (``q2``, ``lambda1``).
     method : {'fixed', 'events'}
-        See the modules of these names: the same equations, written down twice. 'events' takes longer.
+        The same equations, written down twice: in `fixed_step` and in `adaptive`. 'events' takes longer.
 
     Returns
     -------
@@ -103,18 +101,16 @@ def reference(
         If the solution does not settle when the step is halved, or leaves the finite numbers.
     """
     plant = Plant.of(str(structure), values, f_tanh)
-    if method == "fixed":
+    if one_of("method", method, get_args(Method)) == "fixed":
         solution = _fixed(plant, u, dt, x0, hold)
-        if not solution.change <= _LOOSE:
+        if not solution.change <= REFERENCE_TOLERANCES.unsettled:
             raise UnsettledError(
                 f"'{structure}' still changes by {solution.change:.1e} of its peak"
                 f" when the step is halved to {solution.step:.1e} s"
             )
         trajectory = solution.trajectory
-    elif method == "events":
-        trajectory = _events(plant, u, dt, x0, hold)
     else:
-        raise SettingsError(unknown_name("method", str(method), ("events", "fixed")))
+        trajectory = _events(plant, u, dt, x0, hold)
     return np.stack([trajectory.output(kind) for kind in outputs])
 
 
@@ -130,7 +126,7 @@ def compare_solvers(
     outputs: Sequence[str] = ("position", "velocity", "acceleration"),
     both: bool = True,
 ) -> SolverAgreement:
-    """Solve by both methods and twice more with the input changed by 1e-9 of its peak.
+    """Solve by both methods, and twice more with the input changed by 1e-9 of its peak.
 
     Parameters as for :func:`reference`; ``both=False`` leaves the slower method out, for long benchmarks.
 
@@ -149,12 +145,12 @@ def compare_solvers(
     u = np.asarray(u, dtype=float)
     solution = _fixed(plant, u, dt, x0, hold)
     found = solution.trajectory
-    push = _PUSH * (float(np.max(np.abs(u))) or 1.0)
+    push = REFERENCE_TOLERANCES.push * (float(np.max(np.abs(u))) or 1.0)
     signs = np.random.default_rng(len(u)).choice([-1.0, 1.0], len(u))
     pushed = [_fixed(plant, u + push * change, dt, x0, hold).trajectory for change in (1.0, signs)]
     growth = np.array([max(difference(kind, found, other) for other in pushed) for kind in outputs])
     motion = ("position", "velocity")
-    chaotic = any(difference(kind, found, other) > _CHAOS for kind in motion for other in pushed)
+    chaotic = any(difference(kind, found, other) > REFERENCE_TOLERANCES.chaos for kind in motion for other in pushed)
     apart = np.full(len(outputs), np.nan)
     if both:
         other = _events(plant, u, dt, x0, hold)
@@ -165,7 +161,7 @@ def compare_solvers(
 
 def _fixed(plant: Plant, u: Array, dt: float, x0: Array | None, hold: Hold) -> fixed.FixedStepSolution:
     segments = cut(u, dt, plant.T_d, hold)
-    solution = fixed.solve_fixed_step(plant, segments, plant.initial(x0, float(u[0])), _HALVING)
+    solution = fixed.solve_fixed_step(plant, segments, plant.initial(x0, float(u[0])), REFERENCE_TOLERANCES.settled)
     if not np.all(np.isfinite(solution.trajectory.states)):
         raise UnsettledError("the solution left the finite numbers")
     return solution

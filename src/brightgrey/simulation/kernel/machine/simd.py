@@ -1,15 +1,15 @@
-"""Parameter sets side by side: a vector type for numba, and one way to read and write tables with it.
+"""Vector registers: a type for numba that holds one number per lane, and access to tables with it.
 
-Tables are handed to compiled functions as addresses: numba would count references to arrays at every call, which
-costs more than the arithmetic.
+Compiled functions get the addresses of tables. For arrays, numba would count references at every call, which costs
+more than the arithmetic.
 
-The kernel is written once. Its functions take ``who``: ``None`` works on all lanes of a vector register at once,
-a whole number works on that lane alone with plain floats. Tables are two-dimensional, one row per quantity and
-one column per lane. numba compiles each function for both by the types of its arguments.
+The kernel is written once. Its functions take ``who``: ``None`` works on all lanes of a vector register at once, an
+integer works on that lane alone with plain floats. Tables are two-dimensional, with one row per quantity and one column
+per lane. numba compiles each function for both kinds by the types of its arguments.
 
-Vectorising by hand rather than by hoping: every operation is one LLVM instruction on ``<LANES x double>``, which
-LLVM maps to whatever registers the processor has. Multiplications and additions may be contracted to one
-rounding; nothing is reordered, so a lane never depends on its neighbours.
+Vectorisation does not rely on the compiler. Every operation is one LLVM instruction on ``<LANES x double>``, which LLVM
+maps to the registers of the processor. Multiplications and additions may be contracted to one rounding, but nothing is
+reordered, so that a lane never depends on its neighbours.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ __all__ = [
     "whole",
 ]
 
-# numba describes these to a type checker by their Python signature, not by what compiled code sees.
+# numba declares these by their Python signature, which differs from the one that compiled code sees.
 intrinsic: Any = extending.intrinsic
 register_jitable: Any = extending.register_jitable
 
 LANES = 16
-"""Parameter sets side by side: two registers of 512 bits, so that one computes while the other waits (measured a
-quarter faster than 8). Narrower processors take more instructions."""
+"""Parameter sets side by side: two registers of 512 bits, of which one computes while the other waits. This measured a
+quarter faster than 8 lanes. Narrower processors take more instructions."""
 
 _DOUBLE = ir.DoubleType()
 _VECTOR = ir.VectorType(_DOUBLE, LANES)
@@ -69,7 +69,7 @@ lanes: Any = LaneVector()
 
 @register_model(LaneVector)
 class _LanesModel(models.PrimitiveModel):
-    """A register is held as an LLVM vector."""
+    """Data model: a register is an LLVM vector."""
 
     def __init__(self, manager: Any, fe_type: Any) -> None:
         super().__init__(manager, fe_type, _VECTOR)  # type: ignore[no-untyped-call]
@@ -220,7 +220,7 @@ def group(kind: Any, at: int) -> Any:
 
 @intrinsic
 def call(typing: Any, address: Any, numbers: Any) -> Any:
-    """``call(address, (a, b, ...))``: call an entry of the kernel with whole numbers."""
+    """``call(address, (a, b, ...))``: call an entry of the kernel with integers."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         kind = ir.FunctionType(ir.VoidType(), [_WORD] * len(numbers))
@@ -254,7 +254,7 @@ def skip(table: Any, rows: Any) -> Any:
 
 @intrinsic
 def splat(typing: Any, value: Any, who: Any) -> Any:
-    """``splat(value, who)``: `value` as what `who` works with."""
+    """``splat(value, who)``: `value` in all lanes of a register, or as a float for a single lane."""
     if isinstance(who, types.Integer):
         return types.float64(value, who), lambda c, b, s, a: c.cast(b, a[0], s.args[0], types.float64)
     return lanes(value, who), lambda c, b, s, a: _as_lanes(c, b, s.args[0], a[0])
