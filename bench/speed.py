@@ -1,8 +1,8 @@
 """Speed of the simulator, as ratios measured in one run: against scalar C and against scipy, with the errors beside.
 
 The drive is that of the paper's experiment (two masses, Coulomb, viscous and Stribeck friction; 1,800 samples at
-1 kHz); many parameter sets at once, one thread. Rounds of all contestants alternate and medians are quoted, so that
-the ratios hold when the machine's speed drifts.
+1 kHz); many parameter sets at once, one thread. Rounds of all contestants alternate, and medians of CPU times
+are quoted, so that the ratios hold when the machine's speed drifts or others use it, too.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ FIRST = (
 
 
 def measure(sets: np.ndarray, rounds: int, folder: str) -> tuple[dict[str, list[float]], dict[str, float], float]:
-    """Times per set in s and errors over the peak of all contestants, and the difference of C and `fast`."""
+    """CPU times per set in s and errors over the peak of all contestants, and the difference of C and `fast`."""
     known = reference(E.structure, E.values, U, E.dt, f_tanh=E.f_tanh)[0]
     peak, true, count = np.abs(known).max(), sets[:, 0], sets.shape[1]
     c = compiled_c(Path(folder))
@@ -132,7 +132,9 @@ def measure(sets: np.ndarray, rounds: int, folder: str) -> tuple[dict[str, list[
     times: dict[str, list[float]] = {name: [] for name in contestants}
     for _ in range(rounds):
         for name, (run, many) in contestants.items():
-            times[name].append(seconds(run) / many)
+            begin = time.thread_time()
+            run()
+            times[name].append((time.thread_time() - begin) / many)
     return times, errors, apart
 
 
