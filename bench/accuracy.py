@@ -61,22 +61,31 @@ def examine(job: tuple[str, int, int, bool]) -> Result | str:
 
 
 def tables(results: Mapping[int, Sequence[Result]]) -> list[Table]:
-    """Errors at both levels for each seed, the drives with the largest errors, and the chaotic drives."""
-    errors, largest, chaotic = [], [], []
+    """Errors of every output at both levels, the drives with the largest errors, and the chaotic drives."""
+    errors: list[list[list[str]]] = [[], [], []]
+    largest, chaotic = [], []
     for seed, found in results.items():
         regular = [r for r in found if not r.chaotic]
-        for level, target in TARGETS.items():
-            e = np.array([r.errors[level] for r in regular])
-            cells = [f"{f(e[:, i]):.1e}" for i in range(len(OUTPUTS)) for f in (np.median, np.nanmax)]
-            above = int((e[:, :2].max(axis=1) > target).sum())
-            errors.append([f"`{level}`", str(seed), *cells, f"{above} of {len(regular)} above {target:.0e}"])
-            worst = sorted(regular, key=lambda r, level=level: -max(r.errors[level][:2]))[:3]
-            largest += [[f"`{level}`", str(seed), f"`{r.structure}`", f"{max(r.errors[level][:2]):.1e}"] for r in worst]
+        e = np.array([[r.errors[level] for level in TARGETS] for r in regular])  # drives, levels, outputs
+        for i, rows in enumerate(errors):
+            sizes = [f"{size(e[:, k, i]):.1e}" for k in range(len(TARGETS)) for size in (np.median, np.nanmax)]
+            rows.append([str(seed), f"{len(regular)}, {len(found) - len(regular)}", *sizes])
+        for k, (level, target) in enumerate(TARGETS.items()):
+            peaks = e[:, k, :2].max(axis=1)
+            worst = ", ".join(f"`{regular[j].structure}` {peaks[j]:.1e}" for j in np.argsort(-peaks)[:3])
+            above = f"{int((peaks > target).sum())} of {len(regular)} above {target:.0e}"
+            largest.append([str(seed), f"`{level}`", above, worst])
         chaotic += [[str(seed), f"`{r.structure}`", f"{max(r.errors['accurate'][:2]):.1e}"] for r in found if r.chaotic]
-    sizes = [f"{kind}, {size}" for kind in (*OUTPUTS[:2], f"{OUTPUTS[2]} (RMS)") for size in ("median", "worst")]
+    columns = [
+        "seed",
+        "drives, chaotic apart",
+        *(f"`{level}`: {size}" for level in TARGETS for size in ("median", "worst")),
+    ]
     return [
-        Table("Error relative to the peak", ["level", "seed", *sizes, "drives above the limit"], errors),
-        Table("Largest errors of position or velocity", ["level", "seed", "structure", "error"], largest),
+        Table("Error of position relative to the peak", columns, errors[0]),
+        Table("Error of velocity relative to the peak", columns, errors[1]),
+        Table("Error of acceleration, RMS relative to RMS", columns, errors[2]),
+        Table("Largest errors of position or velocity", ["seed", "level", "above the limit", "worst drives"], largest),
         Table("Chaotic drives, left out above", ["seed", "structure", "error at `accurate`"], chaotic),
     ]
 

@@ -261,7 +261,8 @@ def faults(name: str, runs: int, seed: int, by_reference: bool) -> Table:
         print(*("; ".join(row) for row in rows), sep="\n", flush=True)
     print_wrong(structure, cases, results)
     columns = ["fault", "detected", "not decidable", "alarmed without cause"]
-    return Table(f"Faults of `{name}`, seed {seed}, {left_out} chaotic drives left out", columns, rows)
+    chaotic = f", {left_out} chaotic drives left out" if left_out else ""
+    return Table(f"Faults of `{name}`, seed {seed}{chaotic}", columns, rows)
 
 
 def fault_rows(

@@ -108,7 +108,7 @@ VALUES = dict(PAPER_EXPERIMENT.values) | {
     "T_d": 0.006,
 }
 COLUMNS = (
-    *("setting", "truth", "true structure found", "with extras", "best of last generation", "seen"),
+    *("truth", "true structure found", "with extras", "best of last generation", "seen"),
     *("median first generation", "median simulations", "of whole recordings"),
 )
 COLLECTED = RESULTS / "genetic"
@@ -306,7 +306,7 @@ def compared(rows: list[dict], count: int) -> Table:
         fits, ratios = [r["fits"] for r in rows], [r["seconds"][1] / r["seconds"][0] for r in rows]
         print(f"fits of the whole run: median {np.median(fits):g}, most {max(fits)}")
         print(f"CPU time over that of all {count}: median {np.median(ratios):.2g}, most {max(ratios):.2g}")
-    return Table("Best of all structures found", ["criterion", "within", "found"], shares)
+    return Table(f"Against all {count} structures", ["criterion", "within", "found"], shares)
 
 
 def read(file: Path) -> list[RunSummary]:
@@ -319,16 +319,18 @@ def read(file: Path) -> list[RunSummary]:
     return [RunSummary(**{k: (int(v) if v else None) if k in numbers else v for k, v in row.items()}) for row in rows]
 
 
-def table() -> Table:
-    """Everything that `rates` has collected."""
-    rows = []
+def tables() -> list[Table]:
+    """Everything that `rates` has collected, by setting: the paper's reference, and all others."""
+    rows: dict[str, list[list[str]]] = {}
     for file in sorted(COLLECTED.glob("*.csv")):
         setting, truth = file.stem.split("_", 1)
         s = summary(read(file))
         first = "-" if s.first is None else f"{s.first:g}"
         counts = [share(s.true, s.count, 0), str(s.extras), str(s.last_true), str(s.seen), first]
-        rows.append([setting, f"`{truth}`", *counts, f"{s.simulations:,.0f}", f"{s.passes:,.0f}"])
-    return Table("Success rates", COLUMNS, rows)
+        where = "the paper's reference" if truth == PAPER_EXPERIMENT.structure else "other references"
+        title = f"{setting[0].upper()}{setting[1:]}{chr(39) + 's' if setting == 'paper' else ''} setting on {where}"
+        rows.setdefault(title, []).append([f"`{truth}`", *counts, f"{s.simulations:,.0f}", f"{s.passes:,.0f}"])
+    return [Table(title, COLUMNS, cells) for title, cells in rows.items()]
 
 
 def main() -> None:
@@ -355,16 +357,17 @@ def main() -> None:
     against.add_argument("--out", type=Path, default=RESULTS / "genetic_exhaustive.jsonl")
     given = parser.parse_args()
     if given.task == "speed":
-        made = speed(given.workers, given.seeds)
+        made = [speed(given.workers, given.seeds)]
     elif given.task == "exhaustive":
         grammar = part_of_paper(given.masses, given.without)
-        made = exhaustive(given.seed, given.first, given.last, given.setting, grammar, given.out, not given.quarter)
+        whole = not given.quarter
+        made = [exhaustive(given.seed, given.first, given.last, given.setting, grammar, given.out, whole)]
     else:
         if given.task == "rates":
             known = {"reference": (PAPER_EXPERIMENT.structure,), "others": OTHERS}
             rates(given.setting, known.get(given.truth, (given.truth,)), given.first, given.last)
-        made = table()
-    publish("genetic", [made], to_file=given.save)
+        made = tables()
+    publish("genetic", made, to_file=given.save)
 
 
 if __name__ == "__main__":

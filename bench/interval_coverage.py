@@ -111,14 +111,13 @@ def tables(counts: dict, options: argparse.Namespace) -> list[Table]:
         left_out.append(
             [f"{pole:g}", *(str(n) for n in (fits["judged"], fits["not converged"], total["all"] - total["judged"]))]
         )
-    title = (
-        f"Intervals that hold the truth in %, {options.truths} drives of structures {options.skip + 1} to"
-        f" {options.structures}, {options.draws} draws each, seed {options.seed}"
-    )
+    asked = STRUCTURES[options.skip : options.structures]
+    gaps = ["backlash" in text for text in asked]
+    kind = "all structures" if any(gaps) and not all(gaps) else f"structures with{'' if any(gaps) else 'out'} a gap"
     columns = ["AR pole", "fits judged", "fits not converged", "parameters left out"]
     return [
-        Table(title, ["AR pole", *FAMILIES, "all"], covered),
-        Table(f"Left out, seed {options.seed}", columns, left_out),
+        Table(f"Intervals that hold the truth in %, {kind}", ["AR pole", *FAMILIES, "all"], covered),
+        Table(f"Left out, {kind}", columns, left_out),
     ]
 
 

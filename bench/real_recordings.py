@@ -118,7 +118,7 @@ def mte360(starts: int) -> list[Table]:
     header = ["structure", "", "parameters", "RMSE in mm/s", "fit in %", "BIC", "starts at the optimum", "outcome"]
     parameters = [[n, estimate(two, n), two.model.parameters[n].unit] for n in two.model.parameters]
     return [
-        Table(f"MTE360, velocity_response_1_5, {recording.samples} samples", header, rows),
+        Table("MTE360, velocity_response_1_5", header, rows),
         Table(f"MTE360, `{MTE360}`", ["parameter", "estimate", "unit"], parameters),
     ]
 

@@ -193,23 +193,21 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
         asked[f"truth or its visible part first by {name}"] = lambda some, name=name: share_of(
             [r["first"][name] != "other" for r in some]
         )
-    gaps = sum(has(PAPER.parse(r["truth"]), "backlash") for r in rows)
-    drives = len({(r["seed"], r["number"]) for r in rows})
-    made = [
-        Table(
-            f"Structures: {len(rows)} rows of {drives} drives, {gaps} rows with a gap",
-            ["", *columns],
-            [[what, *(cell(some) for some in columns.values())] for what, cell in asked.items()],
-        )
+    cells = {"rows": [str(len(some)) for some in columns.values()]}
+    cells["drives"] = [str(len({(r["seed"], r["number"]) for r in some})) for some in columns.values()]
+    cells["rows with a gap"] = [
+        str(sum(has(PAPER.parse(r["truth"]), "backlash") for r in some)) for some in columns.values()
     ]
+    cells |= {what: [cell(some) for some in columns.values()] for what, cell in asked.items()}
+    made = [Table("Structures", ["", *columns], [[what, *shares] for what, shares in cells.items()])]
     for title, hits in (
         ("Effects called *needed*: is there", lambda some: by_effect(some, "needed")),
         ("Effects that are there: called *needed*", recalled),
         ("Effects that matter: called *not needed*", lambda some: by_effect(some, "not needed")),
     ):
         found = [hits(some) for some in columns.values()]
-        cells = [[f"`{e}`", *(share_of(one.get(e, [])) for one in found)] for e in rows[0]["verdicts"]]
-        made.append(Table(title, ["", *columns], cells))
+        shares = [[f"`{e}`", *(share_of(one.get(e, [])) for one in found)] for e in rows[0]["verdicts"]]
+        made.append(Table(title, ["", *columns], shares))
     return made
 
 
