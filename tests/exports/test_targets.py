@@ -23,7 +23,7 @@ from brightgrey.exports.verification import compare_with_native, deviation, nati
 from brightgrey.model.files import write_files
 from brightgrey.recordings import Recording
 from brightgrey.simulation.plain import plain_response
-from support.export_models import drawn, model, random_models, random_structures
+from support.models import model_with_values, random_model, random_models, random_structures
 
 PROGRAMS = {"c": ("gcc",), "fmu": ("gcc",), "matlab": ("octave-cli",), "latex": ("pdflatex",)}
 PACKAGES = {"fmu": "fmpy", "control": "control", "modelica": "rumoca"}
@@ -63,27 +63,29 @@ def deviation_of(to, model, folder):
         ),
     ],
 )
-def test_export_moves_like_the_model(to, structure, options, tmp_path):
+def test_export__run_by_its_tool__moves_like_the_model(to, structure, options, tmp_path):
     needs(to)
-    assert deviation_of(to, drawn(structure, 11, **options), tmp_path) <= exporter(to).tolerance
+    assert deviation_of(to, random_model(structure, 11, **options), tmp_path) <= exporter(to).tolerance
 
 
 @pytest.mark.parametrize("to", ["c", "fmu", "matlab"])
-def test_gap_whose_damper_relaxes_in_nanoseconds(to, tmp_path):
+def test_export__damper_relaxes_in_nanoseconds__moves_like_the_model(to, tmp_path):
     """d/c = 1 ns: a power series of the gap's own motion would reach a thousandth of a step."""
     needs(to)
     values = {"J1": 0.0165, "J2": 0.00704, "J3": 0.000972, "c1": 123e3, "c2": 0.156, "d1": 1.23e-4, "d2": 0.0398}
-    drive = model("three_mass+coulomb+backlash", values | {"M_C": 0.288, "alpha": 0.7})
+    drive = model_with_values("three_mass+coulomb+backlash", values | {"M_C": 0.288, "alpha": 0.7})
     assert deviation_of(to, drive, tmp_path) <= exporter(to).tolerance
 
 
 @pytest.mark.parametrize("to", ["c", "matlab"])
-def test_gap_that_fades_to_what_it_follows(to, tmp_path):
+def test_export__gap_that_relaxes_within_a_step__moves_like_the_model(to, tmp_path):
     """Its damper relaxes 20 times within the shortest step, and the gap does not begin where it would be by itself."""
     needs(to)
     c, alpha = 100.0, 1e-3
     d = c * PAPER_EXPERIMENT.dt / (128 * 20.0)
-    numeric = numeric_model(model("two_mass+backlash", {"J1": 0.01, "J2": 0.004, "c1": c, "d1": d, "alpha": alpha}))
+    numeric = numeric_model(
+        model_with_values("two_mass+backlash", {"J1": 0.01, "J2": 0.004, "c1": c, "d1": d, "alpha": alpha})
+    )
     for start in (0.8, 2.0, -3.1):  # twists in halves of the gap: inside, beyond a limit each way
         x0 = np.array([start * alpha, 0.0, 1.0, 0.0, -1.2 * alpha])
         run = verification_run(numeric, np.full(20, 0.3), x0, "a gap that fades")
@@ -93,7 +95,7 @@ def test_gap_that_fades_to_what_it_follows(to, tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("to", EXPORTS)
-def test_twenty_random_structures(to, tmp_path):
+def test_export__twenty_random_structures__move_like_the_model(to, tmp_path):
     needs(to)
     worst = {}
     for i, drive in enumerate(random_models(20, 1)):
@@ -103,26 +105,26 @@ def test_twenty_random_structures(to, tmp_path):
     assert found.max() <= exporter(to).tolerance
 
 
-def test_random_structures_have_every_effect():
+def test_random_structures__twenty__have_every_effect():
     from brightgrey.effects import registry
 
     assert {name for structure in random_structures(20, 1) for name in structure.split("+")} == set(registry())
 
 
 @pytest.mark.parametrize("to", EXPORTS)
-def test_same_model_same_files(to):
+def test_export__same_model__gives_the_same_files(to):
     if to == "fmu":
         needs(to)
-    numeric = numeric_model(drawn("two_mass+coulomb+backlash", 5))
+    numeric = numeric_model(random_model("two_mass+coulomb+backlash", 5))
     target = exporter(to)
     assert target.files(numeric) == target.files(numeric)
 
 
-def test_tables_are_those_of_the_plain_twin(tmp_path):
+def test_c_export__compared_with_plain_simulation__agrees_to_rounding(tmp_path):
     needs("c")
     from brightgrey.exports.targets import c99 as c_code
 
-    numeric = numeric_model(drawn("three_mass+coulomb+stribeck+backlash+delay", 2, kinds=ALL))
+    numeric = numeric_model(random_model("three_mass+coulomb+stribeck+backlash+delay", 2, kinds=ALL))
     run = verification_of(numeric)
     write_files(tmp_path, c_code.EXPORTER.files(numeric))
     y = c_code.verify(tmp_path, numeric, run).y
@@ -131,11 +133,11 @@ def test_tables_are_those_of_the_plain_twin(tmp_path):
     assert np.all(np.abs(y[:, :80] - plain).max(axis=1) <= 1e-8 * np.abs(plain).max(axis=1))
 
 
-def test_c_starts_anywhere_and_needs_no_start(tmp_path):
+def test_c_export__with_or_without_states__starts_there_or_at_rest(tmp_path):
     needs("c")
     from brightgrey.exports.targets import c99 as c_code
 
-    numeric = numeric_model(drawn("two_mass+coulomb+backlash+current_control", 4, kinds=ALL))
+    numeric = numeric_model(random_model("two_mass+coulomb+backlash+current_control", 4, kinds=ALL))
     files = c_code.EXPORTER.files(numeric)
     text = files["drive.c"].decode() + files["drive.h"].decode()
     assert "malloc" not in text
@@ -148,10 +150,10 @@ def test_c_starts_anywhere_and_needs_no_start(tmp_path):
     assert deviation(run.y, c_code.verify(tmp_path, numeric, run).y) < 1e-9
 
 
-def test_fmu_says_what_it_is(tmp_path):
+def test_fmu__description__names_variables_units_and_sources(tmp_path):
     needs("fmu")
     fmpy = importlib.import_module("fmpy")
-    model = drawn("two_mass+coulomb+viscous", 7, linear_axis=True)
+    model = random_model("two_mass+coulomb+viscous", 7, linear_axis=True)
     done = export(model, "fmu", tmp_path)
     (file,) = done.files
     described = fmpy.read_model_description(str(file))
@@ -180,10 +182,10 @@ def test_fmu_says_what_it_is(tmp_path):
     assert deviation(held, result["velocity"][None, :]) < 1e-9
 
 
-def test_fmu_goes_back_to_a_state_that_was_kept(tmp_path):
+def test_fmu__set_to_a_kept_state__repeats_its_motion(tmp_path):
     needs("fmu")
     fmpy, fmi2 = importlib.import_module("fmpy"), importlib.import_module("fmpy.fmi2")
-    (file,) = export(drawn("two_mass+coulomb+backlash+delay", 7), "fmu", tmp_path).files
+    (file,) = export(random_model("two_mass+coulomb+backlash+delay", 7), "fmu", tmp_path).files
     described, place = fmpy.read_model_description(str(file)), fmpy.extract(str(file), str(tmp_path / "unit"))
     unit = fmi2.FMU2Slave(guid=described.guid, unzipDirectory=place, modelIdentifier="drive", instanceName="drive")
 
@@ -213,8 +215,8 @@ def test_fmu_goes_back_to_a_state_that_was_kept(tmp_path):
     unit.freeInstance()
 
 
-def test_mat_file_has_matrices_parameters_and_settings():
-    numeric = numeric_model(drawn("two_mass+coulomb+backlash", 5))
+def test_mat_file__has_matrices_parameters_and_settings():
+    numeric = numeric_model(random_model("two_mass+coulomb+backlash", 5))
     content = loadmat(io.BytesIO(exporter("matlab").files(numeric)["drive.mat"]), simplify_cells=True)
     np.testing.assert_array_equal(content["A"], numeric.low.A[:, :, 0])
     assert content["parameters"]["J1"]["value"] == numeric.model.parameters["J1"].value
@@ -223,9 +225,9 @@ def test_mat_file_has_matrices_parameters_and_settings():
     assert content["structure"] == str(numeric.model.structure)
 
 
-def test_control_objects(tmp_path):
+def test_control_export__both_objects__agree_with_the_model(tmp_path):
     needs("control")
-    numeric = numeric_model(drawn("two_mass+coulomb+viscous+current_control", 6, kinds=ALL))
+    numeric = numeric_model(random_model("two_mass+coulomb+viscous+current_control", 6, kinds=ALL))
     from brightgrey.exports.targets import python_control
 
     space = {}
@@ -239,50 +241,52 @@ def test_control_objects(tmp_path):
     np.testing.assert_allclose(nonlinear.output(0.0, x, [0.2]), numeric.system.output(x, 0.2), rtol=1e-12)
 
 
-def test_modelica_uses_standard_components():
+def test_modelica__of_the_papers_effects__uses_standard_components():
     text = (
         exporter("modelica")
-        .files(numeric_model(drawn("two_mass+coulomb+viscous+gravity+delay", 3)))["Drive.mo"]
+        .files(numeric_model(random_model("two_mass+coulomb+viscous+gravity+delay", 3)))["Drive.mo"]
         .decode()
     )
     for name in ("Components.Inertia", "Components.SpringDamper", "Components.Damper", "Sources.ConstantTorque"):
         assert f"Modelica.Mechanics.Rotational.{name} " in text
     assert "Modelica.Blocks.Nonlinear.FixedDelay " in text
     axis = (
-        exporter("modelica").files(numeric_model(drawn("two_mass+gravity", 3, linear_axis=True)))["Drive.mo"].decode()
+        exporter("modelica")
+        .files(numeric_model(random_model("two_mass+gravity", 3, linear_axis=True)))["Drive.mo"]
+        .decode()
     )
     assert "Modelica.Mechanics.Translational.Components.Mass " in axis
 
 
-def test_modelica_of_an_effect_without_a_drawing(tmp_path):
+def test_modelica__as_equations__moves_like_the_model(tmp_path):
     needs("modelica")
-    numeric = numeric_model(drawn("two_mass+coulomb+stribeck+gravity+backlash+current_control", 8, kinds=ALL))
+    numeric = numeric_model(random_model("two_mass+coulomb+stribeck+gravity+backlash+current_control", 8, kinds=ALL))
     run = verification_of(numeric)
     (tmp_path / "Drive.mo").write_text(modelica.equation_model(numeric))
     assert deviation(run.y, modelica.verify(tmp_path, numeric, run).y) <= modelica.EXPORTER.tolerance
 
 
 @pytest.mark.parametrize("to", ["c", "matlab"])
-def test_missing_tool_is_said(to, tmp_path, monkeypatch):
+def test_export__program_is_missing__says_so_and_writes_the_files(to, tmp_path, monkeypatch):
     monkeypatch.setattr(tools.shutil, "which", lambda name: None)
-    done = export(drawn("one_mass+coulomb", 1), to, tmp_path)
+    done = export(random_model("one_mass+coulomb", 1), to, tmp_path)
     assert done.text == f"not verified: {PROGRAMS[to][0]} is not installed"
     assert done.deviation is None
     assert all(file.exists() for file in done.files)
 
 
-def test_missing_package_is_said(tmp_path, monkeypatch):
+def test_export__package_is_missing__says_how_to_install_it(tmp_path, monkeypatch):
     def absent(name):
         raise ImportError(name)
 
-    target, numeric = exporter("control"), numeric_model(drawn("one_mass+coulomb", 1))
+    target, numeric = exporter("control"), numeric_model(random_model("one_mass+coulomb", 1))
     run = verification_of(numeric)
     monkeypatch.setattr(tools.importlib, "import_module", absent)
     compared = compare_with_native(tmp_path, numeric, run, target.verify, target.tolerance)
     assert compared.text == "not verified: control is not installed (pip install 'brightgrey[control]')"
 
 
-def test_an_export_that_is_off_is_not_good(tmp_path, monkeypatch):
+def test_export__deviates_too_much__is_not_good(tmp_path, monkeypatch):
     needs("c")
     from brightgrey.exports.targets import c99 as c_code
 
@@ -293,13 +297,13 @@ def test_an_export_that_is_off_is_not_good(tmp_path, monkeypatch):
         return text | {"drive.c": text["drive.c"].replace("d.slope = rise / DT", "d.slope = 1.01 * rise / DT")}
 
     monkeypatch.setattr(c_code, "sources", altered)
-    done = export(drawn("one_mass+coulomb", 1), "c", tmp_path)
+    done = export(random_model("one_mass+coulomb", 1), "c", tmp_path)
     assert not done.good
     assert "was to be expected" in done.text
 
 
-def test_wrong_use_is_named(tmp_path):
-    model = drawn("one_mass+coulomb", 1)
+def test_export__wrong_target_folder_or_sampling__is_refused(tmp_path):
+    model = random_model("one_mass+coulomb", 1)
     with pytest.raises(SettingsError, match="Did you mean 'matlab'"):
         export(model, "mathlab", tmp_path)
     (tmp_path / "file").write_text("")
@@ -311,9 +315,9 @@ def test_wrong_use_is_named(tmp_path):
         export(model, "c", tmp_path, other)
 
 
-def test_command(tmp_path, capsys):
+def test_export_command__writes_files_and_prints_the_deviation(tmp_path, capsys):
     needs("c")
-    model = drawn("two_mass+coulomb+viscous", 9)
+    model = random_model("two_mass+coulomb+viscous", 9)
     model.save(tmp_path / "model.json")
     t = 1e-3 * np.arange(300)
     rows = [f"{a:.3f},{b:.5f},0.0" for a, b in zip(t, 3.0 * np.sin(40.0 * t), strict=True)]
@@ -331,8 +335,8 @@ def test_command(tmp_path, capsys):
     assert "unknown export 'cpp'" in capsys.readouterr().err
 
 
-def test_nothing_is_left_behind(tmp_path, monkeypatch):
+def test_export__leaves_no_temporary_files(tmp_path, monkeypatch):
     needs("c")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    export(drawn("one_mass+coulomb", 1), "c", tmp_path / "out")
+    export(random_model("one_mass+coulomb", 1), "c", tmp_path / "out")
     assert [p for p in tmp_path.iterdir() if p != Path(tmp_path / "out")] == []

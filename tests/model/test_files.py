@@ -9,13 +9,13 @@ from brightgrey.errors import SettingsError
 from brightgrey.model.files import check_file, check_folder, write_file, write_files
 
 
-def test_checks_create_nothing(tmp_path):
+def test_checks__of_new_paths__create_nothing(tmp_path):
     assert check_folder(tmp_path / "a" / "b") == tmp_path / "a" / "b"
     assert check_file(tmp_path / "c" / "d.csv") == tmp_path / "c" / "d.csv"
     assert list(tmp_path.iterdir()) == []
 
 
-def test_folder_that_is_a_file(tmp_path):
+def test_check_folder__is_a_file__is_refused(tmp_path):
     file = tmp_path / "out"
     file.write_text("mine")
     with pytest.raises(SettingsError, match="is a file"):
@@ -27,13 +27,13 @@ def test_folder_that_is_a_file(tmp_path):
     assert file.read_text() == "mine"
 
 
-def test_file_that_is_a_folder(tmp_path):
+def test_check_file__is_a_folder__is_refused(tmp_path):
     with pytest.raises(SettingsError, match="is a folder"):
         check_file(tmp_path)
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="the superuser may write everywhere")
-def test_folder_without_permission(tmp_path):
+def test_check_folder__without_permission__is_refused(tmp_path):
     tmp_path.chmod(0o500)
     try:
         with pytest.raises(SettingsError, match="no permission"):
@@ -42,7 +42,7 @@ def test_folder_without_permission(tmp_path):
         tmp_path.chmod(0o700)
 
 
-def test_files_replace_older_ones(tmp_path):
+def test_write_files__older_files__are_replaced(tmp_path):
     folder = tmp_path / "new" / "folder"
     write_files(folder, {"a": b"1", "b": b"2"})
     write_files(folder, {"a": b"3"})
@@ -51,7 +51,7 @@ def test_files_replace_older_ones(tmp_path):
     assert (folder / "b").read_bytes() == b"4"
 
 
-def test_failure_leaves_everything_as_it_was(tmp_path):
+def test_write_files__failure__leaves_everything_as_it_was(tmp_path):
     (tmp_path / "a").write_bytes(b"old")
     # The second name cannot be written: there is no such folder below.
     with pytest.raises(OSError, match="absent"):
@@ -59,6 +59,6 @@ def test_failure_leaves_everything_as_it_was(tmp_path):
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a": b"old"}
 
 
-def test_files_may_be_read_by_others(tmp_path):
+def test_write_file__may_be_read_by_others(tmp_path):
     write_file(tmp_path / "a", b"")
     assert Path(tmp_path / "a").stat().st_mode & 0o777 == 0o644

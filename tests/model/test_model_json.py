@@ -32,18 +32,18 @@ def linear_axis(example):
     return data
 
 
-def test_example_of_the_documentation_is_a_model(example):
+def test_model__documented_example__is_read_and_written_unchanged(example):
     model = Model.check(example)
     assert str(model.structure) == "one_mass+coulomb+viscous"
     assert json.loads(model.text()) == example
 
 
-def test_fields_are_those_of_the_documentation_in_its_order(example):
+def test_model__fields__are_those_of_the_documentation_in_order(example):
     table = re.findall(r"^\| `(\w+)` \| ", DOC.read_text(encoding="utf-8").partition("## ranking")[0], re.MULTILINE)
     assert table == list(example) == list(json.loads(Model.check(example).text()))
 
 
-def test_file_comes_back_as_it_was(example, tmp_path):
+def test_model__saved_and_loaded__is_equal(example, tmp_path):
     model = Model.check(example)
     model.save(tmp_path / "model.json")
     again = load_model(tmp_path / "model.json")
@@ -52,7 +52,7 @@ def test_file_comes_back_as_it_was(example, tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "model.json"]
 
 
-def test_values_in_si(example):
+def test_model__linear_axis_in_mm__gives_values_and_settings_in_si(example):
     model = Model.check(linear_axis(example))
     # V s²/mm = 1000 V s²/m, and so on; V stays.
     assert model.values_si() == pytest.approx({"J1": 11.9, "M_C": 0.897, "f_v": 15.1}, rel=1e-12)
@@ -103,7 +103,7 @@ def changed(example, path, value):
         (["seed"], 1.5, ["'seed'", "1.5"]),
     ],
 )
-def test_what_is_wrong_is_named_in_one_line(example, tmp_path, path, value, words):
+def test_load__wrong_field__is_named_in_one_line(example, tmp_path, path, value, words):
     file = tmp_path / "model.json"
     file.write_text(json.dumps(changed(example, path, value)), encoding="utf-8")
     with pytest.raises(BrightgreyError) as caught:
@@ -125,21 +125,21 @@ def test_what_is_wrong_is_named_in_one_line(example, tmp_path, path, value, word
         (b'{"schema": NaN}', "NaN"),
     ],
 )
-def test_other_files_are_refused(tmp_path, content, words):
+def test_load__other_file__is_refused(tmp_path, content, words):
     file = tmp_path / "other"
     file.write_bytes(content)
     with pytest.raises(SettingsError, match=words):
         load_model(file)
 
 
-def test_missing_file_and_folder(tmp_path):
+def test_load__missing_file_or_folder__is_refused(tmp_path):
     with pytest.raises(SettingsError, match="no model file"):
         load_model(tmp_path / "model.json")
     with pytest.raises(SettingsError, match="cannot read"):
         load_model(tmp_path)
 
 
-def test_model_cannot_be_changed(example):
+def test_model__is_frozen(example):
     model = Model.check(example)
     with pytest.raises(ValueError, match="frozen"):
         model.seed = 1

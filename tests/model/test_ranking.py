@@ -24,7 +24,7 @@ def trace(residual, seed=0):
     return Trace("a.csv", t, np.sin(t), measured, measured - residual, TORQUE, (SPEED,))
 
 
-def test_rows_read_back_exactly():
+def test_ranking_csv__reads_back_exactly():
     rows = [Row("two_mass+coulomb", 5, 1 / 3, 99.9, -12.5, True), Row("one_mass", 1, 2e-300, -3.0, None)]
     best, other = csv.DictReader(io.StringIO(ranking_csv(rows)))
     assert list(best) == ["rank", "structure", "n_parameters", "rss", "fit_percent", "criterion", "tied", "front"]
@@ -35,7 +35,7 @@ def test_rows_read_back_exactly():
     assert other["criterion"] == ""
 
 
-def test_front_has_what_no_other_structure_beats():
+def test_front__has_the_structures_that_no_other_beats():
     rows = [
         Row("d", 3, 1.0, 99.0, None),
         Row("as good with more", 4, 1.0, 99.0, None),
@@ -52,7 +52,7 @@ def test_front_has_what_no_other_structure_beats():
 
 
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 9)), max_size=25))
-def test_front_by_its_definition(pairs):
+def test_front__random_rows__agrees_with_its_definition(pairs):
     rows = [Row(str(k), d, float(rss), 0.0, None) for k, (d, rss) in enumerate(pairs)]
 
     def beaten(row):
@@ -69,22 +69,22 @@ def test_front_by_its_definition(pairs):
     assert sorted(r.structure for r in front(rows)) == sorted(r.structure for r in rows if not beaten(r))
 
 
-def test_bic_of_white_residuals_is_its_formula():
+def test_bic__white_residuals__is_its_formula():
     residual = np.random.default_rng(1).normal(size=500)
     expected = 500 * np.log(np.mean(residual**2)) + 3 * np.log(500)
     assert bic_of_traces([trace(residual)], 3, [1e-9]) == pytest.approx(expected, rel=1e-12)
 
 
-def test_bic_pays_for_a_parameter_that_explains_nothing():
+def test_bic__useless_parameter__grows():
     residual = np.random.default_rng(1).normal(size=500)
     assert bic_of_traces([trace(residual)], 4, [1e-9]) > bic_of_traces([trace(residual)], 3, [1e-9])
 
 
-def test_perfect_fit_has_the_resolution_as_floor():
+def test_bic__perfect_fit__has_the_resolution_as_floor():
     assert bic_of_traces([trace(np.zeros(100))], 0, [0.1]) == pytest.approx(100 * np.log(0.1**2 / 12), rel=1e-12)
 
 
-def test_diverged_simulation_has_no_criterion_and_no_fit():
+def test_bic_and_fit__diverged_simulation__are_none():
     residual = np.append(np.zeros(50), np.nan)
     assert bic_of_traces([trace(residual)], 1, [0.1]) is None
     fit = pooled_fit([trace(residual)])["n, filtered"]
@@ -92,7 +92,7 @@ def test_diverged_simulation_has_no_criterion_and_no_fit():
 
 
 @given(scale=st.floats(1e-6, 1e6), seed=st.integers(0, 100))
-def test_fit_is_that_of_the_definition(scale, seed):
+def test_pooled_fit__random_residuals__agrees_with_its_definition(scale, seed):
     generator = np.random.default_rng(seed)
     residual = scale * generator.normal(size=60)
     one, two = trace(residual[:25], seed), trace(residual[25:], seed + 1)
@@ -103,7 +103,7 @@ def test_fit_is_that_of_the_definition(scale, seed):
     assert fit.fit_percent == pytest.approx(100 * (1 - np.sqrt(fit.rss / spread)))
 
 
-def test_csv_of_a_trace_reads_back_exactly():
+def test_trace_csv__reads_back_exactly():
     shown = trace(np.random.default_rng(2).normal(size=30))
     rows = list(csv.reader(io.StringIO(shown.csv_text())))
     assert rows[0] == ["t [s]", "torque [N m]", "n, filtered [rpm]", "n, filtered simulated [rpm]"]

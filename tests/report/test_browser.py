@@ -17,7 +17,7 @@ from brightgrey.report.page import page
 from brightgrey.search.evidence import EffectVerdict, Evidence
 from brightgrey.search.verdicts import Reason
 from support.genetic_runs import small_run
-from support.report_models import independent, model_of, trace_of
+from support.models import independent, model_with_intervals, trace_of
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 CARDS = (
@@ -41,7 +41,7 @@ def browser():
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     """Report of a drive with everything."""
-    model = model_of()
+    model = model_with_intervals()
     model = model.model_copy(update={"ties": TiesPart(minimal=(str(model.structure),), optional=("delay",))})
     trace = trace_of(model)
     effects = ("one_mass", "coulomb", "viscous", "stribeck", "gravity")
@@ -90,7 +90,7 @@ SECTIONS = [
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 400])
-def test_report_opens_whole_and_alone(browser, report, width, scheme):
+def test_report__opened_offline__is_complete(browser, report, width, scheme):
     with Visit(browser, report, width, scheme) as visit:
         assert visit.page.eval_on_selector_all("main > section", "all => all.map(s => s.id)") == SECTIONS
         drawn = visit.page.eval_on_selector_all(
@@ -113,7 +113,7 @@ def test_report_opens_whole_and_alone(browser, report, width, scheme):
         assert ink == ("rgb(236, 236, 240)" if dark else "rgb(29, 29, 31)")
 
 
-def test_a_figure_can_be_zoomed_and_its_residual_follows(browser, report):
+def test_figure__zoomed__residual_follows(browser, report):
     with Visit(browser, report, 1280) as visit:
         plot = visit.page.locator("#plot-comparison-0")
         plot.scroll_into_view_if_needed()
@@ -134,7 +134,7 @@ def test_a_figure_can_be_zoomed_and_its_residual_follows(browser, report):
         assert visit.said == []
 
 
-def test_paper_is_white_also_where_the_screen_is_dark(browser, report):
+def test_report__printed_from_a_dark_screen__is_white(browser, report):
     with Visit(browser, report, 1280, "dark") as visit:
         widest = (
             "Math.max(...[...document.querySelectorAll('.plot .main-svg')].map(s => s.getBoundingClientRect().width))"
@@ -152,7 +152,7 @@ def test_paper_is_white_also_where_the_screen_is_dark(browser, report):
         assert visit.page.evaluate(widest) > 1000
 
 
-def test_figures_follow_the_width_of_the_window(browser, report):
+def test_figures__window_resized__follow_its_width(browser, report):
     with Visit(browser, report, 1280) as visit:
         size = "(r => [r.width, r.height])(document.querySelector('.plot .main-svg').getBoundingClientRect())"
         wide, height = visit.page.evaluate(size)
@@ -163,7 +163,7 @@ def test_figures_follow_the_width_of_the_window(browser, report):
         visit.page.wait_for_function(f"{size}[0] == {wide}")
 
 
-def test_theme_is_followed_while_the_page_is_open(browser, report):
+def test_report__theme_changes__is_followed(browser, report):
     with Visit(browser, report, 1280) as visit:
         visit.page.emulate_media(color_scheme="dark")
         visit.page.wait_for_function(
@@ -200,7 +200,7 @@ def mte360_result(measured):
 
 @pytest.mark.long
 @pytest.mark.parametrize("made", [demo_result, emps_result, mte360_result])
-def test_real_reports_open_whole_and_alone(browser, measured, tmp_path, made):
+def test_report__of_measured_recordings__is_complete_offline(browser, measured, tmp_path, made):
     made(measured).write(tmp_path)
     path = tmp_path / "report.html"
     assert path.stat().st_size < 6e6

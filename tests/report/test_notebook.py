@@ -11,17 +11,17 @@ from brightgrey.errors import SettingsError
 from brightgrey.notebook_html import sparkline, table
 from brightgrey.recordings import Signal
 from support.html_reader import read
-from support.report_models import DT, independent, model_of, trace_of
+from support.models import DT, independent, model_with_intervals, trace_of
 
 
 @pytest.fixture(scope="module")
 def result():
-    model = model_of()
+    model = model_with_intervals()
     fit = SimpleNamespace(correlation=independent(model), symptoms=())
     return Result(model, (trace_of(model),), (), ("a <note>",), fit)
 
 
-def test_a_recording_shows_its_signals():
+def test_recording_html__shows_its_signals():
     t = DT * np.arange(100)
     signals = Signal("u <1>", "input", "N m"), (Signal("v", "velocity", "rpm"),)
     recording = Recording("a.csv", t, np.sin(t), 2 * np.pi * np.cos(t)[None] / 60, *signals, notes=("one & two",))
@@ -34,14 +34,14 @@ def test_a_recording_shows_its_signals():
     assert "one &amp; two" in html
 
 
-def test_a_model_shows_its_parameters(result):
+def test_model_html__shows_its_parameters(result):
     model = result.model
     rows = read(model._repr_html_()).tables[None]
     for row, (name, part) in zip(rows[1:], model.parameters.items(), strict=False):
         assert row[:4] == [name, f"{part.value:.5g}", "0", part.unit]
 
 
-def test_a_result_shows_verdict_parameters_and_figure(result):
+def test_result_html__shows_verdict_parameters_and_figure(result):
     html = result._repr_html_()
     rows = read(html[: html.index("<svg")] + "</div></div>").tables[None]
     assert [row[0] for row in rows[1 : 1 + len(result.model.parameters)]] == list(result.model.parameters)
@@ -51,20 +51,20 @@ def test_a_result_shows_verdict_parameters_and_figure(result):
 
 
 @pytest.mark.parametrize("what", ["comparison", "residuals", "friction", "frequency", "backlash"])
-def test_plots_give_figures_that_notebooks_show(result, what):
+def test_plot__gives_a_figure_that_notebooks_show(result, what):
     figure = result.plot(what)
     assert figure._repr_png_().startswith(b"\x89PNG")
     assert all(axes.get_ylabel() for axes in figure.axes)
 
 
-def test_a_figure_that_is_not_there_is_refused(result):
+def test_plot__figure_that_does_not_apply__is_refused(result):
     with pytest.raises(SettingsError, match="friction"):
         result.plot("fricton")
     with pytest.raises(SettingsError, match="comparison"):
         result.plot("history")
 
 
-def test_cells_are_escaped_and_lines_keep_their_extremes():
+def test_table_and_sparkline__escape_cells_and_keep_extremes():
     assert "<td" in table(("a",), [("<b>",)])
     assert "&lt;b&gt;" in table(("a",), [("<b>",)])
     y = np.zeros(10_000)

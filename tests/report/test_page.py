@@ -48,7 +48,7 @@ def content_for(model, **more):
     return Content(model, [trace_for(model)], **more)
 
 
-def test_page_is_whole_and_loads_nothing(data):
+def test_page__is_complete_and_loads_nothing(data):
     model = Model.check(data)
     html = page(content_for(model, notes=["a note"]))
     reader = read(html)
@@ -58,7 +58,7 @@ def test_page_is_whole_and_loads_nothing(data):
     assert html.startswith("<!DOCTYPE html>")
 
 
-def test_sections_that_do_not_apply_are_absent(data):
+def test_page__sections_that_do_not_apply__are_absent(data):
     model = Model.check(data)
     reader = read(page(content_for(model)))
     # This example has friction and a linear model; the recording is long enough for correlations.
@@ -70,7 +70,7 @@ def test_sections_that_do_not_apply_are_absent(data):
         assert len(text.split()) > 5
 
 
-def test_numbers_are_those_of_the_model(data):
+def test_page__numbers__are_those_of_the_model(data):
     data["fit"]["test"] = {"velocity": {"rss": 8.1, "rmse": 0.0712, "fit_percent": 97.31}}
     model = Model.check(data)
     reader = read(page(content_for(model)))
@@ -90,7 +90,7 @@ def test_numbers_are_those_of_the_model(data):
     ]
 
 
-def test_every_number_is_there_to_its_last_digit(data):
+def test_page__numbers__are_there_to_the_last_digit(data):
     data["fit"]["test"] = {"velocity": {"rss": 8.1 / 3, "rmse": 0.1 / 3, "fit_percent": 97.3 / 3}}
     model = Model.check(json.loads(Model.check(data).text()))
     exact = read(page(content_for(model))).exact
@@ -103,13 +103,13 @@ def test_every_number_is_there_to_its_last_digit(data):
     assert exact["commissioning"] == [entry.value for entry in commissioning_sheet(AssembledModel(model), {})]
 
 
-def test_page_follows_from_model_json_alone(data):
+def test_page__model_read_back__gives_the_same_text(data):
     model = Model.check(data)
     again = Model.check(json.loads(model.text()))
     assert page(content_for(model)) == page(content_for(again))
 
 
-def test_texts_of_the_user_are_shown_as_they_are(data):
+def test_page__markup_in_names_and_notes__is_escaped(data):
     data["signals"][1]["name"] = "<b>v & w</b>"
     data["fit"]["train"] = {"<b>v & w</b>": data["fit"]["train"].pop("velocity")}
     model = Model.check(data)
@@ -119,7 +119,7 @@ def test_texts_of_the_user_are_shown_as_they_are(data):
     assert read(html).tables["signals"][2][0] == "<b>v & w</b>"
 
 
-def test_bounds_fixed_values_and_unknown_uncertainty_are_said(data):
+def test_parameter_rows__bound_fixed_and_unknown__are_noted(data):
     data["parameters"]["J1"] |= {"at_bound": "high"}
     data["parameters"]["f_v"] |= {"std": None, "ci95": None}
     data["settings"]["fixed"] = {"M_C": 0.897}
@@ -134,7 +134,7 @@ def test_bounds_fixed_values_and_unknown_uncertainty_are_said(data):
     assert all(text in html for text in remarks(model))
 
 
-def test_estimate_that_its_interval_drowns__is_shown_and_called_not_identifiable(data):
+def test_parameter_rows__interval_drowns_the_estimate__not_identifiable(data):
     """As on the EMPS axis: 32 N with a half width of 9100 N is no zero."""
     data["parameters"]["M_C"] |= {"value": 32.4, "std": 4600.0, "ci95": [-9067.6, 9132.4]}
     model = Model.check(data)
@@ -148,14 +148,14 @@ def test_estimate_that_its_interval_drowns__is_shown_and_called_not_identifiable
     assert "32 ± 9100" in result_html(content_for(model))
 
 
-def test_verdict_says_model_fit_and_outcome(data):
+def test_verdict_text__names_model_fit_and_outcome(data):
     text = verdict_text(Model.check(data))
     assert text == (
         "The model is one_mass+coulomb+viscous; it fits velocity to 99.80 % (RMSE 0.04050 rad/s). Converged."
     )
 
 
-def test_diverged_model_has_a_report_that_says_so(data):
+def test_page__diverged_model__says_so(data):
     data["fit"]["train"]["velocity"] = {"rss": None, "rmse": None, "fit_percent": None}
     data["criterion"] = None
     data["outcome"] = {"kind": "diverged", "text": "the simulation diverged at 0.1 s"}
@@ -168,14 +168,14 @@ def test_diverged_model_has_a_report_that_says_so(data):
     assert "residuals" not in read(html).sections
 
 
-def test_signal_kind_velocity_differenced_is_shown(data):
+def test_page__differenced_velocity__is_shown_as_such(data):
     data["signals"][1]["kind"] = "velocity-differenced"
     model = Model.check(data)
     assert model.outputs == (Signal("velocity", "velocity-differenced", "rad/s"),)
     assert read(page(content_for(model))).tables["signals"][2][1] == "velocity-differenced"
 
 
-def test_evidence_ties_and_ranking_are_shown_after_a_search(data):
+def test_page__after_a_search__shows_evidence_ties_and_ranking(data):
     data["evidence"] = {card.effect: card.verdict for card in CARDS}
     data["ties"] = {"minimal": ["one_mass+coulomb", "one_mass+stribeck"], "optional": ["delay"]}
     model = Model.check(data)
@@ -195,7 +195,7 @@ def test_evidence_ties_and_ranking_are_shown_after_a_search(data):
     assert "structures" not in read(page(content_for(model, ranking=rows[:1]))).sections
 
 
-def test_symptoms_and_differences_are_shown_where_there_are_any(data):
+def test_page__symptoms_and_differences__are_shown(data):
     data["ties"] = {"minimal": ["one_mass+coulomb", "one_mass+stribeck"], "optional": []}
     symptom = SimpleNamespace(title="Late input", seen="The torque comes 2 ms late.", advice="Look at the bus.")
     differences = [
@@ -213,7 +213,7 @@ def test_symptoms_and_differences_are_shown_where_there_are_any(data):
     ]
 
 
-def test_request_is_the_one_that_was_given_or_made_from_the_model(data):
+def test_page__command__is_the_given_one_or_derived_from_the_model(data):
     model = Model.check(data)
     assert (
         "brightgrey demo --seed 3" in read(page(content_for(model, request="brightgrey demo --seed 3"))).text["repeat"]

@@ -3,16 +3,16 @@
 from types import SimpleNamespace
 
 from brightgrey.estimation.problem.simulation_count import SimulationCount
+from brightgrey.kit import PAPER
 from brightgrey.search.criteria import criterion
 from brightgrey.search.genetic import GeneticSettings, Node, Run, evolve
 from brightgrey.search.genetic.job_evaluator import JobEvaluator
 from brightgrey.search.parallel import thread_pool
-from support.report_models import model_of
 
 
 def individual(generation, number, value, parents=(), operator="recombination", structure="one_mass+coulomb"):
     names = structure.split("+")
-    placed = model_of(structure).structure
+    placed = PAPER.parse(structure)
     leaf = tuple(Node(p) for p in placed.placed[1:])
     misfit = SimpleNamespace(fit_percent=99.0)
     return SimpleNamespace(

@@ -15,7 +15,7 @@ from brightgrey.control.linear.operating_point import contact_mode
 from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import MotionLimits, reversing
-from support.control_drives import SETTINGS, VALUES, system_of
+from support.drives import SETTINGS, VALUES, system_of
 
 DT = 1e-3
 MOTION = reversing(1.5, MotionLimits(20.0, 250.0, 15000.0), dt=DT, samples=400, before=0.02, between=0.02)

@@ -16,7 +16,7 @@ from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import MotionLimits, reversing
 from brightgrey.kit import Linear
-from support.control_drives import SETTINGS, system_of
+from support.drives import SETTINGS, system_of
 
 DT = 1e-3
 NOISE = Noise(0.4, np.array([0.04]))

@@ -10,7 +10,7 @@ from brightgrey.control.filters.extended_kalman import Noise
 from brightgrey.effects import registry
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Structure
-from support.control_drives import SETTINGS, recorded, values_of
+from support.drives import SETTINGS, recorded, values_of
 
 PLAIN = "two_mass+coulomb+viscous"
 GAP = "two_mass+coulomb+viscous+backlash"

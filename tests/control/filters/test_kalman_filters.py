@@ -19,7 +19,7 @@ from brightgrey.kit import Structure, assemble
 from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import response
 from brightgrey.simulation.reference import reference
-from support.control_drives import SETTINGS, VALUES, E, recorded, system_of, values_of
+from support.drives import SETTINGS, VALUES, E, recorded, system_of, values_of
 
 FULL = "two_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
 

@@ -14,7 +14,7 @@ from brightgrey.control.limit_cycles.describing_function import (
 from brightgrey.control.linear.margins import Compensator
 from brightgrey.errors import SettingsError
 from brightgrey.simulation import Settings
-from support.control_drives import system_of
+from support.drives import system_of
 
 NERVOUS = {"J1": 0.004, "J2": 0.016, "c1": 5000.0, "d1": 2.0, "M_C": 0.05, "f_v": 0.01, "alpha": 0.01}
 NERVOUS |= {"T_1": 2e-3, "T_d": 1e-3}

@@ -12,7 +12,7 @@ from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.errors import SettingsError
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Linear, assemble
-from support.control_drives import VALUES, system_of
+from support.drives import VALUES, system_of
 
 control = pytest.importorskip("control", reason="python-control is not installed")
 

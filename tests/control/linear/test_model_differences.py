@@ -5,7 +5,7 @@ import pytest
 
 from brightgrey.control.linear.model_differences import FrequencyBand, excited_band, model_figures
 from brightgrey.excitation import PAPER_EXPERIMENT as E
-from support.control_drives import system_of, values_of
+from support.drives import system_of, values_of
 
 SPEED = 0.5 * E.speed
 OVER = FrequencyBand(0.5, 40.0)

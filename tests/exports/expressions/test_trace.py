@@ -25,7 +25,7 @@ NEW = Law(("k", "one_sided"), hardening)
 
 
 @pytest.mark.parametrize(("name", "law"), [*LAWS.items(), ("new", NEW)])
-def test_traced_law_gives_the_numbers_of_the_law(name, law):
+def test_traced_law__written_in_python__gives_the_numbers_of_the_law(name, law):
     rng = np.random.default_rng(3)
     phi, slopes = traced(law, PORTS[: law.ports])
     lines = assignments({"phi": phi, **{f"slope{i}": s for i, s in enumerate(slopes)}}, PYTHON)
@@ -41,7 +41,7 @@ def test_traced_law_gives_the_numbers_of_the_law(name, law):
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
-def test_a_law_that_the_kit_does_not_have_compiles_in_c(tmp_path):
+def test_traced_law__unknown_to_the_kit__compiles_in_c(tmp_path):
     def amplitude(v, p):
         a = p[0] * exp(-magnitude(v)) + p[1]
         return a, -p[0] * exp(-magnitude(v)) * sign(v)
@@ -58,7 +58,7 @@ def test_a_law_that_the_kit_does_not_have_compiles_in_c(tmp_path):
     assert float(printed) == pytest.approx(float(law.value((-0.7,), (1.5, 0.4, 3.0))[0]), rel=1e-14)
 
 
-def test_what_cannot_be_written_down_is_refused():
+def test_traced_law__operation_without_an_expression__is_refused():
     def decides(z, p):
         return (p[0] if z[0] > 0.0 else -p[0]), (0.0,)
 
@@ -70,7 +70,7 @@ def test_what_cannot_be_written_down_is_refused():
         traced(Law(("a",), lambda z, p: (z[0] ** 0.5, (0.0,)), lambda z, p: (1.0,)), ("z",))
 
 
-def test_brackets_stand_where_they_have_to():
+def test_spell__nested_operators__keeps_the_needed_brackets():
     a, b, c = map(symbol, "abc")
     for expression, text in (
         (a - (b - c), "a - (b - c)"),
@@ -88,7 +88,7 @@ def test_brackets_stand_where_they_have_to():
     assert spell(tanh(a) / (b + c), LATEX) == r"\frac{\tanh\left(a\right)}{b + c}"
 
 
-def test_names_and_numbers():
+def test_names_and_numbers__are_spelled_for_latex_and_read_back():
     wanted = {
         "omega_S": r"\omega_{S}",
         "J1": "J_{1}",

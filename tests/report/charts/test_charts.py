@@ -26,23 +26,23 @@ from brightgrey.report.page import page
 from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.simulation import response
 from support.genetic_runs import individual, small_run
-from support.report_models import DT, F_TANH, FULL, TOP, VALUES, independent, model_of, trace_of
+from support.models import DT, F_TANH, FULL, TOP, VALUES, independent, model_with_intervals, trace_of
 
 
 @pytest.fixture(scope="module")
 def content():
-    model = model_of()
+    model = model_with_intervals()
     rows = [Row(f"one_mass{'+x' * k}", k + 1, 1.0, 99.0 + 0.1 * k, -1.0 * k, k == 2) for k in range(5)]
     return Content(model, [trace_of(model)], ranking=rows, correlation=independent(model), run=small_run())
 
 
-def test_every_figure_of_a_full_model_is_there(content):
+def test_charts__full_model__has_every_figure(content):
     assert list(content.charts) == [
         *("comparison", "residuals", "friction", "frequency", "backlash", "pareto", "history"),
     ]
 
 
-def test_every_axis_says_its_quantity_and_unit(content):
+def test_charts__axes__name_quantity_and_unit(content):
     pure = {"autocorrelation", "correlation with the input", "criterion (larger is better)", "estimated parameters"}
     for charts in content.charts.values():
         for chart in charts:
@@ -62,7 +62,7 @@ def coloured(value):
     return "#123456" if isinstance(value, str) and value.startswith("var(--") else value
 
 
-def test_all_of_it_is_drawn_for_paper_and_for_the_page(content):
+def test_charts__are_drawn_for_paper_and_for_the_page(content):
     for name, charts in content.charts.items():
         assert picture(draw(charts)) == picture(draw(charts)), name
         for chart in charts:
@@ -71,13 +71,13 @@ def test_all_of_it_is_drawn_for_paper_and_for_the_page(content):
             assert len(figure.data) >= sum(len(panel.lines) for panel in chart.panels)
 
 
-def test_every_colour_of_the_page_is_defined_in_it(content):
+def test_page__colours__are_defined_in_it(content):
     html = page(content)
     for name in set(re.findall(r"var\((--[a-z-]+)\)", html)):
         assert f"{name}:" in html.replace(f"var({name})", "")
 
 
-def test_both_ways_of_drawing_have_the_same_numbers(content):
+def test_drawings__for_paper_and_page__have_the_same_numbers(content):
     (chart,) = content.charts["friction"]
     drawn = draw([chart]).axes[0].get_lines()
     shown = plot(chart)["data"][-1]
@@ -86,8 +86,8 @@ def test_both_ways_of_drawing_have_the_same_numbers(content):
     np.testing.assert_allclose(shown["y"], curve.get_ydata(), rtol=1e-6)
 
 
-def test_friction_curve_is_the_sum_of_the_laws():
-    model = model_of()
+def test_friction_chart__is_the_sum_of_the_laws():
+    model = model_with_intervals()
     (chart,) = friction_charts(AssembledModel(model), independent(model))
     band, curve = chart.panels[0].lines
     v = curve.x
@@ -96,16 +96,16 @@ def test_friction_curve_is_the_sum_of_the_laws():
     assert (v.min(), v.max()) == (-TOP, TOP)
     assert (band.low <= curve.y + 1e-12).all()
     assert (curve.y <= band.y + 1e-12).all()
-    assert friction_charts(AssembledModel(model_of("one_mass")), {}) == ()
+    assert friction_charts(AssembledModel(model_with_intervals("one_mass")), {}) == ()
     (alone,) = friction_charts(AssembledModel(model), {})
     assert [line.label for line in alone.panels[0].lines] == ["estimate"]
 
 
-def test_measured_response_is_that_of_a_known_filter():
+def test_measured_response__of_a_known_filter__is_its_response():
     rng = np.random.default_rng(3)
     u = rng.normal(size=(1, 20_000))
     y = lfilter([0.1], [1.0, -0.9], u)
-    model = model_of("one_mass")
+    model = model_with_intervals("one_mass")
     found = measured_response([Trace("a", DT * np.arange(u.size), u[0], y, y, model.input, model.outputs)], 0)
     z = np.exp(2j * np.pi * found.frequency * DT)
     # Welch's leakage at nine segments: some percent.
@@ -116,8 +116,8 @@ def test_measured_response_is_that_of_a_known_filter():
     assert measured_response([trace_of(model, samples=200)], 0) is None
 
 
-def test_linear_model_and_measured_response_agree_on_a_linear_drive():
-    model = model_of("two_mass+viscous")
+def test_response_chart__linear_drive__model_and_measurement_agree():
+    model = model_with_intervals("two_mass+viscous")
     (chart,) = response_chart(AssembledModel(model), [trace_of(model, samples=8000, noise=1e-3)])
     measured, modelled = chart.panels[0].lines
     assert (measured.label, modelled.label) == ("measured", "linearised model")
@@ -132,8 +132,8 @@ def test_linear_model_and_measured_response_agree_on_a_linear_drive():
     assert peak == pytest.approx(marks[0], rel=0.02)
 
 
-def test_shaft_torque_accelerates_the_load():
-    model = model_of("two_mass+backlash")
+def test_gap_loop__shaft_torque__accelerates_the_load():
+    model = model_with_intervals("two_mass+backlash")
     settings = model.settings_si()
     system = assemble(model.structure, model.values_si(), settings.f_tanh)
     n = len(system.states)
@@ -150,22 +150,24 @@ def test_shaft_torque_accelerates_the_load():
     assert np.abs(torque[inside]).max() < 0.1 * np.abs(torque).max()
 
 
-def test_gap_marks_are_two_alpha_apart():
-    model = model_of(FULL, units=("N m", "deg"))
+def test_gap_chart__marks__are_two_alpha_apart():
+    model = model_with_intervals(FULL, units=("N m", "deg"))
     (chart,) = gap_charts(AssembledModel(model), [trace_of(model)])
     low, high = (mark.x for mark in chart.panels[0].marks)
     assert high - low == pytest.approx(np.degrees(2 * VALUES["alpha"]))
-    assert gap_charts(AssembledModel(model_of("two_mass")), [trace_of(model_of("two_mass"))]) == ()
+    assert (
+        gap_charts(AssembledModel(model_with_intervals("two_mass")), [trace_of(model_with_intervals("two_mass"))]) == ()
+    )
 
 
-def test_correlations_leave_out_what_has_none():
-    model = model_of("one_mass+coulomb")
+def test_correlations__diverged_or_short__are_left_out():
+    model = model_with_intervals("one_mass+coulomb")
     good = trace_of(model)
     lost = replace(good, simulated=np.full_like(good.simulated, np.nan))
     assert len(correlations([good, lost, trace_of(model, samples=100)])) == 1
 
 
-def test_front_has_what_nothing_beats():
+def test_front_chart__random_rows__has_the_undominated():
     rng = np.random.default_rng(0)
     rows = [Row(str(k), int(rng.integers(1, 9)), float(rng.uniform(1, 9)), 90.0, 0.0) for k in range(60)]
     brute = {
@@ -177,7 +179,7 @@ def test_front_has_what_nothing_beats():
     assert front_chart(rows[:2], "0") == ()
 
 
-def test_history_and_family_of_the_winner():
+def test_history_chart_and_family__small_run__show_the_ancestors():
     run = small_run()
     (chart,) = history_chart(run)
     so_far, best = chart.panels[0].lines
@@ -191,14 +193,14 @@ def test_history_and_family_of_the_winner():
     assert history_chart(None) == ()
 
 
-def test_tree_shows_the_numbers_of_its_effects():
+def test_tree_svg__shows_the_numbers_of_its_effects():
     drawn = tree(individual(0, 0, 1.0, structure="two_mass+coulomb+delay").tree)
     assert [f">{number}<" in drawn for number in (2, 5, 11)] == [True] * 3
     assert drawn.count("<line") == 2
 
 
-def test_range_bar_is_where_the_value_is():
-    part = model_of("one_mass").parameters["J1"]
+def test_range_bar__is_at_the_value():
+    part = model_with_intervals("one_mass").parameters["J1"]
     value = part.value
     middle = range_bar(part, (value / 100, 100 * value), log=True)
     assert 'class="estimate" x1="70.0"' in middle
@@ -206,8 +208,8 @@ def test_range_bar_is_where_the_value_is():
     assert 'class="estimate" x1="136.0"' in range_bar(part, (0.0, 0.5 * value), log=False)
 
 
-def test_long_and_many_recordings_stay_below_six_megabytes():
-    model = model_of("one_mass+coulomb+viscous")
+def test_page__long_and_many_recordings__stays_below_six_megabytes():
+    model = model_with_intervals("one_mass+coulomb+viscous")
     rng = np.random.default_rng(0)
     t = DT * np.arange(20_000)
     y = rng.normal(size=(1, t.size))

@@ -34,7 +34,7 @@ def lines(axes):
     return {line.get_label(): line for line in axes.get_lines()}
 
 
-def test_measured_simulated_and_residual_with_units(trace):
+def test_comparison__measured_simulated_and_residual__have_units(trace):
     axes = comparison([trace, replace(trace, name="b.csv", test=True)]).axes
     assert len(axes) == 8
     position, position_residual, velocity, _ = axes[:4]
@@ -52,7 +52,7 @@ def test_measured_simulated_and_residual_with_units(trace):
     np.testing.assert_array_equal(position_residual.get_lines()[-1].get_ydata(), trace.residual[0])
 
 
-def test_long_lines_keep_their_extremes():
+def test_thin__long_lines__keep_their_extremes():
     generator = np.random.default_rng(1)
     t = np.arange(100_000.0)
     line, other = generator.normal(size=(2, t.size))
@@ -67,18 +67,18 @@ def test_long_lines_keep_their_extremes():
     np.testing.assert_array_equal(thinned, line[kept.astype(int)])
 
 
-def test_diverged_simulation_can_be_shown(trace):
+def test_comparison__diverged_simulation__is_drawn(trace):
     broken = trace.simulated.copy()
     broken[:, 100:] = np.nan
     assert picture(comparison([replace(trace, simulated=broken)]), "png").startswith(b"\x89PNG")
 
 
-def test_same_figure_gives_same_bytes(trace):
+def test_picture__same_figure__gives_the_same_bytes(trace):
     for kind in ("svg", "png", "pdf"):
         assert picture(comparison([trace]), kind) == picture(comparison([trace]), kind)
 
 
-def test_svg_asks_for_nothing_from_outside(trace):
+def test_picture__svg__loads_nothing(trace):
     svg = picture(comparison([trace])).decode()
     assert re.findall(r'href="(?!#)[^"]*"', svg) == []
 
@@ -91,7 +91,7 @@ def lightness(colour):
     return 116 * np.cbrt(y) - 16 if y > 0.008856 else 903.3 * y
 
 
-def test_colours_differ_in_lightness():
+def test_colours__differ_in_lightness():
     # 10 is a step that everybody sees, also in grey print.
     for one, other in itertools.combinations(("measured", "simulated", "residual"), 2):
         assert abs(lightness(COLOURS[one]) - lightness(COLOURS[other])) > 10

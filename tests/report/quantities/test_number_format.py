@@ -31,7 +31,7 @@ from brightgrey.report.quantities.number_format import significant, with_uncerta
         (20.0, 1e-14, ("20.00000000", "1.0e-14")),
     ],
 )
-def test_value_is_cut_at_the_second_digit_of_its_uncertainty(value, half_width, expected):
+def test_with_uncertainty__is_cut_at_the_second_digit_of_the_half_width(value, half_width, expected):
     assert with_uncertainty(value, half_width) == expected
 
 
@@ -39,7 +39,7 @@ def test_value_is_cut_at_the_second_digit_of_its_uncertainty(value, half_width, 
     ("value", "text"),
     [(0.0, "0"), (2.5968, "2.597"), (1.23449e-7, "1.234e-07"), (-99.996, "-100.0"), (math.inf, "-")],
 )
-def test_significant_digits(value, text):
+def test_significant__has_four_digits(value, text):
     assert significant(value) == text
 
 
@@ -47,7 +47,7 @@ magnitudes = st.floats(1e-12, 1e12)
 
 
 @given(value=magnitudes, sign=st.sampled_from((-1.0, 1.0)), relative=st.floats(1e-7, 1e3))
-def test_what_is_shown_is_within_a_twentieth_of_the_uncertainty(value, sign, relative):
+def test_with_uncertainty__rounds_by_a_twentieth_of_it_at_most(value, sign, relative):
     half_width = relative * value
     shown, shown_half = with_uncertainty(sign * value, half_width)
     # Cut at the second digit of the half width: at most half a unit there, and that unit is at most a tenth.

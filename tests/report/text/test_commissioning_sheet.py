@@ -6,16 +6,16 @@ import pytest
 from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.report.quantities.propagation import intervals, parameter_draws
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
-from support.report_models import TOP, VALUES, independent, model_of
+from support.models import TOP, VALUES, independent, model_with_intervals
 
 
 def entries(model, correlation=None):
     return {entry.name: entry for entry in commissioning_sheet(AssembledModel(model), correlation or {})}
 
 
-def test_a_drive_engineers_numbers():
+def test_sheet__full_model__agrees_with_closed_forms():
     J1, J2, c, d = (VALUES[n] for n in ("J1", "J2", "c1", "d1"))
-    found = entries(model_of())
+    found = entries(model_with_intervals())
     value = {name: entry.value for name, entry in found.items()}
     assert value["total inertia"] == pytest.approx(J1 + J2)
     assert value["inertia ratio, load to motor"] == pytest.approx(J2 / J1)
@@ -32,8 +32,8 @@ def test_a_drive_engineers_numbers():
     assert value["all delay of the input together"] == pytest.approx(VALUES["T_d"] + VALUES["T_1"])
 
 
-def test_words_and_units_of_a_linear_axis():
-    found = entries(model_of("two_mass+coulomb+backlash", units=("N", "mm")))
+def test_sheet__linear_axis__has_its_words_and_units():
+    found = entries(model_with_intervals("two_mass+coulomb+backlash", units=("N", "mm")))
     assert found["total mass"].unit == "N s²/mm"
     assert found["total mass"].value == pytest.approx(1e-3 * (VALUES["J1"] + VALUES["J2"]))
     assert found["friction force at standstill"].unit == "N"
@@ -41,12 +41,14 @@ def test_words_and_units_of_a_linear_axis():
     assert found["backlash at the load (whole gap)"].unit == "mm"
 
 
-def test_only_what_the_model_has_is_listed():
-    assert [e.name for e in commissioning_sheet(AssembledModel(model_of("one_mass")), {})] == ["total inertia"]
+def test_sheet__one_mass__lists_nothing_else():
+    assert [e.name for e in commissioning_sheet(AssembledModel(model_with_intervals("one_mass")), {})] == [
+        "total inertia"
+    ]
 
 
-def test_a_single_parameter_keeps_its_interval():
-    model = model_of("one_mass+coulomb+gravity")
+def test_sheet__single_parameter__keeps_its_interval():
+    model = model_with_intervals("one_mass+coulomb+gravity")
     found = entries(model, independent(model))
     for name, parameter in (("total inertia", "J1"), ("friction torque at standstill", "M_C")):
         assert found[name].interval == pytest.approx(model.parameters[parameter].ci95)
@@ -54,8 +56,8 @@ def test_a_single_parameter_keeps_its_interval():
 
 
 @pytest.mark.parametrize("rho", [-1.0, 0.0, 0.6, 1.0])
-def test_errors_of_a_sum_depend_on_their_correlation(rho):
-    model = model_of("two_mass", relative=0.02)
+def test_intervals__of_a_sum__depend_on_the_correlation(rho):
+    model = model_with_intervals("two_mass", relative=0.02)
     correlation = independent(model) | {("J1", "J2"): rho, ("J2", "J1"): rho}
 
     def total(sets):
@@ -68,8 +70,8 @@ def test_errors_of_a_sum_depend_on_their_correlation(rho):
     assert intervals(AssembledModel(model), {}, total) == [None]
 
 
-def test_draws_have_the_intervals_of_the_parameters():
-    model = model_of("two_mass+coulomb", relative=0.1)
+def test_parameter_draws__have_the_intervals_of_the_parameters():
+    model = model_with_intervals("two_mass+coulomb", relative=0.1)
     drawn = parameter_draws(AssembledModel(model), independent(model), 4000)
     for name, values in drawn.items():
         # A quantile of 4000 draws at 2.5 % is off by 4 % of half the interval (standard deviation); three of them.

@@ -1,4 +1,4 @@
-"""A drive with everything that control has to do with."""
+"""The drive of the paper's experiment, with every effect added that it lacks; its systems and recordings."""
 
 import numpy as np
 
@@ -8,20 +8,7 @@ from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording
 
-VALUES = {
-    "J1": 0.012,
-    "J2": 0.008,
-    "c1": 75.0,
-    "d1": 0.036,
-    "M_C": 0.9,
-    "f_v": 0.015,
-    "M_S": 0.6,
-    "omega_S": 5.5,
-    "M_G": 1.0,
-    "alpha": 0.02,
-    "T_1": 1e-3,
-    "T_d": 1.5e-3,
-}
+VALUES = {**E.values, "M_G": 1.0, "alpha": 0.02, "T_1": 1e-3, "T_d": 1.5e-3}
 SETTINGS = Settings(E.f_tanh, E.speed)
 
 
