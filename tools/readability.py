@@ -25,7 +25,7 @@ def markdown_prose(text: str) -> str:
     text = re.sub(r"^```.*?^```", "\n", text, flags=re.MULTILINE | re.DOTALL)
     text = re.sub(r"^(#|\||%|    \S).*$", "", text, flags=re.MULTILINE)
     text = re.sub(r"^\s*([-*]|\d+\.)\s+", "\n", text, flags=re.MULTILINE)
-    text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", lambda link: link[1] or "Page", text)
     return plain(text)
 
 
@@ -35,8 +35,8 @@ def docstring_prose(text: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Return the text with code replaced by one short word, and marks of emphasis left out."""
-    text = re.sub(r":\w+:`[^`]*`|``[^`]*``|`[^`]*`", "it", text)
+    """Return the text with each piece of code replaced by one short word, and marks of emphasis left out."""
+    text = re.sub(r":\w+:`[^`]*`|``[^`]*``|`[^`]*`", "Code", text)
     return re.sub(r"[*_]+", "", text)
 
 

@@ -1,5 +1,6 @@
 """The pages say what is there: links, options, every effect and every public name."""
 
+import importlib.util
 import re
 import subprocess
 import sys
@@ -50,6 +51,23 @@ def test_options_that_are_named_exist(capsys):
 def test_prose_is_at_most_120_characters_wide(page):
     for line in page.read_text(encoding="utf-8").splitlines():
         assert len(line) <= 120 or line.startswith(("|", "   :exclude-members:")), line
+
+
+@pytest.fixture(scope="module")
+def readability():
+    """The module tools/readability.py."""
+    spec = importlib.util.spec_from_file_location("readability", DOCS.parent / "tools" / "readability.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    "page", [*PAGES, *sorted(DOCS.parent.glob("*.md"))], ids=lambda p: p.relative_to(DOCS.parent).as_posix()
+)
+def test_sentence__has_at_most_30_words(page, readability):
+    for sentence in readability.sentences(readability.markdown_prose(page.read_text(encoding="utf-8"))):
+        assert len(sentence.split()) <= readability.LONGEST, sentence
 
 
 @pytest.mark.parametrize("page", sorted((DOCS / "validation").glob("*.md")), ids=lambda p: p.stem)
