@@ -1,6 +1,7 @@
 """Simulation: one compiled kernel for all structures, and a plain implementation that tests it."""
 
+from brightgrey.simulation.preparation import is_kernel_ready, prepare_kernel
 from brightgrey.simulation.response import Response, response, squares
 from brightgrey.simulation.settings import Settings
 
-__all__ = ["Response", "Settings", "response", "squares"]
+__all__ = ["Response", "Settings", "is_kernel_ready", "prepare_kernel", "response", "squares"]

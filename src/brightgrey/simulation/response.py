@@ -32,6 +32,7 @@ from brightgrey.simulation.kernel.machine.buffers import PlantBuffers, address, 
 from brightgrey.simulation.kernel.machine.memory_layout import Call, Shape
 from brightgrey.simulation.kernel.machine.simd import LANES
 from brightgrey.simulation.kernel.step_control import accept_or_refine, refine_group, refine_lane
+from brightgrey.simulation.preparation import prepare_kernel
 from brightgrey.simulation.settings import Settings, stepping_of, tolerances
 
 __all__ = ["Response", "parts_per_sample", "response", "squares"]
@@ -290,7 +291,8 @@ def _call_numbers(job: _Job) -> Array:
 
 
 def _entries(shape: Shape, *, delayed: bool) -> dict[str, int]:
-    """Addresses of the compiled entries that a call needs; those that it does not need are not compiled."""
+    """Addresses of the compiled entries that a call needs; those that it does not need are not loaded."""
+    prepare_kernel()
     steps = shape.euler == 0
     return {
         "fill_propagator_tables": fill_propagator_tables.address() if steps else 0,

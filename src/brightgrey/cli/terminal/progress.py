@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn
 
+from brightgrey.cli.terminal.compilation import compile_kernel
 from brightgrey.search.exhaustive import SearchProgress
 from brightgrey.search.genetic import Progress as Step
 
@@ -24,6 +25,7 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[SearchProgress | Ste
 
     Yields a function of a step and a word on what is being searched.
     """
+    compile_kernel(silent=silent)
     console = Console(stderr=True, markup=False, emoji=False, highlight=False)
     if silent or not sys.stderr.isatty():
         yield lambda step, about: None
@@ -37,8 +39,7 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[SearchProgress | Ste
         *(() if narrow else (TextColumn("{task.fields[best]}", markup=False),)),
     )
     with Progress(*columns, console=console, transient=True) as progress:
-        start = what if narrow else f"{what} (the first run after installation compiles for some seconds)"
-        task = progress.add_task(start, total=None, left="", best="")
+        task = progress.add_task(what, total=None, left="", best="")
 
         begun = time.monotonic()
         stages: set[str] = set()

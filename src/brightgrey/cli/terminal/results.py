@@ -55,11 +55,14 @@ def screen(*, stderr: bool = False) -> Console:
 @contextmanager
 def working(what: str, *, silent: bool) -> Iterator[None]:
     """Show on a terminal's stderr that something is going on."""
+    from brightgrey.cli.terminal.compilation import compile_kernel
+
+    compile_kernel(silent=silent)
     console = screen(stderr=True)
     if silent or not sys.stderr.isatty():  # FORCE_COLOR makes a terminal of a pipe for rich, but nothing moves there
         yield
         return
-    with console.status(Text(f"{what} (the first run after installation compiles for some seconds)")):
+    with console.status(Text(what)):
         yield
 
 

@@ -23,7 +23,7 @@ import numba
 import numba.core.config
 from numba.core import types
 
-__all__ = ["Entry", "cache_folder", "cached", "inlined", "inner"]
+__all__ = ["Entry", "cache_folder", "cached", "compile_for_integers", "inlined", "inner"]
 
 _CONFIG: Any = numba.core.config
 _OPTIONS: dict[str, Any] = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
@@ -76,6 +76,11 @@ def cached(function: Callable[..., Any]) -> Any:
             return numba.njit(cache=True, **_OPTIONS)(function)
     except (OSError, RuntimeError):
         return numba.njit(**_OPTIONS)(function)
+
+
+def compile_for_integers(function: Any, count: int) -> None:
+    """Compile a :func:`cached` function of `count` integers into the disk cache, as its first call would."""
+    function.compile((types.int64,) * count)
 
 
 class Entry:
