@@ -31,7 +31,7 @@ def kept(tmp_path):
     folder = tmp_path / "run"
     with Store.open(folder, REQUEST) as store:
         for number in range(60):
-            store.keep(f"{number:064x}", number, "f", "one_mass", 0.1, text_of((0.1 * number, "x" * 200)))
+            store.save_evaluation(f"{number:064x}", number, "f", "one_mass", 0.1, text_of((0.1 * number, "x" * 200)))
         content = {key: store.result(key) for key in (f"{n:064x}" for n in range(60))}
     return folder, content
 
@@ -148,7 +148,7 @@ def test_another_request_is_refused(kept):
 
 def test_a_generation_that_does_not_repeat_itself_is_refused(tmp_path):
     with Store.open(tmp_path, REQUEST) as store:
-        store.generation(0, {"random": 1})
-        store.generation(0, {"random": 1})
+        store.save_generation(0, {"random": 1})
+        store.save_generation(0, {"random": 1})
         with pytest.raises(RunError, match="generation 0"):
-            store.generation(0, {"random": 2})
+            store.save_generation(0, {"random": 2})

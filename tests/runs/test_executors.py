@@ -1,6 +1,7 @@
 """The same bytes wherever evaluations are made."""
 
 import logging
+import multiprocessing
 import os
 import signal
 
@@ -12,6 +13,7 @@ from brightgrey.api.resumable import identify_resumable
 from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.runs import RunError, Workforce
+from brightgrey.runs.recording_transfer import RECORDINGS, RecordingTransferExecutor
 from support.small_runs import results
 
 EXCLUDE = ("two_mass", "current_control")
@@ -65,7 +67,7 @@ def test_a_cluster_that_loses_a_worker(small, whole, tmp_path):
 def test_a_process_that_dies_is_told_and_the_run_goes_on(small, whole, tmp_path):
     def kill(step):
         if getattr(step, "done", 0) == 3:
-            for process in executor._inner._processes.values():
+            for process in multiprocessing.active_children():
                 os.kill(process.pid, signal.SIGKILL)
 
     with Workforce(2, processes=True).executor() as executor, pytest.raises(RunError, match="the same command goes on"):
@@ -77,8 +79,6 @@ def test_a_process_that_dies_is_told_and_the_run_goes_on(small, whole, tmp_path)
 def test_a_recording_travels_once_per_worker(small):
     from concurrent.futures import Executor, Future
 
-    from brightgrey.runs import recording_transfer as parcel
-
     sent = []
 
     class Wire(Executor):
@@ -89,8 +89,8 @@ def test_a_recording_travels_once_per_worker(small):
             return future
 
     recording = read_recording(small.folder / "a.csv", input="torque", outputs=["velocity"], decimate=2)
-    parcel._HELD.clear()
-    parcels = parcel.RecordingTransferExecutor(Wire())
+    RECORDINGS.clear()
+    parcels = RecordingTransferExecutor(Wire())
     for _ in range(5):
         assert parcels.submit(np.shape, recording.y).result() == recording.y.shape
         assert parcels.submit(_samples, recording).result() == recording.samples
@@ -109,8 +109,7 @@ def test_wrong_workforces_are_refused():
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_cluster_that_is_not_there_is_named(monkeypatch):
+def test_a_cluster_that_is_not_there_is_named():
     pytest.importorskip("distributed")
-    monkeypatch.setattr("brightgrey.runs.executors._PATIENCE", 1)
-    with pytest.raises(RunError, match=r"127\.0\.0\.1:9"), Workforce(dask="127.0.0.1:9").executor():
+    with pytest.raises(RunError, match=r"127\.0\.0\.1:9"), Workforce(dask="127.0.0.1:9", connect_timeout=1).executor():
         pass

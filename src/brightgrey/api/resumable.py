@@ -22,7 +22,7 @@ from brightgrey.model.files import check_folder, write_files
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 from brightgrey.runs import Budget, CachingExecutor, RunError, RunStatus, Stop, Store, read_status
-from brightgrey.runs.serialisation import canonical, code, digest
+from brightgrey.runs.serialisation import canonical, digest, source_hash
 from brightgrey.runs.store import FILE
 from brightgrey.search.exhaustive import SearchProgress
 from brightgrey.search.genetic import GeneticSettings, Progress
@@ -85,7 +85,7 @@ def request_of(recordings: Recording | Sequence[Recording], structure: Any = Non
     else:
         request["search"] = search or "auto"
     versions = {"brightgrey": __version__, "numpy": numpy.__version__, "scipy": scipy.__version__}
-    request["versions"] = {**versions, "numba": numba.__version__, "code": code()}
+    request["versions"] = {**versions, "numba": numba.__version__, "code": source_hash()}
     plain: dict[str, Any] = json.loads(canonical(request))
     return plain
 
@@ -151,7 +151,7 @@ def identify_resumable(
     """
     check_folder(folder)
     asked = request_of(recordings, structure, **options)
-    with Store.open(folder, asked, restart=restart, cheap=_is_fit) as store:
+    with Store.open(folder, asked, restart=restart, may_replace=_is_fit) as store:
         if store.finished:
             files = store.files()
             text = files.pop(SUMMARY_FILE, b"").decode()
@@ -194,12 +194,12 @@ def _is_fit(request: Mapping[str, Any]) -> bool:
 def _store_progress(store: Store, step: SearchProgress | Progress) -> None:
     """Store the progress of a search; for a genetic one also the state that the next generation is drawn from."""
     if isinstance(step, SearchProgress):
-        store.stage({"name": step.name, "done": step.done, "total": step.total, "best": str(step.structure)})
+        store.note_stage({"name": step.name, "done": step.done, "total": step.total, "best": str(step.structure)})
         return
     best = str(step.best.job.structure)
-    store.stage({"name": "generations", "done": step.generation, "total": step.generations, "best": best})
+    store.note_stage({"name": "generations", "done": step.generation, "total": step.generations, "best": best})
     trees = [[str(e.tree), list(e.result.values), e.value] for e in step.population]
-    store.generation(step.generation, {"random": step.random, "population": trees})
+    store.save_generation(step.generation, {"random": step.random, "population": trees})
 
 
 def _restore(folder: Path, files: Mapping[str, bytes]) -> None:

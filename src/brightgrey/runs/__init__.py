@@ -1,4 +1,4 @@
-"""Runs that survive: what has been evaluated is kept, and where evaluations are made does not matter."""
+"""Runs that survive an interruption: every evaluation is kept, and may be made by threads, processes or a cluster."""
 
 from brightgrey.runs.caching_executor import Budget, CachingExecutor, Stop
 from brightgrey.runs.executors import Workforce

@@ -1,4 +1,4 @@
-"""Linear algebra on one thread: sums over many are rounded differently, and results would depend on the cores."""
+"""Linear algebra on one thread: several threads round sums differently, and results would depend on their number."""
 
 from __future__ import annotations
 
@@ -20,5 +20,5 @@ def one_blas_thread() -> Iterator[None]:
 
 @cache
 def limit_blas_threads() -> None:
-    """Keep linear algebra to one thread for good: the process is a worker."""
+    """Keep linear algebra to one thread until the process, a worker, ends."""
     threadpool_limits(1, user_api="blas")

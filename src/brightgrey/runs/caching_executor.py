@@ -1,7 +1,7 @@
-"""An executor that remembers: what a store knows is not computed again.
+"""Executor that memoises on disk: a call whose result is in the store is not made again.
 
-A search is a deterministic sequence of pure calls. Repeated with this executor it comes by itself to the point where it
-was interrupted, with the same numbers, and goes on from there: nothing in a search knows that it was ever interrupted.
+A search is a deterministic sequence of pure calls. Repeated with this executor, it returns by itself to the point where
+it was interrupted, with the same numbers, and goes on from there. So no search needs code for resuming.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ __all__ = ["Budget", "CachingExecutor", "Stop"]
 
 @dataclass(frozen=True)
 class Budget:
-    """How far to go, and no further.
+    """Limits of a run.
 
     Attributes
     ----------
     evaluations : int or None
-        Those that an earlier part of the run has made count, so that the result does not depend on interruptions.
+        Evaluations in all. Those that an earlier part of the run has made count, so that the result does not depend on
+        interruptions.
     seconds : float or None
-        Of this part of the run.
+        Wall time of this part of the run.
 
     Raises
     ------
@@ -51,40 +52,46 @@ class Budget:
 
 
 class Stop:
-    """Something to tell that all has to come to an end, and to be told so."""
+    """Request to end a run early, with the listeners that act on it.
+
+    Attributes
+    ----------
+    requested : bool
+    """
 
     def __init__(self) -> None:
         self._listeners: list[Callable[[], None]] = []
-        self.told = False
+        self.requested = False
 
-    def listen(self, callback: Callable[[], None]) -> None:
-        """Have `callback` called when it is told, at once if it has been."""
+    def add_listener(self, callback: Callable[[], None]) -> None:
+        """Call `callback` when a stop is requested, or at once if it has been."""
         self._listeners.append(callback)
-        if self.told:
+        if self.requested:
             callback()
 
-    def tell(self) -> None:
-        """Stop. May be called in a signal handler: the listeners are called on a thread of their own."""
-        self.told = True
+    def request(self) -> None:
+        """Request the stop. A signal handler may do so: the listeners are called on a thread of their own."""
+        self.requested = True
         threading.Thread(target=lambda: [callback() for callback in tuple(self._listeners)], daemon=True).start()
 
 
-_About = tuple[str, int, str, str]  # key, number, function, subject
+_CallRecord = tuple[str, int, str, str]
+"""Key, number, name of the function, and structure of a call."""
 
 
 def _timed(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, float]:
-    """Result, and the seconds it took."""
-    began = time.monotonic()
+    """Result of a call, and the seconds it took."""
+    start = time.monotonic()
     result = function(*arguments)
-    return result, time.monotonic() - began
+    return result, time.monotonic() - start
 
 
-def _broken(error: BrokenExecutor | str) -> RunError:
+def _worker_died(error: BrokenExecutor | str) -> RunError:
     return RunError(f"a worker has died ({error}); what is done is kept, and the same command goes on from there")
 
 
 class CachingExecutor(Executor):
-    """Answers calls from `store`, has the others made by `inner` and keeps their results.
+    """Executor that returns results from `store`, and stores the results of all other calls, made by `inner`.
 
     Parameters
     ----------
@@ -92,12 +99,12 @@ class CachingExecutor(Executor):
     store : Store
     budget : Budget, optional
     stop : Stop, optional
-        What it listens to.
+        Ends the run as :meth:`stop` does.
     """
 
     def __init__(self, inner: Executor, store: Store, budget: Budget | None = None, stop: Stop | None = None) -> None:
         self._inner, self._store, self._budget = inner, store, budget or Budget()
-        self._one = threading.Lock()
+        self._mutex = threading.Lock()
         self._number = 0
         self._pending: dict[Future[Any], Future[Any]] = {}
         self._stopped = threading.Event()
@@ -106,7 +113,7 @@ class CachingExecutor(Executor):
         if self._budget.seconds is not None:
             self._timer.start()
         if stop is not None:
-            stop.listen(self.stop)
+            stop.add_listener(self.stop)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Result of ``fn(*args)``, as the store gives it back; keyword arguments are refused (TypeError)."""
@@ -115,8 +122,8 @@ class CachingExecutor(Executor):
         self._number += 1
         out: Future[Any] = Future()
         out.set_running_or_notify_cancel()
-        most = self._budget.evaluations
-        if self._stopped.is_set() or (most is not None and self._number > most):
+        limit = self._budget.evaluations
+        if self._stopped.is_set() or (limit is not None and self._number > limit):
             out.set_exception(Stopped())
             return out
         key = digest(call_text(fn, args))
@@ -125,53 +132,53 @@ class CachingExecutor(Executor):
             out.set_result(value_of(known))
             return out
         subject = next((str(a) for a in args if isinstance(a, Structure)), "")
-        self._hand_over(out, fn, args, (key, self._number, name_of(fn), subject))
+        self._forward(out, fn, args, (key, self._number, name_of(fn), subject))
         return out
 
-    def _hand_over(self, out: Future[Any], fn: Callable[..., Any], args: tuple[Any, ...], about: _About) -> None:
+    def _forward(self, out: Future[Any], fn: Callable[..., Any], args: tuple[Any, ...], record: _CallRecord) -> None:
         def done(inner: Future[Any]) -> None:
-            with self._one:
+            with self._mutex:
                 self._pending.pop(inner, None)
             try:
                 result, seconds = inner.result()
                 text = text_of(result)
-                self._store.keep(*about, seconds, text)
+                self._store.save_evaluation(*record, seconds, text)
                 out.set_result(value_of(text))
             except CancelledError:
-                out.set_exception(Stopped() if self.stopped else _broken("it is out of reach"))
+                out.set_exception(Stopped() if self.stopped else _worker_died("it cannot be reached"))
             except BrokenExecutor as error:
-                out.set_exception(_broken(error))
+                out.set_exception(_worker_died(error))
             except BaseException as error:
                 out.set_exception(error)
 
         try:
             inner = self._inner.submit(_timed, fn, args)
         except BrokenExecutor as error:
-            out.set_exception(_broken(error))
+            out.set_exception(_worker_died(error))
             return
-        with self._one:
+        with self._mutex:
             self._pending[inner] = out
         inner.add_done_callback(done)
         if self._stopped.is_set():
             inner.cancel()
 
     def stop(self) -> None:
-        """Let what is being computed come to its end, and nothing else begin. Callable from any thread."""
+        """Start no further call; calls that run come to their end. Any thread may call this."""
         self._stopped.set()
-        with self._one:
+        with self._mutex:
             waiting = list(self._pending)
         for inner in waiting:
             inner.cancel()
 
     @property
     def stopped(self) -> bool:
-        """Whether :meth:`stop` was called."""
+        """True after :meth:`stop` was called."""
         return self._stopped.is_set()
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Wait until all that is being computed has been kept; `inner` stays open."""
+        """Wait until the results of running calls are stored; `inner` stays open."""
         self._timer.cancel()
-        with self._one:
+        with self._mutex:
             waiting = dict(self._pending)
         for inner, out in waiting.items():
             if cancel_futures:

@@ -1,4 +1,4 @@
-"""Who makes the evaluations: threads, processes of this machine, or the workers of a Dask cluster."""
+"""Executors of evaluations: threads, processes of this machine, or the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from brightgrey.runs.store import RunError
 
 __all__ = ["Workforce"]
 
-_PATIENCE = 10  # s until a cluster counts as out of reach
-
 
 @dataclass(frozen=True)
 class Workforce:
-    """Where evaluations are made; their results do not depend on it.
+    """Workers that make the evaluations; the results do not depend on them.
 
     Attributes
     ----------
     workers : int
-        Threads, or processes.
+        Number of threads, or of processes.
     processes : bool
+        Use processes.
     dask : str or None
-        Address of a Dask scheduler, ``host:port``; its workers need the same brightgrey.
+        Address of a Dask scheduler, ``host:port``; its workers need the same version of brightgrey.
+    connect_timeout : float
+        Seconds after which a cluster counts as unreachable.
 
     Raises
     ------
@@ -43,6 +44,7 @@ class Workforce:
     workers: int = 1
     processes: bool = False
     dask: str | None = None
+    connect_timeout: float = 10.0
 
     def __post_init__(self) -> None:
         if self.workers < 1:
@@ -52,7 +54,7 @@ class Workforce:
 
     @contextmanager
     def executor(self) -> Iterator[Executor]:
-        """Executor that ends with the context; what waits then is cancelled.
+        """Executor that is shut down with the context; calls that wait are cancelled then.
 
         Raises
         ------
@@ -62,28 +64,28 @@ class Workforce:
             If the cluster cannot be reached.
         """
         if self.dask:
-            with _cluster(self.dask) as client:
+            with _dask_client(self.dask, self.connect_timeout) as client:
                 yield RecordingTransferExecutor(client.get_executor())
             return
-        made = _processes(self.workers) if self.processes else ThreadPoolExecutor(self.workers)
+        made = _process_pool(self.workers) if self.processes else ThreadPoolExecutor(self.workers)
         try:
             yield made
         finally:
             made.shutdown(wait=True, cancel_futures=True)
 
 
-def _processes(workers: int) -> Executor:
-    spawned = multiprocessing.get_context("spawn")  # a fork would copy threads that hold locks, and our own lock
-    return RecordingTransferExecutor(ProcessPoolExecutor(workers, spawned, _settle))
+def _process_pool(workers: int) -> Executor:
+    spawned = multiprocessing.get_context("spawn")  # a fork would copy threads that hold locks, and the lock of the run
+    return RecordingTransferExecutor(ProcessPoolExecutor(workers, spawned, _initialise_worker))
 
 
-def _settle() -> None:
-    """Begin as a worker: the parent alone hears of Ctrl-C, and nobody survives it."""
+def _initialise_worker() -> None:
+    """Prepare a worker process: it ignores Ctrl-C, which the parent handles, and ends with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_outlived, daemon=True).start()
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
 
 
-def _outlived() -> None:
+def _exit_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -91,21 +93,22 @@ def _outlived() -> None:
 
 
 @contextmanager
-def _cluster(address: str) -> Iterator[Any]:
+def _dask_client(address: str, timeout: float) -> Iterator[Any]:
     try:
         from distributed import Client, KilledWorker
     except ImportError:
         raise SettingsError("--dask needs the package 'distributed': install brightgrey[dask]") from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost worker is an event, not an error
     try:
-        client: Any = Client(address, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+        client: Any = Client(address, timeout=timeout, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise RunError(f"cannot reach a Dask scheduler at '{address}': {error}") from None
     try:
         yield client
     except KilledWorker as error:
         raise RunError(
-            f"an evaluation has cost the cluster several workers, the last of them {error.last_worker}"
+            f"several workers of the cluster died of the same evaluation, the last of them {error.last_worker};"
+            " give them more memory, or use --processes"
         ) from error
     finally:
         client.close()

@@ -1,4 +1,4 @@
-"""Calls on their way to another process: a recording travels to each worker once, then only its name does."""
+"""Calls to other processes: a recording is sent to each worker once, and by its fingerprint from then on."""
 
 from __future__ import annotations
 
@@ -7,65 +7,95 @@ import pickle
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Executor, Future
+from dataclasses import dataclass, field
 from typing import Any
 
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import limit_blas_threads
-from brightgrey.runs.serialisation import code
+from brightgrey.runs.serialisation import source_hash
 
-__all__ = ["RecordingTransferExecutor"]
-
-_MOST = 32  # recordings that a worker holds
-_HELD: OrderedDict[str, Recording] = OrderedDict()
-"""Recordings of this process, if it is a worker, by fingerprint: what makes them travel once. Nothing depends on it."""
+__all__ = ["RECORDINGS", "RecordingCache", "RecordingTransferExecutor"]
 
 
-class _Missing(Exception):  # noqa: N818 - a question, not an error
-    """A worker has not got a recording."""
+@dataclass
+class RecordingCache:
+    """Recordings that a worker process holds, by fingerprint. No result depends on it.
+
+    Attributes
+    ----------
+    capacity : int
+        Recordings that are held; the oldest one makes place for the next.
+    """
+
+    capacity: int = 32
+    _recordings: OrderedDict[str, Recording] = field(default_factory=OrderedDict)
+
+    def add(self, recordings: Mapping[str, Recording]) -> None:
+        """Hold further recordings."""
+        for fingerprint, recording in recordings.items():
+            self._recordings[fingerprint] = recording
+            while len(self._recordings) > self.capacity:
+                self._recordings.popitem(last=False)
+
+    def get(self, fingerprint: str) -> Recording | None:
+        """Recording by its fingerprint, None if it is not held."""
+        return self._recordings.get(fingerprint)
+
+    def clear(self) -> None:
+        """Hold no recording any more."""
+        self._recordings.clear()
+
+
+RECORDINGS = RecordingCache()
+"""Recordings of this process, if it is a worker."""
+
+
+class _MissingRecording(Exception):  # noqa: N818 - asks the sender for the recording
+    """A worker does not hold a recording."""
 
 
 class _Packer(pickle.Pickler):
-    """Leaves recordings at home and notes which."""
+    """Pickler that replaces recordings by their fingerprints, and collects them in `recordings`."""
 
     def __init__(self, file: io.BytesIO) -> None:
         super().__init__(file, protocol=pickle.HIGHEST_PROTOCOL)
-        self.left: dict[str, Recording] = {}
+        self.recordings: dict[str, Recording] = {}
 
     def persistent_id(self, obj: Any) -> str | None:
         if not isinstance(obj, Recording):
             return None
-        self.left[obj.fingerprint] = obj
+        self.recordings[obj.fingerprint] = obj
         return obj.fingerprint
 
 
 class _Unpacker(pickle.Unpickler):
     def persistent_load(self, pid: Any) -> Recording:
-        if pid not in _HELD:
-            raise _Missing
-        return _HELD[pid]
+        recording = RECORDINGS.get(pid)
+        if recording is None:
+            raise _MissingRecording
+        return recording
 
 
-def _open(sender: str, packed: bytes, sent: Mapping[str, Recording] | None = None) -> tuple[bool, Any]:
-    """Make a call in a worker; gives whether it could, and its result."""
+def _call_in_worker(sender: str, packed: bytes, sent: Mapping[str, Recording] | None = None) -> tuple[bool, Any]:
+    """Make a call in a worker; returns True and the result, or False if a recording is missing."""
     limit_blas_threads()
-    if sender != code():
-        raise RuntimeError(f"the worker runs another brightgrey (code {code()}, not {sender}); results might differ")
-    for name, recording in (sent or {}).items():
-        _HELD[name] = recording
-        while len(_HELD) > _MOST:
-            _HELD.popitem(last=False)
+    if sender != source_hash():
+        raise RuntimeError(
+            f"the worker runs another brightgrey (code {source_hash()}, not {sender}): install the same one"
+        )
+    RECORDINGS.add(sent or {})
     try:
         function, arguments = _Unpacker(io.BytesIO(packed)).load()
-    except _Missing:
+    except _MissingRecording:
         return False, None
     return True, function(*arguments)
 
 
 class RecordingTransferExecutor(Executor):
-    """Sends calls to the workers of `inner`, with the recordings only where they are asked for."""
+    """Executor that sends calls to the workers of `inner`, with recordings only where a worker lacks them."""
 
     def __init__(self, inner: Executor) -> None:
-        self._inner = inner
+        self.inner = inner
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Result of ``fn(*args)``; keyword arguments are refused (TypeError)."""
@@ -74,43 +104,47 @@ class RecordingTransferExecutor(Executor):
         file = io.BytesIO()
         packer = _Packer(file)
         packer.dump((fn, args))
-        packed, out = file.getvalue(), _Sent()
-        self._send(out, packed, packer.left, None)
+        packed, out = file.getvalue(), _RemoteFuture()
+        self._send(out, packed, packer.recordings, None)
         return out
 
     def _send(
-        self, out: _Sent, packed: bytes, left: Mapping[str, Recording], sent: Mapping[str, Recording] | None
+        self,
+        out: _RemoteFuture,
+        packed: bytes,
+        recordings: Mapping[str, Recording],
+        sent: Mapping[str, Recording] | None,
     ) -> None:
-        def back(inner: Future[Any]) -> None:
+        def receive(inner: Future[Any]) -> None:
             try:
                 made, result = inner.result()
                 if made:
                     out.set_result(result)
                 else:
-                    self._send(out, packed, left, left)
+                    self._send(out, packed, recordings, recordings)
             except CancelledError:
-                out.give_up()
+                out.mark_cancelled()
             except BaseException as error:
                 out.set_exception(error)
 
-        out.inner = self._inner.submit(_open, code(), packed, *([sent] if sent else []))
-        out.inner.add_done_callback(back)
+        out.inner = self.inner.submit(_call_in_worker, source_hash(), packed, *([sent] if sent else []))
+        out.inner.add_done_callback(receive)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End `inner`."""
-        self._inner.shutdown(wait=wait, cancel_futures=cancel_futures)
+        self.inner.shutdown(wait=wait, cancel_futures=cancel_futures)
 
 
-class _Sent(Future[Any]):
-    """Result that is under way; to cancel it is to cancel what was sent."""
+class _RemoteFuture(Future[Any]):
+    """Future of a call in a worker; cancelling it cancels the call."""
 
     inner: Future[Any]
 
     def cancel(self) -> bool:
-        """Cancel it where it waits; what runs comes to its end."""
+        """Cancel the call if it waits; a call that runs comes to its end."""
         return self.inner.cancel()
 
-    def give_up(self) -> None:
-        """Be cancelled, as what was sent has been."""
+    def mark_cancelled(self) -> None:
+        """Mark this future as cancelled, as the call has been."""
         super().cancel()
         self.set_running_or_notify_cancel()

@@ -20,7 +20,7 @@ from brightgrey.search.criteria import Misfit
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.genetic.evaluation import Evaluated
 
-__all__ = ["call_text", "canonical", "code", "digest", "name_of", "plain", "text_of", "value_of"]
+__all__ = ["call_text", "canonical", "digest", "name_of", "source_hash", "text_of", "to_plain", "value_of"]
 
 _RESULTS: Mapping[str, type[Any]] = {
     kind.__name__: kind for kind in (Optimum, Evaluated, Fitted, Misfit, SimulationCount)
@@ -29,7 +29,7 @@ _KIND = "~"
 
 
 def digest(*parts: str | bytes) -> str:
-    """SHA-256 of several texts, as 64 hexadecimal digits; where one ends and the next begins counts."""
+    """SHA-256 of several texts as 64 hexadecimal digits; their boundaries count."""
     whole = hashlib.sha256()
     for part in parts:
         content = part.encode() if isinstance(part, str) else part
@@ -44,20 +44,20 @@ def canonical(plain: Any) -> str:
 
 
 @cache
-def code() -> str:
+def source_hash() -> str:
     """Hash of the sources of this package."""
     root = Path(__file__).parent.parent
     files = sorted(root.rglob("*.py"))
     return digest(*(part for f in files for part in (f.relative_to(root).as_posix(), f.read_bytes())))[:16]
 
 
-def plain(value: Any) -> Any:
-    """Plain data that says all that is in `value`.
+def to_plain(value: Any) -> Any:
+    """Plain data from which :func:`value_of` restores `value`.
 
     Raises
     ------
     TypeError
-        For what has no text of its own.
+        For a type that cannot be stored.
     """
     if value is None or isinstance(value, bool | int | str):
         return value
@@ -73,21 +73,21 @@ def plain(value: Any) -> Any:
         numbers = np.asarray(value, "<f8")
         return {_KIND: "array", "shape": list(numbers.shape), "bytes": numbers.tobytes().hex()}
     if isinstance(value, Mapping):
-        return {_KIND: "mapping", "items": [[plain(k), plain(v)] for k, v in value.items()]}
+        return {_KIND: "mapping", "items": [[to_plain(k), to_plain(v)] for k, v in value.items()]}
     if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return {_KIND: type(value).__name__, **{f: plain(v) for f, v in zip(value._fields, value, strict=True)}}
+        return {_KIND: type(value).__name__, **{f: to_plain(v) for f, v in zip(value._fields, value, strict=True)}}
     if isinstance(value, tuple):
-        return {_KIND: "tuple", "items": [plain(v) for v in value]}
+        return {_KIND: "tuple", "items": [to_plain(v) for v in value]}
     if isinstance(value, list):
-        return [plain(v) for v in value]
+        return [to_plain(v) for v in value]
     if is_dataclass(value):
-        return {_KIND: type(value).__name__, **{f.name: plain(getattr(value, f.name)) for f in fields(value)}}
-    raise TypeError(f"a {type(value).__name__} has no text to be kept by")
+        return {_KIND: type(value).__name__, **{f.name: to_plain(getattr(value, f.name)) for f in fields(value)}}
+    raise TypeError(f"a {type(value).__name__} cannot be stored as text")
 
 
-def _value(data: Any) -> Any:
+def _from_plain(data: Any) -> Any:
     if isinstance(data, list):
-        return [_value(item) for item in data]
+        return [_from_plain(item) for item in data]
     if not isinstance(data, dict):
         return data
     kind = data.pop(_KIND)
@@ -96,20 +96,20 @@ def _value(data: Any) -> Any:
     if kind == "array":
         return np.frombuffer(bytes.fromhex(data["bytes"]), "<f8").reshape(data["shape"]).astype(np.float64)
     if kind == "mapping":
-        return {_value(k): _value(v) for k, v in data["items"]}
+        return {_from_plain(k): _from_plain(v) for k, v in data["items"]}
     if kind == "tuple":
-        return tuple(_value(item) for item in data["items"])
-    return _RESULTS[kind](**{name: _value(item) for name, item in data.items()})
+        return tuple(_from_plain(item) for item in data["items"])
+    return _RESULTS[kind](**{name: _from_plain(item) for name, item in data.items()})
 
 
 def text_of(result: Any) -> str:
     """Text of the result of an evaluation."""
-    return canonical(plain(result))
+    return canonical(to_plain(result))
 
 
 def value_of(text: str) -> Any:
     """Result of an evaluation from its text."""
-    return _value(json.loads(text))
+    return _from_plain(json.loads(text))
 
 
 def name_of(function: Callable[..., Any]) -> str:
@@ -121,5 +121,5 @@ def name_of(function: Callable[..., Any]) -> str:
 def call_text(function: Callable[..., Any], arguments: tuple[Any, ...]) -> str:
     """Text of a call, with the state of an object that is called."""
     state: Any = function
-    own = plain(state) if is_dataclass(state) else None
-    return canonical([name_of(function), own, [plain(a) for a in arguments]])
+    own = to_plain(state) if is_dataclass(state) else None
+    return canonical([name_of(function), own, [to_plain(a) for a in arguments]])

@@ -1,4 +1,4 @@
-"""A look at a run from outside, which may be going on meanwhile."""
+"""State of a run, read from outside; the run may be going on meanwhile."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from brightgrey.runs.store import FILE, LOCK, RunError, checked, connect, damaged
+from brightgrey.runs.store import FILE, LOCK, RunError, checked_facts, connect, damaged
 
 __all__ = ["RunStatus", "read_status"]
 
@@ -26,9 +26,9 @@ class RunStatus:
     seconds : float
         Time in s that the evaluations took together.
     generations : int
-        Of a genetic search, that are complete.
+        Complete generations of a genetic search.
     stage : mapping
-        Where the search stood: `name`, `done`, `total`, `best`; empty before it has begun.
+        Progress of the search: `name`, `done`, `total`, `best`; empty before it has begun.
     """
 
     folder: Path
@@ -41,7 +41,7 @@ class RunStatus:
 
 
 def read_status(folder: str | Path) -> RunStatus:
-    """Look at the run in `folder`, which may be going on, without disturbing it.
+    """Read the state of the run in `folder` without disturbing it.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def read_status(folder: str | Path) -> RunStatus:
         running = _is_locked(path)
         database = connect(path, "ro")
         try:
-            facts = checked(path, database)
+            facts = checked_facts(path, database)
             count, seconds = database.execute("SELECT count(*), total(seconds) FROM evaluations").fetchone()
             (generations,) = database.execute("SELECT count(*) FROM generations").fetchone()
         finally:

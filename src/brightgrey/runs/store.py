@@ -1,8 +1,8 @@
-"""One SQLite file per output folder: what was asked for, every evaluation, and what came of it.
+"""Store of a run: one SQLite file per output folder with the request, every evaluation and the results.
 
-Each row carries the hash of what it holds. The file is checked as a whole when it is opened, so that a damaged one is
-named and never read as a result. A second file, always empty, carries the lock: SQLite's own, which ends with its
-process however that dies.
+Each row carries the hash of its content. The file is checked as a whole when it is opened, so a damaged file is named
+and never read as a result. A second file, always empty, carries the lock. It is SQLite's own lock, which ends with its
+process, however that dies.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from typing import Any, Literal
 from brightgrey.errors import BrightgreyError
 from brightgrey.runs.serialisation import canonical, digest
 
-__all__ = ["FILE", "LOCK", "RunError", "Store", "checked", "connect", "damaged", "exclusive_folder"]
+__all__ = ["FILE", "LOCK", "RunError", "Store", "checked_facts", "connect", "damaged", "exclusive_folder"]
 
 FILE, LOCK = "run.sqlite", "run.lock"
 _FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm")
 FORMAT = "brightgrey/run/1"
 RunState = Literal["unfinished", "finished"]
-_WAIT = 0.5  # s for a lock: `brightgrey runs` holds it for an instant
-_TABLES = {
+_LOCK_TIMEOUT = 0.5  # s; `brightgrey runs` holds the lock for an instant
+_COLUMNS = {
     "facts": "name TEXT PRIMARY KEY, text TEXT NOT NULL",
     "evaluations": "key TEXT PRIMARY KEY, number INTEGER NOT NULL, function TEXT NOT NULL, subject TEXT NOT NULL,"
     " seconds REAL NOT NULL, result TEXT NOT NULL",
@@ -35,12 +35,12 @@ _TABLES = {
 
 
 class RunError(BrightgreyError):
-    """A run that cannot be begun, gone on with or kept: names the folder and what to do."""
+    """A run cannot be started, continued or stored; the message names the folder and what to do."""
 
 
 @contextmanager
-def _named(folder: Path) -> Iterator[None]:
-    """Turn what SQLite and the system say into a sentence that names the folder."""
+def _sqlite_errors_named(folder: Path) -> Iterator[None]:
+    """Turn errors of SQLite and the system into a sentence that names the folder."""
     try:
         yield
     except sqlite3.Error as error:
@@ -51,14 +51,14 @@ def _named(folder: Path) -> Iterator[None]:
         if "readonly" in text or "unable to open" in text:
             raise RunError(f"cannot keep the run in '{folder}': {text}; it has to be writable") from error
         raise damaged(folder, text) from error
-    except UnicodeDecodeError as error:  # SQLite's own words quote what it has found
+    except UnicodeDecodeError as error:  # SQLite's message quotes the damaged text
         raise damaged(folder, "its schema is no text") from error
     except OSError as error:
         raise RunError(f"cannot keep the run in '{folder}': {error.strerror or error}") from error
 
 
 def damaged(folder: Path, what: str) -> RunError:
-    """Error that says what is wrong with the file of a run."""
+    """Error that names the damage of a run's file."""
     return RunError(f"'{folder / FILE}' is damaged: {what}; nothing of it was used. --restart begins the run anew")
 
 
@@ -67,13 +67,13 @@ def _row_hash(table: str, row: Sequence[Any]) -> str:
 
 
 class Store:
-    """An open run, held by this process alone. Made by :meth:`open`; may be used by several threads."""
+    """Open run, locked by this process. :meth:`open` makes it; several threads may use it."""
 
     def __init__(self, folder: Path, lock: sqlite3.Connection, database: sqlite3.Connection, made: bool) -> None:
         self.folder = folder
-        self._made = made
+        self._created_folder = made
         self._lock, self._database = lock, database
-        self._one = threading.RLock()
+        self._mutex = threading.RLock()
         self._stage: str | None = None
 
     @classmethod
@@ -83,20 +83,21 @@ class Store:
         request: Mapping[str, Any],
         *,
         restart: bool = False,
-        cheap: Callable[[Mapping[str, Any]], bool] = lambda request: False,
+        may_replace: Callable[[Mapping[str, Any]], bool] = lambda request: False,
     ) -> Store:
-        """Begin the run of `request` in `folder`, or take it up again.
+        """Start the run of `request` in `folder`, or resume it.
 
         Parameters
         ----------
         folder : str or Path
             Made if it is not there.
         request : mapping
-            Plain data: all that the result depends on.
+            Plain data: everything that the result depends on.
         restart : bool
-            Forget the run that is there.
-        cheap : callable
-            Whether a finished run of some request may be replaced by another one unasked: it took no time.
+            Remove the run that is there.
+        may_replace : callable
+            ``may_replace(request)``: True if a finished run of that request may be replaced without `restart`, because
+            it took no time.
 
         Raises
         ------
@@ -106,14 +107,14 @@ class Store:
         """
         path = Path(folder)
         made = not path.exists()
-        with _named(path):
+        with _sqlite_errors_named(path):
             path.mkdir(parents=True, exist_ok=True)
-            lock = _locked(path)
+            lock = _acquire_lock(path)
         try:
-            with _named(path):
+            with _sqlite_errors_named(path):
                 if restart:
-                    _forget(path)
-                return cls(path, lock, _opened(path, request, cheap), made)
+                    _remove_files(path)
+                return cls(path, lock, _open_database(path, request, may_replace), made)
         except BaseException:
             lock.close()
             raise
@@ -125,9 +126,9 @@ class Store:
         self.close()
 
     def close(self) -> None:
-        """Write what waits and let go of the run."""
-        with self._one:
-            with suppress(sqlite3.Error):  # the stage is for the eye only
+        """Write the latest stage and release the run."""
+        with self._mutex:
+            with suppress(sqlite3.Error):  # the stage is only shown
                 self._write([])
             with suppress(sqlite3.Error):  # without a log beside it, the file can be read from a read-only folder
                 self._database.execute("PRAGMA journal_mode = DELETE")
@@ -135,35 +136,35 @@ class Store:
             self._lock.close()
 
     def discard(self) -> None:
-        """Close the run and leave nothing of it behind."""
-        with self._one:
+        """Close the run and remove its files."""
+        with self._mutex:
             self._stage = None
             self.close()
             for name in (*_FILES, LOCK):
                 (self.folder / name).unlink(missing_ok=True)
-            with suppress(OSError):  # others have put something there
-                if self._made:
+            with suppress(OSError):  # the folder holds other files
+                if self._created_folder:
                     self.folder.rmdir()
 
     def fact(self, name: str) -> str | None:
-        """Text kept by `name`, None if there is none."""
-        with self._one:
+        """Stored text by `name`, None if there is none."""
+        with self._mutex:
             row = self._database.execute("SELECT text FROM facts WHERE name = ?", (name,)).fetchone()
         return None if row is None else str(row[0])
 
     @property
     def finished(self) -> bool:
-        """Whether the run came to its end."""
+        """True if the run has come to its end."""
         return self.fact("state") == '"finished"'
 
     def result(self, key: str) -> str | None:
-        """Text of the result of an evaluation, None if it has not been made."""
-        with self._one:
+        """Text of an evaluation's result, None if it has not been made."""
+        with self._mutex:
             row = self._database.execute("SELECT result FROM evaluations WHERE key = ?", (key,)).fetchone()
         return None if row is None else str(row[0])
 
-    def keep(self, key: str, number: int, function: str, subject: str, seconds: float, result: str) -> None:
-        """Keep an evaluation; it is on the disk when this returns.
+    def save_evaluation(self, key: str, number: int, function: str, subject: str, seconds: float, result: str) -> None:
+        """Store an evaluation; it is on the disk when this returns.
 
         Raises
         ------
@@ -172,39 +173,39 @@ class Store:
         """
         self._save([("evaluations", (key, number, function, subject, float(seconds), result))])
 
-    def generation(self, number: int, state: Mapping[str, Any]) -> None:
-        """Keep the state of a generation, or hold it against the one kept by an earlier part of the run.
+    def save_generation(self, number: int, state: Mapping[str, Any]) -> None:
+        """Store the state of a generation, or compare it with the state that an earlier part of the run has stored.
 
         Raises
         ------
         RunError
-            If they differ: then the run does not repeat itself, and must not go on.
+            If they differ. Then the run is not reproducible, and must not go on.
         """
         text = canonical(state)
-        with self._one:
+        with self._mutex:
             row = self._database.execute("SELECT state FROM generations WHERE number = ?", (number,)).fetchone()
         if row is None:
             self._save([("generations", (number, text))])
         elif row[0] != text:
             raise RunError(f"'{self.folder / FILE}': generation {number} is not what it was when the run was begun")
 
-    def stage(self, stage: Mapping[str, Any]) -> None:
-        """Note where the search stands; it is written with the next evaluation."""
+    def note_stage(self, stage: Mapping[str, Any]) -> None:
+        """Note the progress of the search; it is written with the next evaluation."""
         self._stage = canonical(stage)
 
     def files(self) -> dict[str, bytes]:
         """Results of a finished run by file name."""
-        with self._one:
+        with self._mutex:
             rows = self._database.execute("SELECT name, content FROM files ORDER BY rowid").fetchall()
         return {str(name): bytes(content) for name, content in rows}
 
     def finish(self, files: Mapping[str, bytes]) -> None:
-        """Keep the results and mark the run as finished, both or none."""
+        """Store the results and mark the run as finished, in one transaction."""
         rows = [("files", (name, content)) for name, content in files.items()]
         self._save([*rows, ("facts", ("state", '"finished"'))])
 
     def _save(self, rows: Sequence[tuple[str, Sequence[Any]]]) -> None:
-        with self._one, _named(self.folder):
+        with self._mutex, _sqlite_errors_named(self.folder):
             self._write(rows)
 
     def _write(self, rows: Sequence[tuple[str, Sequence[Any]]]) -> None:
@@ -222,25 +223,25 @@ def _insert(database: sqlite3.Connection, table: str, row: Sequence[Any]) -> Non
 
 @contextmanager
 def exclusive_folder(folder: Path) -> Iterator[None]:
-    """Keep other processes out of a folder that holds several runs.
+    """Lock a folder that holds several runs against other processes.
 
     Raises
     ------
     RunError
-        If one is at work there, or it cannot be written to.
+        If another process works there, or the folder cannot be written to.
     """
-    with _named(folder):
+    with _sqlite_errors_named(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        lock = _locked(folder)
+        lock = _acquire_lock(folder)
     try:
         yield
     finally:
         lock.close()
 
 
-def _locked(folder: Path) -> sqlite3.Connection:
+def _acquire_lock(folder: Path) -> sqlite3.Connection:
     """Lock of the folder, held until the connection is closed or the process ends."""
-    lock = sqlite3.connect(folder / LOCK, timeout=_WAIT, isolation_level=None, check_same_thread=False)
+    lock = sqlite3.connect(folder / LOCK, timeout=_LOCK_TIMEOUT, isolation_level=None, check_same_thread=False)
     try:
         lock.execute("BEGIN EXCLUSIVE")
     except sqlite3.OperationalError as error:
@@ -254,13 +255,13 @@ def _locked(folder: Path) -> sqlite3.Connection:
 
 
 def _create(folder: Path, request: Mapping[str, Any]) -> None:
-    """Make the file aside: it comes to its place with the request in it, or not at all."""
+    """Make the file under another name and move it, so that it never lacks its request."""
     aside = folder / f"{FILE}.new"
     aside.unlink(missing_ok=True)
     database = sqlite3.connect(aside)
     try:
         with database:
-            for table, columns in _TABLES.items():
+            for table, columns in _COLUMNS.items():
                 database.execute(f"CREATE TABLE {table} ({columns}, hash TEXT NOT NULL)")
             _insert(database, "facts", ("format", canonical(FORMAT)))
             _insert(database, "facts", ("request", canonical(request)))
@@ -270,20 +271,22 @@ def _create(folder: Path, request: Mapping[str, Any]) -> None:
     aside.replace(folder / FILE)
 
 
-def _forget(folder: Path) -> None:
+def _remove_files(folder: Path) -> None:
     for name in _FILES:
         (folder / name).unlink(missing_ok=True)
 
 
-def _opened(folder: Path, request: Mapping[str, Any], cheap: Callable[[Mapping[str, Any]], bool]) -> sqlite3.Connection:
-    """Checked file of the run of `request`, made if there is none."""
+def _open_database(
+    folder: Path, request: Mapping[str, Any], may_replace: Callable[[Mapping[str, Any]], bool]
+) -> sqlite3.Connection:
+    """Open the checked file of the run of `request`; make it if there is none."""
     if not (folder / FILE).exists():
         _create(folder, request)
     database = connect(folder, "rw")
     try:
-        facts = checked(folder, database)
-        apart = _apart(facts["request"], request)
-        if not apart:
+        facts = checked_facts(folder, database)
+        differences = _request_differences(facts["request"], request)
+        if not differences:
             database.execute("PRAGMA journal_mode = WAL")
             database.execute("PRAGMA synchronous = FULL")
             return database
@@ -291,31 +294,31 @@ def _opened(folder: Path, request: Mapping[str, Any], cheap: Callable[[Mapping[s
         database.close()
         raise
     database.close()
-    if facts["state"] == "finished" and cheap(facts["request"]):
-        _forget(folder)
-        return _opened(folder, request, cheap)
+    if facts["state"] == "finished" and may_replace(facts["request"]):
+        _remove_files(folder)
+        return _open_database(folder, request, may_replace)
     raise RunError(
-        f"'{folder}' holds a run of another request: {'; '.join(apart)}. Use another folder, or --restart to"
+        f"'{folder}' holds a run of another request: {'; '.join(differences)}. Use another folder, or --restart to"
         " begin anew there"
     )
 
 
 def connect(folder: Path, mode: Literal["ro", "rw"]) -> sqlite3.Connection:
-    """Open the file of a run; RunError if it is empty."""
+    """Connection to the file of a run; RunError if it is empty."""
     if (folder / FILE).stat().st_size == 0:
         raise damaged(folder, "it is empty")
     where = f"{(folder / FILE).absolute().as_uri()}?mode={mode}"
-    database = sqlite3.connect(where, uri=True, timeout=_WAIT, check_same_thread=False)
-    database.text_factory = lambda text: text.decode(errors="replace")  # the hashes tell, not a decoder
+    database = sqlite3.connect(where, uri=True, timeout=_LOCK_TIMEOUT, check_same_thread=False)
+    database.text_factory = lambda text: text.decode(errors="replace")  # the hashes find damage, not the decoder
     return database
 
 
-def checked(folder: Path, database: sqlite3.Connection) -> dict[str, Any]:
-    """Facts of a file that is not damaged, by SQLite's own check and the hash of every row; else RunError."""
+def checked_facts(folder: Path, database: sqlite3.Connection) -> dict[str, Any]:
+    """Facts of a file after SQLite's own check and that of every row's hash; RunError if it is damaged."""
     problems = [str(row[0]) for row in database.execute("PRAGMA integrity_check")]
     if problems != ["ok"]:
         raise damaged(folder, problems[0].replace("\n", " "))
-    for table in _TABLES:
+    for table in _COLUMNS:
         for *row, stored in database.execute(f"SELECT * FROM {table}"):
             if _row_hash(table, row) != stored:
                 raise damaged(folder, f"row '{row[0]}' of table '{table}' does not match its hash")
@@ -327,16 +330,16 @@ def checked(folder: Path, database: sqlite3.Connection) -> dict[str, Any]:
     return facts
 
 
-def _apart(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """What differs between the request that a run was begun with and another one."""
+def _request_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Differences between the request that a run was started with and another one."""
     now = json.loads(canonical(now))
     return [
-        f"{name} was {_shown(before.get(name))} and is {_shown(now.get(name))}"
+        f"{name} was {_shortened(before.get(name))} and is {_shortened(now.get(name))}"
         for name in sorted({*before, *now})
         if before.get(name) != now.get(name)
     ]
 
 
-def _shown(value: Any) -> str:
+def _shortened(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:28]}…{text[-28:]}"

@@ -29,7 +29,7 @@ from brightgrey.search.fitting import (
     tracked_from_above,
 )
 from brightgrey.search.lattice import complexity, contains, mass_chain_of, maximal_submodels, minimal_supermodels
-from brightgrey.search.parallel import in_order, in_turn
+from brightgrey.search.parallel import in_dependency_order, in_order
 from brightgrey.search.policy import REFIT
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 
@@ -162,7 +162,7 @@ class Fits:
 
         larger.sort(key=complexity)
         chosen = set(larger)
-        in_turn(workers, larger, lambda s: [t for t in within[s] if t in chosen], call, take)
+        in_dependency_order(workers, larger, lambda s: [t for t in within[s] if t in chosen], call, take)
         return better
 
     def spread(self, better: Collection[Structure], workers: Executor) -> None:
@@ -250,7 +250,7 @@ class Fits:
 
         items = [(True, h) for h in hubs] + [(False, s) for s in rising]
         position = set(items)
-        in_turn(workers, items, needs, call, take)
+        in_dependency_order(workers, items, needs, call, take)
 
     def _down(self, workers: Executor) -> list[Structure]:
         """Hand optima down to smaller structures, the largest first; returns those that got better.
@@ -304,7 +304,7 @@ class Fits:
             if result is not None and self._handed(s, *result):
                 better.append(s)
 
-        in_turn(workers, list(around), around.__getitem__, lambda s: call(s, around[s]), take)
+        in_dependency_order(workers, list(around), around.__getitem__, lambda s: call(s, around[s]), take)
         return better
 
     def _fresh(self, s: Structure, relatives: Sequence[Structure]) -> list[Structure]:

@@ -12,17 +12,19 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-__all__ = ["Stopped", "in_order", "in_turn", "thread_pool"]
+__all__ = ["Stopped", "in_dependency_order", "in_order", "thread_pool"]
 
-K = TypeVar("K", bound=Hashable)
-T = TypeVar("T")
+Item = TypeVar("Item", bound=Hashable)
+Returned = TypeVar("Returned")
 
 
 class Stopped(Exception):  # noqa: N818 - no error: the user or a budget has ended a search before its time
     """Raised instead of a result by an executor that has been told to stop."""
 
 
-def in_order(executor: Executor, function: Callable[..., T], calls: Iterable[tuple[Any, ...]]) -> Iterator[T]:
+def in_order(
+    executor: Executor, function: Callable[..., Returned], calls: Iterable[tuple[Any, ...]]
+) -> Iterator[Returned]:
     """Results of ``function(*call)`` for all calls, in their order; what waits is cancelled if the caller leaves."""
     futures = [executor.submit(function, *call) for call in calls]
     try:
@@ -33,12 +35,12 @@ def in_order(executor: Executor, function: Callable[..., T], calls: Iterable[tup
             future.cancel()
 
 
-def in_turn(
+def in_dependency_order(
     executor: Executor,
-    items: Sequence[K],
-    needs: Callable[[K], Iterable[K]],
-    call: Callable[[K], tuple[Any, ...] | None],
-    take: Callable[[K, Any], None],
+    items: Sequence[Item],
+    needs: Callable[[Item], Iterable[Item]],
+    call: Callable[[Item], tuple[Any, ...] | None],
+    take: Callable[[Item, Any], None],
 ) -> None:
     """Hand out calls that need each other's results, always in the same order, without waiting for what none needs.
 

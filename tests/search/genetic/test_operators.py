@@ -8,11 +8,11 @@ from scipy import stats
 
 from brightgrey.kit import PAPER, Placed
 from brightgrey.search.genetic import GeneticSettings, Node
-from brightgrey.search.genetic.crossover import join, recombine
+from brightgrey.search.genetic.crossover import recombine, recombine_at
 from brightgrey.search.genetic.mutation import MUTATIONS, chromosome, delete, insert, point
 from brightgrey.search.genetic.offspring import Offspring, mutated, offspring, remutate_duplicates, untried_neighbours
-from brightgrey.search.genetic.population import complete_tree, initial, random_tree
-from brightgrey.search.genetic.selection import clones, roulette
+from brightgrey.search.genetic.population import complete_tree, initial_population, random_tree
+from brightgrey.search.genetic.selection import clone_count, roulette
 
 LEGAL = frozenset(PAPER.structures())
 UNLIKELY = 1e-4  # probability of a false alarm of one test, over all seeds
@@ -65,7 +65,7 @@ def test_all_failed_all_alike(rng):
 
 
 def test_clone_counts_are_binomial(rng):
-    counts = np.bincount([clones(6, 0.2, rng) for _ in range(20_000)], minlength=7)
+    counts = np.bincount([clone_count(6, 0.2, rng) for _ in range(20_000)], minlength=7)
     expected = stats.binom.pmf(np.arange(7), 6, 0.2)
     rare = 5
     assert fits([*counts[:rare], counts[rare:].sum()], [*expected[:rare], expected[rare:].sum()])
@@ -75,7 +75,7 @@ def test_clone_counts_are_binomial(rng):
 
 
 def test_initial_trees_are_legal_and_of_all_sizes(rules, draw, rng):
-    trees = initial(3000, rules, draw, rng)
+    trees = initial_population(3000, rules, draw, rng)
     assert {t.structure for t in trees} <= LEGAL
     assert {t.size for t in trees} == set(range(1, rules.most + 1))
 
@@ -87,7 +87,7 @@ def test_small_trees_are_as_likely_as_asked(rules, draw, rng):
 
 
 def test_origins_are_random(rules, draw, rng):
-    trees = [t for t in initial(4000, rules, draw, rng) if t.size == 3]
+    trees = [t for t in initial_population(4000, rules, draw, rng) if t.size == 3]
     chains = sum(len(t.children) == 1 for t in trees)
     assert stats.binomtest(chains, len(trees), 0.5).pvalue > UNLIKELY
 
@@ -98,25 +98,25 @@ def test_origins_are_random(rules, draw, rng):
 def test_recombination_keeps_the_trunk_and_takes_the_branch(rules, draw, rng):
     first = tree("two_mass(coulomb(viscous), delay)")
     branch = tree("stribeck(gravity)")
-    assert str(join(first, 1, branch, rules, draw, rng)) == "two_mass(coulomb(stribeck(gravity)), delay)"
+    assert str(recombine_at(first, 1, branch, rules, draw, rng)) == "two_mass(coulomb(stribeck(gravity)), delay)"
 
 
 def test_what_breaks_a_rule_is_dropped_and_its_children_stay(rules, draw, rng):
     first = tree("two_mass(coulomb)")
     branch = tree("coulomb(gravity, one_mass(delay))")
-    assert str(join(first, 0, tree("one_mass(coulomb(gravity), delay)"), rules, draw, rng)) == (
+    assert str(recombine_at(first, 0, tree("one_mass(coulomb(gravity), delay)"), rules, draw, rng)) == (
         "two_mass(coulomb(gravity), delay)"
     )
-    assert str(join(first, 1, branch, rules, draw, rng)) == "two_mass(coulomb(gravity, delay))"
+    assert str(recombine_at(first, 1, branch, rules, draw, rng)) == "two_mass(coulomb(gravity, delay))"
 
 
 def test_a_backlash_beside_one_mass_is_dropped(rules, draw, rng):
-    joined = join(tree("one_mass(coulomb)"), 1, tree("backlash(viscous)"), rules, draw, rng)
+    joined = recombine_at(tree("one_mass(coulomb)"), 1, tree("backlash(viscous)"), rules, draw, rng)
     assert str(joined) == "one_mass(coulomb(viscous))"
 
 
 def test_a_one_mass_system_is_appended_if_none_is_left(rules, draw, rng):
-    joined = join(tree("coulomb(two_mass)"), 0, tree("viscous"), rules, draw, rng)
+    joined = recombine_at(tree("coulomb(two_mass)"), 0, tree("viscous"), rules, draw, rng)
     assert str(joined.structure) == "one_mass+coulomb+viscous"
 
 
@@ -129,7 +129,7 @@ def test_beside_a_surviving_backlash_more_masses_are_drawn(rules, draw, rng):
 def test_estimates_are_inherited(rules, draw, rng):
     first, second = tree("two_mass(coulomb)"), tree("one_mass(viscous)")
     second = Node(second.type, second.values, (Node(second.children[0].type, (("f_v", 0.75),)),))
-    child = join(first, 1, second.children[0], rules, draw, rng)
+    child = recombine_at(first, 1, second.children[0], rules, draw, rng)
     assert child.parameters["f_v"] == 0.75
     assert child.parameters["M_C"] == 0.25
 
@@ -210,7 +210,7 @@ def test_mutations_have_their_probabilities(rules, draw, rng):
 
 def test_offspring_without_mutation_are_clones_and_recombinations(rules, draw, rng):
     settings = GeneticSettings(population=200, p_clone=0.5, mutations={})
-    parents = initial(6, rules, draw, rng)
+    parents = initial_population(6, rules, draw, rng)
     born = offspring(parents, np.ones(6), settings, rules, draw, rng)
     assert len(born) == 200
     assert {b.operator for b in born} == {"clone", "recombination"}
@@ -247,7 +247,7 @@ def test_what_is_near_the_best_is_one_node_away_and_untried_and_the_very_best_co
 
 
 def test_no_illegal_tree_and_every_structure_in_many_operations(rules, draw, rng):
-    trees = list(initial(40, rules, draw, rng))
+    trees = list(initial_population(40, rules, draw, rng))
     seen = {t.structure for t in trees}
     names = tuple(MUTATIONS)
     for step in range(100_000):

@@ -163,7 +163,7 @@ def identify_fleet(
     with exclusive_folder(target):
         for axis in axes:
             into = target / axis.name
-            if stop is not None and stop.told:
+            if stop is not None and stop.requested:
                 member = Member(axis.name, into, error="not started")
             else:
                 member = _identify_axis(axis, into, read, summary, structure, {**same, **options})

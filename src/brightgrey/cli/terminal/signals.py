@@ -40,7 +40,7 @@ def stop_on_signal() -> Iterator[SignalStop]:
         for name in _SIGNALS:
             signal.signal(name, signal.SIG_DFL)
         stop.number = number
-        stop.tell()
+        stop.request()
 
     before = {name: signal.signal(name, handle) for name in _SIGNALS}
     try:

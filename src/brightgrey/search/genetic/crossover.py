@@ -11,7 +11,7 @@ from brightgrey.search.genetic.population import Draw, complete_tree
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.search.genetic.tree import Node, graft
 
-__all__ = ["join", "recombine"]
+__all__ = ["recombine", "recombine_at"]
 
 
 def recombine(first: Node, second: Node, rules: Rules, draw: Draw, rng: np.random.Generator) -> Node:
@@ -22,10 +22,10 @@ def recombine(first: Node, second: Node, rules: Rules, draw: Draw, rng: np.rando
     nodes.
     """
     cut, origin = int(rng.integers(first.size)), int(rng.integers(second.size))
-    return join(first, cut, tuple(second.nodes())[origin], rules, draw, rng)
+    return recombine_at(first, cut, tuple(second.nodes())[origin], rules, draw, rng)
 
 
-def join(first: Node, cut: int, branch: Node, rules: Rules, draw: Draw, rng: np.random.Generator) -> Node:
+def recombine_at(first: Node, cut: int, branch: Node, rules: Rules, draw: Draw, rng: np.random.Generator) -> Node:
     """Recombination with both places given: `branch` in place of all behind node `cut` of `first`.
 
     A node of the branch that breaks a construction rule is dropped, its children then originate from its parent.

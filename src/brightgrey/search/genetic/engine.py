@@ -13,7 +13,7 @@ from brightgrey.kit import PAPER, Grammar, Structure
 from brightgrey.search.criteria import criterion
 from brightgrey.search.genetic.history import Evaluation, Progress, Run
 from brightgrey.search.genetic.offspring import Offspring, offspring, remutate_duplicates, untried_neighbours
-from brightgrey.search.genetic.population import Draw, initial
+from brightgrey.search.genetic.population import Draw, initial_population
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.search.genetic.settings import GeneticSettings
 from brightgrey.search.parallel import Stopped
@@ -78,7 +78,7 @@ def evolve(
     rules, rng, began = Rules(grammar), np.random.default_rng(seed), time.monotonic()
     done: list[Evaluation] = []
     born: Sequence[Offspring] = [
-        Offspring(tree, (), "initial") for tree in initial(settings.population, rules, draw, rng)
+        Offspring(tree, (), "initial") for tree in initial_population(settings.population, rules, draw, rng)
     ]
     for generation in range(settings.generations + 1):
         try:

@@ -13,7 +13,7 @@ from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
 from brightgrey.estimation.optimisation.pattern_fit import check_estimator
 from brightgrey.estimation.optimisation.pattern_search import pattern_search
 from brightgrey.kit import Structure
-from brightgrey.search.genetic.evaluation import Estimator, Evaluated, Values
+from brightgrey.search.genetic.evaluation import Estimator, Evaluated, NamedValues
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["LeastSquares", "PatternSearch", "estimator"]
@@ -36,7 +36,7 @@ class PatternSearch:
     iterations: int = 500
     patience: int = 0
 
-    def __call__(self, structure: Structure, starts: Sequence[Values]) -> Sequence[Evaluated]:
+    def __call__(self, structure: Structure, starts: Sequence[NamedValues]) -> Sequence[Evaluated]:
         """Identify `structure` from each of `starts`."""
         space, problem = self.task.space(structure), self.task.problem(structure)
 
@@ -63,7 +63,7 @@ class LeastSquares:
     task: IdentificationTask
     iterations: int = 50
 
-    def __call__(self, structure: Structure, starts: Sequence[Values]) -> Sequence[Evaluated]:
+    def __call__(self, structure: Structure, starts: Sequence[NamedValues]) -> Sequence[Evaluated]:
         """Identify `structure` from each of `starts`."""
         space, problem = self.task.space(structure), self.task.problem(structure)
         begins = self.task.clip_starts(space, starts)

@@ -10,9 +10,9 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Misfit
 
-__all__ = ["Estimator", "Evaluated", "Job", "Values"]
+__all__ = ["Estimator", "Evaluated", "Job", "NamedValues"]
 
-Values = tuple[tuple[str, float], ...]
+NamedValues = tuple[tuple[str, float], ...]
 """Parameter values, SI, by name, in the structure's order."""
 
 
@@ -28,7 +28,7 @@ class Job:
     """
 
     structure: Structure
-    start: Values
+    start: NamedValues
 
     @classmethod
     def of(cls, structure: Structure, values: Mapping[str, float]) -> Job:
@@ -53,7 +53,7 @@ class Evaluated:
         Effects that are known to make the fit only worse; the misfit is that without them.
     """
 
-    values: Values
+    values: NamedValues
     misfit: Misfit
     n_parameters: int
     spent: SimulationCount
@@ -71,6 +71,6 @@ class Estimator(Protocol):
     The result of a start must not depend on the other starts.
     """
 
-    def __call__(self, structure: Structure, starts: Sequence[Values]) -> Sequence[Evaluated]:
+    def __call__(self, structure: Structure, starts: Sequence[NamedValues]) -> Sequence[Evaluated]:
         """Results in the order of `starts`."""
         ...

@@ -14,7 +14,7 @@ from brightgrey.search.genetic.evaluation import Evaluated, Job
 from brightgrey.search.genetic.offspring import Offspring
 from brightgrey.search.genetic.tree import Node, with_values
 
-__all__ = ["COLUMNS", "Evaluation", "Progress", "Run", "history_csv"]
+__all__ = ["HISTORY_COLUMNS", "Evaluation", "Progress", "Run", "history_csv"]
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class Run:
                 yield e
 
 
-COLUMNS = (
+HISTORY_COLUMNS = (
     *("generation", "individual", "parents", "operator", "structure", "tree", "n_parameters"),
     *("rss", "criterion", "simulations", "repeated", "start", "estimate"),
 )
@@ -177,7 +177,7 @@ def history_csv(run: Run) -> str:
     """Every evaluation as one row; floats read back exactly, values are SI."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow(HISTORY_COLUMNS)
     for e in run.evaluations:
         writer.writerow(
             (
@@ -192,12 +192,12 @@ def history_csv(run: Run) -> str:
                 repr(e.value),
                 e.result.simulations,
                 "true" if e.repeated else "false",
-                _named(e.job.start),
-                _named(e.result.values),
+                _assignments(e.job.start),
+                _assignments(e.result.values),
             )
         )
     return text.getvalue()
 
 
-def _named(values: tuple[tuple[str, float], ...]) -> str:
+def _assignments(values: tuple[tuple[str, float], ...]) -> str:
     return " ".join(f"{name}={value!r}" for name, value in values)

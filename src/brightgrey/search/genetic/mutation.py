@@ -52,7 +52,7 @@ def chromosome(tree: Node, rules: Rules, draw: Draw, rng: np.random.Generator) -
     rest = prune(tree, index)
     types = rest.types if rest else ()
     least = len(types) + (not any(placed.effect.masses for placed in types))
-    size = int(rng.integers(least, rules.most + 1))
+    size = int(rng.integers(least, rules.largest_size + 1))
     branch = grow(None, types, size - len(types), rules, draw, rng)
     if rest is None or branch is None:
         return branch or rest or tree
@@ -71,9 +71,9 @@ def _parent(tree: Node, index: int) -> int:
     raise IndexError(f"node {index} of a tree with {tree.size}")
 
 
-Mutation = Callable[[Node, Rules, Draw, np.random.Generator], Node]
+MutationOperator = Callable[[Node, Rules, Draw, np.random.Generator], Node]
 
-MUTATIONS: Mapping[str, Mutation] = MappingProxyType(
+MUTATIONS: Mapping[str, MutationOperator] = MappingProxyType(
     {"point": point, "insertion": insert, "deletion": delete, "chromosome": chromosome}
 )
 """Mutations by name, in the order in which they are performed."""

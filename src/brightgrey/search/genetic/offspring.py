@@ -13,13 +13,13 @@ from brightgrey.search.genetic.crossover import recombine
 from brightgrey.search.genetic.mutation import MUTATIONS
 from brightgrey.search.genetic.population import Draw, pick
 from brightgrey.search.genetic.rules import Rules
-from brightgrey.search.genetic.selection import clones, roulette
+from brightgrey.search.genetic.selection import clone_count, roulette
 from brightgrey.search.genetic.settings import HEURISTICS, GeneticSettings
 from brightgrey.search.genetic.tree import Node
 
 __all__ = ["Offspring", "mutated", "offspring", "remutate_duplicates", "untried_neighbours"]
 
-_STEPS = ("point", "insertion", "deletion")  # mutations that change one node
+_ONE_NODE_MUTATIONS = ("point", "insertion", "deletion")  # mutations that change one node
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def offspring(
     rules, draw, rng
     """
     size = settings.population - settings.elite - settings.neighbours
-    cloned = clones(size, settings.p_clone, rng)
+    cloned = clone_count(size, settings.p_clone, rng)
     born = []
     for number in range(size):
         first = roulette(chances, rng)
@@ -127,7 +127,7 @@ def untried_neighbours(
         for _ in range(HEURISTICS.neighbour_draws):
             if len(out) == settings.neighbours:
                 return tuple(out)
-            name = pick(_STEPS, rng)
+            name = pick(_ONE_NODE_MUTATIONS, rng)
             changed = MUTATIONS[name](tree, rules, draw, rng)
             if changed.structure not in known:
                 known.add(changed.structure)

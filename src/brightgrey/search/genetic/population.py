@@ -9,16 +9,16 @@ import numpy as np
 
 from brightgrey.kit import Placed
 from brightgrey.search.genetic.rules import Rules
-from brightgrey.search.genetic.tree import Node, Values, attach
+from brightgrey.search.genetic.tree import Node, NodeValues, attach
 
-__all__ = ["Draw", "complete_tree", "grow", "initial", "pick", "random_tree"]
+__all__ = ["Draw", "complete_tree", "grow", "initial_population", "pick", "random_tree"]
 
-T = TypeVar("T")
-Draw = Callable[[Placed, np.random.Generator], Values]
+Option = TypeVar("Option")
+Draw = Callable[[Placed, np.random.Generator], NodeValues]
 """Draws random parameter values of a submodel within their ranges."""
 
 
-def pick(options: tuple[T, ...], rng: np.random.Generator) -> T:
+def pick(options: tuple[Option, ...], rng: np.random.Generator) -> Option:
     """One of `options`, each as likely."""
     return options[int(rng.integers(len(options)))]
 
@@ -53,13 +53,13 @@ def grow(
 
 def random_tree(rules: Rules, draw: Draw, rng: np.random.Generator) -> Node:
     """Tree of a random size from one node to that of a model with all features."""
-    tree = grow(None, (), int(rng.integers(1, rules.most + 1)), rules, draw, rng)
+    tree = grow(None, (), int(rng.integers(1, rules.largest_size + 1)), rules, draw, rng)
     if tree is None:
         raise AssertionError("a grammar has at least one multiple-mass system")
     return tree
 
 
-def initial(size: int, rules: Rules, draw: Draw, rng: np.random.Generator) -> tuple[Node, ...]:
+def initial_population(size: int, rules: Rules, draw: Draw, rng: np.random.Generator) -> tuple[Node, ...]:
     """Initial population of `size` trees."""
     return tuple(random_tree(rules, draw, rng) for _ in range(size))
 
@@ -72,7 +72,7 @@ def complete_tree(tree: Node | None, rules: Rules, draw: Draw, rng: np.random.Ge
     """
     if tree is not None and any(placed.effect.masses for placed in tree.types):
         return tree
-    options = rules.finishing(tree.types if tree else ())
-    chosen = options[0] if options[0] == rules.ladders[0] else pick(options, rng)
+    options = rules.completing(tree.types if tree else ())
+    chosen = options[0] if options[0] == rules.mass_chains[0] else pick(options, rng)
     origin = int(rng.integers(tree.size)) if tree else 0
     return attach(tree, origin, Node(chosen, draw(chosen, rng)))

@@ -26,7 +26,7 @@ class Rules:
     """
 
     grammar: Grammar
-    _known: dict[tuple[Types, int], tuple[Placed, ...]] = field(default_factory=dict, repr=False, compare=False)
+    _allowed: dict[tuple[Types, int], tuple[Placed, ...]] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def options(self) -> tuple[Placed, ...]:
@@ -34,12 +34,12 @@ class Rules:
         return tuple(Placed(name, place) for name, places in self.grammar.places.items() for place in places)
 
     @cached_property
-    def ladders(self) -> tuple[Placed, ...]:
+    def mass_chains(self) -> tuple[Placed, ...]:
         """Types that bring masses, the fewest first."""
         return tuple(sorted((o for o in self.options if o.effect.masses), key=lambda o: o.effect.masses))
 
     @cached_property
-    def most(self) -> int:
+    def largest_size(self) -> int:
         """Nodes of the largest legal tree."""
         return max(len(structure.placed) for structure in self.grammar.structures())
 
@@ -50,10 +50,10 @@ class Rules:
             return False
         return self.grammar.broken_rule(Structure(listed)) is None
 
-    def finishing(self, types: Iterable[Placed]) -> tuple[Placed, ...]:
+    def completing(self, types: Iterable[Placed]) -> tuple[Placed, ...]:
         """Multiple-mass systems, fewest masses first, that complete `types`, which hold none."""
         listed = tuple(types)
-        return tuple(ladder for ladder in self.ladders if self.complete((*listed, ladder)))
+        return tuple(ladder for ladder in self.mass_chains if self.complete((*listed, ladder)))
 
     def allowed(self, types: Iterable[Placed], nodes: int = 2) -> tuple[Placed, ...]:
         """Types that may be added to `types` so that it can be completed with `nodes` further nodes in all.
@@ -67,9 +67,9 @@ class Rules:
         """
         present = frozenset(types)
         key = (present, min(nodes, 2))
-        if key not in self._known:
-            self._known[key] = tuple(o for o in self.options if self._fits(present, o, nodes))
-        return self._known[key]
+        if key not in self._allowed:
+            self._allowed[key] = tuple(o for o in self.options if self._fits(present, o, nodes))
+        return self._allowed[key]
 
     def _fits(self, present: Types, option: Placed, nodes: int) -> bool:
         if option in present:
@@ -77,4 +77,4 @@ class Rules:
         together = (*present, option)
         if any(placed.effect.masses for placed in together):
             return self.complete(together)
-        return nodes > 1 and bool(self.finishing(together))
+        return nodes > 1 and bool(self.completing(together))

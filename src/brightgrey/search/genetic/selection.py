@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["clones", "roulette"]
+__all__ = ["clone_count", "roulette"]
 
 
 def roulette(fitness: ArrayLike, rng: np.random.Generator) -> int:
@@ -25,6 +25,6 @@ def roulette(fitness: ArrayLike, rng: np.random.Generator) -> int:
     return int(np.searchsorted(edges, rng.random() * edges[-1], side="right"))
 
 
-def clones(size: int, p_clone: float, rng: np.random.Generator) -> int:
+def clone_count(size: int, p_clone: float, rng: np.random.Generator) -> int:
     """Number of individuals that are cloned, N_clone ~ B(size, p_clone)."""
     return int(rng.binomial(size, p_clone))

@@ -9,9 +9,9 @@ from functools import cached_property
 
 from brightgrey.kit import Placed, Structure
 
-__all__ = ["Node", "Values", "attach", "drop", "graft", "prune", "relabel", "tree_of", "with_values"]
+__all__ = ["Node", "NodeValues", "attach", "drop", "graft", "prune", "relabel", "tree_of", "with_values"]
 
-Values = tuple[tuple[str, float], ...]
+NodeValues = tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Node:
     """
 
     type: Placed
-    values: Values = ()
+    values: NodeValues = ()
     children: tuple[Node, ...] = ()
 
     def nodes(self) -> Iterator[Node]:
@@ -85,7 +85,7 @@ def attach(tree: Node | None, index: int, branch: Node) -> Node:
         return branch
     if index == 0:
         return replace(tree, children=(*tree.children, branch))
-    return _in_child(tree, index, lambda child, at: (attach(child, at, branch),))
+    return _replace_in_child(tree, index, lambda child, at: (attach(child, at, branch),))
 
 
 def drop(tree: Node, index: int) -> Node | None:
@@ -98,28 +98,30 @@ def drop(tree: Node, index: int) -> Node | None:
             return None
         first, *others = tree.children
         return replace(first, children=(*first.children, *others))
-    return _in_child(tree, index, lambda child, at: child.children if at == 0 else (_must(drop(child, at)),))
+    return _replace_in_child(
+        tree, index, lambda child, at: child.children if at == 0 else (_not_empty(drop(child, at)),)
+    )
 
 
 def prune(tree: Node, index: int) -> Node | None:
     """Remove the node at `index` with the whole branch that originates from it."""
     if index == 0:
         return None
-    return _in_child(tree, index, lambda child, at: () if at == 0 else (_must(prune(child, at)),))
+    return _replace_in_child(tree, index, lambda child, at: () if at == 0 else (_not_empty(prune(child, at)),))
 
 
 def graft(tree: Node, index: int, children: Sequence[Node]) -> Node:
     """Replace all that originates from the node at `index` by `children`."""
     if index == 0:
         return replace(tree, children=tuple(children))
-    return _in_child(tree, index, lambda child, at: (graft(child, at, children),))
+    return _replace_in_child(tree, index, lambda child, at: (graft(child, at, children),))
 
 
-def relabel(tree: Node, index: int, type: Placed, values: Values) -> Node:
+def relabel(tree: Node, index: int, type: Placed, values: NodeValues) -> Node:
     """Give the node at `index` another type; what originates from it stays."""
     if index == 0:
         return replace(tree, type=type, values=values)
-    return _in_child(tree, index, lambda child, at: (relabel(child, at, type, values),))
+    return _replace_in_child(tree, index, lambda child, at: (relabel(child, at, type, values),))
 
 
 def with_values(tree: Node, named: Mapping[str, float]) -> Node:
@@ -128,7 +130,7 @@ def with_values(tree: Node, named: Mapping[str, float]) -> Node:
     return replace(tree, values=own, children=tuple(with_values(child, named) for child in tree.children))
 
 
-def _in_child(tree: Node, index: int, change: Callable[[Node, int], tuple[Node, ...]]) -> Node:
+def _replace_in_child(tree: Node, index: int, change: Callable[[Node, int], tuple[Node, ...]]) -> Node:
     """Replace the child that holds the node at `index` by what `change(child, index in child)` gives."""
     rest = index - 1
     for place, child in enumerate(tree.children):
@@ -139,7 +141,7 @@ def _in_child(tree: Node, index: int, change: Callable[[Node, int], tuple[Node, 
     raise IndexError(f"node {index} of a tree with {tree.size}")
 
 
-def _must(node: Node | None) -> Node:
+def _not_empty(node: Node | None) -> Node:
     if node is None:
         raise AssertionError("only the root's removal can leave nothing")
     return node
