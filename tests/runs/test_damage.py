@@ -41,7 +41,7 @@ def read(folder):
         return {f"{n:064x}": store.result(f"{n:064x}") for n in range(60)}
 
 
-def test_floats_come_back_exactly():
+def test_serialisation__floats__exact():
     draw = random.Random(0)
     for _ in range(1000):
         value = draw.uniform(-1, 1) * 10.0 ** draw.randint(-300, 300)
@@ -49,12 +49,12 @@ def test_floats_come_back_exactly():
         assert text_of(value_of(text_of(value))) == text_of(value)
 
 
-def test_undamaged_it_is_read(kept):
+def test_store__undamaged__read(kept):
     folder, content = kept
     assert read(folder) == content
 
 
-def test_a_flipped_byte_in_a_row_is_named(kept):
+def test_store__flipped_byte_in_row__row_named(kept):
     folder, _ = kept
     data = bytearray((folder / FILE).read_bytes())
     at = data.index(b"xxxx")
@@ -65,7 +65,7 @@ def test_a_flipped_byte_in_a_row_is_named(kept):
 
 
 @pytest.mark.parametrize("size", [0, 50, 100, PAGE - 1, PAGE, 3 * PAGE + 17, -PAGE, -1])
-def test_a_truncated_file_is_named(kept, size):
+def test_store__truncated_file__named(kept, size):
     folder, _ = kept
     data = (folder / FILE).read_bytes()
     (folder / FILE).write_bytes(data[:size])
@@ -74,7 +74,7 @@ def test_a_truncated_file_is_named(kept, size):
 
 
 @pytest.mark.parametrize("filler", [b"\x00", b"\xa5"])
-def test_a_torn_page_is_named(kept, filler):
+def test_store__torn_page__named(kept, filler):
     folder, content = kept
     data = (folder / FILE).read_bytes()
     assert len(data) > 5 * PAGE
@@ -88,7 +88,7 @@ def test_a_torn_page_is_named(kept, filler):
         assert found == content  # half a page that holds nothing
 
 
-def test_flipped_bytes_anywhere_never_change_a_result(kept):
+def test_store__flipped_bytes_anywhere__no_wrong_result(kept):
     folder, content = kept
     data = (folder / FILE).read_bytes()
     draw = random.Random(3)
@@ -109,7 +109,7 @@ def test_flipped_bytes_anywhere_never_change_a_result(kept):
     assert refused > 100
 
 
-def test_the_program_names_the_damage_in_one_line(small, tmp_path):
+def test_program__damaged_run__one_line_error(small, tmp_path):
     folder = shutil.copytree(small.folder / "exhaustive", tmp_path / "copy")
     before = (folder / "model.json").read_bytes()
     data = bytearray((folder / FILE).read_bytes())
@@ -124,12 +124,12 @@ def test_the_program_names_the_damage_in_one_line(small, tmp_path):
     assert (folder / "model.json").read_bytes() == before
 
 
-def test_a_lock_dies_with_its_process(tmp_path):
+def test_store__process_killed__lock_released(tmp_path):
     code = f"""
 import os, signal
 from brightgrey.runs import Store
 store = Store.open({str(tmp_path)!r}, {REQUEST!r})
-store.keep("k", 1, "f", "", 0.0, "1.0")
+store.save_evaluation("k", 1, "f", "", 0.0, "1.0")
 os.kill(os.getpid(), signal.SIGKILL)
 """
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
@@ -139,14 +139,14 @@ os.kill(os.getpid(), signal.SIGKILL)
             Store.open(tmp_path, REQUEST)
 
 
-def test_another_request_is_refused(kept):
+def test_store__other_request__refused(kept):
     folder, content = kept
     with pytest.raises(RunError, match="seed was 0 and is 1"):
         Store.open(folder, {**REQUEST, "seed": 1})
     assert read(folder) == content
 
 
-def test_a_generation_that_does_not_repeat_itself_is_refused(tmp_path):
+def test_store__different_generation__refused(tmp_path):
     with Store.open(tmp_path, REQUEST) as store:
         store.save_generation(0, {"random": 1})
         store.save_generation(0, {"random": 1})

@@ -38,14 +38,14 @@ def whole(small, tmp_path_factory):
 
 
 @pytest.mark.parametrize("workforce", [Workforce(1), Workforce(4), Workforce(2, processes=True)], ids=str)
-def test_threads_and_processes(small, whole, tmp_path, workforce):
+def test_executors__threads_and_processes__same_bytes(small, whole, tmp_path, workforce):
     with workforce.executor() as executor:
         searched(small, tmp_path, executor)
     assert results(tmp_path) == whole
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_cluster_that_loses_a_worker(small, whole, tmp_path):
+def test_executors__cluster_loses_worker__same_bytes(small, whole, tmp_path):
     distributed = pytest.importorskip("distributed")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     how = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
@@ -64,7 +64,7 @@ def test_a_cluster_that_loses_a_worker(small, whole, tmp_path):
     assert results(tmp_path) == whole
 
 
-def test_a_process_that_dies_is_told_and_the_run_goes_on(small, whole, tmp_path):
+def test_executors__process_killed__error_and_resumable(small, whole, tmp_path):
     def kill(step):
         if getattr(step, "done", 0) == 3:
             for process in multiprocessing.active_children():
@@ -76,7 +76,7 @@ def test_a_process_that_dies_is_told_and_the_run_goes_on(small, whole, tmp_path)
     assert results(tmp_path) == whole
 
 
-def test_a_recording_travels_once_per_worker(small):
+def test_recording_transfer__several_calls__recording_sent_once(small):
     from concurrent.futures import Executor, Future
 
     sent = []
@@ -101,7 +101,7 @@ def _samples(recording):
     return recording.samples
 
 
-def test_wrong_workforces_are_refused():
+def test_workforce__contradicting_options__refused():
     with pytest.raises(SettingsError, match="at least 1"):
         Workforce(0)
     with pytest.raises(SettingsError, match="take one of them"):
@@ -109,7 +109,7 @@ def test_wrong_workforces_are_refused():
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_cluster_that_is_not_there_is_named():
+def test_workforce__unreachable_cluster__error_names_address():
     pytest.importorskip("distributed")
     with pytest.raises(RunError, match=r"127\.0\.0\.1:9"), Workforce(dask="127.0.0.1:9", connect_timeout=1).executor():
         pass

@@ -71,20 +71,20 @@ def killed_often(small, tmp_path, name, times, seed):
 
 
 @pytest.mark.parametrize(("name", "times"), [("exhaustive", 2), ("genetic", 1)])
-def test_killed_at_a_few_instants(small, tmp_path, name, times):
+def test_resume__killed_at_few_instants__same_bytes(small, tmp_path, name, times):
     killed_often(small, tmp_path, name, times, seed=1)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["exhaustive", "genetic"])
-def test_killed_at_fifty_instants(small, tmp_path, name):
+def test_resume__killed_at_fifty_instants__same_bytes(small, tmp_path, name):
     kept = killed_often(small, tmp_path, name, 50, seed=2)
     assert sum(k > 0 for k in kept) > 24  # instants within the search are among them
     print(sorted(kept))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_stops_with_the_best_so_far(small, tmp_path, number):
+def test_signal__during_search__best_so_far(small, tmp_path, number):
     process = start(*small.searches["exhaustive"], "--workers", 1, "--out", tmp_path)
     wait_for(tmp_path, 6)
     process.send_signal(number)
@@ -98,7 +98,7 @@ def test_a_signal_stops_with_the_best_so_far(small, tmp_path, number):
     assert results(tmp_path) == small.whole["exhaustive"]
 
 
-def test_a_budget_of_evaluations_gives_the_same_bytes_for_any_workers(small, tmp_path):
+def test_budget_of_evaluations__any_workers__same_bytes(small, tmp_path):
     stopped = []
     for workers in (1, 4):
         folder = tmp_path / str(workers)
@@ -112,7 +112,7 @@ def test_a_budget_of_evaluations_gives_the_same_bytes_for_any_workers(small, tmp
     assert results(folder) == small.whole["exhaustive"]
 
 
-def test_a_budget_of_time_stops_and_goes_on(small, tmp_path):
+def test_budget_of_time__stops__resumable(small, tmp_path):
     for _ in range(100):
         done = call(*small.searches["genetic"], "--max-seconds", 1, "--out", tmp_path)
         if "goes on" not in done.out + done.err:
@@ -121,7 +121,7 @@ def test_a_budget_of_time_stops_and_goes_on(small, tmp_path):
     assert results(tmp_path) == small.whole["genetic"]
 
 
-def test_a_full_disk_is_told_and_damages_nothing(small, tmp_path):
+def test_full_disk__error_names_folder__run_undamaged(small, tmp_path):
     def starve():
         resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, resource.RLIM_INFINITY))
 
@@ -135,7 +135,7 @@ def test_a_full_disk_is_told_and_damages_nothing(small, tmp_path):
     assert results(tmp_path) == small.whole["exhaustive"]
 
 
-def test_a_folder_that_cannot_be_written_to_is_named(small, tmp_path):
+def test_store__read_only_folder__named(small, tmp_path):
     folder = tmp_path / "locked"
     folder.mkdir(mode=0o500)
     if os.access(folder, os.W_OK):  # nothing is closed to the superuser
@@ -146,7 +146,7 @@ def test_a_folder_that_cannot_be_written_to_is_named(small, tmp_path):
     assert len(done.err.splitlines()) == 1
 
 
-def test_two_processes_on_one_folder(small, tmp_path):
+def test_store__second_process__refused(small, tmp_path):
     first = start(*small.searches["exhaustive"], "--workers", 1, "--out", tmp_path, "--quiet")
     wait_for(tmp_path, 1)
     first.send_signal(signal.SIGSTOP)  # however long the second takes to start

@@ -44,7 +44,7 @@ def found(rng, pole, size=0.0):
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.5, 0.9])
-def test_rate_of_false_alarms(pole):
+def test_lr_test__no_effect__rate_of_false_alarms(pole):
     """Two per cent are asked for; an estimated colour may double that, not more (400 draws)."""
     rng = np.random.default_rng(int(100 * pole))
     alarms = sum(found(rng, pole)[0] > threshold(2, LEVEL) for _ in range(400))
@@ -52,7 +52,7 @@ def test_rate_of_false_alarms(pole):
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.9])
-def test_power_is_what_is_promised(pole):
+def test_lr_test_power__simulated__as_computed(pole):
     """Columns as large as a power of 80 % asks for are found in about so many draws."""
     rng = np.random.default_rng(5)
     hits, promised = 0, []
@@ -68,7 +68,7 @@ def test_power_is_what_is_promised(pole):
 
 
 @pytest.mark.parametrize("samples", [9, 40, 400])
-def test_chance_of_few_samples_is_right(samples):
+def test_f_test__few_samples__rate_of_false_alarms(samples):
     """Three useless parameters beside five, as many times as it takes: each chance comes as often as it says."""
     rng = np.random.default_rng(3)
     A = rng.normal(size=(samples, 8))
@@ -81,7 +81,7 @@ def test_chance_of_few_samples_is_right(samples):
         assert np.mean(np.array(chances) < level) == pytest.approx(level, abs=4.0 * np.sqrt(level * (1 - level) / 2000))
 
 
-def test_without_independent_samples_all_is_chance():
+def test_f_test__no_independent_samples__p_value_one():
     assert chance_of(1e6, 3, 0.0) == chance_of(1e6, 3, -5.0) == 1.0
 
 
@@ -104,7 +104,7 @@ def test_stretches_are_whitened_apart():
         assert part[20:].std() == pytest.approx(1.0, abs=0.1)
 
 
-def test_what_the_parameters_can_imitate_is_explained():
+def test_explain__change_within_parameters__nothing_left():
     rng = np.random.default_rng(6)
     X = regressors(rng)
     small = judged(noise(rng, 0.5), X, 3)
@@ -113,7 +113,7 @@ def test_what_the_parameters_can_imitate_is_explained():
     assert whitening.imitation(small, inside)[0] < 1e-9 * whitening.imitation(small, outside)[0]
 
 
-def test_a_parameter_at_its_bound_imitates_but_does_not_fit():
+def test_explain__parameter_at_bound__counts_but_does_not_fit():
     rng = np.random.default_rng(8)
     X = regressors(rng)
     free = judged(noise(rng, 0.5) + X[:, 2], X, 3)
@@ -124,7 +124,7 @@ def test_a_parameter_at_its_bound_imitates_but_does_not_fit():
     assert whitening.misfit(moved) > 2.0 * whitening.misfit(free)
 
 
-def test_derivatives_that_vanish_are_left_out():
+def test_basis__zero_derivatives__left_out():
     y = np.random.default_rng(7).standard_normal(SAMPLES)
     X = np.zeros((SAMPLES, 2))
     fit = judged(y, X, 2)

@@ -41,13 +41,13 @@ def test_a_diverged_simulation_has_no_chance():
     assert bic.chances(values, 100)[0] == 0.0
 
 
-def test_bic_prefers_the_smaller_model_unless_the_larger_one_pays():
+def test_bic__one_more_parameter__has_to_pay():
     bic = criterion("bic").value
     assert bic(Misfit((1.0,), (1e-9,), 1000, (9.0,)), 3) > bic(Misfit((0.999,), (1e-9,), 1000, (9.0,)), 4)
     assert bic(Misfit((1.0,), (1e-9,), 1000, (9.0,)), 3) < bic(Misfit((0.9,), (1e-9,), 1000, (9.0,)), 4)
 
 
-def test_chances_of_bic_follow_the_residuals_as_those_of_fitness_do():
+def test_chances__bic_and_fitness__proportional_to_inverse_rss():
     misfits = [Misfit((rss,), (1e-9,), 1000, (9.0,)) for rss in (1.0, 2.0, 8.0)]
     for name in ("fitness", "bic"):
         c = criterion(name)
@@ -55,7 +55,7 @@ def test_chances_of_bic_follow_the_residuals_as_those_of_fitness_do():
         assert chances / chances[0] == pytest.approx([1.0, 0.5, 0.125])
 
 
-def test_nobody_has_chances_if_all_diverged():
+def test_chances__all_diverged__zero():
     assert criterion("bic").chances([-np.inf, -np.inf], 100).tolist() == [0.0, 0.0]
 
 
@@ -64,6 +64,6 @@ def test_an_unknown_criterion():
         criterion("fitnes")
 
 
-def test_fit():
+def test_fit_percent__outputs__mean():
     assert Misfit((1.0,), (1e-9,), 100, (100.0,)).fit_percent == pytest.approx(90.0)
     assert Misfit((1.0, 16.0), (1e-9, 1e-9), 100, (100.0, 64.0)).fit_percent == pytest.approx(70.0)

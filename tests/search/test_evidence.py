@@ -67,14 +67,14 @@ def friction():
     )
 
 
-def test_the_truth_is_the_only_minimal_structure(friction):
+def test_evidence__friction__truth_is_only_minimal_structure(friction):
     assert [str(j.structure) for j in friction.minimal] == ["one_mass+coulomb+viscous"]
     verdicts = {c.effect: c.verdict for c in friction.cards}
     assert verdicts == {"coulomb": "needed", "viscous": "needed", "gravity": "not needed", "delay": "not needed"}
     assert friction.optional == ()
 
 
-def test_cards_carry_what_they_rest_on(friction):
+def test_verdict__each_effect__loss_gain_and_sentence(friction):
     for card in friction.cards:
         assert card.reason.endswith(".")
         assert str(card) == f"{card.title}: {card.verdict}. {card.reason}"
@@ -84,13 +84,13 @@ def test_cards_carry_what_they_rest_on(friction):
             assert 0.0 <= card.gain < 0.01
 
 
-def test_cards_say_what_would_have_shown(friction):
+def test_reason__not_needed__size_and_estimate(friction):
     reasons = {c.effect: c.reason for c in friction.cards}
     assert reasons["gravity"].startswith("M_G of ±0.03 N m or more would have shown; the fit puts it at ")
     assert reasons["delay"].startswith("T_d of 0.0004 s or more would have shown; the fit puts it at ")
 
 
-def test_cards_say_from_which_size_on_it_would_have_shown():
+def test_reason__not_detectable__detection_limit_grows_with_noise():
     """What a linear drive shows is in proportion to its noise, and doubled until it shows."""
     told = []
     for noise in (4.0, 8.0, 16.0):
@@ -103,7 +103,7 @@ def test_cards_say_from_which_size_on_it_would_have_shown():
     assert told[1:] == pytest.approx([2.0 * told[0], 4.0 * told[0]])
 
 
-def test_no_size_is_told_from_which_on_where_none_is_allowed():
+def test_reason__limit_beyond_bounds__no_detection_limit():
     task = task_of("one_mass+viscous", {"J1": 0.02, "f_v": 0.03}, reversing(), 16.0)
     bounded = replace(task, bounds={"M_G": (-0.04, 0.04)})
     (card,) = (c for c in evidence(bounded, ("viscous", "gravity")).cards if c.effect == "gravity")
@@ -111,7 +111,7 @@ def test_no_size_is_told_from_which_on_where_none_is_allowed():
     assert "it would from" not in card.reason
 
 
-def test_all_numbers_of_a_size_are_told_in_the_recording_s_units():
+def test_reason__size_of_two_parameters__in_units_of_recording():
     """Stribeck friction is held with its width: a narrower one need not have shown."""
     values = {"J1": 20.0, "M_C": 500.0, "f_v": 30.0}
     task = task_of("one_mass+coulomb+viscous", values, 1000.0 * reversing(), 0.1)
@@ -125,7 +125,7 @@ def test_all_numbers_of_a_size_are_told_in_the_recording_s_units():
     assert f"M_S of 30 N at omega_S of {50.0 * known.speed:.2g} mm/s" in reasons["stribeck"]
 
 
-def test_what_all_structures_have_is_no_question():
+def test_evidence__effect_in_all_structures__no_verdict():
     """Of what is required nothing is known: no structure without it was tried."""
     values = {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
     task = task_of("one_mass+coulomb+viscous", values, reversing(), 0.1)
@@ -135,12 +135,12 @@ def test_what_all_structures_have_is_no_question():
     assert assess_effects(task, fit_all(task, required[:1])).cards == ()
 
 
-def test_the_best_criterion_is_that_of_a_minimal_structure(friction):
+def test_evidence__best_criterion__contains_minimal_structure(friction):
     best = min(friction.criterion, key=lambda s: friction.criterion[s])
     assert contains(best, friction.minimal[0].structure)
 
 
-def test_constant_torque_is_coulomb_friction_if_speed_never_turns():
+def test_evidence__no_reversal__gravity_not_decidable():
     values = {"J1": 0.02, "M_C": 0.4, "f_v": 0.03}
     found = evidence(
         task_of("one_mass+coulomb+viscous", values, one_way(), 0.1, begin=200),
@@ -155,7 +155,7 @@ def test_constant_torque_is_coulomb_friction_if_speed_never_turns():
 
 @pytest.mark.parametrize("noise", [0.1, 0.03])
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_effects_that_cancel_are_not_called_needless(way, noise):
+def test_evidence__effects_cancel__not_decidable(way, noise):
     """A load helps by as much as Coulomb friction brakes: neither shows where speed never turns, and both are there."""
     values = {"J1": 0.02, "M_C": 0.4, "f_v": 0.03, "M_G": 0.4 * way}
     task = task_of("one_mass+coulomb+viscous+gravity", values, way * one_way(), noise, begin=200)
@@ -168,7 +168,7 @@ def test_effects_that_cancel_are_not_called_needless(way, noise):
         assert "At a size that matters (M_" in cards[effect].reason
 
 
-def test_a_held_effect_is_cancelled_by_another_beside_a_rattling_gap():
+def test_refine_at_fixed_size__hard_limit__other_effect_compensates():
     """Speed never turns, so that gravity makes up for Coulomb friction exactly; no small step there leads to it."""
     values = {"J1": 0.005, "J2": 0.02, "c1": 150.0, "d1": 0.3, "M_C": 0.6, "M_G": 1.3, "alpha": 0.3}
     t = DT * np.arange(700)
@@ -184,7 +184,7 @@ def test_a_held_effect_is_cancelled_by_another_beside_a_rattling_gap():
     assert held.values["M_G"] == pytest.approx(0.78, rel=0.01)
 
 
-def test_a_held_size_is_walked_to_where_a_load_rattles():
+def test_refine_at_fixed_size__rattling_load__approached_in_steps():
     """A tenth of the last mass may come loose, but not at once: its optimum is far from where that was not."""
     small, big = (PAPER.parse(f"{n}_mass+viscous+backlash+current_control") for n in ("three", "four"))
     values = {"J1": 0.001355, "J2": 0.01226, "J3": 0.00097, "c1": 1688.0, "c2": 1.449, "d1": 0.4328, "d2": 0.00504}
@@ -202,7 +202,7 @@ def test_a_held_size_is_walked_to_where_a_load_rattles():
     assert found.cost < 1.015 * own.cost  # 1.02 at once
 
 
-def test_a_light_mass_between_two_others_is_found_from_everywhere():
+def test_restart__light_middle_mass__is_found():
     """Refits end where the search did: with the light mass behind the others, and one mass more would be called for."""
     t, k = DT * np.arange(600), np.arange(1, 60)
     phase = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, k.size)
@@ -233,7 +233,7 @@ def test_a_light_mass_between_two_others_is_found_from_everywhere():
         assert bench.sought == {structure: 4}
 
 
-def test_starts_from_everywhere_are_none_that_the_search_has_had(monkeypatch):
+def test_restart__repeated__new_starts_each_time(monkeypatch):
     t = DT * np.arange(300)
     values = {"J1": 0.0112, "J2": 0.004, "c1": 105.0, "d1": 0.0187, "f_v": 0.02}
     task = task_of("two_mass+viscous", values, 2.0 * np.sin(2.0 * np.pi * 15.0 * t**2), 0.005)
@@ -256,7 +256,7 @@ def test_starts_from_everywhere_are_none_that_the_search_has_had(monkeypatch):
         assert len(a & b) <= 1 + (a is not seen[0])
 
 
-def test_masses_are_needed_cumulatively():
+def test_evidence__masses__cumulative():
     values = {"J1": 0.012, "J2": 0.01, "c1": 25.0, "d1": 0.05, "f_v": 0.03}
     found = evidence(
         task_of("two_mass+viscous", values, reversing(), 0.1), ("viscous",), ("one_mass", "two_mass", "three_mass")
@@ -268,13 +268,13 @@ def test_masses_are_needed_cumulatively():
     assert "one_mass" not in verdicts
 
 
-def test_a_recording_in_which_nothing_moves_decides_nothing():
+def test_evidence__no_motion__nothing_decidable():
     task = task_of("one_mass+coulomb", {"J1": 0.02, "M_C": 0.12}, 0.02 * reversing(), 0.1, f_tanh=500.0)
     found = evidence(task, ("coulomb", "viscous", "backlash"), ("one_mass", "two_mass", "three_mass"))
     assert {c.verdict for c in found.cards} == {"not decidable"}
 
 
-def test_nearly_exact_data_need_no_effect_beyond_the_truth():
+def test_evidence__no_noise__only_the_truth_is_minimal():
     values = {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
     found = evidence(
         task_of("one_mass+coulomb+viscous", values, reversing(), 0.0),
@@ -284,7 +284,7 @@ def test_nearly_exact_data_need_no_effect_beyond_the_truth():
     assert [str(j.structure) for j in found.minimal] == ["one_mass+coulomb+viscous"]
 
 
-def test_what_is_below_the_trusted_accuracy_is_not_called_for():
+def test_evidence__effect_below_accuracy__not_needed():
     """Without noise the least trace shows; no more than a sensor's and a simulation's own error is left without it."""
     values = {"J1": 0.02, "M_C": 0.5, "f_v": 2e-5}
     task = task_of("one_mass+coulomb+viscous", values, reversing(), 0.0)
@@ -296,7 +296,7 @@ def test_what_is_below_the_trusted_accuracy_is_not_called_for():
     assert {c.effect: c.verdict for c in found.cards}["viscous"] != "needed"
 
 
-def test_what_is_within_the_trusted_accuracy_is_not_refuted():
+def test_evidence__fit_at_fixed_size_within_accuracy__not_refuted():
     """With a lag of its least size held, no more is left than a sensor's error may be."""
     task = task_of("one_mass+viscous+delay", {"J1": 0.02, "f_v": 0.03, "T_d": 0.005}, reversing(), 0.0)
     found = evidence(task, ("viscous", "delay", "current_control", "gravity"), ("one_mass", "two_mass"))
@@ -308,7 +308,7 @@ def test_what_is_within_the_trusted_accuracy_is_not_refuted():
 
 
 @pytest.mark.parametrize(("seed", "size"), [(0, 0.1), (1, 0.5), (4, 0.1), (9, 0.1)])
-def test_a_drifting_load_is_no_second_mass(seed, size):
+def test_evidence__drifting_load__second_mass_not_decidable(seed, size):
     """A second mass swings along with any slow torque, undamped or so softly that it does not come back while it is
     recorded: the residual is 4 to 21 times smaller."""
     t, rng = DT * np.arange(1000), np.random.default_rng(seed)
@@ -331,7 +331,7 @@ def test_a_drifting_load_is_no_second_mass(seed, size):
     ("stiffness", "damping", "minimal", "told"),
     [(1.0, 0.001, "one_mass+viscous", "It explains "), (100.0, 0.3, "two_mass", "Without it the residual is ")],
 )
-def test_a_mass_at_its_bound_is_no_mass(stiffness, damping, minimal, told):
+def test_evidence__inertia_at_bound__not_decidable(stiffness, damping, minimal, told):
     """A spring to the wall is fitted as one to the largest mass there may be, needed for the fit or not."""
     values = {"J1": 0.02, "J2": 20.0, "c1": stiffness, "d1": damping, "f_v": 0.03}
     task = task_of("two_mass+viscous", values, reversing(), 0.05)
@@ -350,7 +350,7 @@ def drives(structure, values, task):
     return Yardstick(Bench(task, {}, None), None, {}), Judged(structure, values, None, free, tuple(range(free)))
 
 
-def test_what_has_run_to_a_bound_follows_drifts_but_not_to_one_of_the_user_s():
+def test_absorbs_drift__parameter_at_bound__unless_bound_is_the_users():
     values = {"J1": 0.02, "J2": 0.01, "c1": 20.0, "d1": 0.05}
     task = task_of("two_mass", values, reversing(), 0.05)
     one, two = map(PAPER.parse, ("one_mass", "two_mass"))
@@ -370,7 +370,7 @@ def test_what_has_run_to_a_bound_follows_drifts_but_not_to_one_of_the_user_s():
 
 
 @pytest.mark.parametrize(("damping", "digits"), [(1e-4, range(12)), (0.05, (0,)), (50.0, (0,))])
-def test_what_swings_less_than_once_follows_drifts(damping, digits):
+def test_absorbs_drift__less_than_one_oscillation__true(damping, digits):
     """By its springs and masses alone: with no more digits nor damping than that anything may be a slow oscillation."""
     task = task_of("two_mass", {"J1": 0.02, "J2": 0.01, "c1": 20.0, "d1": 0.05}, reversing(), 0.05)
     duration = task.recordings[0].t[-1]
@@ -384,7 +384,7 @@ def test_what_swings_less_than_once_follows_drifts(damping, digits):
             assert yardstick.follows_drifts(big, drives(one, values, task)[1]) == (swings < 1.0)
 
 
-def test_slow_residuals_are_told_of_only_where_they_are_slow():
+def test_reason__white_residuals__few_samples_not_slow():
     """White noise and few samples make a further mass by chance, too: here one that explains 4 %."""
     task = task_of("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}, reversing()[:160], 0.0)
     (r,) = task.recordings
@@ -396,7 +396,7 @@ def test_slow_residuals_are_told_of_only_where_they_are_slow():
     assert card.reason.endswith("may be chance with as few samples as these.")
 
 
-def test_what_is_fixed_is_asked_as_it_is():
+def test_evidence__fixed_value__tested_at_that_value():
     """The user has ruled out all other sizes."""
     task = task_of("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}, reversing(), 0.05)
     found = evidence(replace(task, fixed={"M_G": 0.2}), ("coulomb", "viscous", "gravity"))
@@ -405,7 +405,7 @@ def test_what_is_fixed_is_asked_as_it_is():
     assert card.reason == "M_G of 0.2 N m, as it is fixed, makes the fit worse."
 
 
-def test_a_bound_without_width_ends_no_search():
+def test_evidence__bound_without_width__search_completes():
     task = task_of("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}, reversing(), 0.05)
     found = evidence(replace(task, bounds={"M_G": (0.0, 0.0)}), ("coulomb", "viscous", "gravity"))
     assert [str(j.structure) for j in found.minimal] == ["one_mass+coulomb+viscous"]
@@ -419,7 +419,7 @@ def slow_and_late():
     return task, fit_all(task, structures(("delay", "current_control")))
 
 
-def test_alternatives_within_the_trusted_accuracy_are_told():
+def test_evidence__alternatives_within_accuracy__all_minimal():
     task, fitted = slow_and_late()
     found = assess_effects(task, fitted)
     other = found.judged[PAPER.parse("one_mass+current_control")]
@@ -428,7 +428,7 @@ def test_alternatives_within_the_trusted_accuracy_are_told():
     assert {str(j.structure) for j in found.minimal} == {"one_mass+delay", "one_mass+current_control"}
 
 
-def test_alternatives_are_told_that_the_search_has_not_descended_to_the_end():
+def test_evidence__unconverged_alternative__is_minimal_after_refit():
     """What is left of them may be the search's own error as well: a refit decides."""
     task, fitted = slow_and_late()
     late = PAPER.parse("one_mass+delay")
@@ -443,7 +443,7 @@ def test_alternatives_are_told_that_the_search_has_not_descended_to_the_end():
     assert {str(j.structure) for j in found.minimal} == {"one_mass+delay", "one_mass+current_control"}
 
 
-def test_none_is_minimal_that_another_fits_much_better_than():
+def test_evidence__much_better_alternative__not_minimal():
     """Though neither contains the other: its lag, which its bound keeps, is what all that contain it have, too."""
     values = {"J1": 0.02, "M_C": 0.5, "f_v": 1.97e-5, "M_G": 7.98e-5, "T_d": 1.89e-5, "M_S": 0.0124, "omega_S": 2.0}
     task = task_of("one_mass+coulomb+viscous+stribeck+gravity+delay", values, reversing(), 0.0)

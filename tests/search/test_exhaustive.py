@@ -44,13 +44,13 @@ def fitted(task):
     return fit_all(task, STRUCTURES, seed=3)
 
 
-def test_every_structure_has_its_fit_simple_ones_first(fitted):
+def test_fit_all__all_structures__simple_ones_first(fitted):
     assert set(fitted) == set(STRUCTURES)
     sizes = [s.masses + len(s.placed) for s in fitted]
     assert sizes == sorted(sizes)
 
 
-def test_none_is_worse_than_one_that_it_contains(fitted):
+def test_fit_all__supermodels__not_worse_than_submodels(fitted):
     for big, own in fitted.items():
         for small, other in fitted.items():
             if contains(big, small):
@@ -65,14 +65,14 @@ def test_the_truth_is_found_with_its_values(task, fitted, true_values):
         assert truth.values[name] == pytest.approx(value, rel=0.1)
 
 
-def test_values_are_those_of_the_cost_unless_an_effect_is_idle(task, fitted):
+def test_fit_all__no_redundant_effect__values_give_cost(task, fitted):
     for s, f in fitted.items():
         if not f.idle:
             values = {name: np.array([f.values[name]]) for name in s.parameters}
             assert task.problem(s).costs(values, task.settings)[0] == pytest.approx(f.cost, rel=1e-6)
 
 
-def test_threads_change_nothing(task, fitted):
+def test_fit_all__any_threads__same_fits(task, fitted):
     seen = []
     with ThreadPoolExecutor(3) as pool:
         again = fit_all(task, STRUCTURES, seed=3, executor=pool, progress=lambda f: seen.append(f.structure))
@@ -82,14 +82,14 @@ def test_threads_change_nothing(task, fitted):
     assert seen == list(again)
 
 
-def test_gaps_in_the_set_do_not_break_the_guarantee(task):
+def test_fit_all__incomplete_set__no_structure_worse_than_submodel(task):
     some = [PAPER.parse(n) for n in ("one_mass", "two_mass+coulomb", "two_mass+coulomb+viscous+backlash")]
     done = fit_all(task, some)
     costs = [done[s].cost for s in some]
     assert costs == sorted(costs, reverse=True)
 
 
-def test_gaps_that_make_another_motion_are_found_and_handed_down(loose):
+def test_fit_all__rattling_backlash__found_and_projected(loose):
     task, values = loose
     kept = {"two_mass", "coulomb", "viscous", "backlash", "delay"}
     structures = [s for s in PAPER.structures() if set(s.names) <= kept and s.masses == 2]
@@ -102,13 +102,13 @@ def test_gaps_that_make_another_motion_are_found_and_handed_down(loose):
     assert [str(s) for s in sought] == ["two_mass+coulomb+viscous+backlash+delay"]
 
 
-def test_gaps_are_not_sought_where_the_residual_is_white(task):
+def test_fit_all__white_residual__no_restarts(task):
     sought = []
     fit_all(task, STRUCTURES, seed=3, seeking=sought.append)
     assert not sought
 
 
-def test_without_noise_gaps_are_sought_until_the_simulation_says_no_more(exact_loose):
+def test_restart_leaders__no_noise__ends_at_simulation_accuracy(exact_loose):
     """A fit beside the truth leaves what the search's level may be off by at worst, but is not off by here."""
     task, values = exact_loose
     top, plain = PAPER.parse("two_mass+backlash+delay"), PAPER.parse("two_mass+delay")
@@ -144,7 +144,7 @@ def spoilt(fits, structure, **changed):
     return before.cost
 
 
-def test_structures_without_gaps_that_have_been_missed_are_found(task, true_values):
+def test_restart_leaders__local_minimum__truth_is_found(task, true_values):
     """A resonance that is a little off is a local minimum, and all around begin there."""
     truth, simple = PAPER.parse("two_mass+coulomb"), PAPER.parse("one_mass+coulomb")
     fits, sought = Fits(task, [simple, truth]), []
@@ -171,7 +171,7 @@ class Asked(Executor):
         return result
 
 
-def test_the_best_optimum_with_an_effect_more_is_a_start_unless_it_is_little_better_or_idle(task):
+def test_restart_many__better_supermodel__its_optimum_is_a_start(task):
     costs = {"two_mass": 100.0, "two_mass+coulomb": 95.0, "two_mass+viscous": 60.0, "two_mass+backlash": 40.0}
     names = dict(zip(costs, map(PAPER.parse, costs), strict=True))
     fits = Fits(task, list(names.values()))
@@ -186,7 +186,7 @@ def test_the_best_optimum_with_an_effect_more_is_a_start_unless_it_is_little_bet
     assert begun[1::2] == 3 * [["two_mass+coulomb"]]
 
 
-def test_each_optimum_with_a_gap_is_followed_once(task, monkeypatch):
+def test_continue_to_submodels__same_optimum__once(task, monkeypatch):
     costs = {"two_mass+backlash": 100.0, "two_mass+coulomb+backlash": 95.0, "two_mass+viscous+backlash": 60.0}
     small, little, better = map(PAPER.parse, costs)
     fits, followed = Fits(task, [small, little, better]), []
@@ -211,7 +211,7 @@ def test_each_optimum_with_a_gap_is_followed_once(task, monkeypatch):
     assert followed == [(small, better), (small, little), (small, better), (small, better)]
 
 
-def test_what_is_followed_is_handed_on(task, monkeypatch):
+def test_continue_to_submodels__improved__neighbours_refitted(task, monkeypatch):
     costs = {"two_mass+backlash": 100.0, "two_mass+coulomb+backlash": 60.0, "two_mass+gravity+backlash": 90.0}
     small, larger, other = map(PAPER.parse, costs)
     fits = Fits(task, [small, larger, other])
@@ -231,7 +231,7 @@ def test_what_is_followed_is_handed_on(task, monkeypatch):
     assert fits.done[small] is found
 
 
-def test_what_lacks_one_effect_of_a_lonely_leader_comes_after_it(task):
+def test_leading_structures__single_leader__its_submodels_follow(task):
     """Though it is far behind; what has fewer masses is another number's matter."""
     costs = {
         "two_mass": 3e8,
@@ -249,7 +249,7 @@ def test_what_lacks_one_effect_of_a_lonely_leader_comes_after_it(task):
     assert turns == [big, "two_mass+viscous+backlash", "two_mass+coulomb+backlash", big]
 
 
-def test_what_is_taken_away_may_leave_its_share_to_others():
+def test_propagate__lag_removed__dead_time_grows():
     """Lag and dead time show as their sum: without the lag the dead time has to be longer before anything is gained."""
     true, e = {"J1": 0.02, "M_C": 0.9, "T_d": 6e-3}, PAPER_EXPERIMENT
     small, big = PAPER.parse("one_mass+coulomb+delay"), PAPER.parse("one_mass+coulomb+current_control+delay")
@@ -274,7 +274,7 @@ def test_what_is_taken_away_may_leave_its_share_to_others():
     assert fits.done[small].cost <= 1.001 * ended(small).cost
 
 
-def test_giving_up_early_changes_no_choice(task, rng):
+def test_best_starts__early_termination__same_choice(task, rng):
     """The best start at each of some optima, of as many optima as asked for, as if all had been simulated through."""
     structure = PAPER.parse("two_mass+coulomb+viscous")
     problem, space = task.problem(structure), task.space(structure, initial=True)

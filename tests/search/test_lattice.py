@@ -45,7 +45,7 @@ def test_neighbours_differ_by_one_step(structure):
 
 
 @pytest.mark.parametrize("structure", ALL[::53], ids=str)
-def test_next_ones_within_and_around_in_a_set_with_gaps(structure):
+def test_maximal_submodels__incomplete_set__next_ones(structure):
     some = ALL[::7]
     for found, holds in ((maximal_submodels(structure, some), False), (minimal_supermodels(structure, some), True)):
         related = [t for t in some if t != structure and (contains(t, structure) if holds else contains(structure, t))]
@@ -56,7 +56,7 @@ def test_next_ones_within_and_around_in_a_set_with_gaps(structure):
     assert set(minimal_supermodels(structure, ALL)) == set(one_larger(structure, ALL))
 
 
-def test_everything_is_between_the_smallest_and_the_largest():
+def test_contains__smallest_and_largest__bound_all():
     assert minimal_elements(ALL) == [s("one_mass")]
     most = [t for t in ALL if not one_larger(t, ALL)]
     assert most == [max(ALL, key=lambda t: (t.masses, len(t.placed)))]

@@ -104,13 +104,13 @@ def ratio(by):
     return NOISE * float(np.exp(by / SAMPLES))
 
 
-def test_nothing_that_contains_it_nor_another_fits_better():
+def test_minimal__two_adequate_structures__both():
     least = {"one_mass+coulomb": NOISE, "one_mass+viscous+delay": 0.995 * NOISE}
     found, _ = Costs(costs(least, 5.0 * NOISE)).minimal()
     assert sorted(found) == sorted(least)
 
 
-def test_what_contains_a_beaten_structure_may_be_minimal():
+def test_minimal__submodel_rejected__supermodel_may_be_minimal():
     """Another one drives it out, but not what has one effect more."""
     least = {"one_mass+coulomb": ratio(0.0), "one_mass+coulomb+gravity": ratio(-8.0)}
     least["one_mass+viscous+delay"] = ratio(-19.0)
@@ -118,7 +118,7 @@ def test_what_contains_a_beaten_structure_may_be_minimal():
     assert sorted(found) == ["one_mass+coulomb+gravity", "one_mass+viscous+delay"]
 
 
-def test_every_accepted_structure_is_a_rival_not_only_the_best():
+def test_minimal__several_accepted__each_can_reject():
     """What is left of one is less, but of another it is whiter."""
     white = {"one_mass+coulomb": 1.0, "one_mass+viscous": 0.6, "one_mass+gravity": 1.0}
     rms = {"one_mass+coulomb": 1.0, "one_mass+viscous": 1.015, "one_mass+gravity": 1.03}
@@ -129,7 +129,7 @@ def test_every_accepted_structure_is_a_rival_not_only_the_best():
     assert sorted(found) == ["one_mass+coulomb", "one_mass+viscous"]
 
 
-def test_what_was_refitted_on_the_way_is_looked_at_all_the_same():
+def test_minimal__refitted_submodel__is_examined():
     """Its refit has ended too high, and what has one effect more would pull it down; the search knew it no better."""
     least = {"one_mass+current_control": 0.9, "one_mass+coulomb": 2.6}
     yardstick = Costs(costs(least, 5.0), fast=dict.fromkeys(ALL, 5.0), second={"one_mass+coulomb": 0.9}, doubt=1.0)
@@ -138,7 +138,7 @@ def test_what_was_refitted_on_the_way_is_looked_at_all_the_same():
     assert str(examined[0]) == "one_mass"
 
 
-def test_what_only_the_search_s_error_speaks_for_is_looked_at_too():
+def test_minimal__difference_within_error_floor__is_examined():
     truth = PAPER.parse("one_mass+coulomb")
     known = {s: 1.0 if contains(s, truth) else 5.0 for s in ALL}
     found, examined = Costs(known, doubt=1.0).minimal()
@@ -147,7 +147,7 @@ def test_what_only_the_search_s_error_speaks_for_is_looked_at_too():
     assert len(examined) > 1
 
 
-def test_what_the_search_may_be_off_by_outweighs_no_parameter():
+def test_minimal__equal_within_error_floor__smaller_first():
     """Of two that leave no more than its error the smaller is the more hopeful."""
     truth, small = PAPER.parse("two_mass+coulomb"), PAPER.parse("one_mass+viscous")
     known = {s: 1.0 if contains(s, truth) else 5.0 for s in ALL} | {small: 1.1}
@@ -155,7 +155,7 @@ def test_what_the_search_may_be_off_by_outweighs_no_parameter():
     assert examined[0] == small
 
 
-def test_the_better_refit_counts():
+def test_minimal__improved_refit__is_used():
     """One that another accepted structure has led to meanwhile."""
     least = {"one_mass+coulomb": ratio(40.0), "one_mass+coulomb+gravity": ratio(0.0)}
     yardstick = Costs(costs(least, ratio(200.0)), second={"one_mass+coulomb": ratio(1.0)})
@@ -164,7 +164,7 @@ def test_the_better_refit_counts():
     assert found.cost == pytest.approx(ratio(1.0))
 
 
-def test_smaller_ones_are_found_on_the_way_and_smaller_ones_of_those():
+def test_minimal__redundant_effects__submodels_are_examined():
     """None of them was hopeful: the search has left them far away."""
     least = {"one_mass+coulomb+gravity": ratio(0.0)}
     second = {"one_mass+coulomb": ratio(1.0), "one_mass": ratio(2.0)}
@@ -173,7 +173,7 @@ def test_smaller_ones_are_found_on_the_way_and_smaller_ones_of_those():
     assert [str(s) for s in examined] == ["one_mass+coulomb+gravity"]
 
 
-def test_before_a_further_mass_is_called_for_the_shorter_ladder_is_sought_from_everywhere():
+def test_minimal__further_mass__smaller_structure_is_restarted_first():
     """A light mass between two others is found from there, not from what is around."""
     least = {"four_mass+coulomb": ratio(0.0), "three_mass+coulomb": ratio(60.0)}
     known = costs(least, ratio(200.0))
@@ -184,7 +184,7 @@ def test_before_a_further_mass_is_called_for_the_shorter_ladder_is_sought_from_e
 
 
 @pytest.mark.parametrize(("between", "found"), [(60.0, "three_mass+coulomb"), (150.0, "four_mass+coulomb")])
-def test_it_is_sought_more_often_where_little_is_between_them(between, found):
+def test_minimal__small_difference__more_restarts(between, found):
     least = {"four_mass+coulomb": ratio(0.0), "three_mass+coulomb": ratio(between)}
     yardstick = Costs(costs(least, ratio(300.0)), everywhere={"three_mass+coulomb": ratio(-1.0)})
     yardstick.bench.succeeds = 7  # the first fields in vain
@@ -193,14 +193,14 @@ def test_it_is_sought_more_often_where_little_is_between_them(between, found):
 
 
 @pytest.mark.parametrize(("between", "found"), [(60.0, "one_mass+coulomb"), (150.0, "one_mass+coulomb+delay")])
-def test_before_an_effect_is_called_for_that_adds_little_it_is_sought_too(between, found):
+def test_minimal__small_difference__smaller_structure_is_restarted(between, found):
     least = {"one_mass+coulomb+delay": ratio(0.0), "one_mass+coulomb": ratio(between)}
     yardstick = Costs(costs(least, ratio(300.0)), everywhere={"one_mass+coulomb": ratio(-1.0)})
     assert yardstick.minimal()[0] == [found]
 
 
 @pytest.mark.parametrize(("between", "found"), [(60.0, "two_mass+backlash"), (150.0, "three_mass+backlash")])
-def test_with_a_gap_that_is_done_where_little_is_between_them_and_takes_few_fields(between, found):
+def test_minimal__small_difference_with_hard_limit__few_restarts(between, found):
     least = {"three_mass+backlash": ratio(0.0), "two_mass+backlash": ratio(between)}
     yardstick = Costs(costs(least, ratio(300.0)), everywhere={"two_mass+backlash": ratio(-1.0)})
     assert yardstick.minimal()[0] == [found]
@@ -209,7 +209,7 @@ def test_with_a_gap_that_is_done_where_little_is_between_them_and_takes_few_fiel
     assert yardstick.bench.sought == ({PAPER.parse("two_mass+backlash"): 2} if between < 100.0 else {})
 
 
-def test_after_much_in_vain_nothing_more_is_sought():
+def test_minimal__fruitless_restarts__limit():
     whole = "two_mass+coulomb+viscous+gravity+delay"
     smaller = [whole.replace(f"+{name}", "") for name in ("coulomb", "viscous", "gravity", "delay")]
     known = costs({whole: ratio(0.0)} | dict.fromkeys(smaller, ratio(60.0)), ratio(300.0))
@@ -223,7 +223,7 @@ def test_after_much_in_vain_nothing_more_is_sought():
         assert sum(yardstick.bench.sought.values()) > 16
 
 
-def test_what_is_no_longer_adequate_is_thrown_out():
+def test_minimal__late_better_supermodel__structure_removed():
     """One that contains it has come to fit better after it was asked."""
     small, big, more = ("one_mass+coulomb", "one_mass+coulomb+gravity", "one_mass+coulomb+gravity+delay")
     late = costs({small: ratio(0.0), big: ratio(-13.0), more: ratio(-13.2)}, ratio(200.0))
@@ -235,7 +235,7 @@ def test_what_is_no_longer_adequate_is_thrown_out():
     assert found == [big]
 
 
-def test_what_a_refit_shows_late_of_one_far_larger_counts():
+def test_minimal__late_refit_of_larger_structure__rejects():
     """No single effect helps, two together do, and the search has not found that."""
     least = {"one_mass+coulomb": ratio(0.0), "one_mass+gravity+delay": ratio(2.0)}
     late = costs(least | {"one_mass+coulomb+gravity+delay": ratio(-40.0)}, ratio(200.0))
@@ -244,7 +244,7 @@ def test_what_a_refit_shows_late_of_one_far_larger_counts():
     assert found == ["one_mass+coulomb+gravity+delay"]
 
 
-def test_the_best_of_all_larger_ones_has_the_share_of_any_of_them():
+def test_minimal__best_of_many_supermodels__bonferroni_corrected():
     """Twice the log-likelihood ratio of two effects is 16: more than chance brings to one of ten, not of hundreds."""
     less, more = "one_mass+coulomb", "one_mass+coulomb+gravity+delay"
     known = {s: ratio(200.0) for s in ALL} | {s: ratio(0.0) for s in ALL if contains(s, PAPER.parse(less))}
@@ -267,7 +267,7 @@ class Asked(Costs):
 
 
 @pytest.mark.parametrize(("plus", "minus"), [(20.0, 20.0), (20.0, 1.0), (1.0, 20.0)])
-def test_an_effect_is_refuted_by_fits_with_it_held_at_every_size(plus, minus):
+def test_refutation__both_signs__all_fits_have_to_be_worse(plus, minus):
     structure = PAPER.parse("one_mass+coulomb")
     held = {(("M_G", 1.0),): ratio(plus), (("M_G", -1.0),): ratio(minus)}
     yardstick = Asked(costs({str(structure): ratio(0.0)}, ratio(200.0)) | held)
@@ -275,7 +275,7 @@ def test_an_effect_is_refuted_by_fits_with_it_held_at_every_size(plus, minus):
     assert yardstick.refutation(structure, "gravity")() == (min(plus, minus) > 6.0)
 
 
-def test_a_further_mass_needs_more_to_be_visible_than_an_effect_of_one_parameter():
+def test_is_detectable__further_mass__needs_larger_change():
     """It has three parameters, and a tenth of the level: power of 80 % takes a squared size of 24.4 instead of 14.3."""
     structure = PAPER.parse("one_mass+coulomb")
     yardstick = Costs(costs({str(structure): ratio(0.0)}, ratio(200.0)))
@@ -284,7 +284,7 @@ def test_a_further_mass_needs_more_to_be_visible_than_an_effect_of_one_parameter
     assert yardstick.visible(structure, "gravity", 22.0)
 
 
-def test_what_contains_one_that_is_beaten_late_is_looked_at():
+def test_minimal__late_rejection__supermodels_are_examined():
     """By what a second refit has led to."""
     least = {"one_mass+coulomb": ratio(0.0), "one_mass+coulomb+gravity": ratio(-8.0)}
     least["one_mass+viscous+delay"] = ratio(-19.0)
@@ -295,7 +295,7 @@ def test_what_contains_one_that_is_beaten_late_is_looked_at():
 
 
 @pytest.mark.parametrize(("more", "by_chance"), [("one_mass+coulomb+viscous", False), ("two_mass+coulomb", True)])
-def test_a_further_mass_is_better_by_chance_more_often(more, by_chance):
+def test_minimal__further_mass__needs_stronger_evidence(more, by_chance):
     """Its resonance may be anywhere; a log-likelihood ratio whose double is 12.5 is not enough."""
     less = "one_mass+coulomb"
     found, _ = Costs(costs({less: ratio(0.0), more: ratio(-12.5)}, ratio(200.0))).minimal()
@@ -315,7 +315,7 @@ def test_a_further_mass_is_better_by_chance_more_often(more, by_chance):
         ("three_mass+coulomb", 300.0, 300.0, ("three_mass", "four_mass"), True),
     ],
 )
-def test_what_can_follow_a_drift_has_to_show_in_few_samples(more, own, other, loose, called):
+def test_rejects__absorbs_drift__f_test_with_fewer_samples(more, own, other, loose, called):
     """In those that are independent in what it leaves; if it hangs loose, also in what is left without it."""
     less = "two_mass+coulomb"
     known = costs({less: ratio(0.0), more: ratio(-60.0)}, ratio(5000.0))
@@ -324,7 +324,7 @@ def test_what_can_follow_a_drift_has_to_show_in_few_samples(more, own, other, lo
 
 
 @pytest.mark.parametrize("best", [None, "two_mass+coulomb+delay"])
-def test_what_could_do_without_a_mass_but_not_without_another_effect_is_looked_at(best):
+def test_minimal__mass_absorbs_drift__alternative_effect_is_examined(best):
     """It is far behind, and no search would call it hopeful; but that mass follows a drift, unlike what is best."""
     least = {"two_mass+coulomb": ratio(0.0), "one_mass+coulomb+viscous": ratio(1500.0), "one_mass+coulomb": ratio(2e3)}
     yardstick = Costs(
@@ -335,7 +335,7 @@ def test_what_could_do_without_a_mass_but_not_without_another_effect_is_looked_a
     assert sorted(yardstick.minimal()[0]) == ["one_mass+coulomb+viscous", "two_mass+coulomb"]
 
 
-def test_one_of_many_others_is_better_by_chance():
+def test_minimal__best_of_many_unrelated__both_kept():
     """Twice the log-likelihood ratio is 14 more, which one comparison among hundreds may bring.
 
     What has both effects would be better than one of them for sure; it was not found here.
@@ -347,14 +347,14 @@ def test_one_of_many_others_is_better_by_chance():
     assert sorted(found) == sorted(least)
 
 
-def test_the_best_criterion_comes_first():
+def test_minimal__several__best_criterion_first():
     """That of whitened residuals; what is left of them without that is more."""
     least = {"one_mass+coulomb+gravity": ratio(0.0), "one_mass+delay": ratio(3.0), "one_mass+viscous": ratio(1.0)}
     found, _ = Costs(costs(least, 5.0 * NOISE), white={"one_mass+delay": ratio(0.5)}).minimal()
     assert found == ["one_mass+delay", "one_mass+viscous", "one_mass+coulomb+gravity"]
 
 
-def test_no_more_than_some_are_examined():
+def test_minimal__many_candidates__max_examined():
     """All fit alike, and none contains another but the largest, which contains all."""
     alike = [s for s in ALL if complexity(s) == 5]
     known = {s: NOISE if s in alike else 5.0 * NOISE for s in ALL}

@@ -49,7 +49,7 @@ def test_candidates_count_masses_cumulatively():
     assert all(s.masses <= 2 for s in candidates(exclude=("three_mass",)))
 
 
-def test_wrong_wishes_are_refused_by_name():
+def test_candidates__unknown_effect__refused_with_suggestion():
     with pytest.raises(SettingsError, match="Did you mean 'coulomb'"):
         candidates(require=("colomb",))
     with pytest.raises(SettingsError, match="one mass at least"):
@@ -58,7 +58,7 @@ def test_wrong_wishes_are_refused_by_name():
         candidates(require=("coulomb",), exclude=("coulomb",))
 
 
-def test_truth_is_found_among_its_neighbours_for_any_number_of_threads(task):
+def test_search_exhaustively__any_number_of_threads__finds_truth(task):
     few = [s for s in candidates(exclude=("two_mass", "current_control", "delay")) if s.masses == 1]
     with ThreadPoolExecutor(2) as pool:
         found = search_exhaustively(task, few, executor=pool)
@@ -79,7 +79,7 @@ def test_truth_is_found_among_its_neighbours_for_any_number_of_threads(task):
         assert found.best.values[name] == pytest.approx(value, rel=0.02)
 
 
-def test_a_structure_alone_is_its_own_survey(task):
+def test_search_exhaustively__single_structure__ranked_alone(task):
     found = search_exhaustively(task, [Structure.parse(TRUTH)])
     assert [str(r.structure) for r in found.ranking] == [TRUTH]
     assert found.evidence.optional == ()

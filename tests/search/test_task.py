@@ -65,7 +65,7 @@ def test_both_estimators_find_the_drive(task, kind, iterations):
 
 
 @pytest.mark.parametrize("kind", [LeastSquares, PatternSearch])
-def test_a_start_does_not_depend_on_its_neighbours(task, kind):
+def test_estimators__several_starts__independent_results(task, kind):
     structure = PAPER.parse(STRUCTURE)
     starts = [start_of(task, seed) for seed in range(3)]
     estimate = kind(task, 5)
@@ -105,7 +105,7 @@ sys.stdout.write(history_csv(genetic_search(small_task(), SHORT, 11, workers=2))
 """
 
 
-def test_same_bytes_for_any_number_of_workers_and_in_another_process(task):
+def test_genetic_search__workers_and_processes__same_bytes(task):
     texts = {history_csv(genetic_search(task, SHORT, 11, workers=n)) for n in (1, 2, 4)}
     program = PROGRAM.format(folder=str(Path(__file__).parent))
     other = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
@@ -133,7 +133,7 @@ def test_bounds_of_the_papers_experiment(task):
         ("two_mass+coulomb+viscous+gravity", "other"),
     ],
 )
-def test_verdict(found, wanted):
+def test_recovery_verdict__found_structure__true_extras_or_other(found, wanted):
     assert recovery_verdict(PAPER.parse(found), PAPER.parse("two_mass+coulomb+viscous+stribeck")) == wanted
 
 
@@ -155,7 +155,7 @@ def test_repetition_and_summary(draw, estimate):
 
 
 @pytest.mark.parametrize("truth", ["three_mass+coulomb+viscous", "four_mass+coulomb+viscous+stribeck"])
-def test_a_bad_step_along_bounds_ends_no_descent(truth):
+def test_polish__bad_step_along_bounds__converges(truth):
     """From the standard start many parameters run to bounds, where the least damped step promises nothing."""
     beyond = {"J3": 0.005, "J4": 0.003, "c2": 180.0, "c3": 160.0, "d2": 0.06, "d3": 0.04}
     structure, known = PAPER.parse(truth), {**PAPER_EXPERIMENT.values, **beyond}

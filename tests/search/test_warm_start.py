@@ -55,7 +55,7 @@ def wide(structure, **ranges):
     return parameter_space(structure, scales([recording]), {**limits, **ranges}, {})
 
 
-def test_what_is_left_out_leaves_its_share_to_what_does_the_same():
+def test_project_to_submodel__effect_removed__similar_one_compensates():
     larger, structure = parse("two_mass+coulomb+gravity+delay", "two_mass+coulomb+delay")
     values = {"J1": 0.02, "J2": 0.01, "c1": 40.0, "d1": 0.05, "M_C": 8.0, "M_G": 7.8, "T_d": 3e-3}
     a, rng = np.random.default_rng(1).normal(size=(2, 50))
@@ -75,7 +75,7 @@ def test_what_is_left_out_leaves_its_share_to_what_does_the_same():
         ("two_mass+coulomb+viscous", "two_mass+coulomb+viscous"),
     ],
 )
-def test_nothing_makes_up_for_what_nothing_resembles(larger, structure):
+def test_project_to_submodel__no_similar_effect__values_stay(larger, structure):
     larger, structure = parse(larger, structure)
     values = {name: 1.0 + i for i, name in enumerate(larger.parameters)}
     rng = np.random.default_rng(2)
@@ -86,7 +86,7 @@ def test_nothing_makes_up_for_what_nothing_resembles(larger, structure):
     assert handed_down(values, np.full_like(known, np.nan), larger, structure, space) == [values]
 
 
-def test_speeds_of_friction_are_no_sizes():
+def test_project_to_submodel__friction_speeds__unchanged():
     """At no speed of fading its friction is gone, too; but that is not how it is left out."""
     larger, structure = parse("one_mass+coulomb+stribeck", "one_mass+coulomb")
     values = {"J1": 0.02, "M_C": 0.3, "M_S": 0.2, "omega_S": 5.0}
@@ -96,7 +96,7 @@ def test_speeds_of_friction_are_no_sizes():
     assert made_up["M_C"] == pytest.approx(0.4)
 
 
-def test_what_makes_up_stays_within_its_range_and_others_take_the_rest():
+def test_project_to_submodel__bound_reached__others_compensate():
     """Clipped afterwards, the step would leave them where the whole share of the first was right."""
     larger, structure = parse("one_mass+coulomb+viscous+gravity", "one_mass+coulomb+viscous")
     values = {"J1": 0.02, "M_C": 0.3, "f_v": 0.1, "M_G": 0.5}
@@ -109,7 +109,7 @@ def test_what_makes_up_stays_within_its_range_and_others_take_the_rest():
     assert made_up["f_v"] == pytest.approx(wanted)
 
 
-def test_what_has_no_range_stays_where_it_is():
+def test_project_to_submodel__range_without_width__value_stays():
     larger, structure = parse("one_mass+coulomb+viscous+gravity", "one_mass+coulomb+viscous")
     values = {"J1": 0.02, "M_C": 0.5, "f_v": 0.1, "M_G": 0.5}
     a, b, c = np.random.default_rng(5).normal(size=(3, 50))
@@ -120,7 +120,7 @@ def test_what_has_no_range_stays_where_it_is():
     assert made_up["f_v"] == pytest.approx(0.1 + 0.5 * (0.2 + (a @ b) / (b @ b)))
 
 
-def test_derivatives_that_hardly_differ_move_nothing_far():
+def test_project_to_submodel__near_collinear__small_steps():
     """They are good to a thousandth or so: what lies below is their error."""
     larger, structure = parse("one_mass+coulomb+viscous+gravity", "one_mass+coulomb+viscous")
     values = {"J1": 0.02, "M_C": 0.3, "f_v": 0.3, "M_G": 0.1}
@@ -132,7 +132,7 @@ def test_derivatives_that_hardly_differ_move_nothing_far():
     assert 0.3 < made_up["f_v"] < 0.4
 
 
-def test_every_fit_knows_the_derivatives_at_its_values(friction):
+def test_fit_all__each_fit__has_information_matrix(friction):
     task, fitted = friction
     assert len(fitted) == 16
     told = [f for f in fitted.values() if f.information is not None]
@@ -158,7 +158,7 @@ class Noted(Executor):
         return result
 
 
-def test_a_refit_takes_what_a_larger_structure_s_friction_has_made_up_for(friction):
+def test_refine_from_supermodels__friction_compensates__lower_cost(friction):
     """It has grown with the gravity that it cancels; without gravity it goes back before anything descends."""
     task, _ = friction
     larger, structure = parse("one_mass+coulomb+gravity", "one_mass+coulomb")
@@ -181,7 +181,7 @@ def test_a_refit_takes_what_a_larger_structure_s_friction_has_made_up_for(fricti
     assert bench.judged[structure].values == pytest.approx({"J1": 0.02, "M_C": 0.3}, rel=0.02)
 
 
-def test_no_refit_is_made_twice(friction):
+def test_refine_from_supermodels__same_optimum__once(friction):
     """It would end where it has ended."""
     task, _ = friction
     larger, structure = parse("one_mass+coulomb+viscous", "one_mass+coulomb")
@@ -195,7 +195,7 @@ def test_no_refit_is_made_twice(friction):
         assert len(noted.calls) == calls
 
 
-def test_sizes_of_one_unit_are_exchanged():
+def test_confounded_starts__sizes_of_one_unit__exchanged():
     (structure,) = parse("two_mass+coulomb+viscous+gravity+backlash+current_control+delay")
     values = {name: 10.0 + i for i, name in enumerate(structure.parameters)} | {"M_C": 0.5, "T_d": 0.25}
     found = exchanged(values, structure, {"M_C": 0.5})
@@ -206,7 +206,7 @@ def test_sizes_of_one_unit_are_exchanged():
     assert exchanged(values, structure, {"alpha": 1.0, "J2": 1.0}) == []
 
 
-def test_friction_that_has_grown_with_gravity_is_found_without_it(friction):
+def test_fit_all__friction_and_gravity_cancel__submodel_is_found(friction):
     """Where the motion hardly turns they cancel, and friction alone would hold the drive that large."""
     task, _ = friction
     larger, structure = parse("one_mass+coulomb+gravity", "one_mass+coulomb")

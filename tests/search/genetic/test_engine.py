@@ -60,7 +60,7 @@ def test_a_standard_start_identifies_every_structure_once(draw, estimate):
     assert run.identifications == len({e.job.structure for e in run.evaluations})
 
 
-def test_structures_with_idle_effects_are_neither_kept_nor_looked_around(draw, estimate):
+def test_evolve__redundant_effects__not_in_elite(draw, estimate):
     """They are the same model with dead weight: a generation of their neighbours would be of no use."""
 
     def weighed(structure, starts):
@@ -74,14 +74,14 @@ def test_structures_with_idle_effects_are_neither_kept_nor_looked_around(draw, e
     assert not any(e.result.idle for e in kept)
 
 
-def test_the_elite_stays(draw, estimate):
+def test_evolve__elite__best_value_never_drops(draw, estimate):
     run = search_with(estimate, draw, dataclasses.replace(SMALL, elite=2), seed=4)
     values = [run.best_of(g).value for g in range(9)]
     assert values == sorted(values)
     assert [e.operator for e in run.generation(5)[:2]] == ["elite", "elite"]
 
 
-def test_the_fitter_win(draw, estimate):
+def test_evolve__thirty_seeds__finds_truth_more_often_than_chance(draw, estimate):
     found = [str(search_with(estimate, draw, seed=s).best.job.structure) for s in range(30)]
     assert found.count("two_mass+coulomb+viscous+stribeck") >= 5  # 448 structures, 126 individuals: by chance 1 in 4
 
@@ -115,7 +115,7 @@ def test_an_interruption_with_nothing_so_far(draw):
         search_with(broken, draw, SMALL)
 
 
-def test_a_generation_that_diverged_throughout_has_offspring(draw, estimate):
+def test_evolve__all_diverged__has_offspring(draw, estimate):
     def lost(structure, starts):
         nothing = dataclasses.replace(estimate(structure, starts[:1])[0].misfit, rss=(float("inf"),))
         return [dataclasses.replace(r, misfit=nothing) for r in estimate(structure, starts)]

@@ -44,7 +44,7 @@ def pieces(task):
     return in_pieces(task)
 
 
-def test_in_whatever_order_none_is_worse_than_one_that_it_contains(pieces, true_values):
+def test_fit_table__any_order__no_structure_worse_than_submodel(pieces, true_values):
     assert set(pieces.done) == set(ALL)
     for big, own in pieces.done.items():
         for small, other in pieces.done.items():
@@ -54,14 +54,14 @@ def test_in_whatever_order_none_is_worse_than_one_that_it_contains(pieces, true_
     assert {name: truth.values[name] for name in true_values} == pytest.approx(true_values, rel=0.1)
 
 
-def test_hubs_are_sought_once_and_every_fit_is_logged(pieces):
+def test_fit_table__anchors__fitted_once_all_fits_logged(pieces):
     hubs = [f.structure for hub, f in pieces.log if hub]
     assert sorted(map(str, hubs)) == sorted({str(h) for h in pieces.hubs})
     assert len(pieces.log) >= len(ALL) + len(hubs) + 1  # the last one was sought from everywhere
     assert all(f.spent.sets > 0 for _, f in pieces.log)
 
 
-def test_nothing_is_fitted_or_sought_twice(pieces):
+def test_fit_table__known_structures__no_further_fit(pieces):
     before = len(pieces.log)
     with thread_pool(None) as executor:
         assert pieces.add(ALL, executor) == set()
@@ -69,7 +69,7 @@ def test_nothing_is_fitted_or_sought_twice(pieces):
     assert len(pieces.log) == before
 
 
-def test_workers_change_nothing(task, pieces):
+def test_fit_table__any_workers__same_log(task, pieces):
     assert in_pieces(task, workers=3).log == pieces.log
 
 
@@ -77,7 +77,7 @@ def genetic(task, workers=1, seed=1):
     return genetic_search(task, BRIEF, seed, grammar=FEW, workers=workers)
 
 
-def test_a_genetic_search_identifies_each_structure_with_its_relatives(task):
+def test_genetic_search__from_neighbours__each_structure_once(task):
     run = genetic(task)
     assert run.best.job.structure == PAPER.parse("two_mass+coulomb")
     assert run == genetic(task, workers=2)
@@ -96,7 +96,7 @@ def test_start_from_neighbours__pattern_search__refused():
         GeneticSettings(start_from="neighbours")
 
 
-def test_residuals_that_hang_together_count_as_fewer_samples(task):
+def test_share__coloured_residuals__fewer_independent_samples(task):
     (white,) = task.recordings
     rng, noise = np.random.default_rng(4), np.zeros(white.samples)
     for k in range(1, white.samples):
@@ -117,7 +117,7 @@ def test_residuals_that_hang_together_count_as_fewer_samples(task):
     assert shares[1] < 0.3  # (1 - 0.81) / (1 + 0.81) = 0.1 for the slow part alone
 
 
-def test_errors_of_the_simulation_are_no_evidence():
+def test_identify__fit_within_simulation_error__polished():
     truth = PAPER.parse("one_mass+coulomb+viscous")
     more = PAPER.parse(f"{truth}+gravity")
     exact = task_of(reference_recording(truth, {n: PAPER_EXPERIMENT.values[n] for n in truth.parameters}))
@@ -151,13 +151,13 @@ def given(monkeypatch):
     return calls
 
 
-def test_simulations_are_those_that_were_given_to_the_kernel(task, given):
+def test_run_spent__genetic_search__equals_kernel_calls(task, given):
     run = genetic(task)
     assert run.spent == SimulationCount(*(sum(column) for column in zip(*given, strict=True)))
     assert run.passes == run.spent.samples / task.recordings[0].samples < run.simulations
 
 
-def test_gaps_are_sought_among_what_a_genetic_search_has_identified(loose):
+def test_restart_leaders__after_genetic_fits__finds_backlash(loose):
     task, values = loose
     truth = PAPER.parse("two_mass+backlash+delay")
     kept = {"two_mass", "coulomb", "viscous", "backlash", "delay"}
@@ -173,7 +173,7 @@ def test_gaps_are_sought_among_what_a_genetic_search_has_identified(loose):
     assert spent.sets > 0
 
 
-def test_gaps_are_sought_with_all_effects_though_nothing_of_that_was_bred(loose):
+def test_restart_leaders__largest_structure_not_bred__is_fitted(loose):
     task, values = loose
     grammar = Grammar("loose", dict.fromkeys(("two_mass", "viscous", "backlash", "delay"), (1,)))
     structures = list(grammar.structures())
@@ -190,7 +190,7 @@ def test_gaps_are_sought_with_all_effects_though_nothing_of_that_was_bred(loose)
     assert dict(found.values).keys() == set(top.parameters)
 
 
-def test_of_larger_structures_with_gaps_there_may_be_no_fit_yet(loose):
+def test_restart_leaders__larger_structures_not_fitted__ends(loose):
     """What is found with two masses is offered to those that are there, not to what comes after it."""
     task, _ = loose
     names = ("one_mass", "two_mass", "two_mass+backlash", "three_mass", "three_mass+backlash")
@@ -202,7 +202,7 @@ def test_of_larger_structures_with_gaps_there_may_be_no_fit_yet(loose):
     assert structures[2] in fits.done
 
 
-def test_with_gaps_is_compared_with_all_other_effects_without(loose):
+def test_restart_leaders__hard_limit__compared_with_largest_without(loose):
     """Beside a bare mass whatever was bred with a gap tells something, and is sought for nothing."""
     task, _ = loose
     names = ("one_mass", "two_mass", "two_mass+backlash", "two_mass+viscous", "two_mass+viscous+backlash")
@@ -218,7 +218,7 @@ def test_with_gaps_is_compared_with_all_other_effects_without(loose):
     ("generations", "narrow", "after"),
     [(0, False, {0}), (2, False, {1, 2}), (3, False, {1, 3}), (8, False, {1, 2, 8}), (8, True, {8})],
 )
-def test_gaps_are_sought_early_and_in_the_end(task, true_values, monkeypatch, generations, narrow, after):
+def test_restart_leaders__generations__early_and_last(task, true_values, monkeypatch, generations, narrow, after):
     """Within narrow ranges in the end only."""
     seen, sought = [], set()
     monkeypatch.setattr(LatticeEvaluator, "restart_leaders", lambda self: sought.add(len(seen)) or SimulationCount())
@@ -230,7 +230,7 @@ def test_gaps_are_sought_early_and_in_the_end(task, true_values, monkeypatch, ge
     assert sought == after
 
 
-def test_what_is_identified_beside_the_individuals_has_a_tree(loose):
+def test_genetic_search__structure_not_bred__has_tree(loose):
     task, _ = loose
     grammar = Grammar("loose", dict.fromkeys(("two_mass", "viscous", "backlash", "delay"), (1,)))
     settings = replace(TUNED_SETTINGS, population=2, generations=0)
@@ -274,7 +274,7 @@ PLAIN, FRICTION, TRUTH, MORE, TOP = map(
 
 
 @pytest.mark.parametrize("name", ["bic", "fitness"])
-def test_what_has_more_parameters_than_its_gain_is_worth_has_lost(sought, name):
+def test_can_still_win__criterion_cannot_be_reached__false(sought, name):
     """By the criterion, if it left no less than the best fit that contains it, or than what it is offered."""
     relatives = sought({TOP: 99.8, TRUTH: 100.0, PLAIN: 1e4}, name=name)
     lost = relatives.eliminated()
@@ -285,7 +285,7 @@ def test_what_has_more_parameters_than_its_gain_is_worth_has_lost(sought, name):
     assert not relatives.can_still_win(FRICTION, 1e6)
 
 
-def test_what_no_fit_contains_has_not_lost(sought):
+def test_eliminated__no_containing_fit__none(sought):
     """Nobody knows what it leaves, and growing is how it is found."""
     relatives = sought({PLAIN: 1e4, FRICTION: 9e3})
     assert relatives.eliminated() == set()
@@ -293,19 +293,19 @@ def test_what_no_fit_contains_has_not_lost(sought):
 
 
 @pytest.mark.parametrize("given", [{"bounds": {"f_v": (0.1, 1.0)}}, {"fixed": {"f_v": 0.1}}])
-def test_what_cannot_fade_away_bounds_nothing(sought, task, given):
+def test_eliminated__bounds_or_fixed_values__none(sought, task, given):
     """A structure that contains another may leave more then, as in the paper's experiment."""
     assert sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, **given)).eliminated() == set()
 
 
-def test_of_several_outputs_none_has_lost(sought, task):
+def test_eliminated__several_outputs__none(sought, task):
     """The criterion weighs them against each other, and the sum of both says little."""
     (r,) = task.recordings
     twice = replace(r, y=np.vstack([r.y, r.y]), outputs=(r.outputs[0], replace(r.outputs[0], name="again")))
     assert sought({TOP: 99.8, TRUTH: 100.0}, task=replace(task, recordings=(twice,))).eliminated() == set()
 
 
-def test_what_is_lost_in_the_sensor_s_steps_is_no_gain(sought, task):
+def test_can_still_win__gain_below_resolution__smaller_structure_wins(sought, task):
     """Below what rounding leaves a fit is no better: the smaller one wins, and may win."""
     (r,) = task.recordings
     coarse = replace(task, recordings=(replace(r, resolution=np.array([float(r.y.std())])),))
@@ -317,7 +317,7 @@ def test_what_is_lost_in_the_sensor_s_steps_is_no_gain(sought, task):
 
 @pytest.mark.parametrize("worthwhile", [True, False])
 @pytest.mark.parametrize("worse", ["two_mass", "two_mass+coulomb"])
-def test_only_what_may_win_is_fitted_once_more(task, worse, worthwhile):
+def test_fit_table__should_refit_false__no_second_fit(task, worse, worthwhile):
     """A relative's optimum that is better, a larger one's or a smaller one's, is not worth another fit otherwise."""
     simple, worse, truth = map(PAPER.parse, ("one_mass", worse, "two_mass+coulomb"))
     asked = []
@@ -339,7 +339,7 @@ def test_only_what_may_win_is_fitted_once_more(task, worse, worthwhile):
     assert larger == [fits.done[truth].cost] * len(larger)  # what it would be handed
 
 
-def test_gaps_are_handed_down_in_every_generation(task, monkeypatch):
+def test_identify__new_structures__optima_continued_to_submodels(task, monkeypatch):
     structures = [PAPER.parse(f"{name}+backlash") for name in ("two_mass", "two_mass+coulomb", "two_mass+viscous")]
     asked = []
     with thread_pool(None) as executor:
@@ -356,7 +356,7 @@ def test_gaps_are_handed_down_in_every_generation(task, monkeypatch):
     assert list(map(len, asked)) == [1, 2, 3]
 
 
-def test_so_they_are_where_gaps_are_sought(given):
+def test_multistart__hard_limit__simulations_counted(given):
     truth = PAPER.parse("two_mass+coulomb+backlash")
     values = {**PAPER_EXPERIMENT.values, "alpha": 0.02}
     gap = task_of(reference_recording(truth, {name: values[name] for name in truth.parameters}))
@@ -365,7 +365,7 @@ def test_so_they_are_where_gaps_are_sought(given):
     assert found.spent.samples == sum(samples for _, samples in given)
 
 
-def test_so_they_are_where_a_resonance_is_looked_for(task, given):
+def test_multistart__resonance_scan__simulations_counted(task, given):
     simple = PAPER.parse("two_mass+viscous")  # leaves a coloured residual
     problem, space = task.problem(simple), task.space(simple, initial=True)
     found = multistart(problem, space, task.settings, [], starts=3, patience=2, seed=0)
@@ -373,7 +373,7 @@ def test_so_they_are_where_a_resonance_is_looked_for(task, given):
     assert found.spent == SimulationCount(*(sum(column) for column in zip(*given, strict=True)))
 
 
-def test_a_structure_with_a_mass_more_hands_down_its_masses_joined(task, true_values):
+def test_refit_from_supermodel__further_mass__masses_are_joined(task, true_values):
     """Behind a stiff shaft: without its last mass alone, half of the load would be missing."""
     truth, larger = PAPER.parse("two_mass+coulomb"), PAPER.parse("three_mass+coulomb")
     split = true_values | {"J2": 0.5 * true_values["J2"], "J3": 0.5 * true_values["J2"], "c2": 1e5, "d2": 1.0}
@@ -385,7 +385,7 @@ def test_a_structure_with_a_mass_more_hands_down_its_masses_joined(task, true_va
     assert begin.values == pytest.approx(true_values)
 
 
-def test_narrow_ranges_take_fewer_starts(task, true_values):
+def test_fit_multistart__narrow_ranges__fewer_starts(task, true_values):
     truth = PAPER.parse("two_mass+coulomb")
     narrow = replace(task, bounds={name: (0.5 * v, 2.0 * v) for name, v in true_values.items()})
     spent = [

@@ -55,11 +55,11 @@ def test_selection_does_not_depend_on_the_unit_of_fitness():
         ]
 
 
-def test_nobody_without_fitness_is_selected(rng):
+def test_roulette__zero_fitness__never_selected(rng):
     assert {roulette([0.0, 1.0, 0.0, 2.0], rng) for _ in range(2000)} == {1, 3}
 
 
-def test_all_failed_all_alike(rng):
+def test_roulette__all_failed__uniform(rng):
     counts = np.bincount([roulette(np.zeros(4), rng) for _ in range(8000)], minlength=4)
     assert fits(counts, np.ones(4))
 
@@ -101,7 +101,7 @@ def test_recombination_keeps_the_trunk_and_takes_the_branch(rules, draw, rng):
     assert str(recombine_at(first, 1, branch, rules, draw, rng)) == "two_mass(coulomb(stribeck(gravity)), delay)"
 
 
-def test_what_breaks_a_rule_is_dropped_and_its_children_stay(rules, draw, rng):
+def test_recombine__illegal_node__dropped_children_stay(rules, draw, rng):
     first = tree("two_mass(coulomb)")
     branch = tree("coulomb(gravity, one_mass(delay))")
     assert str(recombine_at(first, 0, tree("one_mass(coulomb(gravity), delay)"), rules, draw, rng)) == (
@@ -120,7 +120,7 @@ def test_a_one_mass_system_is_appended_if_none_is_left(rules, draw, rng):
     assert str(joined.structure) == "one_mass+coulomb+viscous"
 
 
-def test_beside_a_surviving_backlash_more_masses_are_drawn(rules, draw, rng):
+def test_recombine__backlash_left__more_masses_are_drawn(rules, draw, rng):
     drawn = Counter(complete_tree(tree("backlash(coulomb)"), rules, draw, rng).structure.masses for _ in range(3000))
     assert fits([drawn[2], drawn[3], drawn[4]], np.ones(3))
     assert drawn[1] == 0
@@ -187,7 +187,7 @@ def test_chromosome_mutation_replaces_a_branch(rules, draw, rng):
     assert sizes == set(range(1, rules.most + 1))
 
 
-def test_chromosome_mutation_is_not_smaller_than_what_is_left(rules, draw):
+def test_chromosome__tree_without_branch__is_smallest_size(rules, draw):
     old = tree("two_mass(coulomb(viscous, stribeck), delay)")
     for seed in range(300):
         index = int(np.random.default_rng(seed).integers(old.size))
@@ -208,7 +208,7 @@ def test_mutations_have_their_probabilities(rules, draw, rng):
     assert stats.binomtest(count, 3000, 0.3).pvalue > UNLIKELY
 
 
-def test_offspring_without_mutation_are_clones_and_recombinations(rules, draw, rng):
+def test_offspring__no_mutation__clones_and_recombinations(rules, draw, rng):
     settings = GeneticSettings(population=200, p_clone=0.5, mutations={})
     parents = initial_population(6, rules, draw, rng)
     born = offspring(parents, np.ones(6), settings, rules, draw, rng)
@@ -226,7 +226,7 @@ def test_tried_structures_are_mutated_again(rules, draw, rng):
     assert len({*structures, old.structure}) == 6
 
 
-def test_what_is_near_the_best_is_one_node_away_and_untried_and_the_very_best_comes_first(rules, draw, rng):
+def test_untried_neighbours__ranked_trees__one_node_away_best_first(rules, draw, rng):
     best = [tree("two_mass(coulomb)"), tree("four_mass(gravity)")]
     tried = {t.structure for t in best}
     born = untried_neighbours(best, tried, GeneticSettings(population=40, n_neighbours=40), rules, draw, rng)
@@ -246,7 +246,7 @@ def test_what_is_near_the_best_is_one_node_away_and_untried_and_the_very_best_co
     assert len(untried_neighbours(best, tried, GeneticSettings(n_neighbours=3), rules, draw, rng)) == 3
 
 
-def test_no_illegal_tree_and_every_structure_in_many_operations(rules, draw, rng):
+def test_operators__many_operations__only_legal_trees_all_structures(rules, draw, rng):
     trees = list(initial_population(40, rules, draw, rng))
     seen = {t.structure for t in trees}
     names = tuple(MUTATIONS)

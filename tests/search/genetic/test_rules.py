@@ -14,7 +14,7 @@ def subsets(rules):
             yield frozenset(chosen)
 
 
-def test_what_may_be_added_is_what_some_legal_structure_has(rules):
+def test_allowed__partial_tree__only_completable_types(rules):
     contained = {frozenset(part) for s in LEGAL for n in range(len(s) + 1) for part in itertools.combinations(s, n)}
     for present in subsets(rules):
         if present in contained:
@@ -22,13 +22,13 @@ def test_what_may_be_added_is_what_some_legal_structure_has(rules):
             assert set(rules.allowed(present)) == wanted, present
 
 
-def test_the_last_node_completes(rules):
+def test_allowed__last_node__completes_the_tree(rules):
     for present in subsets(rules):
         wanted = {o for o in rules.options if o not in present and present | {o} in LEGAL}
         assert set(rules.allowed(present, 1)) == wanted, present
 
 
-def test_complete(rules):
+def test_complete__types__legal_structures_only(rules):
     assert all(rules.complete(tuple(present)) == (present in LEGAL) for present in subsets(rules))
     assert not rules.complete(())
     assert not rules.complete((Placed("one_mass"), Placed("one_mass")))

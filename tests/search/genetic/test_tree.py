@@ -18,7 +18,7 @@ def shape(tree):
 TREE = node("two_mass", node("coulomb", node("viscous"), node("gravity")), node("delay"))
 
 
-def test_the_number_of_nodes_of_a_type_is_its_multiplicity():
+def test_multiplicity__tree__counts_nodes_of_type():
     assert TREE.multiplicity[Placed("viscous")] == 1
     assert node("viscous", node("viscous")).multiplicity[Placed("viscous")] == 2
     with pytest.raises(StructureError, match="more than once"):
@@ -36,7 +36,7 @@ def test_nodes_come_parent_first():
     assert TREE.size == 5
 
 
-def test_text():
+def test_str__tree__nested():
     assert str(TREE) == "two_mass(coulomb(viscous, gravity), delay)"
 
 
@@ -64,7 +64,7 @@ def test_graft_and_relabel():
     assert shape(relabel(TREE, 1, Placed("stribeck"), ())) == "two_mass(stribeck(viscous, gravity), delay)"
 
 
-def test_a_node_that_is_not_there():
+def test_attach__index_beyond_tree__error():
     with pytest.raises(IndexError):
         attach(TREE, 5, node("backlash"))
 
@@ -75,7 +75,7 @@ def test_estimates_go_to_their_nodes():
     assert changed.parameters == {"J1": 2.0, "J2": 6.0, "M_C": 5.0}
 
 
-def test_a_structure_that_was_not_bred_has_a_tree():
+def test_tree_of__structure__flat_tree():
     structure = Structure((Placed("two_mass"), Placed("coulomb"), Placed("coulomb", 2), Placed("delay")))
     values = {name: float(k) for k, name in enumerate(structure.parameters)}
     tree = tree_of(structure, values)

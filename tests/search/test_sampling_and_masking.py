@@ -47,7 +47,7 @@ def speed(values, u, text=TRUTH, *, noise=0.02, **settings):
 FRICTION = ("coulomb", "viscous", "stribeck", "gravity")
 
 
-def test_a_held_input_looks_like_sampling_and_no_effect_is_invented():
+def test_evidence__zero_order_hold__delay_is_sampling():
     y = speed(RIGID, REVERSING, hold="zoh")
     found, _ = cards(y, REVERSING, (*FRICTION, "delay", "current_control"))
     assert {e for e, c in found.items() if c.verdict == "needed"} == {"coulomb", "viscous"}
@@ -59,7 +59,7 @@ def test_a_held_input_looks_like_sampling_and_no_effect_is_invented():
     assert not any("sampling" in c.reason for c in told_so.values())
 
 
-def test_a_differenced_velocity_looks_like_sampling_and_no_effect_is_invented():
+def test_evidence__differenced_velocity__delay_is_sampling():
     q = reference(TRUTH, RIGID, REVERSING, DT, f_tanh=F_TANH, outputs=["position"]).reshape(-1)
     q = np.round(q / 1e-4) * 1e-4
     y = np.diff(q, prepend=0.0) / DT
@@ -71,7 +71,7 @@ def test_a_differenced_velocity_looks_like_sampling_and_no_effect_is_invented():
     assert {e for e, c in told_so.items() if c.verdict == "needed"} == {"coulomb", "viscous"}
 
 
-def test_a_scaled_torque_sensor_changes_sizes_only():
+def test_evidence__scaled_torque__same_verdicts_scaled_values():
     y = speed(RIGID, REVERSING)
     right, own = cards(y, REVERSING, FRICTION)
     scaled, other = cards(y, 1.7 * REVERSING, FRICTION, unit_given=False)
@@ -82,7 +82,7 @@ def test_a_scaled_torque_sensor_changes_sizes_only():
         assert two.values[name] == pytest.approx(1.7 * one.values[name], rel=1e-3)
 
 
-def test_stribeck_friction_is_not_decidable_far_from_standstill():
+def test_evidence__far_from_standstill__stribeck_not_decidable():
     """Also where it is there: the drive runs between 8 and 30 rad/s, far above omega_S."""
     t = DT * np.arange(1200)
     u = 1.2 + 0.8 * np.sin(2.0 * np.pi * 2.0 * t) * (t > 0.6)
@@ -94,7 +94,7 @@ def test_stribeck_friction_is_not_decidable_far_from_standstill():
         assert found["stribeck"].verdict == "not decidable"
 
 
-def test_backlash_is_not_decidable_without_reversal():
+def test_evidence__no_reversal__backlash_not_decidable():
     """Also where it is there: the load speeds up all the time, and the shaft stays wound up one way."""
     t = DT * np.arange(400)
     u = (2.0 + 0.4 * np.sin(2.0 * np.pi * 8.0 * t)) * np.minimum(t / 0.2, 1.0)
@@ -106,7 +106,7 @@ def test_backlash_is_not_decidable_without_reversal():
         assert found["two_mass"].verdict == "needed"
 
 
-def test_backlash_that_is_crossed_is_decided():
+def test_evidence__backlash_crossed__decided():
     values = {"J1": 0.012, "J2": 0.012, "c1": 30.0, "d1": 0.05, "f_v": 0.06}
     y = speed(values, REVERSING, "two_mass+viscous", noise=0.003)
     found, _ = cards(y, REVERSING, ("viscous", "backlash"), ("one_mass", "two_mass"))
