@@ -1,4 +1,4 @@
-"""Tables and small lines as HTML, for what shows itself in a notebook."""
+"""Tables and sparklines as HTML, for notebooks."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike
 __all__ = ["sparkline", "table"]
 
 WIDTH, HEIGHT = 180.0, 28.0  # pixels
-BINS = 180
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """HTML table; every cell is shown as it is, whatever stands in it, but for what :func:`sparkline` made."""
+    """HTML table. Every cell is escaped, except the drawings that :func:`sparkline` returns."""
     head = "".join(f'<th style="text-align:left">{html.escape(name)}</th>' for name in header)
     body = "".join(f"<tr>{''.join(_cell(cell) for cell in row)}</tr>" for row in rows)
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
@@ -30,9 +29,9 @@ def _cell(value: object) -> str:
 
 
 def sparkline(values: ArrayLike) -> str:
-    """Line without axes that shows how `values`, shape (samples,), go up and down; for a cell of a :func:`table`."""
+    """Line without axes through `values`, shape (samples,), for a cell of a :func:`table`."""
     y = np.asarray(values, float)
-    edges = np.linspace(0, y.size, min(BINS, y.size) + 1).astype(int)[:-1]
+    edges = np.linspace(0, y.size, min(int(WIDTH), y.size) + 1).astype(int)[:-1]
     low, high = np.minimum.reduceat(y, edges), np.maximum.reduceat(y, edges)
     span = float(high.max() - low.min()) or 1.0
     x = np.repeat(np.linspace(1.0, WIDTH - 1.0, edges.size), 2)

@@ -51,12 +51,12 @@ def import_library(name: str, extra: str) -> Any:
 
 
 def run_program(arguments: Sequence[str | Path], folder: Path, text: str = "") -> str:
-    """Run a program in `folder`; returns what it printed.
+    """Run a program in `folder` and return its standard output.
 
     Raises
     ------
     ExportError
-        With the first line of its complaint.
+        If it fails or takes too long; the message has the first line of its complaint.
     """
     try:
         done = subprocess.run(

@@ -126,7 +126,7 @@ class NumericModel:
 
     @property
     def title(self) -> str:
-        """One line that says what the model is."""
+        """Title of the export: one line that names the structure."""
         return f"Drive train model {self.model.structure}"
 
     @cached_property
@@ -217,8 +217,8 @@ class PropagatorTables:
     Attributes
     ----------
     end, third : ndarray, shape (modes, levels, n, n + 5 + 2 m)
-        State at the end and at a third of the step, from x, input, its slope, 1, F at a third, F at the end, and the
-        jump and the change of slope of the input at its knot.
+        Weights of the state at the end and at a third of the step. The columns belong to x, the input, its slope, 1,
+        F at a third, F at the end, and the jump and change of slope of the input at its knot.
     coupling : ndarray, shape (modes, levels, 2 m, 2 m)
         Ports at both stages from F at both stages.
     """

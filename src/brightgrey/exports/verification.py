@@ -176,7 +176,7 @@ def compare_with_native(
 def verification_run(
     numeric: NumericModel, u: Array, x0: Array, input_text: str, policy: VerificationPolicy = DEFAULT_POLICY
 ) -> VerificationRun:
-    """Native response to the input `u` from the initial state `x0`; `input_text` says what input it is."""
+    """Native response to the input `u` from the initial state `x0`; `input_text` names the input."""
     finer = replace(numeric.settings, speed_scale=policy.finer * numeric.settings.speed_scale)
     return VerificationRun(u, x0, native(numeric, u, x0), input_text, native(numeric, u, x0, finer))
 

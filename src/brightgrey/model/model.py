@@ -41,8 +41,8 @@ SCHEMA: Literal["brightgrey/model/1"] = "brightgrey/model/1"
 class Model(Part):
     """An identified model: structure, parameters with uncertainty, and all that simulating again needs.
 
-    Numbers stand in the recording's units, as in the file; :meth:`values_si` and :meth:`settings_si` give
-    what the simulation takes. docs/reference/model-json.md describes every field.
+    Numbers are in the recording's units, as in the file; :meth:`values_si` and :meth:`settings_si` convert them for the
+    simulation. docs/reference/model-json.md describes every field.
     """
 
     model_config = ConfigDict(serialize_by_alias=True)
@@ -205,7 +205,7 @@ def _refuse_constant(name: str) -> float:
 
 
 def _first_problem(error: ValidationError, cls: type[Part]) -> str:
-    """Pydantic's first finding as one line: field, what is wrong, the nearest right name."""
+    """First finding of pydantic as one line: field, problem, nearest right name."""
     found = error.errors(include_url=False)[0]
     place = ".".join(str(step) for step in found["loc"])
     if found["type"] == "extra_forbidden" and len(found["loc"]) == 1:

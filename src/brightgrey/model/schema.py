@@ -49,7 +49,7 @@ class ParameterPart(Part):
     """One parameter; std and ci95 are null where they are not known, at_bound is null inside the bounds.
 
     between_recordings is the standard deviation of the estimates from each recording alone; null with one recording.
-    profile is null where none was asked for.
+    profile is null unless a profile likelihood was requested.
     """
 
     value: float

@@ -1,4 +1,4 @@
-"""Values, ranges and resolution that the paper's experiment (section 4) leaves open, fixed here."""
+"""Values, ranges and resolution of the paper's experiment (section 4) that the paper does not give."""
 
 from __future__ import annotations
 

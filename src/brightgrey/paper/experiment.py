@@ -66,7 +66,7 @@ def reference_recording(
 
 
 def assumed_bounds(recording: Recording, assumed: Mapping[str, float] = ASSUMED) -> dict[str, tuple[float, float]]:
-    """Ranges from half to twice the assumed values; what may have either sign is centred on zero (section 4)."""
+    """Ranges from half to twice the assumed values; parameters of either sign are centred on zero (section 4)."""
     known = scales(recording)
     declared = {name: q for s in PAPER.structures() for name, q in s.parameters.items()}
     low, high = RANGE

@@ -15,7 +15,7 @@ def command(content: Content) -> str:
 
 
 def _derived_command(content: Content) -> str:
-    """From the model: signals, structure, what was fixed, settings and seed."""
+    """Command from the model: signals, structure, fixed parameters, settings and seed."""
     model = content.model
     s, fixed = model.settings, model.settings.fixed
     words = ["brightgrey", "identify", *(part.recording for part in model.initial_state)]

@@ -40,7 +40,7 @@ class Content:
     ranking : sequence of Row
         Structures that were tried, best first.
     correlation : mapping of (str, str) to float
-        Of the errors of the estimates, in the logarithm of what is always positive.
+        Of the errors of the estimates; positive parameters count by their logarithm.
     run : Run or None
         Of a genetic search.
     request : str

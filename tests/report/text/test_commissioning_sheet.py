@@ -29,7 +29,7 @@ def test_sheet__full_model__agrees_with_closed_forms():
     assert value["constant torque on the drive"] == VALUES["M_G"]
     assert value["backlash at the load (whole gap)"] == pytest.approx(2 * VALUES["alpha"])
     assert value["dead time of the input"] == VALUES["T_d"]
-    assert value["all delay of the input together"] == pytest.approx(VALUES["T_d"] + VALUES["T_1"])
+    assert value["total delay of the input"] == pytest.approx(VALUES["T_d"] + VALUES["T_1"])
 
 
 def test_sheet__linear_axis__has_its_words_and_units():

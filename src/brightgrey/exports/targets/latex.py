@@ -20,7 +20,6 @@ from brightgrey.exports.verification import VerificationRun, Verified, native
 __all__ = ["EXPORTER"]
 
 _DOCUMENT_FILE = "drive.tex"
-_TERMS_PER_LINE = 3  # of a sum, so that it fits the page
 _ESCAPES = str.maketrans({c: f"\\{c}" for c in "_%#&${}"} | {"\\": r"\textbackslash{}"})
 _SIGNS = {"²": "$^2$", "³": "$^3$", "°": r"$^\circ$", "µ": r"$\mu$", "μ": r"$\mu$", "·": r"$\cdot$", "⁻¹": "$^{-1}$"}
 _DOCUMENT_TEXT = r"""\documentclass[a4paper,11pt]{article}
@@ -86,7 +85,7 @@ def _state_equations(numeric: NumericModel) -> Iterable[str]:
 
 
 def _latex_sum(terms: list[tuple[float, str]]) -> str:
-    """Sum of numbers times symbols, broken into lines."""
+    """Sum of numbers times symbols, in lines of three terms, which fit the page."""
     parts = []
     for weight, name in terms:
         if weight != 0.0:
@@ -94,7 +93,7 @@ def _latex_sum(terms: list[tuple[float, str]]) -> str:
             parts.append(f"{'-' if weight < 0.0 else '+'} {size}{name}")
     parts = parts or ["0"]
     parts[0] = parts[0].removeprefix("+ ")
-    lines = [" ".join(parts[i : i + _TERMS_PER_LINE]) for i in range(0, len(parts), _TERMS_PER_LINE)]
+    lines = [" ".join(parts[i : i + 3]) for i in range(0, len(parts), 3)]
     return " \\\\\n&\\quad ".join(lines)
 
 

@@ -1,4 +1,4 @@
-"""Friction over speed, from the laws of the model, with the band that the uncertainty of its parameters leaves."""
+"""Friction over speed from the laws of the model, with the uncertainty band of its parameters."""
 
 from __future__ import annotations
 

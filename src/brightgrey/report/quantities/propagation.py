@@ -25,13 +25,13 @@ def parameter_draws(assembled: AssembledModel, correlation: Correlation, count: 
     ----------
     assembled : AssembledModel
     correlation : mapping of (str, str) to float
-        Of the errors, in the logarithm of what is always positive.
+        Of the errors; positive parameters count by their logarithm.
     count : int
 
     Returns
     -------
     dict of str to ndarray, shape (count,)
-        SI, by name; empty if nothing is known of errors.
+        SI, by name; empty if no errors are known.
     """
     names = _with_errors(assembled.model, correlation)
     if not names:
@@ -92,7 +92,7 @@ def _correlation_matrix(names: list[str], correlation: Correlation) -> Array:
 
 
 def _at_error(model: Model, name: str, error: Array) -> Array:
-    """Values, SI, that are off by `error`; 1 is the upper end of the interval."""
+    """Values, SI, at an error in units of the half interval: 1 is its upper end."""
     part, declared = model.parameters[name], model.structure.parameters[name]
     assert part.ci95 is not None
     high = part.ci95[1]

@@ -178,4 +178,4 @@ def _delay_entries(model: Model) -> Iterator[SheetEntry]:
     if len(late) > 1:
         unit = model.parameters[late[0]].unit
         total = sum(model.parameters[name].value for name in late)
-        yield SheetEntry("all delay of the input together", total, unit, None, " + ".join(late))
+        yield SheetEntry("total delay of the input", total, unit, None, " + ".join(late))

@@ -109,7 +109,7 @@ def fit_row(output: str, on: str, fit: OutputFitPart, unit: str) -> FitRow:
 
 
 def interval_text(ci95: tuple[float, float] | None) -> str:
-    """Both ends with the digits that the interval's own width leaves."""
+    """Both ends, rounded by the width of the interval."""
     if ci95 is None or ci95[0] == ci95[1]:  # nothing can be said, or fixed
         return ""
     half_width = (ci95[1] - ci95[0]) / 2.0
