@@ -197,7 +197,7 @@ def exhaustive(seed: int, first: int, last: int, setting: str, grammar: Grammar,
 
 
 def part_of_paper(masses: int, without: list[str]) -> Grammar:
-    """Part of the paper's grammar with a name that tells it."""
+    """Part of the paper's grammar, with a name that describes it."""
     left = {
         name: places
         for name, places in PAPER.places.items()
@@ -290,7 +290,7 @@ def judges(task: IdentificationTask, fitted: dict) -> dict:
 
 
 def compared(rows: list[dict], count: int) -> Table:
-    """How often the genetic search found the best of all structures."""
+    """Table of the shares of drives in which the genetic search found the best of all structures."""
     shares = []
     for name in ("bic", "ranking"):
         for budget, part in (

@@ -97,7 +97,7 @@ def examine(job: tuple[int, int, float, int]) -> Run | str:
 
 
 def share_reached(runs: Sequence[Run]) -> str:
-    """How many of `runs` reach the optimum, with the 95 % interval."""
+    """Share of `runs` that reach the optimum, with the 95 % interval."""
     return share(sum(run.ratio <= ENOUGH for run in runs), len(runs), percent=True)
 
 

@@ -1,4 +1,4 @@
-"""How often the 95 % intervals hold the truth, for white and for coloured noise, per family of parameters.
+"""Coverage of the 95 % intervals, for white and for coloured noise, by family of parameters.
 
 Random drives of several structures, their motion by the reference solver, noise of 0.3 % of the peak (white, or a
 first-order autoregression of the same size), values rounded to 0.01 rad/s. The descents start at the truth and end at

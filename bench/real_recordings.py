@@ -40,7 +40,7 @@ def estimate(result: Result, name: str) -> str:
 
 
 def agreeing(result: Result) -> str:
-    """How many starts ended within 1 % of the best one's weighted RSS."""
+    """Share of the starts that ended within 1 % of the best one's weighted RSS."""
     rss = [start.cost for start in result.fit.starts]
     return f"{sum(value <= 1.01 * min(rss) for value in rss)} of {len(rss)}"
 
@@ -124,7 +124,7 @@ def mte360(starts: int) -> list[Table]:
 
 
 def seeds(starts: int, count: int = 20) -> list[Table]:
-    """How many of `count` seeds end within 1 % of the least RSS, without any bound given, at the `fast` level."""
+    """Share of `count` seeds that end within 1 % of the least RSS, without any bound given, at the `fast` level."""
     square, sine_1, sine_3 = two_mass_recordings().values()
     single = mte360_recording("single_axis_square_1_5", "v")
     rows = []

@@ -1,10 +1,11 @@
-"""How much two workers gain over one in the exhaustive search, and the cost of keeping the run on disk.
+"""Gain of two workers over one in the exhaustive search, and the cost of keeping the run on disk.
 
 ``runs.py [--decimate N]`` searches all structures on the demo's recording with one worker and with two, each in a
-process of its own, and prints wall and CPU times and the efficiency: wall of one over twice the wall of two. Other work
-on the machine spoils these; the limit of the schedule does not depend on it. For that the CPU times of all evaluations
-and of what happens between them are taken down with one worker, and put on two workers in the order and with the
-waiting that the search has.
+process of its own, and prints wall and CPU times and the efficiency: wall of one over twice the wall of two.
+
+Other work on the machine spoils these, but not the limit that the schedule sets. For that limit the CPU times of all
+evaluations, and of the work between them, are recorded with one worker. They are then put on two workers in the order
+and with the waiting of the search.
 """
 
 from __future__ import annotations

@@ -7,12 +7,12 @@ from brightgrey.estimation import scales
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
 from brightgrey.search import IdentificationTask, Misfit
 from brightgrey.search.genetic import Evaluated
 from brightgrey.search.genetic.rules import Rules
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 TRUTH = "two_mass+coulomb+viscous+stribeck"
 
@@ -75,7 +75,7 @@ def task(true_values):
     torque = 4.0 * np.sign(np.sin(2.0 * np.pi * 5.0 * t)) * np.minimum(1.0, 20.0 * t)
     (v,) = reference("two_mass+coulomb", true_values, torque, 0.001, f_tanh=4.0)
     v = v + 0.05 * np.random.default_rng(2).normal(size=t.size)
-    recording = Recording("made", t, torque, v[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),))
+    recording = make_recording(torque, v)
     known = scales(recording)
     return IdentificationTask((recording,), known, Settings(f_tanh=4.0, speed_scale=known.speed, level="fast"))
 
@@ -93,8 +93,7 @@ def rattling(noise):
     u *= np.minimum(1.0, t / 0.02) * 10.0 / np.abs(u).max()
     (v,) = reference("two_mass+backlash+delay", truth, u, e.dt, f_tanh=e.f_tanh)
     v += noise * np.abs(v).max() * rng.standard_normal(v.size)
-    torque, velocity = Signal("torque", "input", "N m"), Signal("velocity", "velocity", "rad/s")
-    r = Recording("loose", t, u, v[None], torque, (velocity,))
+    r = make_recording(u, v, dt=e.dt, names=("torque", "velocity"), name="loose")
     known = scales([r])
     return IdentificationTask((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast")), truth
 

@@ -9,7 +9,7 @@ import pytest
 from brightgrey.estimation import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Placed
-from brightgrey.recordings import Recording, Signal
+from brightgrey.recordings import Signal
 from brightgrey.search import IdentificationTask, fitting
 from brightgrey.search.comparison import Judged
 from brightgrey.search.evidence import assess_effects
@@ -22,6 +22,7 @@ from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
 from brightgrey.search.yardstick import Yardstick
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 DT = 0.002
 F_TANH = 5.0
@@ -30,10 +31,7 @@ F_TANH = 5.0
 def task_of(structure, values, torque, noise, *, begin=0, f_tanh=F_TANH, dt=DT):
     (v,) = reference(structure, values, torque, dt, f_tanh=f_tanh)
     y = (v + noise * np.random.default_rng(1).normal(size=v.size))[begin:]
-    t = dt * np.arange(y.size)
-    recording = Recording(
-        "made", t, torque[begin:], y[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),)
-    )
+    recording = make_recording(torque[begin:], y, dt=dt)
     known = scales(recording)
     return IdentificationTask((recording,), known, Settings(f_tanh=f_tanh, speed_scale=known.speed, level="fast"))
 
@@ -318,7 +316,7 @@ def test_evidence__drifting_load__second_mass_not_decidable(seed, size):
         "one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}, torque + load, DT, f_tanh=F_TANH
     )
     q = DT * np.cumsum(v) + 0.001 * np.random.default_rng(1).normal(size=v.size)
-    recording = Recording("made", t, torque, q[None], Signal("u", "input", "N m"), (Signal("q", "position", "rad"),))
+    recording = make_recording(torque, q, dt=DT, kind="position", names=("u", "q"))
     known = scales(recording)
     task = IdentificationTask((recording,), known, Settings(f_tanh=F_TANH, speed_scale=known.speed, level="fast"))
     found = evidence(task, ("coulomb", "viscous"), ("one_mass", "two_mass"))

@@ -10,7 +10,6 @@ from brightgrey.estimation import scales
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
 from brightgrey.search import IdentificationTask
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fits import Fits
@@ -21,6 +20,7 @@ from brightgrey.search.parallel import thread_pool
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 NAMES = (
     "one_mass",
@@ -255,8 +255,7 @@ def test_propagate__lag_removed__dead_time_grows():
     small, big = PAPER.parse("one_mass+coulomb+delay"), PAPER.parse("one_mass+coulomb+current_control+delay")
     (v,) = reference(str(small), true, e.torque(), e.dt, f_tanh=e.f_tanh)
     v += 3e-3 * np.abs(v).max() * np.random.default_rng(4).standard_normal(v.size)
-    torque, velocity = Signal("torque", "input", "N m"), Signal("velocity", "velocity", "rad/s")
-    r = Recording("late", e.dt * np.arange(e.samples), e.torque(), v[None], torque, (velocity,))
+    r = make_recording(e.torque(), v, dt=e.dt, names=("torque", "velocity"), name="late")
     known = scales([r])
     task = IdentificationTask((r,), known, Settings(f_tanh=e.f_tanh, speed_scale=known.speed, level="fast"))
 

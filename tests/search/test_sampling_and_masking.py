@@ -5,12 +5,12 @@ import pytest
 
 from brightgrey.estimation import scales
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
 from brightgrey.search import IdentificationTask
 from brightgrey.search.evidence import assess_effects
 from brightgrey.search.exhaustive import fit_all
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 DT, F_TANH = 0.002, 5.0
 RIGID = {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
@@ -21,16 +21,7 @@ REVERSING = 3.0 * np.sin(2.0 * np.pi * 2.0 * T + 0.7 * np.sin(40.0 * T)) * np.mi
 
 def cards(y, u, effects, ladders=("one_mass",), *, kind="velocity", hold="linear", unit_given=True):
     """Evidence for every effect by name."""
-    t = DT * np.arange(len(u))
-    made = Recording(
-        "made",
-        t,
-        u,
-        np.atleast_2d(y),
-        Signal("u", "input", "N m", 1.0, unit_given),
-        (Signal("v", kind, "rad/s"),),
-        hold,
-    )
+    made = make_recording(u, y, dt=DT, kind=kind, unit="rad/s", input_unit_given=unit_given, hold=hold)
     known = scales(made)
     settings = Settings(f_tanh=F_TANH, speed_scale=known.speed, level="fast", hold=hold)
     task = IdentificationTask((made,), known, settings)

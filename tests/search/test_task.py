@@ -15,12 +15,12 @@ from brightgrey.kit import PAPER, Placed
 from brightgrey.paper.assumed import ASSUMED
 from brightgrey.paper.experiment import assumed_bounds, first_appearance, recovery_verdict, reference_recording, task_of
 from brightgrey.paper.repetitions import RunSummary, summarise_run, summary, wilson_interval
-from brightgrey.recordings import Recording, Signal
 from brightgrey.search import IdentificationTask
 from brightgrey.search.genetic import GeneticSettings, LeastSquares, PatternSearch, genetic_search, history_csv
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 from support.genetic_runs import search_with
+from support.recordings import make_recording
 
 TRUTH = {"J1": 0.02, "M_C": 0.4, "f_v": 0.05}
 STRUCTURE = "one_mass+coulomb+viscous"
@@ -32,9 +32,7 @@ def small_task(**more):
     torque = 2.0 * np.sign(np.sin(2 * np.pi * 4.0 * t)) * np.minimum(1.0, 5 * t)
     (speed,) = reference(STRUCTURE, TRUTH, torque, 0.002, f_tanh=4.0)
     speed = np.round(speed + 0.005 * np.random.default_rng(1).normal(size=t.size), 3)
-    recording = Recording(
-        "small", t, torque, speed[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),)
-    )
+    recording = make_recording(torque, speed, dt=0.002, name="small")
     known = scales(recording)
     settings = Settings(f_tanh=4.0, speed_scale=known.speed, level="fast")
     return IdentificationTask((recording,), known, settings, **more)

@@ -10,7 +10,6 @@ from brightgrey.estimation import scales
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, evaluate, normal_equations
 from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
 from brightgrey.search import IdentificationTask
 from brightgrey.search.comparison import Judged
 from brightgrey.search.exhaustive import fit_all
@@ -19,6 +18,7 @@ from brightgrey.search.judging import Bench
 from brightgrey.search.warm_start import exchanged, handed_down, information
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 
 def parse(*names):
@@ -39,7 +39,7 @@ def friction():
     u = (1.0 + np.sin(2.0 * np.pi * 4.0 * t)) * np.minimum(1.0, 20.0 * t)
     (v,) = reference("one_mass+coulomb", {"J1": 0.02, "M_C": 0.3}, u, dt, f_tanh=20.0)
     v += 1e-3 * np.abs(v).max() * np.random.default_rng(4).standard_normal(v.size)
-    recording = Recording("up", t, u, v[None], Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),))
+    recording = make_recording(u, v, dt=dt, name="up")
     known = scales([recording])
     task = IdentificationTask((recording,), known, Settings(f_tanh=20.0, speed_scale=known.speed, level="fast"))
     names = {"one_mass", "coulomb", "viscous", "gravity", "delay"}
@@ -49,8 +49,7 @@ def friction():
 def wide(structure, **ranges):
     """Its parameters with wide ranges."""
     t = 0.01 * np.arange(100)
-    signals = Signal("u", "input", "N m"), (Signal("v", "velocity", "rad/s"),)
-    recording = Recording("any", t, np.sin(9.0 * t), np.sin(9.0 * t - 1.0)[None], *signals)
+    recording = make_recording(np.sin(9.0 * t), np.sin(9.0 * t - 1.0), dt=0.01, name="any")
     limits = {name: (-1e3 if name == "M_G" else 1e-6, 1e3) for name in structure.parameters}
     return parameter_space(structure, scales([recording]), {**limits, **ranges}, {})
 

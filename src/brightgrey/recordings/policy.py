@@ -12,7 +12,7 @@ class ReadingPolicy:
     """Limits that decide how a recording is read."""
 
     min_samples: int = 20
-    """Smallest number of samples. With fewer even a single mass with friction cannot be told from noise."""
+    """Smallest number of samples. With fewer samples even one mass with friction looks like noise."""
     max_jitter: float = 0.1
     """Largest deviation of a time step, as a part of the interval, that is read as uniform."""
     noted_jitter: float = 0.01

@@ -9,9 +9,9 @@ import pytest
 from brightgrey.control.faults.simulated_changes import ParameterGroup, estimate_changes
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import Structure
-from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 TRUTH = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "M_C": 0.9, "f_v": 0.015, "alpha": 0.02}
 STRUCTURE = Structure.parse("two_mass+coulomb+viscous+backlash")
@@ -27,8 +27,7 @@ def speed():
 
 def recording_of(speed, noise, seed=3):
     y = speed + noise * np.random.default_rng(seed).normal(size=len(speed))
-    signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
-    return Recording("simulated", 2 * E.dt * np.arange(len(y)), E.torque()[::2], y[None], *signals)
+    return make_recording(E.torque()[::2], y, dt=2 * E.dt, names=("torque", "velocity"), name="simulated")
 
 
 def found(model, changes, recording):

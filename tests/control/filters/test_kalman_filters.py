@@ -16,10 +16,11 @@ from brightgrey.control.filters.state_transition import ProcessModel
 from brightgrey.control.filters.unscented_kalman import unscented_kalman_filter
 from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.kit import Structure, assemble
-from brightgrey.recordings import Recording, Signal
+from brightgrey.recordings import Signal
 from brightgrey.simulation import response
 from brightgrey.simulation.reference import reference
 from support.drives import SETTINGS, VALUES, E, recorded, system_of, values_of
+from support.recordings import make_recording
 
 FULL = "two_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
 
@@ -34,9 +35,8 @@ def test_exponentials_are_those_of_scipy():
 def carried(text, u, hold, **changed):
     """Course of the first output by the steps of the filters, from rest, and the reference's."""
     structure, values = Structure.parse(text), values_of(text, **changed)
-    t = E.dt * np.arange(len(u))
-    signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
-    seen = prepare(structure, values, Recording("none", t, u, 0.01 * u[None], *signals, hold=hold), SETTINGS)
+    recording = make_recording(u, 0.01 * u, dt=E.dt, names=("torque", "velocity"), hold=hold)
+    seen = prepare(structure, values, recording, SETTINGS)
     watched, course = seen.filter_input, ProcessModel.of(seen.filter_input)
     at_rest = system_of(text, **changed).rest(0.0, 0.0, float(u[0]))[None]
     x, _ = course.augment(
@@ -113,8 +113,7 @@ def test_a_disturbance_that_is_late_or_felt_at_once_is_expected_as_such(text, ki
         pushed = u + 0.05 * rng.normal(size=500)
         y = response(system, pushed, E.dt, system.rest(), replace(SETTINGS, hold="zoh")).y[0, :, 0]
         y = y + size * rng.normal(size=500)
-        signals = Signal("torque", "input", "N m"), (Signal("y", kind, "rad/s" if size < 1.0 else "rad/s²"),)
-        recording = Recording("simulated", E.dt * np.arange(500), u, y[None], *signals, hold="zoh")
+        recording = make_recording(u, y, dt=E.dt, kind=kind, hold="zoh")
         watched = prepare(structure, values, recording, SETTINGS).filter_input
         total += float(extended_kalman_filter(watched, Noise(0.05, np.array([size]))).nis.sum())
     low, high = chi2.ppf([5e-5, 1 - 5e-5], 2000)
@@ -133,9 +132,8 @@ def test_a_gap_of_unknown_position_leaves_innovations_as_large_as_expected():
         x0[system.state_names.index("q2")] = -at
         pushed = u + 0.05 * rng.normal(size=600)
         y = response(system, pushed, E.dt, x0, replace(SETTINGS, hold="zoh")).y[0, :, 0]
-        signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
         y = y + 0.02 * rng.normal(size=600)
-        recording = Recording("simulated", E.dt * np.arange(600), u, y[None], *signals, hold="zoh")
+        recording = make_recording(u, y, dt=E.dt, hold="zoh")
         watched = prepare(structure, values, recording, SETTINGS).filter_input
         totals.append(float(gaussian_sum_filter(watched, Noise(0.05, np.array([0.02]))).nis.sum()))
     low, high = chi2.ppf([5e-5, 1 - 5e-5], 600)
