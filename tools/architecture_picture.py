@@ -10,7 +10,7 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 ROOT = Path(__file__).parents[1]
-WIDTH, MARGIN, ROW, GAP = 560, 16, 46, 8
+WIDTH, MARGIN, ROW, GAP = 440, 14, 46, 8
 STYLE = """
   text { font: 15px system-ui, sans-serif; fill: #1b2733 }
   .name { font-weight: 600 }
@@ -35,8 +35,8 @@ ROOMS = {
     "paper": "reproduction of the paper's section 4",
     "report": "page, figures, tables",
     "exports": "C, FMU, MATLAB, Modelica ...",
-    "model": "model.json, the result as data",
-    "control": "analysis, design, filters, faults",
+    "model": "the result as data",
+    "control": "design, filters, faults",
     "runs": "what survives an interruption",
     "search": "which structure",
     "estimation": "parameters and intervals of one structure",
@@ -50,12 +50,12 @@ WAY = (
     ("data", "file", "CSV, MAT or another format"),
     ("box", "recordings", "read once, checked, in SI"),
     ("data", "Recording", "frozen: time, input, motion"),
-    ("box", "search.task", "scales, bounds, weights, error floors"),
+    ("box", "search.task", "scales, bounds, weights"),
     ("data", "task", "frozen: all that a search needs"),
     ("box", "estimation, search", "fits of structures, on workers"),
     ("data", "table of fits", "best fit of each structure"),
-    ("box", "search", "minimal structures, tests of every effect"),
-    ("data", "verdict", "needed, not needed, not decidable"),
+    ("box", "search", "tests of every effect"),
+    ("data", "verdict", "one for every effect"),
     ("box", "model", "in the recording's units"),
     ("data", "model.json", "loaded by exports and control"),
     ("box", "report", "reads only"),
@@ -86,7 +86,8 @@ def box(kind: str, x: float, y: float, width: float, name: str, note: str) -> st
 def picture(title: str, height: float, parts: list[str]) -> str:
     """Return a picture on a card of its own, which is readable on a light and on a dark page."""
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" role="img">\n'
+        f'<svg xmlns="http://www.w3.org/2000/svg" role="img" width="{WIDTH}" height="{height}"'
+        f' viewBox="0 0 {WIDTH} {height}">\n'
         f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n<defs>{TIP}</defs>\n"
         f'<rect class="card" x="1" y="1" width="{WIDTH - 2}" height="{height - 2}" rx="10"/>\n'
         + "\n".join(parts)
