@@ -344,7 +344,7 @@ def test_response__other_groups__same_bits(name, group, level):
 @pytest.mark.parametrize("group", [2, 6, 16, 18])
 @pytest.mark.parametrize("level", ["fast", "accurate"])
 def test_response__contacts_multiply_a_difference__group_rejoins(group, level):
-    """Where a load rattles undamped, a millionth becomes another motion, which says nothing of derivatives."""
+    """A load that rattles undamped turns a change of 1e-6 into another motion, which gives no derivatives."""
     structure = PAPER.parse("two_mass+backlash")
     rattling = {"J1": 4.5e-3, "J2": 1e-2, "c1": 1e4, "d1": 3e-3, "alpha": 1e-3}
     sets = {name: value * (1.0 + 1e-6 * np.arange(group) / group) for name, value in rattling.items()}

@@ -19,7 +19,7 @@ class Grammar:
     """Construction rules of structures.
 
     A grammar lists the places of each effect. Two rules hold for every grammar, because without them there is no
-    system: exactly one effect brings the masses, and an effect stands only at a mass or shaft that exists.
+    system. Exactly one effect brings the masses, and an effect stands only at a mass or shaft that exists.
 
     Attributes
     ----------

@@ -86,10 +86,10 @@ def response(
     settings : Settings
     group : int
         Sets come in groups of this many. The first set of a group chooses the steps and the others take the same
-        ones, so that differences between them are smooth: forward differences with a relative step of 1e-6 give
+        ones, so that differences between them are smooth. Forward differences with a relative step of 1e-6 give
         derivatives. With 1, every set chooses its own. Contacts may multiply a difference until it is no derivative
-        any more. Where a limited state is further than a hundredth of its range from that of the first set, at two
-        samples in succession, all sets of the group continue from the state of the first one.
+        any more. When a limited state is further than a hundredth of its range from that of the first set at two
+        samples in succession, all sets of the group continue from the first one's state.
     threads : int
 
     Returns

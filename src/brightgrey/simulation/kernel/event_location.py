@@ -1,7 +1,7 @@
 """Location of events: a tick in which a limited state reaches or leaves its limit, by Taylor series.
 
-Friction is linearised. The moment of an event is the root of a polynomial, or of a polynomial and an exponential while
-a gap is open, so that it depends smoothly on all parameters.
+Friction is linearised. The moment of an event is the root of a polynomial; while a gap is open, an exponential is added
+to it. The moment therefore depends smoothly on all parameters.
 """
 
 from __future__ import annotations

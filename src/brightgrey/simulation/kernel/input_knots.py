@@ -26,7 +26,7 @@ _THIRDS = 3  # spans from a knot to the end of a step, to its stage or to an inn
 
 
 @inner
-def _ramp_starts(shape: Any, plant: Any, mode: Any, tick: Any, work: Any, begins: Any) -> None:
+def _ramp_starts(shape: Any, plant: Any, mode: Any, tick: Any, work: Any, starts: Any) -> None:
     """Effects of the ramp (jump) on the state after all spans below one tick that can occur.
 
     Each has n rows and one for the length of the span. They are computed by propagators, because a gap's damper may
@@ -38,31 +38,31 @@ def _ramp_starts(shape: Any, plant: Any, mode: Any, tick: Any, work: Any, begins
     column = n * n + (n if shape.hold == 1 else 0)
     mode_matrix(shape, plant, mode, A)
     for number in range(_THIRDS):
-        begin = skip(begins, number * (n + 1))
+        start = skip(starts, number * (n + 1))
         for lane in range(LANES):
             knot = get(plant.delay, 1, lane) * (1 << shape.ticks) * shape.base_steps
             part = number / _THIRDS - knot
             part -= math.floor(part + TOLERANCES.same_span)
-            put(begin, n, lane, max(part, 0.0) * tick if knot > 0.0 else 0.0)
-        propagator_over(n, 0, plant, A, get(begin, n, None), propagator, spare, work.scratch)
+            put(start, n, lane, max(part, 0.0) * tick if knot > 0.0 else 0.0)
+        propagator_over(n, 0, plant, A, get(start, n, None), propagator, spare, work.scratch)
         for i in range(n):
-            put(begin, i, None, get(propagator, column + i, None))
+            put(start, i, None, get(propagator, column + i, None))
 
 
 @inner
-def _ramp_start(n: Any, rest: Any, lane: Any, begins: Any, p: Any) -> None:
+def _ramp_start(n: Any, rest: Any, lane: Any, starts: Any, p: Any) -> None:
     """Effect p of the ramp (jump) on the state of one lane, `rest` seconds after its start: less than a tick."""
     nearest, off = 0, rest
     for number in range(_THIRDS):
-        apart = abs(get(skip(begins, number * (n + 1)), n, lane) - rest)
+        apart = abs(get(skip(starts, number * (n + 1)), n, lane) - rest)
         if apart < off:
             nearest, off = number + 1, apart
     for i in range(n):
-        put(p, i, lane, get(skip(begins, (nearest - 1) * (n + 1)), i, lane) if nearest > 0 else 0.0)
+        put(p, i, lane, get(skip(starts, (nearest - 1) * (n + 1)), i, lane) if nearest > 0 else 0.0)
 
 
 @inner
-def _ramp_response(shape: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any, p: Any, begins: Any) -> None:
+def _ramp_response(shape: Any, mode: Any, span: Any, tick: Any, work: Any, lane: Any, p: Any, starts: Any) -> None:
     """Effect p of a ramp of unit slope (held input: a unit jump) on the state, `span` seconds after its start."""
     n = shape.n
     width = n + 4 + 2 * shape.channels
@@ -70,7 +70,7 @@ def _ramp_response(shape: Any, mode: Any, span: Any, tick: Any, work: Any, lane:
         span / tick + 2.0 * TOLERANCES.same_span
     )  # twice, so that a whole tick in `_ramp_starts` is one here, too
     rest = max(span - whole * tick, 0.0)
-    _ramp_start(n, rest, lane, begins, p)
+    _ramp_start(n, rest, lane, starts, p)
     time = rest
     q = work.scratch
     rows = table_rows(shape)
@@ -106,10 +106,10 @@ def input_knot_weights(block: Any) -> None:
     width = n + 4 + 2 * m
     ticks = 1 << shape.ticks
     p = skip(work.scratch, n)
-    begins = skip(work.scratch, 2 * n)
+    starts = skip(work.scratch, 2 * n)
     rows = table_rows(shape)
     for mode in range(1 << shape.limits):
-        _ramp_starts(shape, plant, mode, tick, work, begins)
+        _ramp_starts(shape, plant, mode, tick, work, starts)
         for lane in range(LANES):
             knot = get(plant.delay, 1, lane) * ticks * shape.base_steps
             if knot <= 0.0:
@@ -119,11 +119,11 @@ def input_knot_weights(block: Any) -> None:
                 size = 1 << level
                 table = skip(work.tables, (mode * (shape.ticks + 1) + level) * rows)
                 after = size - (knot - int(knot / size) * size)  # ticks from the knot to the end of the step
-                _ramp_response(shape, mode, after * tick, tick, work, lane, p, begins)
+                _ramp_response(shape, mode, after * tick, tick, work, lane, p, starts)
                 for i in range(n):
                     put(table, i * width + n + 3 + 2 * m, lane, get(p, i, lane))
                 span = max(after - size * (2.0 / 3.0), 0.0) * tick
-                _ramp_response(shape, mode, span, tick, work, lane, p, begins)
+                _ramp_response(shape, mode, span, tick, work, lane, p, starts)
                 at = end_rows(n, m) + n + 3 + 2 * m
                 for k in range(m):
                     seen = get(plant.K, k, lane) * (span if shape.hold == 1 else 1.0 if span > 0.0 else 0.0)
@@ -132,7 +132,7 @@ def input_knot_weights(block: Any) -> None:
                 for i in range(points if shape.limits > 0 else 0):
                     if points > 1:
                         span = max(after - size * (1.0 - (i + 1.0) / (points + 1.0)), 0.0) * tick
-                        _ramp_response(shape, mode, span, tick, work, lane, p, begins)
+                        _ramp_response(shape, mode, span, tick, work, lane, p, starts)
                     for b in range(shape.limits):
                         if (mode >> b) & 1:
                             value = get(p, whole(plant.limited, b), lane)

@@ -20,7 +20,7 @@ from brightgrey.simulation.kernel.machine.simd import (
     whole,
 )
 from brightgrey.simulation.kernel.machine.simd import call as invoke
-from brightgrey.simulation.kernel.radau_step import accept_all, lanes_leaving_interval, radau_step, watched_quantity
+from brightgrey.simulation.kernel.radau_step import accept, lanes_leaving_interval, radau_step, watched_quantity
 from brightgrey.simulation.kernel.radau_step_scalar import mark_columns_outdated
 from brightgrey.simulation.kernel.tolerances import TOLERANCES
 
@@ -131,7 +131,7 @@ def _step_all_lanes(block: Any, shape: Any, plant: Any, call: Any, k: Any, base:
         end = watched_quantity(shape, plant, work, b, work.end, None)
         left |= lanes_leaving_interval(shape, work, b, shape.points, end, None)
     if (failed | coarse | left) & ~dead == 0:
-        accept_all(shape, plant, work, h)
+        accept(shape, plant, work, h, None)
         return
     invoke(call.accept_or_refine, (block, k, base, failed | left, coarse, dead))
 

@@ -25,8 +25,7 @@ from brightgrey.simulation.kernel.machine.simd import (
 )
 
 __all__ = [
-    "accept_all",
-    "accept_lane",
+    "accept",
     "accept_some",
     "estimate",
     "lanes_leaving_interval",
@@ -195,8 +194,8 @@ def solve_stages(
 ) -> Any:
     """Solve for F1 and F2; return the lanes in which Newton's method failed.
 
-    ``work.a1`` and ``work.a2`` hold the ports without F. The effect of each F1 and F2 on the ports is in `table`: at
-    h/3 from row `middle` on with `stride` rows per port, at the end from row `end` on.
+    ``work.a1`` and ``work.a2`` hold the ports without F. The effect of each F1 and F2 on the ports is in `table`. It is
+    there from row `middle` on for h/3, with `stride` rows per port, and from row `end` on for the end of the step.
     """
     m = shape.channels
     for k in range(m):
@@ -264,7 +263,8 @@ def radau_step(shape: Any, plant: Any, call: Any, table: Any, h: Any, points: An
 
 
 @inlined
-def _accept(shape: Any, plant: Any, work: Any, h: Any, who: Any) -> None:
+def accept(shape: Any, plant: Any, work: Any, h: Any, who: Any) -> None:
+    """Accept a step of length h."""
     for c in range(shape.channels):
         f1, f2 = get(work.F1, c, who), get(work.F2, c, who)
         put(work.force, c, who, f2)
@@ -273,18 +273,6 @@ def _accept(shape: Any, plant: Any, work: Any, h: Any, who: Any) -> None:
         put(work.watched, b, who, watched_quantity(shape, plant, work, b, work.end, who))
     for i in range(shape.n):
         put(work.x, i, who, get(work.end, i, who))
-
-
-@inlined
-def accept_all(shape: Any, plant: Any, work: Any, h: Any) -> None:
-    """Accept a step of length h in all lanes."""
-    _accept(shape, plant, work, h, None)
-
-
-@inlined
-def accept_lane(shape: Any, plant: Any, work: Any, h: Any, lane: Any) -> None:
-    """Accept a step of length h in one lane."""
-    _accept(shape, plant, work, h, lane)
 
 
 @inlined

@@ -21,7 +21,7 @@ from brightgrey.simulation.kernel.machine.memory_layout import (
 from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, set_whole, skip, whole
 from brightgrey.simulation.kernel.machine.simd import call as invoke
 from brightgrey.simulation.kernel.radau_step import (
-    accept_lane,
+    accept,
     accept_some,
     lanes_leaving_interval,
     radau_step,
@@ -145,7 +145,7 @@ def refine_lane(block: Any, k: Any, base: Any, lane: Any, follow: Any, position:
         if out:
             _pass_event(block, shape, plant, call, start, work, lane)
         else:
-            accept_lane(shape, plant, work, size * (dt / per_sample), lane)
+            accept(shape, plant, work, size * (dt / per_sample), lane)
         if not follow:
             for i in range(position, position + size):
                 set_whole(work.plan, i, level)

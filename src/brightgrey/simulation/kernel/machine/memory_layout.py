@@ -298,10 +298,10 @@ def end_rows(n: Any, channels: Any) -> Any:
 def table_rows(shape: Any) -> Any:
     """Rows of a step table.
 
-    The first part holds, for every state at the end of the step, the weights of x (n), u and its slope, the constant,
-    F1 and F2 of each channel, and the kink. The second part holds the same for every port at the stage h/3, and for
-    every watched quantity at each point within the step. The last part holds, for every port, the effect of each F1
-    and F2 at the end of the step; their effect at h/3 is in the second part.
+    The first part belongs to the states at the end of the step. It holds for each of them the weights of x (n), u and
+    its slope, the constant, F1 and F2 of each channel, and the kink. The second part holds the same for every port at
+    the stage h/3, and for every watched quantity at each point within the step. The last part holds, for every port,
+    the effect of each F1 and F2 at the end of the step; their effect at h/3 is in the second part.
     """
     n, channels = shape.n, shape.channels
     width = n + 4 + 2 * channels
