@@ -18,7 +18,7 @@ def commands():
 
 
 @pytest.mark.usefixtures("capsys")
-def test_commands_and_python_in_their_order(tmp_path, monkeypatch):
+def test_readme__commands_and_python_run_in_their_order(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert [command[0] for command in commands()] == ["demo", "effects", "identify", "simulate", "export"]
     for command in commands():
@@ -33,13 +33,13 @@ def test_commands_and_python_in_their_order(tmp_path, monkeypatch):
     assert written == expected | {"demo/recording.csv", "out/simulated.csv", "fit.pdf", "friction.svg"}
 
 
-def test_options_that_are_named_exist(capsys):
+def test_readme__names_options_that_exist(capsys):
     main(["identify", "--help"])
     offered = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out))
     named = set(re.findall(r"`(--[a-z][a-z-]+)", README))
     assert named <= offered
 
 
-def test_linked_pages_are_there():
+def test_readme__links_to_files_that_are_there():
     for target in re.findall(r"\]\(([^)#]+)\)", README):
         assert (Path(__file__).parents[1] / target).is_file(), target

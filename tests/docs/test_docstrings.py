@@ -94,14 +94,14 @@ def entries(lines):
 
 
 @pytest.mark.parametrize("name", PUBLIC)
-def test_everything_public_is_described_in_a_sentence(name):
+def test_public_docstring__begins_with_a_sentence(name):
     first = (inspect.getdoc(PUBLIC[name]) or "").split("\n\n")[0].replace("\n", " ")
     assert len(first.split()) >= 2
     assert first.rstrip()[-1] in ".:"
 
 
 @pytest.mark.parametrize("name", [n for n, f in FUNCTIONS.items() if "Parameters" in sections(f)])
-def test_the_parameters_that_are_described_are_those_there_are(name):
+def test_parameters_section__names_those_of_the_signature(name):
     own = sections(FUNCTIONS[name])
     described, there = set(entries(own["Parameters"])), set(inspect.signature(FUNCTIONS[name]).parameters)
     assert described <= there
@@ -116,7 +116,7 @@ def raised(function):
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_errors_that_are_raised_are_told(name):
+def test_docstring__names_the_errors_that_are_raised(name):
     text = inspect.getdoc(FUNCTIONS[name]) or ""
     for error in raised(FUNCTIONS[name]):
         assert error in text or "Raises" in text or "efuse" in text
@@ -127,7 +127,7 @@ def arrays(annotation):
 
 
 @pytest.mark.parametrize("name", REFERENCE)
-def test_the_reference_tells_parameters_shapes_units_and_what_is_given(name):
+def test_reference__describes_parameters_shapes_units_and_return(name):
     value = REFERENCE[name]
     own = sections(value)
     if inspect.isclass(value):
@@ -151,7 +151,7 @@ def test_the_reference_tells_parameters_shapes_units_and_what_is_given(name):
 
 
 @pytest.mark.parametrize("effect", registry().values(), ids=lambda e: e.name)
-def test_effects_have_equation_source_and_units(effect):
+def test_effect__has_equation_source_and_units(effect):
     assert "=" in effect.equation
     assert re.search(r"eq\. \(|section \d|doi:", effect.source)
     for parameter in effect.parameters:

@@ -38,7 +38,7 @@ def recording(extended):
 OPTIONS = ("--input", "torque", "--output", "speed", "--f-tanh", F_TANH, "--workers", 2)
 
 
-def test_command_line_and_documentation_list_it(extended):
+def test_new_effect__is_listed_by_command_line_and_pages(extended):
     listed = json.loads(extended("-m", "brightgrey", "effects", "--json"))
     (own,) = [effect for effect in listed if effect["name"] == "drag"]
     assert own["parameters"][0] | {"dimension": 0} == {
@@ -53,7 +53,7 @@ def test_command_line_and_documentation_list_it(extended):
     assert "file" not in page
 
 
-def test_its_parameter_is_found_and_the_report_shows_it(extended):
+def test_new_effect__is_identified_and_shown_in_the_report(extended):
     extended("-m", "brightgrey", "identify", "a.csv", *OPTIONS, "--structure", "one_mass+coulomb+drag", "--out", "out")
     model = json.loads((extended.folder / "out" / "model.json").read_text(encoding="utf-8"))
     assert model["parameters"]["k_D"]["unit"] == "N m s²/rad²"
@@ -66,7 +66,7 @@ def test_its_parameter_is_found_and_the_report_shows_it(extended):
     assert "Sum of coulomb, drag" in html
 
 
-def test_a_search_has_it_among_its_structures_and_weighs_it(extended):
+def test_new_effect__search__includes_it_and_calls_it_needed(extended):
     others = ("two_mass", "stribeck", "gravity", "current_control", "delay")
     excluded = [word for name in others for word in ("--exclude", name)]
     extended("-m", "brightgrey", "identify", "a.csv", *OPTIONS, *excluded, "--out", "found")
@@ -79,13 +79,13 @@ def test_a_search_has_it_among_its_structures_and_weighs_it(extended):
     assert 'data-effect="drag"' in html
 
 
-def test_the_tests_of_all_effects_take_it_up(extended):
+def test_new_effect__registry_tests__include_it(extended):
     tests = ROOT / "tests" / "effects" / "test_registry.py"
     said = extended("-m", "pytest", tests, "-q", "-k", "drag", "-p", "no:cacheprovider", "--rootdir", extended.folder)
     assert int(re.search(r"(\d+) passed", said)[1]) >= 5
 
 
-def test_the_paper_stays_the_papers(extended):
+def test_new_effect__grammar_of_the_paper__is_unchanged(extended):
     count = "print(*(len(list(g.structures())) for g in (PAPER, function_set())))"
     code = f"from brightgrey.kit import PAPER, function_set; {count}"
     assert extended("-c", code).split() == ["448", "896"]

@@ -19,12 +19,12 @@ each = pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(DOCS).
 
 
 @each
-def test_linked_pages_are_there(page):
+def test_page__links_to_pages_that_are_there(page):
     for target in re.findall(r"\]\(([^)#:]+\.md)", page.read_text(encoding="utf-8")):
         assert (page.parent / target).is_file(), target
 
 
-def test_every_page_is_in_the_contents():
+def test_contents__list_every_page():
     listed = {
         (index.parent / name).with_suffix(".md")
         for index in DOCS.rglob("index.md")
@@ -36,7 +36,7 @@ def test_every_page_is_in_the_contents():
     assert listed == set(PAGES) - {DOCS / "index.md"}
 
 
-def test_options_that_are_named_exist(capsys):
+def test_pages__name_options_that_exist(capsys):
     for command in ("identify", "simulate", "analyse", "control", "watch", "export", "reproduce", "demo", "fleet"):
         main([command, "--help"])
     offered = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out))
@@ -48,7 +48,7 @@ def test_options_that_are_named_exist(capsys):
 
 
 @each
-def test_prose_is_at_most_120_characters_wide(page):
+def test_page__has_lines_of_at_most_120_characters(page):
     for line in page.read_text(encoding="utf-8").splitlines():
         assert len(line) <= 120 or line.startswith(("|", "   :exclude-members:")), line
 
@@ -94,15 +94,15 @@ def test_readme__figures_stand_on_the_validation_page_that_is_linked():
         assert set(re.findall(r"[\d.,e-]*\d", answer)) <= there, page
 
 
-def test_paper_page__names_files_that_are_there():
-    text = (DOCS / "reference" / "paper.md").read_text(encoding="utf-8")
-    for name in re.findall(r"`([a-z_/]+\.py)`", text):
-        assert any((root / name).is_file() for root in (DOCS.parent / "src" / "brightgrey", DOCS.parent / "tests")), (
-            name
-        )
+@pytest.mark.parametrize("page", ["docs/reference/paper.md", "docs/architecture.md", "CONTRIBUTING.md"])
+def test_page_for_developers__names_files_and_folders_that_are_there(page):
+    root = DOCS.parent
+    text = re.sub(r"^`src/[\w/]+\.py`:$", "", (root / page).read_text(encoding="utf-8"), flags=re.MULTILINE)
+    for name in re.findall(r"`([a-z_]+(?:/[a-z_]+)*/[a-z_]+(?:\.py)?/?)`", text):
+        assert any((root / place / name).exists() for place in ("src/brightgrey", "tests", "")), name
 
 
-def test_function_set_has_every_declaration():
+def test_effect_catalogue__has_every_declaration():
     text = catalogue()
     for effect in registry().values():
         part = text[text.index(f"## {effect.number} · {effect.title}") :].split("\n## ")[0]
@@ -119,7 +119,7 @@ def test_reference__lists_exactly_the_public_names():
 
 
 @pytest.mark.long
-def test_documentation_builds_without_a_warning(tmp_path):
+def test_documentation__builds_without_a_warning(tmp_path):
     pytest.importorskip("myst_nb", reason="brightgrey[docs] is not installed")
     command = [sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", str(DOCS), str(tmp_path / "html")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
