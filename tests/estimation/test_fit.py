@@ -34,7 +34,7 @@ def still(u):
     return Recording("still", t, u * np.ones(300), np.zeros((1, 300)), Signal("u", "input", "N m"), outputs)
 
 
-def test_demo_is_recovered(demo, demo_fit):
+def test_fit__demo__is_recovered(demo, demo_fit):
     # The recording is one draw of noise: its parameters scatter as the Cramér-Rao bounds in excitation.experiment
     # say (0.06 to 1.8 %). Four of them is beyond one draw in 15,000 per parameter.
     bound = {"J1": 0.06, "J2": 0.09, "c1": 0.03, "d1": 0.3, "M_C": 0.4, "f_v": 0.7, "M_S": 0.5, "omega_S": 1.8}
@@ -46,7 +46,7 @@ def test_demo_is_recovered(demo, demo_fit):
     assert demo_fit.outcome.kind == "converged"
 
 
-def test_intervals_are_as_wide_as_the_noise_makes_them(demo_fit):
+def test_fit__intervals__are_as_wide_as_the_noise_makes_them(demo_fit):
     bound = {"J1": 0.06, "J2": 0.09, "c1": 0.03, "d1": 0.3}
     for name, percent in bound.items():
         e = demo_fit.estimates[name]
@@ -54,14 +54,14 @@ def test_intervals_are_as_wide_as_the_noise_makes_them(demo_fit):
         assert e.ci95[0] < e.value < e.ci95[1]
 
 
-def test_fit_and_prediction_agree(demo, demo_fit):
+def test_predict__agrees_with_the_fit(demo, demo_fit):
     values = {name: e.value for name, e in demo_fit.estimates.items()}
     (initial,) = demo_fit.initial_states
     y = predict(demo_fit.structure, values, demo, demo_fit.settings, initial)
     assert np.sum((y - demo.y) ** 2) == pytest.approx(demo_fit.train["velocity"].rss, rel=1e-6)
 
 
-def test_same_seed_same_numbers(demo):
+def test_fit__same_seed__same_numbers(demo):
     structure = PAPER.parse("one_mass+coulomb")
     one, two = (fit(structure, [demo], seed=5, starts=3, level="fast") for _ in range(2))
     assert one == two
@@ -69,7 +69,7 @@ def test_same_seed_same_numbers(demo):
     assert threads == one
 
 
-def test_fixed_and_bounded_parameters_stay(demo):
+def test_fit__fixed_and_bounded_parameters__stay(demo):
     f = fit(RIGID, [demo], bounds={"J1": (0.05, 0.06)}, fixed={"M_G": 0.0}, starts=2, level="fast")
     assert f.estimates["M_G"].value == 0.0
     assert f.estimates["M_G"].std == 0.0
@@ -79,20 +79,20 @@ def test_fixed_and_bounded_parameters_stay(demo):
     assert "M_G" not in f.bounds
 
 
-def test_wrong_names_are_refused(demo):
+def test_fit__wrong_names__are_refused(demo):
     with pytest.raises(SettingsError, match="Did you mean 'M_C'"):
         fit(RIGID, [demo], bounds={"m_c": (1.0, 2.0)})
 
 
 @pytest.mark.parametrize("u", [0.0, 1.0])
-def test_standstill_ends_in_an_outcome(u):
+def test_fit__standstill__ends_in_an_outcome(u):
     f = fit(RIGID, [still(u)], starts=2, level="fast")
     assert f.outcome.kind != "converged"
     assert f.outcome.text
     assert set(f.estimates) == set(RIGID.parameters)
 
 
-def test_emps(measured):
+def test_fit__emps__is_close_to_the_published_values(measured):
     r = read_recording(
         measured("emps/DATA_EMPS.mat"),
         input="vir",
@@ -111,7 +111,7 @@ def test_emps(measured):
     assert f.initial_states[0]["v1"] == 0.0
 
 
-def test_mte360_needs_the_second_mass(measured):
+def test_fit__mte360__needs_the_second_mass(measured):
     r = read_recording(
         measured("mte360/velocity_response_1_5.mat"),
         input="u",
@@ -129,7 +129,7 @@ def test_mte360_needs_the_second_mass(measured):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_given_start_is_not_left_for_a_worse_end_because_of_a_gap(seed):
+def test_fit__given_start_with_a_gap__is_not_left_for_a_worse_optimum(seed):
     """Descents begin on a short part of the recording there, which may lead away from what is known already."""
     structure, e = PAPER.parse("two_mass+coulomb+backlash+delay"), PAPER_EXPERIMENT
     truth = {"J1": 0.012, "J2": 0.008, "c1": 40.0, "d1": 5e-3, "M_C": 0.1, "alpha": 0.3, "T_d": 3e-3}

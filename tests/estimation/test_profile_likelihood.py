@@ -1,4 +1,4 @@
-"""Profile likelihood: where the cost is a parabola it agrees with the quadratic interval, elsewhere it says so."""
+"""Profile likelihood: agreement with the quadratic interval where the cost is a parabola, and its text elsewhere."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def drawn(text, values, noise, seed=0):
     return Recording("drawn", dt * np.arange(len(u)), u, y, Signal("torque", "input", "N m"), outputs)
 
 
-def test_parabola_is_confirmed():
+def test_profile__parabolic_cost__confirms_the_interval():
     r = drawn("one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.9, "f_v": 0.02}, 1e-3)
     found = fit(PAPER.parse("one_mass+coulomb+viscous"), [r], f_tanh=F_TANH, starts=2, level="fast")
     for name in ("J1", "M_C"):
@@ -35,18 +35,18 @@ def test_parabola_is_confirmed():
         assert np.all(np.diff(p.values) > 0.0)
 
 
-def test_side_without_an_end_is_named():
+def test_profile__side_without_a_limit__is_named():
     # A lag far below a sample: nothing tells it from none at all.
     r = drawn("one_mass+coulomb+current_control", {"J1": 0.02, "M_C": 0.9, "T_1": 1e-4}, 2e-2)
     found = fit(PAPER.parse("one_mass+coulomb+current_control"), [r], f_tanh=F_TANH, starts=2, level="fast")
     p = profile(found, [r], "T_1")
     assert p.open == ("low",)
     assert not p.quadratic
-    assert "no low end" in p.text
+    assert "no lower limit" in p.text
     assert p.ci95[1] > 1e-4
 
 
-def test_only_estimated_parameters_have_a_profile():
+def test_profile__parameter_not_estimated__is_refused():
     r = drawn("one_mass+coulomb", {"J1": 0.02, "M_C": 0.9}, 1e-3)
     found = fit(PAPER.parse("one_mass+coulomb"), [r], fixed={"M_C": 0.9}, starts=1, level="fast")
     with pytest.raises(SettingsError, match="J2"):

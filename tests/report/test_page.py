@@ -197,14 +197,14 @@ def test_page__after_a_search__shows_evidence_ties_and_ranking(data):
 
 def test_page__symptoms_and_differences__are_shown(data):
     data["ties"] = {"minimal": ["one_mass+coulomb", "one_mass+stribeck"], "optional": []}
-    symptom = SimpleNamespace(title="Late input", seen="The torque comes 2 ms late.", advice="Look at the bus.")
+    symptom = SimpleNamespace(title="Late input", observation="The torque comes 2 ms late.", advice="Look at the bus.")
     differences = [
         SimpleNamespace(structure="one_mass+coulomb", rows=(("delay margin", "1 ms"),)),
         SimpleNamespace(structure="one_mass+stribeck", rows=(("delay margin", "2 ms"),)),
     ]
     model = Model.check(data)
     reader = read(page(content_for(model, symptoms=[symptom], differences=differences)))
-    for text in (symptom.title, symptom.seen, symptom.advice):
+    for text in (symptom.title, symptom.observation, symptom.advice):
         assert text in reader.text["next"]
     assert reader.tables["differences"] == [
         ["Structure", "delay margin"],

@@ -239,7 +239,7 @@ def test_restart__repeated__new_starts_each_time(monkeypatch):
 
     def noted(*given, **options):
         found = explored(*given, **options)
-        seen.append({tuple(begin) for begin in found.begins.T})
+        seen.append({tuple(begin) for begin in found.starts.T})
         return found
 
     monkeypatch.setattr(fitting, "multistart", noted)

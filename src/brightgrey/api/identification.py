@@ -14,10 +14,10 @@ from brightgrey.api.differences import compare_for_control
 from brightgrey.api.result import Result
 from brightgrey.api.structure_search import SearchRequest, SearchResult, search_structure
 from brightgrey.api.to_si import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
-from brightgrey.errors import SettingsError
+from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation import Fit, Profile
-from brightgrey.estimation.optimisation.pattern_fit import check_estimator
-from brightgrey.estimation.problem.initial_state import check_initial
+from brightgrey.estimation.optimisation.pattern_fit import ESTIMATORS
+from brightgrey.estimation.problem.initial_state import INITIALS
 from brightgrey.kit import Structure, function_set
 from brightgrey.model.criterion import bic_of_traces
 from brightgrey.model.from_fit import model_of
@@ -166,8 +166,8 @@ def identify(
         patience=_PATIENCE_FOUND if found else _PATIENCE,
         seed=seed,
         level=level,
-        estimator=check_estimator(estimator),
-        initial=check_initial(initial),
+        estimator=one_of("estimator", estimator, ESTIMATORS),
+        initial=one_of("initial state", initial, INITIALS),
         threads=workers,
     )
     profiles = tuple(estimation.profile(fit, several, name) for name in dict.fromkeys(profile))

@@ -60,10 +60,11 @@ def identify(
     from brightgrey.api.resumable import identify_resumable
     from brightgrey.cli.terminal import results as show
     from brightgrey.cli.terminal.signals import stop_on_signal
-    from brightgrey.estimation.optimisation.pattern_fit import check_estimator
+    from brightgrey.errors import one_of
+    from brightgrey.estimation.optimisation.pattern_fit import ESTIMATORS
     from brightgrey.model.model import load_model
 
-    estimator = check_estimator(genetic.estimator or "least-squares") if structure else "least-squares"
+    estimator = one_of("estimator", genetic.estimator or "least-squares", ESTIMATORS) if structure else "least-squares"
     with (
         stop_on_signal() as stop,
         run.workforce.executor() as executor,

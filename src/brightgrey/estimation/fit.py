@@ -1,28 +1,35 @@
-"""Parameters of a given structure from recordings: start values, descent, uncertainty, outcome."""
+"""Estimation of the parameters of a given structure: starts, descent, uncertainty, outcome."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Scales
-from brightgrey.errors import SettingsError
+from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation.diagnostics.cautions import cautions
 from brightgrey.estimation.diagnostics.chaos import chaos_findings
 from brightgrey.estimation.diagnostics.equivalent_models import resolve_lag_pole_exchange
-from brightgrey.estimation.diagnostics.finding import Finding
 from brightgrey.estimation.diagnostics.informativity import recording_findings
 from brightgrey.estimation.diagnostics.outcome import FitContext, Outcome, outcome_of, unfitted
 from brightgrey.estimation.diagnostics.symptoms import Symptom, symptoms
+from brightgrey.estimation.noise.residual_analysis import nrmse_fit_percent
 from brightgrey.estimation.optimisation.least_squares import Optimum, OptimumWithJacobian, fit_many, fit_to_convergence
-from brightgrey.estimation.optimisation.multistart import MultistartResult, first_field, multistart
-from brightgrey.estimation.optimisation.pattern_fit import Estimator, check_estimator, pattern_descent, pattern_searches
+from brightgrey.estimation.optimisation.multistart import first_starts, multistart
+from brightgrey.estimation.optimisation.pattern_fit import (
+    ESTIMATORS,
+    Estimator,
+    fit_by_pattern_search,
+    pattern_searches,
+)
 from brightgrey.estimation.problem.initial_state import Initial
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.scales import scales
+from brightgrey.estimation.problem.segments import segments
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.estimation.uncertainty.estimates import Estimate, estimates_of
 from brightgrey.kit import Structure
@@ -30,18 +37,40 @@ from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 from brightgrey.simulation.settings import Level
 
-__all__ = ["Estimate", "Fit", "Outcome", "OutputFit", "Start", "fit", "predict", "settings_for"]
+__all__ = ["Estimate", "Fit", "FitOptions", "Outcome", "OutputFit", "Start", "fit", "predict", "settings_for"]
 
-_SHARPNESS = 100.0  # default f_tanh times the largest speed
-_ELSEWHERE = 0.1  # in the searched scale
-_FINISHED = 2  # descents that are finished at the accurate level
-_BEGINNING = 30  # rounds for the beginning of another recording
-_RIVAL = 1.01  # ... if their cost is not larger than the least by this factor, which is what `fast` may be off
+
+@dataclass(frozen=True)
+class FitOptions:
+    """Heuristics of a fit.
+
+    Attributes
+    ----------
+    sharpness : float
+        Default of f_tanh times the largest speed.
+    finalists : int
+        Largest number of optima that are fitted again at the final level.
+    finalist_cost : float
+        Largest cost of these, relative to the least one; the ``fast`` level is off by about so much.
+    finalist_distance : float
+        Least distance between these in the scaled space.
+    initial_state_rounds : int
+        Rounds that estimate the initial state of a recording for known parameters.
+    """
+
+    sharpness: float = 100.0
+    finalists: int = 2
+    finalist_cost: float = 1.01
+    finalist_distance: float = 0.1
+    initial_state_rounds: int = 30
+
+
+FIT_DEFAULTS = FitOptions()
 
 
 @dataclass(frozen=True)
 class OutputFit:
-    """Residual sum of squares, its root mean, and 100 (1 - |y - yhat| / |y - mean|), in SI."""
+    """Residual sum of squares and root mean square error in SI, and fit in percent (NRMSE)."""
 
     rss: float
     rmse: float
@@ -50,7 +79,7 @@ class OutputFit:
 
 @dataclass(frozen=True)
 class Start:
-    """One start and where it ended, values in SI by name; `cost` is the weighted sum of squares."""
+    """One start and the optimum it led to, SI by name; `cost` is the weighted sum of squared residuals."""
 
     start: Mapping[str, float]
     end: Mapping[str, float]
@@ -66,7 +95,7 @@ class Fit:
     ----------
     structure : Structure
     estimates : mapping of str to Estimate
-        Of every parameter; a fixed one has standard deviation 0.
+        All parameters; a fixed one has standard deviation 0.
     bounds : mapping of str to (low, high)
     settings : Settings
     initial_states : tuple of mapping of str to float
@@ -75,16 +104,16 @@ class Fit:
         By output name, pooled over recordings.
     outcome : Outcome
     cost : float
-        Sum of squared residuals, each over its output's noise.
+        Sum of squared residuals, each divided by the noise of its output.
     evaluations : int
         Batches of simulations.
     starts : tuple of Start
         Best first.
     correlation : mapping of (str, str) to float
-        Of the errors of two estimates, in the logarithm of what is always positive; parameters without an interval
-        are not in it.
+        Correlation of the errors of two estimates, of their logarithms where parameters are positive. Parameters
+        without an interval are left out.
     symptoms : tuple of Symptom
-        What speaks for something that the structure has not; none where nothing could be fitted.
+        Signs of effects that the structure lacks; none if nothing could be fitted.
     """
 
     structure: Structure
@@ -116,17 +145,18 @@ def fit(
     initial: Initial = "auto",
     estimator: Estimator = "least-squares",
     threads: int = 1,
+    options: FitOptions = FIT_DEFAULTS,
 ) -> Fit:
     """Estimate the parameters of `structure` by bounded least squares on the simulation error, or by pattern search.
 
-    Candidates that fill the bounds are simulated once, the best of them, the start from the torque balance and
-    the user's are descended from at the ``fast`` level, and the best ends are finished at `level`.
+    Samples that fill the bounds are simulated once. Descents at the ``fast`` level begin at the best of them, at the
+    start value from the torque balance and at those of the user. The best optima are fitted again at `level`.
 
     Parameters
     ----------
     structure : Structure
     recordings : sequence of Recording
-        Of one drive, with the same outputs.
+        Recordings of one drive, with the same outputs.
     bounds : mapping of str to (low, high), optional
         SI. Parameters that are not named take their range from the recordings.
     fixed : mapping of str to float, optional
@@ -134,24 +164,24 @@ def fit(
     f_tanh : float, optional
         s/rad (s/m); 100 over the largest speed by default.
     start : mapping of str to float or sequence of them, optional
-        Starts to descend from, SI; parameters that are not named take their declared start.
+        Start values, SI; parameters that are not named take their declared ones.
     starts : int
-        Descents. What `start` and the torque balance leave of them is filled up with candidates.
+        Descents per batch. Samples fill up what `start` and the torque balance leave of them.
     patience : int
-        Further fields of as many descents are tried, until the residual is white and two independent starts agree, or
-        this many (with limits half as many again) have not improved on the best one, a quarter as many if the residual
-        is white. With 0 it stays with the first field.
+        Further batches are tried until the residual is white and two independent starts agree, or until so many batches
+        have not improved on the best optimum. With hard limits half as many again are tried, with a white residual
+        a quarter as many. With 0 there is only the first batch.
     seed : int
-        Of the candidates.
+        Seed of the samples.
     level : {'accurate', 'fast', 'euler'}
     initial : {'auto', 'rest', 'samples', 'estimated'}
         State before the first sample: at rest, moving as the first samples say, or estimated with the parameters
-        within what the sensor's noise allows. ``auto`` is at rest unless the first samples clearly move, then
-        estimated.
+        within the noise of the sensor. ``auto`` is at rest unless the first samples clearly move, then estimated.
     estimator : {'least-squares', 'pattern-search'}
         Pattern search is the paper's; it takes hundreds of times as many simulations.
     threads : int
-        The result does not depend on it.
+        Threads to simulate on. The result does not depend on it.
+    options : FitOptions
 
     Returns
     -------
@@ -165,92 +195,104 @@ def fit(
     if starts < 1:
         raise SettingsError(f"starts is {starts}; at least 1 is needed")
     known = scales(recordings)
-    settings = settings_for(recordings, known, f_tanh, "euler" if level == "euler" else "fast")
+    settings = settings_for(recordings, known, f_tanh, "euler" if level == "euler" else "fast", options)
     problem = SimulationErrorProblem.of(structure, recordings, threads, initial)
-    search = parameter_space(structure, known, bounds or {}, fixed or {}, problem.unknown_initial)
+    space = parameter_space(structure, known, bounds or {}, fixed or {}, problem.unknown_initial)
     final = replace(settings, level=level)
-    told = recording_findings(recordings)
-    tried: tuple[Start, ...] = ()
-    if _blind(told):
-        best, evaluations = unfitted(problem, search, final), 1
+    on_recordings = recording_findings(recordings)
+    uninformative = any(finding.kind == "not identifiable" for finding in on_recordings)
+    given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
+    if uninformative:
+        descent = _Descent(unfitted(problem, space, final), 1, ())
+    elif one_of("estimator", estimator, ESTIMATORS) == "pattern-search":
+        descent = _by_pattern_search(problem, space, settings, final, given, starts, seed)
     else:
-        given = [] if start is None else [start] if isinstance(start, Mapping) else list(start)
-        if check_estimator(estimator) == "pattern-search":
-            best, evaluations, tried = _by_patterns(problem, search, settings, final, given, starts, seed)
-        else:
-            found = multistart(problem, search, settings, given, starts=starts, patience=patience, seed=seed)
-            best, evaluations, tried = _finished(problem, search, final, found)
-    best, twins = resolve_lag_pole_exchange(problem, search, final, best)
-    estimates = estimates_of(problem, search, final, best)
+        descent = _by_multistart(problem, space, settings, final, given, starts, patience, seed, options)
+    best, equivalent = resolve_lag_pole_exchange(problem, space, final, descent.best)
+    estimates = estimates_of(problem, space, final, best)
     named = {name: estimates.by_name[name] for name in structure.parameters}
-    ended = FitContext(problem, search, final, best, estimates)
-    doubtful = [] if _blind(told) else chaos_findings(problem, search, final, best)
-    beside = (*told, *twins, *cautions(structure, named, recordings, known, final), *doubtful)
-    outcome = outcome_of(ended, beside)
+    context = FitContext(problem, space, final, best, estimates)
+    chaotic = [] if uninformative else chaos_findings(problem, space, final, best)
+    beside = (*on_recordings, *equivalent, *cautions(structure, named, recordings, known, final), *chaotic)
+    outcome = outcome_of(context, beside)
     return Fit(
         structure=structure,
         estimates=named,
-        bounds=dict(zip(search.names, zip(search.low.tolist(), search.high.tolist(), strict=True), strict=True)),
+        bounds=dict(zip(space.names, zip(space.low.tolist(), space.high.tolist(), strict=True), strict=True)),
         settings=final,
-        initial_states=problem.states(_named(search, best.values), final.f_tanh),
-        train=_train(problem, best.residual),
+        initial_states=problem.states(space.by_name(best.values), final.f_tanh),
+        train=_output_fits(problem, best.residual),
         outcome=outcome,
         cost=best.cost,
-        evaluations=evaluations,
-        starts=tried,
+        evaluations=descent.evaluations,
+        starts=descent.starts,
         correlation=estimates.correlation,
-        symptoms=() if outcome.kind == "diverged" or _blind(told) else symptoms(ended, known),
+        symptoms=() if outcome.kind == "diverged" or uninformative else symptoms(context, known),
     )
 
 
-def _blind(told: Sequence[Finding]) -> bool:
-    """Whether there is nothing to identify in the recordings."""
-    return any(finding.kind == "not identifiable" for finding in told)
+class _Descent(NamedTuple):
+    """Best optimum at the final level, batches of simulations, and all starts, best first."""
+
+    best: OptimumWithJacobian
+    evaluations: int
+    starts: tuple[Start, ...]
 
 
-def _by_patterns(
+def _by_pattern_search(
     problem: SimulationErrorProblem,
-    search: ParameterSpace,
+    space: ParameterSpace,
     settings: Settings,
     final: Settings,
     given: Sequence[Mapping[str, float]],
     starts: int,
     seed: int,
-) -> tuple[OptimumWithJacobian, int, tuple[Start, ...]]:
-    """Best pattern search, finished at the final level; points simulated, and all starts."""
-    begins = first_field(problem, search, settings, given, starts, np.random.default_rng(seed))
-    ends = pattern_searches(problem, search, settings, begins)
+) -> _Descent:
+    """Best of several pattern searches, repeated at the final level."""
+    points = first_starts(problem, space, settings, given, starts, np.random.default_rng(seed))
+    ends = pattern_searches(problem, space, settings, points)
     order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
-    values = [search.from_scaled(np.array(end.values)) for end in ends]
-    best = pattern_descent(problem, search, final, values[order[0]])
+    values = [space.from_scaled(np.array(end.values)) for end in ends]
+    best = fit_by_pattern_search(problem, space, final, values[order[0]])
     tried = tuple(
-        Start(_named(search, begins[i]), _named(search, values[i]), ends[i].cost, ends[i].reason == "mesh")
-        for i in order
+        Start(space.by_name(points[i]), space.by_name(values[i]), ends[i].cost, ends[i].reason == "mesh") for i in order
     )
-    return best, sum(end.evaluations for end in ends) + best.evaluations, tried
+    return _Descent(best, sum(end.evaluations for end in ends) + best.evaluations, tried)
 
 
-def _finished(
-    problem: SimulationErrorProblem, search: ParameterSpace, final: Settings, found: MultistartResult
-) -> tuple[OptimumWithJacobian, int, tuple[Start, ...]]:
-    """Best descent, finished at the final level, batches of simulations, and all starts."""
-    ends = found.ends
-    order = sorted(range(len(ends)), key=lambda i: (ends[i].cost, i))
-    finished = [fit_to_convergence(problem, search, final, ends[i].values) for i in _finalists(search, ends, order)]
-    best = min(finished, key=lambda d: d.cost)
-    evaluations = found.evaluations + sum(d.evaluations for d in finished)
+def _by_multistart(
+    problem: SimulationErrorProblem,
+    space: ParameterSpace,
+    settings: Settings,
+    final: Settings,
+    given: Sequence[Mapping[str, float]],
+    starts: int,
+    patience: int,
+    seed: int,
+    options: FitOptions,
+) -> _Descent:
+    """Best optima of a multistart search, fitted again at the final level."""
+    found = multistart(problem, space, settings, given, starts=starts, patience=patience, seed=seed)
+    optima = sorted(zip(found.optima, found.starts.T, strict=True), key=lambda pair: pair[0].cost)
+    finalists = _finalists(space, [optimum for optimum, _ in optima], options)
+    finished = [fit_to_convergence(problem, space, final, optimum.values) for optimum in finalists]
+    evaluations = found.evaluations + sum(fitted.evaluations for fitted in finished)
     tried = tuple(
-        Start(_named(search, found.begins[:, i]), _named(search, ends[i].values), ends[i].cost, ends[i].converged)
-        for i in order
+        Start(space.by_name(start), space.by_name(optimum.values), optimum.cost, optimum.converged)
+        for optimum, start in optima
     )
-    return best, evaluations, tried
+    return _Descent(min(finished, key=lambda fitted: fitted.cost), evaluations, tried)
 
 
 def settings_for(
-    recordings: Sequence[Recording], known: Scales, f_tanh: float | None, level: Level = "fast"
+    recordings: Sequence[Recording],
+    known: Scales,
+    f_tanh: float | None,
+    level: Level = "fast",
+    options: FitOptions = FIT_DEFAULTS,
 ) -> Settings:
-    """Settings that recordings are simulated with: `f_tanh` in SI, by default 100 over their largest speed."""
-    sharpness = _SHARPNESS / known.speed if f_tanh is None else f_tanh
+    """Settings with which recordings are simulated: `f_tanh` in s/rad (s/m), by default 100 over the largest speed."""
+    sharpness = options.sharpness / known.speed if f_tanh is None else f_tanh
     return Settings(f_tanh=sharpness, speed_scale=known.speed, level=level, hold=recordings[0].hold)
 
 
@@ -261,7 +303,7 @@ def predict(
     settings: Settings,
     initial: Mapping[str, float] | None = None,
 ) -> Array:
-    """Simulate `structure` on a recording's input.
+    """Simulate `structure` with the input of a recording.
 
     Parameters
     ----------
@@ -269,11 +311,11 @@ def predict(
     values : mapping of str to float
         SI.
     recording : Recording
-        Gives input, outputs and, if `initial` is not given, the initial state.
+        Gives the input, the outputs and, if `initial` is not given, the initial state.
     settings : Settings
     initial : mapping of str to float, optional
-        Initial state by state name, SI. If it is not given and the recording begins in motion, what its first samples
-        leave open of it is fitted to the recording, as in a fit; no parameter is.
+        Initial state by state name, SI. If it is not given and the recording begins in motion, it is estimated from the
+        recording within the noise of the first samples, as in a fit.
 
     Returns
     -------
@@ -281,12 +323,12 @@ def predict(
         SI; not-a-number from the sample on at which the simulation diverged.
     """
     if initial is None:
-        initial = _began(structure, values, recording, settings)
+        initial = _estimated_initial_state(structure, values, recording, settings)
     arrays = {name: np.array([value]) for name, value in values.items()}
     return predict_many(structure, arrays, recording, settings, initial=initial)[:, :, 0]
 
 
-def _began(
+def _estimated_initial_state(
     structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings
 ) -> Mapping[str, float] | None:
     """Initial state of a recording for known parameters; None if it begins at rest."""
@@ -294,43 +336,36 @@ def _began(
     if not problem.unknown_initial:
         return None
     own = {name: values[name] for name in structure.parameters}
-    search = parameter_space(structure, scales([recording]), {}, own, problem.unknown_initial)
-    (end,) = fit_many(problem, search, settings, search.start[:, None], limit=_BEGINNING)
-    named = dict(zip(search.names, end.values.tolist(), strict=True)) | own
-    return problem.states(named, settings.f_tanh)[0]
+    space = parameter_space(structure, scales([recording]), {}, own, problem.unknown_initial)
+    limit = FIT_DEFAULTS.initial_state_rounds
+    (end,) = fit_many(problem, space, settings, space.start[:, None], limit=limit)
+    return problem.states(space.by_name(end.values), settings.f_tanh)[0]
 
 
-def _finalists(search: ParameterSpace, ends: Sequence[Optimum], order: Sequence[int]) -> list[int]:
-    """Ends that may turn out as the best one at the final level: nearly as good as it, and elsewhere."""
-    chosen = [order[0]]
-    for i in order[1:]:
-        apart = [
-            np.abs(search.to_scaled(ends[i].values) - search.to_scaled(ends[j].values)).max(initial=0.0) for j in chosen
-        ]
-        if ends[i].cost <= _RIVAL * ends[order[0]].cost and min(apart) > _ELSEWHERE and len(chosen) < _FINISHED:
-            chosen.append(i)
+def _finalists(space: ParameterSpace, optima: Sequence[Optimum], options: FitOptions) -> list[Optimum]:
+    """Optima, best first, that may be the best at the final level: nearly as good as the best, and different."""
+    chosen = [optima[0]]
+    for optimum in optima[1:]:
+        theta = space.to_scaled(optimum.values)
+        distance = min(np.abs(theta - space.to_scaled(other.values)).max(initial=0.0) for other in chosen)
+        similar = optimum.cost <= options.finalist_cost * optima[0].cost
+        if similar and distance > options.finalist_distance and len(chosen) < options.finalists:
+            chosen.append(optimum)
     return chosen
 
 
-def _named(search: ParameterSpace, values: Array) -> dict[str, float]:
-    return dict(zip(search.names, values.tolist(), strict=True)) | dict(search.fixed)
-
-
-def _train(problem: SimulationErrorProblem, residual: Array) -> dict[str, OutputFit]:
+def _output_fits(problem: SimulationErrorProblem, residual: Array) -> dict[str, OutputFit]:
     """Fit of each output, pooled over the recordings."""
-    outputs = problem.recordings[0].outputs
-    pieces: list[list[Array]] = [[] for _ in outputs]
-    begin = 0
-    for r in problem.recordings:
-        block = residual[begin : begin + r.y.size].reshape(r.y.shape) / problem.weights[:, None]
-        begin += r.y.size
-        for out in range(len(outputs)):
-            pieces[out].append(block[out])
+    errors: dict[str, list[Array]] = {}
+    variations: dict[str, list[Array]] = {}
+    for rows, r, output in segments(problem.recordings):
+        name, y = problem.recordings[0].outputs[output].name, r.y[output]
+        errors.setdefault(name, []).append(residual[rows] / problem.weights[output])
+        variations.setdefault(name, []).append(y - y.mean())
     result = {}
-    for out, signal in enumerate(outputs):
-        apart = np.concatenate(pieces[out])
-        spread = np.concatenate([r.y[out] - r.y[out].mean() for r in problem.recordings])
-        rss = float(apart @ apart)
-        percent = 100.0 * (1.0 - np.sqrt(rss) / max(float(np.linalg.norm(spread)), 1e-300))
-        result[signal.name] = OutputFit(rss, float(np.sqrt(rss / len(apart))), float(percent))
+    for name in errors:
+        error, variation = np.concatenate(errors[name]), np.concatenate(variations[name])
+        rss = float(error @ error)
+        percent = nrmse_fit_percent(rss, float(variation @ variation))
+        result[name] = OutputFit(rss, float(np.sqrt(rss / len(error))), percent)
     return result

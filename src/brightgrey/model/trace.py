@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.estimation.noise.residual_analysis import nrmse_fit_percent
 from brightgrey.model.schema import OutputFitPart
 from brightgrey.recordings import Recording, Signal
 
@@ -94,7 +95,7 @@ def pooled_fit(traces: Sequence[Trace]) -> Mapping[str, OutputFitPart]:
             fit = OutputFitPart(
                 rss=rss,
                 rmse=float(np.sqrt(rss / samples)),
-                fit_percent=float(100.0 * (1.0 - np.sqrt(rss / variation))),
+                fit_percent=nrmse_fit_percent(rss, variation),
             )
         else:
             fit = OutputFitPart(rss=None, rmse=None, fit_percent=None)

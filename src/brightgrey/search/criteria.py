@@ -9,6 +9,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.estimation.noise.residual_analysis import nrmse_fit_percent
 from brightgrey.search.policy import SELECTION
 
 __all__ = ["CRITERIA", "Criterion", "Misfit", "bic", "criterion"]
@@ -49,8 +50,7 @@ class Misfit:
     @property
     def fit_percent(self) -> float:
         """Mean over the outputs of 100 (1 - |y - yhat| / |y - mean|); -inf if the simulation diverged."""
-        shares = [np.sqrt(rss / max(spread, 1e-300)) for rss, spread in zip(self.rss, self.spread, strict=True)]
-        return float(100.0 * (1.0 - np.mean(shares)))
+        return float(np.mean([nrmse_fit_percent(*pair) for pair in zip(self.rss, self.spread, strict=True)]))
 
     @property
     def floored(self) -> tuple[float, ...]:

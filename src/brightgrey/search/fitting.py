@@ -9,7 +9,8 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.optimisation.least_squares import Optimum, fit_many
-from brightgrey.estimation.optimisation.multistart import FIRST_BEGINNING, FURTHER_ROUNDS, growing_horizons, multistart
+from brightgrey.estimation.optimisation.multistart import growing_horizons, multistart
+from brightgrey.estimation.optimisation.options import MULTISTART_DEFAULTS
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
@@ -121,12 +122,12 @@ def from_above(
     begins = np.clip(begins, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
     if not (anyway or cost.min() < REFIT.improved * own.cost):
-        return None, problem.spent(cost.size)
+        return None, problem.count(cost.size)
     begin = begins[:, [int(np.argmin(cost))]]
     (end,) = fit_many(
         problem, space, task.settings, begin, limit=options.rounds, tolerance=options.tolerance, cost_to_beat=own.cost
     )
-    spent = problem.spent(cost.size + end.simulations)
+    spent = problem.count(cost.size + end.simulations)
     return _fitted(own.structure, space, end, own.batches + 1 + end.evaluations, spent), spent
 
 
@@ -150,19 +151,19 @@ def tracked_from_above(
     begins = np.clip(begins, space.low[:, None], space.high[:, None])
     doubt = float(task.error_floor(problem.weights, FAST_LEVEL_ACCURACY).sum())
     spent, batches = SimulationCount(), own.batches
-    for share in (*growing_horizons(FIRST_BEGINNING), 1.0):
+    for share in (*growing_horizons(MULTISTART_DEFAULTS.first_share), 1.0):
         part = problem.truncated(share)
-        limit = options.rounds if share in (FIRST_BEGINNING, 1.0) else FURTHER_ROUNDS
+        limit = options.rounds if share in (MULTISTART_DEFAULTS.first_share, 1.0) else MULTISTART_DEFAULTS.stage_rounds
         ends = fit_many(part, space, task.settings, begins, limit=limit, tolerance=options.tolerance)
         end = min(ends, key=lambda e: e.cost)
         begins = end.values[:, None]
-        spent += part.spent(sum(e.simulations for e in ends))
+        spent += part.count(sum(e.simulations for e in ends))
         batches += 1 + max(e.evaluations for e in ends)
         if share == 1.0:
             break
         ahead = whole.truncated(share)
         rival = float(ahead.costs(named, task.settings)[0])
-        spent += ahead.spent(1)
+        spent += ahead.count(1)
         if end.cost + share * doubt > REFIT.keeps_up * (rival + share * doubt):
             return None, spent
     if not end.cost < own.cost:
@@ -210,8 +211,8 @@ def from_everywhere(
     starts = options.narrow if is_narrow(space) else options.fresh
     given = _given(space, structure, known)
     found = multistart(problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed)
-    end = min(found.ends, key=lambda e: e.cost)
-    return _fitted(structure, space, end, found.evaluations, found.spent)
+    end = min(found.optima, key=lambda e: e.cost)
+    return _fitted(structure, space, end, found.evaluations, found.simulations)
 
 
 def fit_one(
@@ -242,7 +243,7 @@ def fit_one(
     )
     end = min(ends, key=lambda e: e.cost)
     batches = 2 + max(e.evaluations for e in ends)
-    spent = problem.spent(count + sum(e.simulations for e in ends))
+    spent = problem.count(count + sum(e.simulations for e in ends))
     return at_least_as_good(_fitted(structure, space, end, batches, spent), best)
 
 

@@ -16,7 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from brightgrey.estimation.optimisation.multistart import is_white
+from brightgrey.estimation.noise.residual_analysis import is_white
+from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.criteria import bic
 from brightgrey.search.fits import Fits
@@ -150,14 +151,14 @@ def _explained(fits: Fits) -> bool:
     problem = task.problem(best.structure)
     values = {name: np.array([value]) for name, value in best.values.items()}
     residual = problem.residuals(values, task.settings)[:, 0]
-    fits.spent.append(problem.spent(1))
+    fits.spent.append(problem.count(1))
     if best.cost <= fits.doubt(best):  # the level of the search may be that far off, but seldom is
         accurate = problem.residuals(values, replace(task.settings, level="accurate"))[:, 0]
-        fits.spent.append(problem.spent(1))
+        fits.spent.append(problem.count(1))
         off, trusted = residual - accurate, float(task.error_floor(problem.weights, TRUSTED_ACCURACY).sum())
         if best.cost <= off @ off + trusted and accurate @ accurate <= fits.doubt(best):
             return True
-    return is_white(problem, residual)
+    return is_white(residual, segment_lengths(problem.recordings))
 
 
 def _tops(structures: Iterable[Structure]) -> list[Structure]:

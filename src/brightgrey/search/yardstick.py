@@ -11,9 +11,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from brightgrey.arrays import Array
+from brightgrey.arrays import Array, positive
+from brightgrey.estimation.noise.whitening import Whitening
+from brightgrey.estimation.problem.segments import segment_lengths, split_segments
 from brightgrey.kit import Placed, Structure, assemble
-from brightgrey.search.comparison import Judged, Whitening, chance_of, power, significance, threshold
+from brightgrey.search.comparison import Judged, chance_of, power, significance, threshold
 from brightgrey.search.criteria import bic
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.judging import Bench
@@ -52,20 +54,22 @@ class Yardstick:
         bench = Bench(task, fitted, executor, seed)
         best = min(fitted.values(), key=lambda f: (f.cost, f.free))
         reference = bench.judge(best.structure)
-        lengths = [r.samples for r in task.recordings for _ in r.outputs]
+        lengths = segment_lengths(task.recordings)
         doubt = task.error_floor(task.problem(best.structure).weights, TRUSTED_ACCURACY).ravel() / lengths
-        return cls(bench, Whitening.of(reference, lengths, doubt.tolist()), fitted)
+        return cls(
+            bench, Whitening.of(reference.descent.residual, reference.inside_jacobian, lengths, doubt.tolist()), fitted
+        )
 
     @property
     def doubt(self) -> float:
         """Weighted sum of squares that simulation and sensor may leave even if the model is right: below it all fit."""
-        return float(np.dot(self.whitening.lengths, self.whitening.doubt))
+        return float(np.dot(self.whitening.lengths, self.whitening.error_floor))
 
     def left(self, judged: Judged) -> float:
         """Weighted sum of squares that is left to be explained: of each output at least its share of `doubt`."""
         w = self.whitening
-        pieces = np.split(judged.descent.residual, np.cumsum(w.lengths)[:-1])
-        return sum(max(float(p @ p), n * d) for p, n, d in zip(pieces, w.lengths, w.doubt, strict=True))
+        pieces = split_segments(judged.descent.residual, w.lengths)
+        return sum(max(float(p @ p), n * d) for p, n, d in zip(pieces, w.lengths, w.error_floor, strict=True))
 
     def trusted(self, judged: Judged) -> bool:
         """Whether all that is left, of every output, is less than simulation and sensor are trusted in."""
@@ -75,7 +79,7 @@ class Yardstick:
         """Whitened sum of squares."""
         last, found = self.misfits.get(judged.structure, (None, 0.0))
         if last is not judged:
-            found = max(self.whitening.misfit(judged), 1e-300)
+            found = positive(self.whitening.gls_rss(judged.descent.residual, judged.inside_jacobian))
             self.misfits[judged.structure] = judged, found
         return found
 
@@ -86,7 +90,7 @@ class Yardstick:
     @property
     def independent(self) -> float:
         """Number of samples that tell a variance as well as the coloured residuals of the best fit do."""
-        return self.whitening.independent
+        return self.whitening.effective_samples
 
     def better(self, big: Judged, small: Judged, tests: int) -> bool:
         """Whether `big` fits significantly and materially better; `tests` structures are compared with `small`.
@@ -152,7 +156,10 @@ class Yardstick:
         """Number of samples that tell a variance as well as what `judged` leaves does."""
         last, found = self.fews.get(judged.structure, (None, 0.0))
         if last is not judged:
-            found = Whitening.of(judged, self.whitening.lengths, self.whitening.doubt).independent
+            whitening = Whitening.of(
+                judged.descent.residual, judged.inside_jacobian, self.whitening.lengths, self.whitening.error_floor
+            )
+            found = whitening.effective_samples
             self.fews[judged.structure] = judged, found
         return found
 
@@ -222,7 +229,7 @@ class Yardstick:
             return ()
         values = {**self.bench.task.default_start(big), **judged.values, **least}
         change = np.asarray(self.bench.outputs(big, [values])[:, 0] - judged.descent.residual)
-        size, _ = self.whitening.imitation(judged, change)
+        size, _ = self.whitening.explain(judged.descent.jacobian, change)
         if not self.visible(structure, effect, size):
             return ()
         veil = self.veil(structure, effect, change)
@@ -264,7 +271,7 @@ class Yardstick:
             if effect in others:
                 continue
             judged = self.bench.judge(big)
-            size, steps = self.whitening.imitation(judged, change)
+            size, steps = self.whitening.explain(judged.descent.jacobian, change)
             if not self.visible(structure, effect, size) and self.allowed(structure, judged, -steps):
                 return others[0]
         return None

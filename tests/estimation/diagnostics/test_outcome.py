@@ -1,4 +1,4 @@
-"""What a fit says of itself: every outcome, and every rule of what a recording cannot tell."""
+"""Outcomes of fits, and cautions on what a recording does not identify."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from brightgrey.estimation import fit, predict
 from brightgrey.estimation.diagnostics.chaos import chaos_findings
 from brightgrey.estimation.diagnostics.equivalent_models import resolve_lag_pole_exchange
 from brightgrey.estimation.diagnostics.finding import Finding
-from brightgrey.estimation.diagnostics.informativity import why_uninformative
+from brightgrey.estimation.diagnostics.informativity import uninformative_reason
 from brightgrey.estimation.diagnostics.outcome import Outcome
 from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
 from brightgrey.estimation.problem.parameter_space import parameter_space
@@ -43,7 +43,7 @@ def fitted(text, *recordings, **settings):
     return fit(PAPER.parse(text), recordings, f_tanh=F_TANH, starts=3, level="fast", **settings)
 
 
-def told(found, kind):
+def texts_of(found, kind):
     texts = [found.outcome.text] if found.outcome.kind == kind else []
     return " | ".join(texts + [f.text for f in found.outcome.findings if f.kind == kind])
 
@@ -51,7 +51,7 @@ def told(found, kind):
 RIGID = {"J1": 0.02, "M_C": 0.9}
 
 
-# --- recordings that hold nothing ---
+# --- uninformative recordings ---
 
 RNG = np.random.default_rng(5)
 NOISE = RNG.standard_normal(SAMPLES)
@@ -68,7 +68,7 @@ NOTHING = {
 
 
 @pytest.mark.parametrize("case", NOTHING)
-def test_nothing_to_identify_is_said_without_a_search(case):
+def test_fit__uninformative_recording__says_so_without_a_search(case):
     y, u, says = NOTHING[case]
     found = fitted("two_mass+coulomb+viscous", recording(y, u))
     assert found.evaluations == 1
@@ -78,23 +78,23 @@ def test_nothing_to_identify_is_said_without_a_search(case):
 
 
 @pytest.mark.parametrize("noise", [1e-3, 0.1, 1.0])
-def test_motion_in_noise_is_no_noise(noise):
+def test_uninformative_reason__motion_in_noise__is_none(noise):
     clean = measured_from("one_mass+coulomb", RIGID).y[0]
     y = clean + noise * clean.std() * np.random.default_rng(2).standard_normal(SAMPLES)
-    assert why_uninformative(recording(y)) is None
+    assert uninformative_reason(recording(y)) is None
     # White torque and the acceleration it makes at once are white, too, and yet tell all.
     u = np.random.default_rng(3).standard_normal(SAMPLES)
-    assert why_uninformative(recording(u / 0.02 + 5 * NOISE, u, kind="acceleration")) is None
+    assert uninformative_reason(recording(u / 0.02 + 5 * NOISE, u, kind="acceleration")) is None
 
 
 @pytest.mark.parametrize("samples", [20, 40, 70, 200])
-def test_short_motion_is_not_denied(samples):
+def test_uninformative_reason__short_motion__is_none(samples):
     clean = measured_from("one_mass+coulomb", RIGID)
     cut = slice(60, 60 + samples)  # the drive starts here
-    assert why_uninformative(recording(clean.y[:, cut], clean.u[cut])) is None
+    assert uninformative_reason(recording(clean.y[:, cut], clean.u[cut])) is None
 
 
-def test_independent_noise_is_not_taken_for_motion():
+def test_uninformative_reason__independent_noise__is_given():
     rng = np.random.default_rng(11)
     for pole in (0.0, 0.9, 0.99, 1.0):
         for _ in range(20):
@@ -102,17 +102,17 @@ def test_independent_noise_is_not_taken_for_motion():
             y = e.copy()
             for k in range(1, SAMPLES):
                 y[k] += pole * y[k - 1]
-            assert why_uninformative(recording(y)) is not None, pole
+            assert uninformative_reason(recording(y)) is not None, pole
 
 
-def test_one_useless_recording_of_two_is_named():
+def test_fit__one_uninformative_recording_of_two__is_named():
     good, bad = measured_from("one_mass+coulomb", RIGID), recording(0 * TORQUE, name="bad")
     found = fitted("one_mass+coulomb", good, bad)
-    assert "bad" in told(found, "uninformative")
+    assert "bad" in texts_of(found, "uninformative")
     assert found.outcome.kind != "uninformative"
 
 
-def test_clipped_output_is_named():
+def test_fit__clipped_output__is_saturated():
     y = measured_from("one_mass+coulomb", RIGID).y[0]
     found = fitted("one_mass+coulomb", recording(np.clip(y, -30, 30)))
     assert found.outcome.kind == "saturated"
@@ -122,7 +122,7 @@ def test_clipped_output_is_named():
 # --- how fits end ---
 
 
-def test_gravest_finding_is_the_outcome():
+def test_outcome__is_the_gravest_finding():
     found = Outcome.of([Finding("sampling", "a"), Finding("at bound", "b"), Finding("not identifiable", "c")])
     assert (found.kind, found.text) == ("not identifiable", "c")
     assert [f.kind for f in found.findings] == ["at bound", "sampling"]
@@ -131,19 +131,19 @@ def test_gravest_finding_is_the_outcome():
     assert [f.kind for f in only.findings] == ["sampling"]
 
 
-def test_good_fit_converges_without_findings():
+def test_fit__good_model__converges_without_findings():
     found = fitted("one_mass+coulomb", measured_from("one_mass+coulomb", RIGID))
     assert found.outcome.kind == "converged"
     assert found.outcome.findings == ()
 
 
-def test_bound_is_named():
+def test_fit__parameter_at_its_bound__is_named():
     found = fitted("one_mass+coulomb", measured_from("one_mass+coulomb", RIGID), bounds={"M_C": (1.0, 2.0)})
     assert found.outcome.kind == "at bound"
-    assert found.outcome.text == "M_C at its low bound"
+    assert found.outcome.text == "M_C at its lower bound"
 
 
-def test_one_torque_level_leaves_viscous_friction_open_though_coulomb_friction_runs_to_its_bound():
+def test_fit__one_torque_level__names_the_friction_that_may_stand_for_both():
     """A square wave: in both directions the drive settles at one speed, which either friction explains."""
     u = np.where(np.arange(SAMPLES) // 450 % 2, -2.0, 2.0)
     slow = {"J1": 0.004, "f_v": 0.05}  # time constant 80 ms
@@ -156,10 +156,10 @@ def test_one_torque_level_leaves_viscous_friction_open_though_coulomb_friction_r
     narrow = np.subtract(*alone.estimates["f_v"].ci95)
     assert low <= slow["f_v"] <= high
     assert low - high < 2.0 * narrow
-    assert "with those of f_v" in told(both, "at bound")
+    assert "with those of f_v" in texts_of(both, "at bound")
 
 
-def test_divergence_says_where():
+def test_fit__divergence__names_recording_and_time():
     r = measured_from("one_mass", {"J1": 0.02})
     found = fitted("one_mass", r, fixed={"J1": 1e-14})
     assert found.outcome.kind == "diverged"
@@ -167,30 +167,30 @@ def test_divergence_says_where():
     assert "made" in found.outcome.text
 
 
-def test_hidden_ratio_is_written_with_powers():
+def test_power_product__is_written_with_powers():
     # Slow motion of a nearly massless drive, u = f_v v, with the gain left open by a factor on both sides.
     assert power_product(["J1", "f_v"], [0.7, -0.71]) == "J1/f_v"
     assert power_product(["c1", "J1", "J2"], [2.0, -1.0, -1.0]) == "c1^2/(J1·J2)"
     assert power_product(["c1", "d1"], [-0.5, -0.25]) == "c1^2·d1"
 
 
-def test_parameter_that_is_not_shown_is_named():
+def test_fit__unidentifiable_parameter__is_named():
     # The torque never turns: the shaft stays wound up one way, the gap is never crossed.
     u = 2.0 * np.minimum(DT * np.arange(SAMPLES) / 0.5, 1.0)
     values = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "alpha": 0.01}
     found = fitted("two_mass+backlash", measured_from("two_mass+backlash", values, u))
-    assert "this recording does not show alpha" in told(found, "not identifiable")
+    assert "this recording does not determine alpha" in texts_of(found, "not identifiable")
     assert np.isnan(found.estimates["alpha"].std)
 
 
-def test_model_without_anything_of_the_output_is_named():
+def test_fit__model_explains_nothing__is_not_identifiable():
     # A load that moves by itself: what follows the torque is a thousandth of it.
     y = measured_from("one_mass", {"J1": 0.02}).y[0]
     wandering = 30 * np.cumsum(NOISE) + y
     assert fitted("one_mass+coulomb+viscous", recording(wandering)).outcome.kind == "not identifiable"
 
 
-def test_recordings_that_disagree():
+def test_fit__recordings_that_differ__disagree_on_the_parameter():
     one = measured_from("one_mass+coulomb", RIGID, seed=1)
     same = measured_from("one_mass+coulomb", RIGID, seed=2)
     other = measured_from("one_mass+coulomb", RIGID | {"M_C": 0.95}, seed=2)
@@ -203,96 +203,96 @@ def test_recordings_that_disagree():
     assert fitted("one_mass+coulomb", one).estimates["M_C"].between is None
 
 
-# --- what a recording can and cannot tell ---
+# --- equivalent models and cautions ---
 
 LAGGED = {"J1": 0.02, "f_v": 0.4, "T_1": 0.01}  # J1/f_v is 50 ms
 
 
-def test_exact_twin_is_named_and_the_shorter_lag_kept():
+def test_fit__equivalent_model__is_named_and_the_shorter_lag_kept():
     r = measured_from("one_mass+viscous+current_control", LAGGED)
     found = fitted("one_mass+viscous+current_control", r)
-    assert "J1/f_v" in told(found, "equivalent model")
-    assert "T_1 = 0.05" in told(found, "equivalent model")
+    assert "J1/f_v" in texts_of(found, "equivalent model")
+    assert "T_1 = 0.05" in texts_of(found, "equivalent model")
     for name, value in LAGGED.items():
         assert found.estimates[name].value == pytest.approx(value, rel=0.02)
 
 
-def test_twin_with_the_longer_lag_is_exchanged():
+def test_lag_pole_exchange__longer_lag__is_exchanged():
     structure = PAPER.parse("one_mass+viscous+current_control")
     r = measured_from(str(structure), LAGGED)
-    search = parameter_space(structure, scales([r]), {"J1": (1e-4, 1.0), "T_1": (1e-4, 1.0)}, {})
+    space = parameter_space(structure, scales([r]), {"J1": (1e-4, 1.0), "T_1": (1e-4, 1.0)}, {})
     problem, settings = SimulationErrorProblem.of(structure, [r]), Settings(F_TANH, 40.0, "fast")
-    twin = fit_to_convergence(problem, search, settings, np.array([0.004, 0.4, 0.05]))
+    twin = fit_to_convergence(problem, space, settings, np.array([0.004, 0.4, 0.05]))
     assert twin.values[2] == pytest.approx(0.05, rel=0.02)
-    kept, findings = resolve_lag_pole_exchange(problem, search, settings, twin)
+    kept, findings = resolve_lag_pole_exchange(problem, space, settings, twin)
     np.testing.assert_allclose(kept.values, list(LAGGED.values()), rtol=0.02)
     assert kept.cost == pytest.approx(twin.cost, rel=1e-3)
     assert [f.kind for f in findings] == ["equivalent model"]
 
 
-def test_no_twin_where_friction_tells_the_order():
+def test_lag_pole_exchange__friction__has_no_equivalent_model():
     r = measured_from("one_mass+coulomb+viscous+current_control", LAGGED | {"M_C": 0.9})
-    assert not told(fitted("one_mass+coulomb+viscous+current_control", r), "equivalent model")
+    assert not texts_of(fitted("one_mass+coulomb+viscous+current_control", r), "equivalent model")
 
 
-def test_lags_below_a_sample_are_sampling_and_show_their_sum():
+def test_cautions__lags_below_a_sample__are_sampling_and_give_their_sum():
     values = {"J1": 0.02, "T_1": 0.0006, "T_d": 0.0007}
     found = fitted("one_mass+current_control+delay", measured_from("one_mass+current_control+delay", values))
-    text = told(found, "sampling")
+    text = texts_of(found, "sampling")
     assert "only T_1 + T_d = 0.001" in text
     assert found.estimates["T_1"].value + found.estimates["T_d"].value == pytest.approx(0.0013, rel=0.03)
-    assert "this is sampling, no evidence" in text
+    assert "sampling explains it, so it is no evidence of a lag" in text
 
 
-def test_held_input_and_differenced_velocity_fake_half_a_sample():
+def test_cautions__held_input_or_differenced_velocity__look_like_half_a_sample():
     held = fitted("one_mass+coulomb+delay", measured_from("one_mass+coulomb", RIGID, hold="zoh"))
     assert held.estimates["T_d"].value == pytest.approx(0.5 * DT, abs=0.05 * DT)
-    assert "half a sample" in told(held, "sampling")
-    assert "zoh" in told(held, "sampling")
+    assert "half a sample" in texts_of(held, "sampling")
+    assert "zoh" in texts_of(held, "sampling")
     q = reference("one_mass+coulomb", RIGID, TORQUE, DT, f_tanh=F_TANH, outputs=["position"]).reshape(-1)
     differenced = fitted("one_mass+coulomb+delay", recording(np.diff(q, prepend=0.0) / DT))
-    assert "velocity-differenced" in told(differenced, "sampling")
+    assert "velocity-differenced" in texts_of(differenced, "sampling")
     long = fitted("one_mass+coulomb+delay", measured_from("one_mass+coulomb+delay", RIGID | {"T_d": 0.004}))
-    assert not told(long, "sampling")
+    assert not texts_of(long, "sampling")
 
 
-def test_gravity_is_constant_torque_and_without_reversal_like_friction():
+def test_cautions__gravity__is_confounded_with_offset_and_without_reversal_with_friction():
     values = {"J1": 0.02, "M_C": 0.3, "M_G": 0.1}
     both = fitted("one_mass+coulomb+gravity", measured_from("one_mass+coulomb+gravity", values))
-    assert "offset of the input" in told(both, "confounded")
-    assert "never reverses" not in told(both, "confounded")
+    assert "offset of the input" in texts_of(both, "confounded")
+    assert "never reverses" not in texts_of(both, "confounded")
     one = fitted("one_mass+coulomb+gravity", measured_from("one_mass+coulomb+gravity", values, FORWARD))
-    assert "never reverses" in told(one, "confounded")
+    assert "never reverses" in texts_of(one, "confounded")
 
 
 @pytest.mark.parametrize(
     ("omega_S", "kind", "says"),
     [(25.0, "confounded", "above a third"), (0.6, "not observable", "5/f_tanh"), (5.5, "converged", "minimum")],
 )
-def test_speed_of_stribeck_friction(omega_S, kind, says):
+def test_cautions__stribeck_speed__outside_the_observable_range(omega_S, kind, says):
     values = {"J1": 0.02, "M_C": 0.6, "f_v": 0.02, "M_S": 0.5, "omega_S": omega_S}
     text = "one_mass+coulomb+viscous+stribeck"
-    assert says in told(fitted(text, measured_from(text, values)), kind)
+    assert says in texts_of(fitted(text, measured_from(text, values)), kind)
 
 
-def test_stribeck_alone_is_nearly_coulomb():
+def test_cautions__stribeck_without_coulomb__is_confounded():
     values = {"J1": 0.02, "M_S": 0.5, "omega_S": 8.0}
-    assert "without Coulomb" in told(
+    assert "without Coulomb" in texts_of(
         fitted("one_mass+stribeck", measured_from("one_mass+stribeck", values)), "confounded"
     )
 
 
 @pytest.mark.parametrize(("unit", "given", "says"), [("V", True, "is in V"), ("N m", False, "has no unit")])
-def test_unknown_gain_leaves_ratios(unit, given, says):
+def test_cautions__unknown_gain__leaves_ratios(unit, given, says):
     r = measured_from("one_mass+coulomb+delay", RIGID | {"T_d": 0.004}, unit=unit, given=given)
-    text = told(fitted("one_mass+coulomb+delay", r), "scale unknown")
+    text = texts_of(fitted("one_mass+coulomb+delay", r), "scale unknown")
     assert says in text
-    assert "J1, M_C only ratios" in text
+    assert "J1, M_C only ratios are known" in text
     assert "T_d" not in text
 
 
 @pytest.mark.parametrize(("d1", "says"), [(3e-3, "times in 0.6 s: intervals"), (3.0, None)])
-def test_a_load_that_rattles_freely_makes_intervals_doubtful(d1, says):
+def test_chaos_findings__freely_rattling_load__makes_intervals_unreliable(d1, says):
     """One whose damper ends every bounce does not."""
     structure = PAPER.parse("two_mass+viscous+backlash")
     values = {"J1": 4.5e-3, "J2": 1e-4, "c1": 1e4, "d1": d1, "f_v": 2e-2, "alpha": 1e-3}
@@ -300,10 +300,12 @@ def test_a_load_that_rattles_freely_makes_intervals_doubtful(d1, says):
     settings = Settings(F_TANH, 1.0)
     y = predict(structure, values, recording(u, u), settings)
     r = recording(y + 1e-3 * RNG.standard_normal(y.shape), u)
-    problem, search = SimulationErrorProblem.of(structure, [r]), parameter_space(structure, scales([r]), {}, {})
-    best = fit_to_convergence(problem, search, settings, np.array([values[n] for n in search.names]), limit=0)
-    found = chaos_findings(problem, search, settings, best)
+    problem, space = SimulationErrorProblem.of(structure, [r]), parameter_space(structure, scales([r]), {}, {})
+    best = fit_to_convergence(problem, space, settings, np.array([values[n] for n in space.names]), limit=0)
+    found = chaos_findings(problem, space, settings, best)
     assert [f.kind for f in found] == (["chaotic"] if says else [])
     assert not says or says in found[0].text
     fixed = {name: value for name, value in values.items() if name != "f_v"}
-    assert bool(told(fit(structure, [r], f_tanh=F_TANH, fixed=fixed, patience=0, starts=1), "chaotic")) == bool(says)
+    assert bool(texts_of(fit(structure, [r], f_tanh=F_TANH, fixed=fixed, patience=0, starts=1), "chaotic")) == bool(
+        says
+    )

@@ -1,4 +1,4 @@
-"""What a fit that lacks something is told, and that a good one is told nothing."""
+"""Symptoms of fits that lack something, and none of a good fit."""
 
 from types import SimpleNamespace
 
@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from brightgrey.effects import registry
 from brightgrey.estimation import fit
 from brightgrey.estimation.diagnostics.residual_tests import Candidate, detect_regressors
-from brightgrey.estimation.diagnostics.spectral_peaks import peak
+from brightgrey.estimation.diagnostics.spectral_peaks import highest_peak
 from brightgrey.estimation.diagnostics.symptoms import symptoms
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.uncertainty.estimates import Estimate
@@ -35,150 +35,154 @@ def measured_from(text, values, *, u=TORQUE, pole=0.0, noise=1e-3, hold="linear"
     return recording(y + np.abs(y).max() * (noise * coloured + beside), u)
 
 
-def told(text, measured):
+def symptoms_of(text, measured):
     found = fit(PAPER.parse(text), [measured], f_tanh=E.f_tanh, starts=3, patience=0)
     return {s.title: s for s in found.symptoms}
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.9])
-def test_the_truth_has_no_symptom(pole):
-    assert told("one_mass+coulomb+viscous", measured_from("one_mass+coulomb+viscous", RIGID, pole=pole)) == {}
+def test_symptoms__true_structure__has_none(pole):
+    assert symptoms_of("one_mass+coulomb+viscous", measured_from("one_mass+coulomb+viscous", RIGID, pole=pole)) == {}
 
 
 @pytest.mark.parametrize(
     ("missing", "left"),
     [("coulomb", "one_mass+viscous"), ("viscous", "one_mass+coulomb"), ("gravity", "one_mass+coulomb+viscous")],
 )
-def test_a_missing_effect_is_suspected(missing, left):
+def test_symptoms__missing_effect__is_suspected(missing, left):
     values = RIGID | {"M_G": 0.3}
     text = "one_mass+coulomb+viscous+gravity"
     present = left if missing == "gravity" else f"{left}+gravity"
-    found = told(present, measured_from(text, values))
+    found = symptoms_of(present, measured_from(text, values))
     title = f"{registry()[missing].title} suspected"
     assert title in found
     assert missing in found[title].advice
-    assert registry()[missing].residual_signature in found[title].seen
+    assert registry()[missing].residual_signature in found[title].observation
 
 
-def test_stribeck_friction_is_suspected():
+def test_symptoms__missing_stribeck_friction__is_suspected():
     values = RIGID | {"M_S": 0.6, "omega_S": 5.5}
-    found = told("one_mass+coulomb+viscous", measured_from("one_mass+coulomb+viscous+stribeck", values))
+    found = symptoms_of("one_mass+coulomb+viscous", measured_from("one_mass+coulomb+viscous+stribeck", values))
     assert "Stribeck friction suspected" in found
 
 
 @pytest.mark.parametrize("load", [0.002, 0.02])
-def test_a_resonance_is_told_with_its_frequency(load):
+def test_symptoms__missing_resonance__has_its_frequency(load):
     frequency = 30.0
     values = {"J1": 0.02, "J2": load, "M_C": 0.9}
     reduced = 0.02 * load / (0.02 + load)
     turning = 2.0 * np.pi * frequency
     values |= {"c1": reduced * turning**2, "d1": 2.0 * 0.03 * reduced * turning}
-    found = told("one_mass+coulomb", measured_from("two_mass+coulomb", values))
+    found = symptoms_of("one_mass+coulomb", measured_from("two_mass+coulomb", values))
     symptom = found["Resonance suspected"]
     assert "two_mass" in symptom.advice
-    told_frequency = float(symptom.seen.split("near ")[1].split(" Hz")[0])
-    assert told_frequency == pytest.approx(frequency, rel=0.1)
+    frequency_of_symptom = float(symptom.observation.split("near ")[1].split(" Hz")[0])
+    assert frequency_of_symptom == pytest.approx(frequency, rel=0.1)
 
 
-def test_a_hum_is_a_peak_that_does_not_hang_together_with_the_input():
+def test_symptoms__hum__is_a_peak_not_coherent_with_the_input():
     t = E.dt * np.arange(TORQUE.size)
-    found = told(
+    found = symptoms_of(
         "one_mass+coulomb+viscous",
         measured_from("one_mass+coulomb+viscous", RIGID, beside=2e-3 * np.sin(2.0 * np.pi * 150.0 * t + 1.0)),
     )
     symptom = found["Peak in the residual"]
-    assert float(symptom.seen.split(" at ")[1].split(" Hz")[0]) == pytest.approx(150.0, abs=1.5)
-    assert "does not hang together" in symptom.advice
+    assert float(symptom.observation.split(" at ")[1].split(" Hz")[0]) == pytest.approx(150.0, abs=1.5)
+    assert "not coherent" in symptom.advice
 
 
-def test_drift_is_told_with_its_size():
+def test_symptoms__drift__has_its_size():
     t = np.linspace(-0.5, 0.5, TORQUE.size)
     measured = measured_from("one_mass+coulomb+viscous", RIGID, beside=0.05 * t)
-    symptom = told("one_mass+coulomb+viscous", measured)["Drift"]
-    size = float(symptom.seen.split("by ")[1].split(" rad")[0])
+    symptom = symptoms_of("one_mass+coulomb+viscous", measured)["Drift"]
+    size = float(symptom.observation.split("by ")[1].split(" rad")[0])
     assert size == pytest.approx(0.05 * np.abs(measured.y).max(), rel=0.2)
 
 
-def test_friction_that_depends_on_direction_is_told():
+def test_symptoms__friction_by_direction__is_named():
     pushed = TORQUE.copy()
     clean = reference("one_mass+coulomb+viscous", RIGID, TORQUE, E.dt, f_tanh=E.f_tanh).reshape(-1)
     # More friction forward than backward; a constant part would look like gravity while Coulomb friction holds.
     pushed -= 0.3 * np.abs(clean) / np.abs(clean).max()
     y = reference("one_mass+coulomb+viscous", RIGID, pushed, E.dt, f_tanh=E.f_tanh).reshape(-1)
     y = y + 0.03 * np.random.default_rng(0).standard_normal(y.size)
-    found = told("one_mass+coulomb+viscous+gravity", recording(y))
+    found = symptoms_of("one_mass+coulomb+viscous+gravity", recording(y))
     assert "Friction depends on the direction" in found
 
 
-def test_held_input_and_differenced_velocity_are_told_without_a_lag_in_the_structure():
-    held = told("one_mass+coulomb+viscous", measured_from("one_mass+coulomb+viscous", RIGID, hold="zoh", noise=1e-4))
+def test_symptoms__held_input_or_differenced_velocity__are_late_by_less_than_a_sample():
+    held = symptoms_of(
+        "one_mass+coulomb+viscous", measured_from("one_mass+coulomb+viscous", RIGID, hold="zoh", noise=1e-4)
+    )
     symptom = held["Late by less than a sample"]
     assert "zoh" in symptom.advice
     q = reference("one_mass+coulomb+viscous", RIGID, TORQUE, E.dt, f_tanh=E.f_tanh, outputs=["position"]).reshape(-1)
     differenced = np.diff(q, prepend=0.0) / E.dt
-    symptom = told("one_mass+coulomb+viscous", recording(differenced))["Late by less than a sample"]
+    symptom = symptoms_of("one_mass+coulomb+viscous", recording(differenced))["Late by less than a sample"]
     assert "velocity-differenced" in symptom.advice
-    assert "Late by less than a sample" not in told(
+    assert "Late by less than a sample" not in symptoms_of(
         "one_mass+coulomb+viscous", recording(differenced, kind="velocity-differenced")
     )
 
 
-def test_delay_is_suspected_with_its_size():
+def test_symptoms__missing_delay__has_its_size():
     values = RIGID | {"T_d": 0.006}
-    found = told("one_mass+coulomb+viscous", measured_from("one_mass+coulomb+viscous+delay", values))
-    assert float(found["Delay suspected"].seen.split("come ")[1].split(" s")[0]) == pytest.approx(0.006, rel=0.05)
+    found = symptoms_of("one_mass+coulomb+viscous", measured_from("one_mass+coulomb+viscous+delay", values))
+    assert float(found["Delay suspected"].observation.split("come ")[1].split(" s")[0]) == pytest.approx(
+        0.006, rel=0.05
+    )
     assert "delay" in found["Delay suspected"].advice
 
 
-def test_an_effect_that_ran_to_nothing_is_named():
-    found = told("one_mass+coulomb+viscous+delay", measured_from("one_mass+coulomb+viscous", RIGID))
-    assert "leave delay out" in found["Dead time has faded away"].advice
+def test_symptoms__negligible_effect__is_named():
+    found = symptoms_of("one_mass+coulomb+viscous+delay", measured_from("one_mass+coulomb+viscous", RIGID))
+    assert "leave delay out" in found["Dead time is negligible"].advice
 
 
-def ended(text, values, at):
+def context(text, values, at):
     estimates = {name: Estimate(v, 0.0, (v, v), at.get(name)) for name, v in values.items()}
     return SimpleNamespace(
         problem=SimpleNamespace(structure=PAPER.parse(text)),
-        search=SimpleNamespace(names=tuple(values), fixed={}),
+        space=SimpleNamespace(names=tuple(values), by_name=lambda _: values),
         best=SimpleNamespace(values=np.array(list(values.values())), residual=np.zeros(3), cost=0.0),
         estimates=SimpleNamespace(by_name=estimates),
     )
 
 
-def test_damping_at_its_bound_with_a_large_delay_suggests_another_mass():
+def test_symptoms__damping_at_its_bound_with_a_large_delay__suggest_another_mass():
     known = scales([measured_from("one_mass+coulomb+viscous", RIGID)])
     values = {"J1": 0.01, "J2": 0.01, "c1": 100.0, "d1": 1e-5, "T_d": 0.01}
-    (symptom,) = symptoms(ended("two_mass+delay", values, {"d1": "low"}), known)
+    (symptom,) = symptoms(context("two_mass+delay", values, {"d1": "low"}), known)
     assert symptom.title == "Another mass suspected"
     assert "three_mass" in symptom.advice
-    assert "d1 is at its low bound" in symptom.seen
-    assert symptoms(ended("two_mass+delay", values, {}), known) == ()
-    assert symptoms(ended("two_mass+delay", values | {"T_d": 1e-3}, {"d1": "low"}), known) == ()
+    assert "d1 is at its lower bound" in symptom.observation
+    assert symptoms(context("two_mass+delay", values, {}), known) == ()
+    assert symptoms(context("two_mass+delay", values | {"T_d": 1e-3}, {"d1": "low"}), known) == ()
 
 
 # --- the tests behind it ---
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.9, 0.99])
-def test_peaks_are_rare_in_noise(pole):
+def test_highest_peak__noise__is_rare(pole):
     rng = np.random.default_rng(7)
     count = 0
     for _ in range(150):
         e = lfilter([1.0], [1.0, -pole], rng.standard_normal(1200))[200:]
-        count += peak(e, rng.standard_normal(1000), (), 1e-3, 0.01) is not None
+        count += highest_peak(e, rng.standard_normal(1000), (), 1e-3, 0.01) is not None
     assert count <= 6  # 1 % of 150 are 1.5; more than 6 have a probability of 0.1 %
 
 
-def test_lines_that_the_input_has_are_no_peak():
+def test_highest_peak__line_of_the_input__is_none():
     rng, t = np.random.default_rng(8), 1e-3 * np.arange(2000)
     hum = np.sin(2.0 * np.pi * 60.0 * t)
     e, u = 0.5 * hum + 0.1 * rng.standard_normal(2000), rng.standard_normal(2000)
-    assert peak(e, u, (), 1e-3, 0.01).frequency == pytest.approx(60.0, abs=1.5)
-    assert peak(e, u + 30.0 * hum, (), 1e-3, 0.01) is None
+    assert highest_peak(e, u, (), 1e-3, 0.01).frequency == pytest.approx(60.0, abs=1.5)
+    assert highest_peak(e, u + 30.0 * hum, (), 1e-3, 0.01) is None
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.9])
-def test_noise_seldom_follows_anything(pole):
+def test_detect_regressors__noise__is_rare(pole):
     rng, t = np.random.default_rng(9), np.linspace(0.0, 1.0, 1000)
     J = np.column_stack([np.sin(5.0 * t), t**2])
     questions = [Candidate((t - 0.5)[:, None], "line"), Candidate(np.sin(40.0 * t)[:, None], "wave")]
@@ -189,7 +193,7 @@ def test_noise_seldom_follows_anything(pole):
     assert count <= 5
 
 
-def test_what_is_followed_comes_with_its_size_and_only_once_per_kind():
+def test_detect_regressors__have_their_size__once_per_kind():
     rng, t = np.random.default_rng(10), np.linspace(0.0, 1.0, 1000)
     J = np.ones((1000, 1))
     waves = [np.sin(w * t)[:, None] for w in (40.0, 41.0)]

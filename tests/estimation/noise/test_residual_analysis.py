@@ -17,7 +17,7 @@ def draws(pole, seed):
     return e, u
 
 
-def test_white_residuals_are_called_white_as_often_as_the_level_says():
+def test_residual_analysis__white_residuals__are_accepted_at_the_level():
     found = [residual_analysis(*draws(0.0, seed)) for seed in range(100)]
     # 5 % are called coloured: beyond 13 of 100 once in a thousand.
     assert sum(not r.white for r in found) <= 13
@@ -26,19 +26,19 @@ def test_white_residuals_are_called_white_as_often_as_the_level_says():
     assert outside == pytest.approx(0.05, abs=0.015)
 
 
-def test_bartletts_band_holds_for_coloured_residuals():
+def test_residual_analysis__coloured_residuals__stay_within_bartletts_band():
     found = [residual_analysis(*draws(0.9, seed)) for seed in range(200)]
     outside = np.mean([np.abs(r.cross_correlation) > r.cross_band for r in found])
     assert outside == pytest.approx(0.05, abs=0.025)
     assert not any(r.white for r in found)
 
 
-def test_effective_samples():
-    found = np.median([residual_analysis(*draws(0.9, seed)).effective for seed in range(20)])
+def test_residual_analysis__coloured_residuals__have_fewer_effective_samples():
+    found = np.median([residual_analysis(*draws(0.9, seed)).effective_samples for seed in range(20)])
     assert found == pytest.approx(SAMPLES * 0.1 / 1.9, rel=0.15)
 
 
-def test_lag_of_the_input_is_found_at_its_place():
+def test_residual_analysis__delayed_input__correlates_at_its_lag():
     e, u = draws(0.0, 1)
     u = np.diff(u, prepend=0.0)
     late = e + 0.5 * np.std(e) / np.std(u) * np.roll(u, 7)
@@ -47,7 +47,7 @@ def test_lag_of_the_input_is_found_at_its_place():
     assert found.follows_input
 
 
-def test_autocorrelation_against_its_definition():
+def test_residual_analysis__autocorrelation__agrees_with_its_definition():
     e, u = draws(0.5, 3)
     found = residual_analysis(e, u, lags=5)
     about = e - e.mean()
@@ -55,16 +55,16 @@ def test_autocorrelation_against_its_definition():
     np.testing.assert_allclose(found.autocorrelation, expected, atol=1e-12)
 
 
-def test_degenerate_signals_say_nothing():
+def test_residual_analysis__constant_signals__correlate_with_nothing():
     e, u = draws(0.0, 1)
     still = residual_analysis(e, 0 * u + 3.0)
     assert not still.follows_input
     perfect = residual_analysis(0 * e, u)
     assert perfect.white
-    assert perfect.effective == SAMPLES
+    assert perfect.effective_samples == SAMPLES
 
 
-def test_wrong_use_is_refused():
+def test_residual_analysis__wrong_arguments__are_refused():
     e, u = draws(0.0, 1)
     with pytest.raises(SettingsError, match="do not fit"):
         residual_analysis(e, u[1:])

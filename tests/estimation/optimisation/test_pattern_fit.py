@@ -5,7 +5,7 @@ import pytest
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation import fit
-from brightgrey.estimation.optimisation.costs import cost_function
+from brightgrey.estimation.optimisation.pattern_fit import cost_function
 from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
@@ -29,7 +29,7 @@ def drawn():
     return Recording("drawn", dt * np.arange(len(u)), u, y, Signal("torque", "input", "N m"), outputs)
 
 
-def test_both_estimators_find_the_same_optimum(drawn):
+def test_fit__by_pattern_search__finds_the_optimum_of_least_squares(drawn):
     settings = {"bounds": AROUND, "f_tanh": 2.5, "starts": 2, "level": "fast"}
     squares = fit(PAPER.parse(TEXT), [drawn], **settings)
     patterns = fit(PAPER.parse(TEXT), [drawn], estimator="pattern-search", **settings)
@@ -42,20 +42,20 @@ def test_both_estimators_find_the_same_optimum(drawn):
     assert fit(PAPER.parse(TEXT), [drawn], estimator="pattern-search", threads=2, **settings) == patterns
 
 
-def test_cost_is_that_of_the_residuals(drawn):
+def test_cost_function__points_and_limits__is_that_of_the_residuals(drawn):
     structure, settings = PAPER.parse(TEXT), Settings(2.5, 40.0, "fast")
     problem = SimulationErrorProblem.of(structure, [drawn, drawn])
-    search = parameter_space(structure, scales([drawn]), AROUND, {"f_v": 0.02})
-    begins = np.array([[0.01, 0.02, 0.03], [0.5, 0.9, 1.7]])
-    cost = cost_function(problem, search, settings)
-    found = cost(search.to_scaled(begins), np.full(3, np.inf))
-    values = dict(zip(search.names, begins, strict=True)) | {"f_v": np.full(3, 0.02)}
+    space = parameter_space(structure, scales([drawn]), AROUND, {"f_v": 0.02})
+    starts = np.array([[0.01, 0.02, 0.03], [0.5, 0.9, 1.7]])
+    cost = cost_function(problem, space, settings)
+    found = cost(space.to_scaled(starts), np.full(3, np.inf))
+    values = dict(zip(space.names, starts, strict=True)) | {"f_v": np.full(3, 0.02)}
     np.testing.assert_allclose(found, np.square(problem.residuals(values, settings)).sum(axis=0), rtol=1e-10)
-    most = np.array([1.5 * found[0], found[1], 0.7 * found[2]])  # reached in the second recording
-    given_up = cost(search.to_scaled(begins), most)
-    assert given_up.tolist() == [found[0], np.inf, np.inf]
+    upper_limits = np.array([1.5 * found[0], found[1], 0.7 * found[2]])  # reached in the second recording
+    aborted = cost(space.to_scaled(starts), upper_limits)
+    assert aborted.tolist() == [found[0], np.inf, np.inf]
 
 
-def test_unknown_estimator_is_refused(drawn):
+def test_fit__unknown_estimator__is_refused(drawn):
     with pytest.raises(SettingsError, match="Did you mean 'pattern-search'"):
         fit(PAPER.parse(TEXT), [drawn], estimator="patternsearch")

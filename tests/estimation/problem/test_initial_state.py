@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from brightgrey.errors import SettingsError
+from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation import fit, predict
-from brightgrey.estimation.problem.initial_state import InitialState, check_initial, output_noise
+from brightgrey.estimation.problem.initial_state import INITIALS, InitialState, output_noise
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import PAPER
 from brightgrey.recordings import Recording, Signal
@@ -31,13 +31,13 @@ def drive(speed, noise, seed=0, structure=STRUCTURE, values=TRUE, x0=None, sampl
     return Recording("made", t, u, y[None], Signal("u", "input", "N m"), outputs)
 
 
-def test_auto_takes_standstill_or_clear_motion():
+def test_initial_auto__standstill_or_clear_motion__is_recognised():
     assert InitialState.of(drive(0.0, 0.01)).speed == 0.0
     assert InitialState.of(drive(5.0, 0.01)).speed == pytest.approx(5.0, rel=0.1)
     assert InitialState.of(drive(5.0, 0.01), "rest").speed == 0.0
 
 
-def test_estimated_speed_is_limited_by_the_sensors_noise():
+def test_initial_estimated__speed_within_the_noise_of_the_sensor():
     recording = drive(5.0, 0.1)
     (speed,) = InitialState.of(recording, "estimated").unknown
     # Of a mean of ten; the beginning of a line has twice, of a parabola thrice that.
@@ -51,7 +51,7 @@ def test_estimated_speed_is_limited_by_the_sensors_noise():
 
 
 @pytest.mark.parametrize("pole", [0.9, 0.95])
-def test_slow_noise_that_looks_like_motion_leaves_standstill_open(pole):
+def test_initial_estimated__slow_noise__allows_standstill(pole):
     clean = drive(0.0, 0.0)
     moving = left_out = 0
     for seed in range(200):
@@ -65,7 +65,7 @@ def test_slow_noise_that_looks_like_motion_leaves_standstill_open(pole):
     assert left_out <= 4  # beyond three standard deviations, which come from few means
 
 
-def test_position_in_the_gap_is_searched_for_where_a_recording_begins_in_motion():
+def test_initial_estimated__position_in_the_gap__is_estimated():
     structure = PAPER.parse("two_mass+viscous+backlash")
     values = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "f_v": 0.05, "alpha": 0.05}
     x0 = np.array([0.0, 0.06, 8.0, 8.0, -0.06])  # 0.6 of the gap, the shaft relaxed
@@ -83,7 +83,7 @@ def test_position_in_the_gap_is_searched_for_where_a_recording_begins_in_motion(
 
 
 @pytest.mark.parametrize("structure", ["two_mass+coulomb+viscous", "three_mass+viscous", "two_mass+viscous+backlash"])
-def test_swinging_shafts_at_the_first_sample_are_searched_for(structure):
+def test_initial_estimated__oscillating_shafts__are_estimated(structure):
     structure = PAPER.parse(structure)
     masses = {"J1": 0.012, "J2": 0.008, "J3": 0.01, "c1": 75.0, "d1": 0.036, "c2": 120.0, "d2": 0.02}
     known = {**masses, "f_v": 0.05, "M_C": 0.4, "alpha": 0.05}
@@ -103,7 +103,7 @@ def test_swinging_shafts_at_the_first_sample_are_searched_for(structure):
             assert abs(e.value - values[name]) <= 5.0 * e.std, name
 
 
-def test_another_recording_that_begins_in_motion_is_predicted_from_its_own_beginning():
+def test_predict__recording_begins_in_motion__estimates_its_initial_state():
     structure = PAPER.parse("two_mass+coulomb+viscous")
     values = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "f_v": 0.05, "M_C": 0.4}
     whole = drive(0.0, 0.0, structure=structure, values=values, x0=np.zeros(4), samples=1000)
@@ -114,7 +114,7 @@ def test_another_recording_that_begins_in_motion_is_predicted_from_its_own_begin
     assert np.sqrt(np.mean(residual**2)) <= noise * (1.0 + 3.0 / np.sqrt(2.0 * 800))
 
 
-def test_every_recording_has_its_own_initial_state():
+def test_fit__several_recordings__each_has_its_own_initial_state():
     both = [drive(5.0, 0.02, seed=1), drive(-3.0, 0.02, seed=2)]
     found = fit(STRUCTURE, both, f_tanh=2.5, initial="estimated", level="fast")
     speeds = [state["v1"] for state in found.initial_states]
@@ -122,7 +122,7 @@ def test_every_recording_has_its_own_initial_state():
     assert found.estimates["J1"].value == pytest.approx(TRUE["J1"], rel=0.02)
 
 
-def test_wrong_name_is_refused():
-    assert check_initial("rest") == "rest"
+def test_initial__unknown_name__is_refused():
+    assert one_of("initial state", "rest", INITIALS) == "rest"
     with pytest.raises(SettingsError, match="Did you mean 'rest'"):
-        check_initial("restt")
+        one_of("initial state", "restt", INITIALS)

@@ -35,7 +35,7 @@ def made():
     return recording(STRUCTURE, TRUTH)
 
 
-def test_the_truth_needs_nothing_to_hold_it(made):
+def test_output_feedback__true_parameters__changes_nothing(made):
     arrays = {name: np.array([value]) for name, value in TRUTH.items()}
     free, held = (
         predict_many(PAPER.parse(STRUCTURE), arrays, made, SETTINGS, initial=dict.fromkeys(names(), 0.0), gain=gain)
@@ -53,7 +53,7 @@ def names():
 
 
 @pytest.mark.parametrize("kind", ["velocity", "velocity-differenced", "position"])
-def test_a_wrong_model_follows_the_measurement_the_better_the_firmer_it_is_held(made, kind):
+def test_output_feedback__wrong_model__error_falls_with_the_gain(made, kind):
     y = made.dt * np.cumsum(made.y, axis=1) if kind == "position" else made.y
     unit = "rad" if kind == "position" else "rad/s"
     r = replace(made, y=y, outputs=(Signal("y", kind, unit),))
@@ -66,13 +66,13 @@ def test_a_wrong_model_follows_the_measurement_the_better_the_firmer_it_is_held(
     assert apart[3] < 1e-2 * free
 
 
-def test_acceleration_alone_holds_nothing(made):
+def test_output_feedback__acceleration_only__is_none(made):
     r = replace(made, outputs=(Signal("a", "acceleration", "rad/s^2"),))
     assert measured_speed(r) is None
     assert SimulationErrorProblem.of(PAPER.parse("one_mass"), [r], initial="rest").with_output_feedback(1.0) is None
 
 
-def test_nor_does_standstill(made):
+def test_output_feedback__standstill__is_none(made):
     assert (
         SimulationErrorProblem.of(
             PAPER.parse("one_mass"), [replace(made, y=0.0 * made.y)], initial="rest"
@@ -81,7 +81,7 @@ def test_nor_does_standstill(made):
     )
 
 
-def test_feedback_is_that_of_the_speed(made):
+def test_output_feedback__equals_a_speed_controller(made):
     system = system_for(PAPER.parse(STRUCTURE), TRUTH, made, SETTINGS)
     held, u = with_output_feedback(system, made, 0.3)
     x, v = np.arange(1.0, 1.0 + len(system.states)), system.state_names.index("v1")
@@ -91,31 +91,31 @@ def test_feedback_is_that_of_the_speed(made):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_drive_that_sticks_is_found(seed):
+def test_multistart__sticking_drive__is_found(seed):
     # It stands still for half of the time, and free simulations of other values at other times: without fields that
     # are held two of these three end at hundreds of times the cost of the truth. Another motion costs more than twice.
     values = {"J1": 4.3e-4, "J2": 0.0119, "J3": 3.48e-4, "J4": 0.00147, "c1": 213.0, "c2": 20.1, "c3": 11.5}
     values |= {"d1": 0.0106, "d2": 0.0073, "d3": 0.0254, "M_C": 3.3, "M_S": 1.5, "omega_S": 11.7}
     structure = PAPER.parse("four_mass+coulomb+stribeck")
     r = recording(str(structure), values, noise=1e-3, seed=seed)
-    problem, search = (
+    problem, space = (
         SimulationErrorProblem.of(structure, [r], initial="rest"),
         parameter_space(structure, scales([r]), {}, {}),
     )
     settings = replace(SETTINGS, speed_scale=scales([r]).speed)
-    found = multistart(problem, search, settings, [], starts=8, patience=1, seed=seed)
+    found = multistart(problem, space, settings, [], starts=8, patience=1, seed=seed)
     true = problem.costs({name: np.array([value]) for name, value in values.items()}, settings)[0]
-    assert min(end.cost for end in found.ends) <= 2.0 * true
+    assert min(end.cost for end in found.optima) <= 2.0 * true
 
 
-def test_a_light_motor_that_rattles_against_a_heavy_load_is_found():
+def test_multistart__light_motor_rattling_at_a_heavy_load__is_found():
     values = {"J1": 0.004, "J2": 0.016, "c1": 300.0, "d1": 0.04, "f_v": 0.03, "alpha": 0.05, "T_d": 0.003}
     structure = PAPER.parse("two_mass+viscous+backlash+delay")
     r = recording(str(structure), values, noise=5e-3, seed=1)
-    problem, search = (
+    problem, space = (
         SimulationErrorProblem.of(structure, [r], initial="rest"),
         parameter_space(structure, scales([r]), {}, {}),
     )
-    found = multistart(problem, search, SETTINGS, [], starts=8, patience=4, seed=0)
+    found = multistart(problem, space, SETTINGS, [], starts=8, patience=4, seed=0)
     true = problem.costs({name: np.array([value]) for name, value in values.items()}, SETTINGS)[0]
-    assert min(end.cost for end in found.ends) <= 1.02 * true  # ENOUGH of bench/global_optimum.py
+    assert min(end.cost for end in found.optima) <= 1.02 * true  # ENOUGH of bench/global_optimum.py

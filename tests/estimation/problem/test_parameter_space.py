@@ -14,7 +14,7 @@ EVERYTHING = "four_mass+coulomb+viscous+stribeck+gravity+backlash+current_contro
 
 @pytest.mark.parametrize("ladder", ["one_mass", "two_mass", "three_mass", "four_mass"])
 @pytest.mark.parametrize("offset", [0.1, -0.1, 0.0])
-def test_declared_start_lies_within_declared_bounds(ladder, offset):
+def test_declared_start__lies_within_declared_bounds(ladder, offset):
     text = EVERYTHING.replace("four_mass", ladder)
     structure = PAPER.parse(text.replace("+backlash", "") if ladder == "one_mass" else text)
     scales = Scales(**{**vars(SCALES), "offset": offset})
@@ -25,37 +25,37 @@ def test_declared_start_lies_within_declared_bounds(ladder, offset):
         assert parameter.scale == "linear" or low > 0.0, name
 
 
-def test_load_starts_as_the_opposite_of_the_holding_input():
+def test_gravity__starts_at_the_opposite_of_the_holding_input():
     # u = ... + offset holds the load, so the torque added to the mass is -offset.
-    search = parameter_space(PAPER.parse("one_mass+gravity"), SCALES, {}, {})
-    assert search.start[search.names.index("M_G")] == pytest.approx(-SCALES.offset)
+    space = parameter_space(PAPER.parse("one_mass+gravity"), SCALES, {}, {})
+    assert space.start[space.names.index("M_G")] == pytest.approx(-SCALES.offset)
 
 
-def test_scale_and_back():
-    search = parameter_space(PAPER.parse(EVERYTHING), SCALES, {}, {})
-    candidates = search.sample(64, np.random.default_rng(3))
-    assert np.all(candidates >= search.low[:, None])
-    assert np.all(candidates <= search.high[:, None])
-    np.testing.assert_allclose(search.from_scaled(search.to_scaled(candidates)), candidates, rtol=1e-12)
+def test_to_scaled__and_from_scaled__are_inverse():
+    space = parameter_space(PAPER.parse(EVERYTHING), SCALES, {}, {})
+    candidates = space.sample(64, np.random.default_rng(3))
+    assert np.all(candidates >= space.low[:, None])
+    assert np.all(candidates <= space.high[:, None])
+    np.testing.assert_allclose(space.from_scaled(space.to_scaled(candidates)), candidates, rtol=1e-12)
 
 
-def test_candidates_depend_on_the_seed_only():
-    search = parameter_space(PAPER.parse(EVERYTHING), SCALES, {}, {})
+def test_sample__depends_on_the_seed_only():
+    space = parameter_space(PAPER.parse(EVERYTHING), SCALES, {}, {})
 
     def draw(seed):
-        return search.sample(16, np.random.default_rng(seed))
+        return space.sample(16, np.random.default_rng(seed))
 
     assert np.array_equal(draw(1), draw(1))
     assert not np.array_equal(draw(1), draw(2))
 
 
-def test_override_and_fix():
+def test_parameter_space__bounds_and_fixed_values__replace_declared_ones():
     structure = PAPER.parse("one_mass+viscous+gravity")
-    search = parameter_space(structure, SCALES, {"J1": (1e-4, 2e-4)}, {"f_v": 0.5})
-    assert search.names == ("J1", "M_G")
-    assert (search.low[0], search.high[0]) == (1e-4, 2e-4)
-    assert 1e-4 <= search.start[0] <= 2e-4
-    assert search.fixed == {"f_v": 0.5}
+    space = parameter_space(structure, SCALES, {"J1": (1e-4, 2e-4)}, {"f_v": 0.5})
+    assert space.names == ("J1", "M_G")
+    assert (space.low[0], space.high[0]) == (1e-4, 2e-4)
+    assert 1e-4 <= space.start[0] <= 2e-4
+    assert space.fixed == {"f_v": 0.5}
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_override_and_fix():
         ({}, {"m_g": 1.0}, ["m_g", "Did you mean 'M_G'"]),
     ],
 )
-def test_wrong_wishes_are_refused_in_one_line(bounds, fixed, says):
+def test_parameter_space__wrong_arguments__are_refused_in_one_line(bounds, fixed, says):
     with pytest.raises(SettingsError) as raised:
         parameter_space(PAPER.parse("one_mass+viscous+gravity"), SCALES, bounds, fixed)
     text = str(raised.value)

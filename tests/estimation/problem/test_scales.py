@@ -35,7 +35,7 @@ def record(t, u, y, kind):
 
 @pytest.mark.parametrize("kind", ["position", "velocity"])
 @pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-3])
-def test_rigid_drive_is_found_through_noise(kind, noise):
+def test_scales__rigid_drive_with_noise__are_found(kind, noise):
     t, u, course = motion()
     y = course[kind] + noise * np.abs(course[kind]).max() * np.random.default_rng(1).standard_normal(t.size)
     found = scales(record(t, u, y, kind))
@@ -46,19 +46,19 @@ def test_rigid_drive_is_found_through_noise(kind, noise):
     assert found.speed == pytest.approx(np.abs(course["velocity"]).max(), rel=0.1)
 
 
-def test_acceleration_tells_the_inertia():
+def test_scales__acceleration__gives_the_inertia():
     t, u, course = motion()
     assert scales(record(t, u, course["acceleration"], "acceleration")).inertia == pytest.approx(INERTIA, rel=0.1)
 
 
-def test_outliers_do_not_matter():
+def test_scales__outliers__do_not_matter():
     t, u, course = motion()
     y = course["velocity"].copy()
     y[[500, 1700, 3000]] += 5.0
     assert scales(record(t, u, y, "velocity")).inertia == pytest.approx(INERTIA, rel=0.1)
 
 
-def test_units_only_scale():
+def test_scales__other_units__are_proportional():
     t, u, course = motion()
     plain = scales(record(t, u, course["velocity"], "velocity"))
     other = scales(record(t, 10 * u, 1e-3 * course["velocity"], "velocity"))
@@ -69,7 +69,7 @@ def test_units_only_scale():
 
 @pytest.mark.parametrize("kind", ["position", "velocity", "velocity-differenced", "acceleration"])
 @pytest.mark.parametrize("course", ["standstill", "constant speed", "no input", "noise"])
-def test_every_scale_can_serve(kind, course):
+def test_scales__any_recording__are_positive_and_finite(kind, course):
     samples = 400
     t = DT * np.arange(samples)
     noise = np.random.default_rng(2).standard_normal(samples)
@@ -80,7 +80,7 @@ def test_every_scale_can_serve(kind, course):
     assert all(value > 0.0 for name, value in found.items() if name != "offset"), found
 
 
-def test_several_recordings_share_one_regression():
+def test_scales__several_recordings__share_one_regression():
     t, u, course = motion()
     r = record(t, u, course["velocity"], "velocity")
     alone, twice = scales(r), scales([r, r])
@@ -88,13 +88,13 @@ def test_several_recordings_share_one_regression():
     assert twice.duration == alone.duration
 
 
-def test_speed_has_the_length_of_the_recording():
+def test_speed_of__has_the_length_of_the_recording():
     t, u, course = motion()
     for kind, y in course.items():
         assert speed_of(record(t, u, y, kind)).shape == t.shape
 
 
-def test_emps_regression_comes_close_to_the_published_one(measured):
+def test_scales__emps__are_close_to_the_published_values(measured):
     path = measured("emps/DATA_EMPS.mat")
     r = read_recording(
         path,
@@ -128,19 +128,19 @@ def assert_within_ranges(structure, values, u, noise, rng):
     (v,) = reference(structure, values, u, e.dt, f_tanh=e.f_tanh)
     v += noise * np.abs(v).max() * rng.standard_normal(v.size)
     found = scales(record(e.dt * np.arange(e.samples), u, v, "velocity"))
-    search = parameter_space(PAPER.parse(structure), found, {}, {})
-    true = np.array([values[name] for name in search.names])
-    assert np.all((search.low <= true) & (true <= search.high))
+    space = parameter_space(PAPER.parse(structure), found, {}, {})
+    true = np.array([values[name] for name in space.names])
+    assert np.all((space.low <= true) & (true <= space.high))
 
 
 @pytest.mark.parametrize("structure", SOFT)
-def test_a_load_behind_a_soft_shaft_is_within_its_range(structure):
+def test_scales__load_behind_a_soft_shaft__is_within_its_range(structure):
     """The balance hardly tells an inertia that swings out of phase; ranges once left it out by factors of 3 to 500."""
     u = np.round(PAPER_EXPERIMENT.torque(), 3)
     assert_within_ranges(structure, SOFT[structure], u, 1e-3, np.random.default_rng(3))
 
 
-def test_a_load_that_swings_slower_than_windows_average_is_within_its_range():
+def test_scales__load_oscillates_slower_than_the_windows__is_within_its_range():
     """A chirp from 1 to 100 Hz, three masses, nearly all of the inertia at the end: no window's balance holds."""
     masses, shafts = {"J1": 4.1e-4, "J2": 1.5e-3, "J3": 0.0203}, {"c1": 3.45, "c2": 60.0, "d1": 3e-3, "d2": 0.03}
     values = masses | shafts | {"alpha": 4e-3, "T_1": 1e-3}
@@ -151,7 +151,7 @@ def test_a_load_that_swings_slower_than_windows_average_is_within_its_range():
     assert_within_ranges("three_mass+backlash+current_control", values, u, 1e-2, np.random.default_rng(4))
 
 
-def test_quantised_velocity_does_not_lose_the_inertia(measured):
+def test_scales__quantised_velocity__keep_the_inertia(measured):
     r = read_recording(
         measured("mte360/single_axis_square_1_5.mat"),
         input="u",

@@ -28,13 +28,13 @@ def recording(*kinds, y=None):
     return Recording("made", t, u, y, Signal("u", "input", "N m"), outputs)
 
 
-def test_differenced_velocity_is_the_backward_difference_of_position():
+def test_differenced_velocity__is_the_backward_difference_of_position():
     both = predict(STRUCTURE, VALUES, recording("position", "velocity-differenced"), SETTINGS)
     np.testing.assert_allclose(both[1, 1:], np.diff(both[0]) / DT, rtol=1e-9, atol=1e-9)
     assert both[1, 0] == 0.0  # at rest before the first sample
 
 
-def test_differenced_velocity_lags_half_a_sample():
+def test_differenced_velocity__lags_half_a_sample():
     r = recording("velocity", "velocity-differenced")
     y = predict(STRUCTURE, VALUES, r, SETTINGS)
     between = 0.5 * (y[0, 1:] + y[0, :-1])
@@ -45,7 +45,7 @@ def test_differenced_velocity_lags_half_a_sample():
     assert np.abs(y[1, 1:] - y[0, 1:]).max() > 3 * DT * jump / 12  # half a sample more is another matter
 
 
-def test_derivatives_of_a_differenced_velocity_do_not_jump_where_a_rattling_load_rejoins():
+def test_differenced_velocity__rattling_load__derivatives_do_not_jump():
     """A difference of positions that is forgotten from one sample to the next is no speed."""
     structure = PAPER.parse("two_mass+viscous+backlash")
     names = {"J1": 4.5e-3, "J2": 1e-4, "c1": 1e4, "d1": 3e-3, "f_v": 2e-2, "alpha": 1e-3}
@@ -63,7 +63,7 @@ def test_derivatives_of_a_differenced_velocity_do_not_jump_where_a_rattling_load
     assert (differenced.max(axis=0) <= 2.0 * velocity.max(axis=0)).all()
 
 
-def test_truth_leaves_no_residual():
+def test_residuals__true_parameters__are_zero():
     kinds = ("position", "velocity", "velocity-differenced", "acceleration")
     y = predict(STRUCTURE, VALUES, recording(*kinds), SETTINGS)
     problem = SimulationErrorProblem.of(STRUCTURE, [recording(*kinds, y=y)])
@@ -71,28 +71,28 @@ def test_truth_leaves_no_residual():
     assert np.abs(residuals).max() < 1e-6
 
 
-def test_derivatives_equal_central_differences():
+def test_evaluate__jacobian__equals_central_differences():
     y = predict(STRUCTURE, VALUES, recording("velocity"), SETTINGS)
     r = recording("velocity", y=y + 0.1)
-    search = parameter_space(STRUCTURE, scales(r), {}, {})
+    space = parameter_space(STRUCTURE, scales(r), {}, {})
     problem = SimulationErrorProblem.of(STRUCTURE, [r])
-    theta = search.to_scaled(np.array([VALUES[name] for name in search.names]))
-    _, J = evaluate(problem, search, SETTINGS, theta)
-    for i, name in enumerate(search.names):
+    theta = space.to_scaled(np.array([VALUES[name] for name in space.names]))
+    _, J = evaluate(problem, space, SETTINGS, theta)
+    for i, name in enumerate(space.names):
         errors = []
         # The plain central difference lets each side choose its own steps, and where they differ it carries
         # the level's error over the difference. That happens at one distance or the other, seldom at both.
         for step in (1e-4, 1e-3):
             ends = np.stack([theta, theta], axis=1)
             ends[i] += [step, -step]
-            values = dict(zip(search.names, search.from_scaled(ends), strict=True))
+            values = dict(zip(space.names, space.from_scaled(ends), strict=True))
             residuals = problem.residuals(values, SETTINGS)
             central = (residuals[:, 0] - residuals[:, 1]) / (2 * step)
             errors.append(np.linalg.norm(J[:, i] - central) / np.linalg.norm(central))
         assert min(errors) < 2e-3, (name, errors)  # issue A
 
 
-def test_diverged_simulation_has_a_large_finite_residual():
+def test_residuals__diverged_simulation__are_large_and_finite():
     r = recording("velocity", y=predict(STRUCTURE, VALUES, recording("velocity"), SETTINGS))
     problem = SimulationErrorProblem.of(STRUCTURE, [r])
     absurd = {"f_v": -1e4, "J1": 1e-9, "J2": 1e-9}  # friction that feeds energy
@@ -105,7 +105,7 @@ def test_diverged_simulation_has_a_large_finite_residual():
     assert bad > at_rest  # worse than a model that never moves
 
 
-def test_several_recordings_and_outputs_are_stacked_and_weighted():
+def test_residuals__several_recordings_and_outputs__are_stacked_and_weighted():
     one, two = recording("position", "velocity"), recording("position", "velocity")
     y = predict(STRUCTURE, VALUES, one, SETTINGS)
     one, two = recording("position", "velocity", y=y), recording("position", "velocity", y=2 * y)
@@ -118,7 +118,7 @@ def test_several_recordings_and_outputs_are_stacked_and_weighted():
 
 
 @pytest.mark.parametrize("speed", [0.0, 12.0])
-def test_prediction_starts_from_the_first_samples(speed):
+def test_predict__starts_from_the_first_samples(speed):
     r = recording("velocity")
     y = predict(STRUCTURE, VALUES, r, SETTINGS, initial={"q1": 0, "q2": 0, "v1": speed, "v2": speed})
     again = predict(STRUCTURE, VALUES, recording("velocity", y=y), SETTINGS)
@@ -126,7 +126,7 @@ def test_prediction_starts_from_the_first_samples(speed):
 
 
 @pytest.mark.parametrize("kinds", [("velocity",), ("velocity-differenced",), ("position", "acceleration")])
-def test_costs_are_given_up_where_they_reach_their_limit(kinds):
+def test_costs__upper_limit_reached__are_infinite(kinds):
     """Two recordings: a sum may reach its limit in the second one."""
     measured = np.random.default_rng(1).standard_normal((2, len(kinds), SAMPLES))
     problem = SimulationErrorProblem.of(STRUCTURE, [recording(*kinds, y=y) for y in measured])

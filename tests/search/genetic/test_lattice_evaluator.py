@@ -362,7 +362,7 @@ def test_multistart__hard_limit__simulations_counted(given):
     gap = task_of(reference_recording(truth, {name: values[name] for name in truth.parameters}))
     space, whole = gap.space(truth, initial=True), gap.problem(truth)
     found = multistart(whole, space, gap.settings, [], starts=3, patience=1, seed=0)
-    assert found.spent.samples == sum(samples for _, samples in given)
+    assert found.simulations.samples == sum(samples for _, samples in given)
 
 
 def test_multistart__resonance_scan__simulations_counted(task, given):
@@ -370,7 +370,7 @@ def test_multistart__resonance_scan__simulations_counted(task, given):
     problem, space = task.problem(simple), task.space(simple, initial=True)
     found = multistart(problem, space, task.settings, [], starts=3, patience=2, seed=0)
     assert max(sets for sets, _ in given) > 500
-    assert found.spent == SimulationCount(*(sum(column) for column in zip(*given, strict=True)))
+    assert found.simulations == SimulationCount(*(sum(column) for column in zip(*given, strict=True)))
 
 
 def test_refit_from_supermodel__further_mass__masses_are_joined(task, true_values):

@@ -59,13 +59,14 @@ class EstimationOptions:
         SettingsError
             For a text that cannot be read.
         """
-        from brightgrey.estimation.problem.initial_state import check_initial
+        from brightgrey.errors import one_of
+        from brightgrey.estimation.problem.initial_state import INITIALS
 
         return {
             "bounds": bounds(self.bound or ()),
             "fixed": fixed(self.fix or ()),
             "f_tanh": self.f_tanh,
-            "initial": check_initial(self.initial),
+            "initial": one_of("initial state", self.initial, INITIALS),
         }
 
 

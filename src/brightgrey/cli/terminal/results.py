@@ -121,7 +121,7 @@ def _result(console: Console, found: Result, folder: Path) -> None:
         _top(console, found.ranking, found.front)
     _differences(console, found.differences)
     for symptom in found.symptoms:
-        _bullet(console, f"{symptom.title}: {symptom.seen}; {symptom.advice}.")
+        _bullet(console, f"{symptom.title}: {symptom.observation}; {symptom.advice}.")
     for text in (sentence(found.model.outcome.text), *remarks(found.model), *found.notes):
         _bullet(console, text)
     names = ", ".join(found.names)

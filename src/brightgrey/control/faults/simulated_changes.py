@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.estimation.noise.autoregression import noise_models
 from brightgrey.estimation.optimisation.least_squares import fit_many, fit_to_convergence
 from brightgrey.estimation.optimisation.multistart import multistart
 from brightgrey.estimation.problem.initial_state import output_noise
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
-from brightgrey.estimation.uncertainty.covariance import gradient_covariance, noise_models
+from brightgrey.estimation.uncertainty.covariance import gradient_covariance
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
@@ -125,7 +126,7 @@ def estimate_changes(
     problem = replace(problem, prior_stds={group.name: group.prior_std for group in groups if not group.free})
     fast = replace(settings, level="fast")
     found = multistart(problem, space, fast, [{}], starts=options.starts, patience=options.patience, seed=0)
-    optima = sorted(found.ends, key=lambda optimum: optimum.cost)[: options.restarts]
+    optima = sorted(found.optima, key=lambda optimum: optimum.cost)[: options.restarts]
     problem = _reweight(problem, space, settings, optima[0].values)
     best = fit_to_convergence(problem, space, settings, optima[0].values)
     log_factors = space.to_scaled(best.values)
@@ -174,7 +175,7 @@ def _factor_space(
         fixed={},
         scales=scales([recording]),
         blocks=(),
-        not_sampled=np.array([not group.free for group in groups] + [not part.drawn for part in unknown]),
+        not_sampled=np.array([not group.free for group in groups] + [not part.sampled for part in unknown]),
         model=values,
         groups=tuple(groups),
     )

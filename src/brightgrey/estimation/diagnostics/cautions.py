@@ -1,4 +1,7 @@
-"""What a recording cannot tell of effects, by their declarations and by how it was taken (no effect is named here)."""
+"""Cautions: limits of what a recording says about effects, by their declarations and by its sampling.
+
+No effect is named here.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ import numpy as np
 
 from brightgrey.effects import Circumstances, Scales
 from brightgrey.estimation.diagnostics.finding import Finding
+from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS, DiagnosticOptions
 from brightgrey.estimation.problem.scales import speed_of
 from brightgrey.estimation.uncertainty.estimates import Estimate
 from brightgrey.kit import Structure
@@ -17,9 +21,7 @@ from brightgrey.simulation import Settings
 
 __all__ = ["cautions", "reverses"]
 
-_TURNED = 0.02  # of the largest speed: what counts as motion the other way
-_HALF = (0.3, 0.7)  # of a sampling interval: what may be half a sample of dead time
-_TORQUES = ("N m", "N")
+_TORQUE_UNITS = ("N m", "N")
 
 
 def cautions(
@@ -28,6 +30,7 @@ def cautions(
     recordings: Sequence[Recording],
     scales: Scales,
     settings: Settings,
+    options: DiagnosticOptions = DIAGNOSTIC_DEFAULTS,
 ) -> tuple[Finding, ...]:
     """Findings that hold beside any outcome.
 
@@ -37,27 +40,29 @@ def cautions(
     estimates : mapping of str to Estimate
     recordings : sequence of Recording
     scales : Scales
-        Of the recordings.
+        Scales of the recordings.
     settings : Settings
+    options : DiagnosticOptions
     """
+    both_directions = any(reverses(r, options) for r in recordings)
     return (
-        *_lags(structure, estimates, recordings),
-        *_declared(structure, estimates, scales, settings, any(reverses(r) for r in recordings)),
-        *_relative(structure, estimates, recordings[0]),
+        *_lag_cautions(structure, estimates, recordings, options),
+        *_declared_cautions(structure, estimates, scales, settings, both_directions),
+        *_scale_cautions(structure, estimates, recordings[0]),
     )
 
 
-def reverses(recording: Recording) -> bool:
-    """Whether the drive moves both ways."""
+def reverses(recording: Recording, options: DiagnosticOptions = DIAGNOSTIC_DEFAULTS) -> bool:
+    """True if the drive moves in both directions."""
     speed = speed_of(recording)
-    turned = _TURNED * float(np.abs(speed).max())
-    return bool(speed.max() > turned and speed.min() < -turned)
+    limit = options.reversal_speed * float(np.abs(speed).max())
+    return bool(speed.max() > limit and speed.min() < -limit)
 
 
-def _declared(
+def _declared_cautions(
     structure: Structure, estimates: Mapping[str, Estimate], scales: Scales, settings: Settings, both: bool
 ) -> list[Finding]:
-    """Cautions that effects declare."""
+    """Cautions that the effects of the structure declare."""
     found = []
     for placed in structure.placed:
         beside = tuple(
@@ -76,42 +81,53 @@ def _declared(
     return found
 
 
-def _lags(structure: Structure, estimates: Mapping[str, Estimate], recordings: Sequence[Recording]) -> list[Finding]:
-    """Times by which the input comes late, against the sampling interval."""
+def _lag_cautions(
+    structure: Structure,
+    estimates: Mapping[str, Estimate],
+    recordings: Sequence[Recording],
+    options: DiagnosticOptions,
+) -> list[Finding]:
+    """Cautions on lags and dead times that are near the sampling interval."""
     names = tuple(name for name, p in structure.parameters.items() if p.lag)
     if not names:
         return []
     dt = min(r.dt for r in recordings)
     values = [estimates[name].value for name in names]
-    total, sum_ = " + ".join(names), sum(values)
-    below = f"is below one sampling interval ({dt:.3g} s): this is sampling, no evidence"
+    names_of_sum, total = " + ".join(names), sum(values)
+    below = f"is below one sampling interval ({dt:.3g} s): sampling explains it, so it is no evidence of a lag"
     found = [
         Finding("sampling", f"{name} = {value:.3g} s {below}", (name,))
         for name, value in zip(names, values, strict=True)
         if value < dt
     ]
     if len(names) > 1 and min(values) < 2.0 * dt:
-        text = f"so near the sampling interval only {total} = {sum_:.3g} s is shown, not {' and '.join(names)} alone"
+        parts = " and ".join(names)
+        text = f"so near the sampling interval only {names_of_sum} = {total:.3g} s is identified, not {parts} each"
         found.append(Finding("sampling", text, names))
     kinds = {signal.kind for r in recordings for signal in r.outputs}
     causes = [
-        *(["an input that was held between samples (zoh)"] if any(r.hold == "linear" for r in recordings) else []),
-        *(["a velocity made by differencing a position (velocity-differenced)"] if "velocity" in kinds else []),
+        *(
+            ["an input that is held between samples (--hold zoh)"]
+            if any(r.hold == "linear" for r in recordings)
+            else []
+        ),
+        *(["a velocity from differences of positions (velocity-differenced)"] if "velocity" in kinds else []),
     ]
-    if causes and _HALF[0] * dt < sum_ < _HALF[1] * dt:
-        text = f"{total} is about half a sample: {' or '.join(causes)} looks just so"
+    low, high = options.half_sample
+    if causes and low * dt < total < high * dt:
+        text = f"{names_of_sum} is about half a sample: {' or '.join(causes)} would look the same"
         found.append(Finding("sampling", text, names))
     return found
 
 
-def _relative(structure: Structure, estimates: Mapping[str, Estimate], recording: Recording) -> list[Finding]:
-    """An input that is no torque or force scales everything that is measured by it."""
+def _scale_cautions(structure: Structure, estimates: Mapping[str, Estimate], recording: Recording) -> list[Finding]:
+    """Caution if the input is no torque or force: its unknown gain scales inertias, stiffnesses and torques."""
     unit = parse_unit(recording.input.unit)
-    if recording.input.unit_given and unit.dimension in [parse_unit(text).dimension for text in _TORQUES]:
+    if recording.input.unit_given and unit.dimension in [parse_unit(text).dimension for text in _TORQUE_UNITS]:
         return []
     names = tuple(n for n, p in structure.parameters.items() if p.dimension.input and n in estimates)
     if not names:
         return []
     why = f"is in {recording.input.unit}" if recording.input.unit_given else "has no unit"
-    text = f"the input {why}, and its gain to torque or force is not known: of {', '.join(names)} only ratios hold"
+    text = f"the input {why} and its gain to torque or force is unknown: of {', '.join(names)} only ratios are known"
     return [Finding("scale unknown", text, names)]

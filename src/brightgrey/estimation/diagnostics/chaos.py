@@ -1,4 +1,4 @@
-"""A load that rattles freely: derivatives that contacts have made meaningless in the end."""
+"""Chaotic simulations: a load that rattles freely, so that contacts amplify small differences."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ __all__ = ["chaos_findings"]
 
 
 def chaos_findings(
-    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, best: OptimumWithJacobian
+    problem: SimulationErrorProblem, space: ParameterSpace, settings: Settings, best: OptimumWithJacobian
 ) -> list[Finding]:
-    """Say so if derivatives at the best fit had to begin anew on the way.
+    """Report if the derivatives at the optimum had to be restarted within a recording.
 
-    Every contact multiplies what two simulations differ by. Where a millionth of a parameter has come to a
-    hundredth of a gap, derivatives go on from one state (:class:`brightgrey.simulation.Response`), and what is
-    told of parameters from there on rests on the stretch from one such sample to the next.
+    Every contact amplifies the difference of two simulations. Where a millionth of a parameter has grown to a hundredth
+    of a gap, derivatives continue from a common state (:class:`brightgrey.simulation.Response`). What they say about
+    parameters then rests on the time between two such samples.
     """
-    if not (problem.has_hard_limit and search.names and np.isfinite(best.cost)):
+    if not (problem.has_hard_limit and space.names and np.isfinite(best.cost)):
         return []
-    _, sets = neighbours(search.to_scaled(best.values)[None, :], search)
-    values, group = search.named(sets[:, 0, :]), 1 + len(search.names)
-    times, length = 0, 0.0
-    for r, onset in zip(problem.recordings, problem.initial_states, strict=True):
-        system, u, x0 = systems(problem.structure, values, r, settings, initial_state=onset, gain=problem.gain)
+    _, sets = neighbours(space.to_scaled(best.values)[None, :], space)
+    values, group = space.named(sets[:, 0, :]), 1 + len(space.names)
+    restarts, duration = 0, 0.0
+    for r, state in zip(problem.recordings, problem.initial_states, strict=True):
+        system, u, x0 = systems(problem.structure, values, r, settings, initial_state=state, gain=problem.gain)
         found = response(system, u, r.dt, x0, settings, group=group, threads=problem.threads)
         each = np.bincount(found.rejoined[:, 1], minlength=group)  # of every set: large groups rejoin in parts
-        times, length = times + int(each.max()), length + r.samples * r.dt
-    if not times:
+        restarts, duration = restarts + int(each.max()), duration + r.samples * r.dt
+    if not restarts:
         return []
-    often = "once" if times == 1 else f"{times} times"
+    times = "once" if restarts == 1 else f"{restarts} times"
     text = (
-        f"a difference of a millionth in a parameter grows to a hundredth of the gap {often} in {length:.3g} s: "
-        "intervals rest on shorter stretches and are hardly to be trusted"
+        f"a difference of a millionth in a parameter grows to a hundredth of the gap {times} in {duration:.3g} s: "
+        "intervals rest on shorter times and are unreliable"
     )
     return [Finding("chaotic", text)]

@@ -1,4 +1,4 @@
-"""One thing to say about a fit, as a value."""
+"""Findings: statements about a fit, as values."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ Kind = Literal[
     "scale unknown",
     "chaotic",
 ]
-"""From ``diverged`` to ``converged`` the gravest first, these may be the outcome; the rest are cautions beside it."""
+"""Kinds of findings, the gravest first. Up to ``converged`` they may be the outcome; the rest are cautions."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What there is to say, and of which parameters.
+    """A statement about a fit.
 
     Attributes
     ----------
@@ -36,6 +36,7 @@ class Finding:
     text : str
         One sentence without its full stop.
     parameters : tuple of str
+        Parameters that it is about.
     """
 
     kind: Kind

@@ -1,8 +1,7 @@
-"""What a residual might come from: patterns of torque or motion that it may follow.
+"""Candidate regressors of a residual: torques and motions that the model may lack.
 
-A residual of speed is no torque: it is what a missing torque has left after the drive has answered it. Each pattern is
-therefore put through the fitted model, as a small torque beside the input, and the residual is asked whether it follows
-the answer.
+A residual of speed is no torque: it is the response of the drive to a missing torque. Each candidate torque is
+therefore simulated with the fitted model, as a small torque beside the input. Its response is the regressor.
 """
 
 from __future__ import annotations
@@ -15,7 +14,9 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Effect, Scales, registry
+from brightgrey.estimation.diagnostics.options import REGRESSOR_DEFAULTS, RegressorOptions
 from brightgrey.estimation.diagnostics.torque_patterns import TORQUE_PATTERNS, SimulatedMotion, TorquePattern
+from brightgrey.estimation.problem.segments import segments
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.kit import Structure
 from brightgrey.numerics.digital_filter import lfilter
@@ -32,34 +33,30 @@ __all__ = [
     "motions",
 ]
 
-_SMALL = 0.01  # of the largest torque
-_PERIODS = 3.0
-_FASTEST = 0.3  # of the sampling rate
-_DAMPED = 0.05  # damping ratio of the resonances that are tried; they overlap
 _MOTION = (Signal("speed", "velocity", "rad/s"), Signal("position", "position", "rad"))
 
 TIME_SHIFT = "shift"
-"""Kind of the suspect whose coefficient is a time in s by which the output comes late."""
+"""Kind of the regressor whose coefficient is the time in s by which the output comes late."""
 DRIFT = "drift"
-"""Kind of the suspect that is a straight line over time."""
+"""Kind of the regressor that is a straight line over time."""
 RESONANCE = "resonance"
-"""Kind of the suspects that are resonances."""
+"""Kind of the regressors that are resonances."""
 
 
 @dataclass(frozen=True)
 class ResidualRegressor:
-    """What a residual might come from.
+    """Candidate regressor of a residual.
 
     Attributes
     ----------
     kind : str
-        Name of an effect, or of a pattern that no effect describes.
+        Name of an effect, or of a torque that no effect describes.
     columns : ndarray, shape (residuals, k)
-        How the weighted residuals change with it.
+        Derivatives of the weighted residuals by its coefficients.
     described : bool
-        Some effect describes it.
+        True if an effect describes it.
     frequency : float
-        In Hz, of a resonance.
+        Frequency of a resonance in Hz.
     """
 
     kind: str
@@ -68,12 +65,12 @@ class ResidualRegressor:
     frequency: float = 0.0
 
 
-def motions(problem: SimulationErrorProblem, named: Mapping[str, Array], settings: Settings) -> list[SimulatedMotion]:
-    """Simulated motion of mass 1 in every recording, for one parameter set."""
+def motions(problem: SimulationErrorProblem, values: Mapping[str, Array], settings: Settings) -> list[SimulatedMotion]:
+    """Simulated motion of mass 1 in every recording, for one parameter set: arrays of shape (1,) by name."""
     found = []
-    for r, onset in zip(problem.recordings, problem.initial_states, strict=True):
+    for r, state in zip(problem.recordings, problem.initial_states, strict=True):
         empty = replace(r, outputs=_MOTION, y=np.zeros((2, r.samples)), resolution=np.ones(2))
-        speed, position = predict_many(problem.structure, named, empty, settings, initial_state=onset)[:, :, 0]
+        speed, position = predict_many(problem.structure, values, empty, settings, initial_state=state)[:, :, 0]
         found.append(SimulatedMotion(speed, position))
     return found
 
@@ -81,43 +78,64 @@ def motions(problem: SimulationErrorProblem, named: Mapping[str, Array], setting
 Torques = Callable[[SimulatedMotion], tuple[Array, ...]]
 
 
-def patterns(structure: Structure, scales: Scales, f_tanh: float) -> dict[str, Torques]:
-    """Torques, 1 at most, that may be missing: those of effects that say what follows them, and some of no effect."""
+def candidate_torques(structure: Structure, scales: Scales, f_tanh: float) -> dict[str, Torques]:
+    """Torques of amplitude 1 at most that the model may lack: of missing effects, and some that no effect describes."""
     present = {p.name for p in structure.placed}
     missing = [e for e in registry().values() if e.residual_signature and e.name not in present]
-    return {e.name: _torque(e, scales, f_tanh) for e in missing} | {
-        p.name: partial(_pattern, p, scales, f_tanh) for p in TORQUE_PATTERNS
+    return {e.name: _effect_torque(e, scales, f_tanh) for e in missing} | {
+        p.name: partial(_pattern_torques, p, scales, f_tanh) for p in TORQUE_PATTERNS
     }
 
 
 def candidate_regressors(
-    problem: SimulationErrorProblem, named: Mapping[str, Array], settings: Settings, scales: Scales, residual: Array
+    problem: SimulationErrorProblem,
+    values: Mapping[str, Array],
+    settings: Settings,
+    scales: Scales,
+    residual: Array,
+    options: RegressorOptions = REGRESSOR_DEFAULTS,
 ) -> list[ResidualRegressor]:
-    """All suspects at the values `named`, arrays of shape (1,), where the weighted residual is `residual`."""
-    structure, moved = problem.structure, motions(problem, named, settings)
+    """All candidate regressors of a weighted residual.
+
+    Parameters
+    ----------
+    problem : SimulationErrorProblem
+    values : mapping of str to ndarray, shape (1,)
+        Estimates by name, SI.
+    settings : Settings
+    scales : Scales
+    residual : ndarray, shape (residuals,)
+        Weighted residual at these values.
+    options : RegressorOptions
+    """
+    structure, moved = problem.structure, motions(problem, values, settings)
     if not all(np.isfinite(m.speed).all() and np.isfinite(m.position).all() for m in moved):
         return []
-    lags = sum(float(named[name][0]) for name, p in structure.parameters.items() if p.lag)
-    size = _SMALL * scales.torque
+    lags = sum(float(values[name][0]) for name, p in structure.parameters.items() if p.lag)
+    size = options.torque * scales.torque
     found = []
-    for kind, torques in patterns(structure, scales, settings.f_tanh).items():
+    for kind, torques in candidate_torques(structure, scales, settings.f_tanh).items():
         by_torque = zip(*([size * torque for torque in torques(m)] for m in moved), strict=True)
-        columns = [_answer(problem, named, settings, residual, list(each), lags) for each in by_torque]
+        columns = [_response(problem, values, settings, residual, list(each), lags) for each in by_torque]
         found.append(ResidualRegressor(kind, np.stack(columns, axis=1), kind in registry()))
-    found.append(ResidualRegressor(DRIFT, _lines(problem), False))
-    found += [ResidualRegressor(RESONANCE, _swing(problem, f, lags), frequency=f) for f in _frequencies(scales)]
+    found.append(ResidualRegressor(DRIFT, _straight_lines(problem), False))
+    for frequency in _frequencies(scales, options).tolist():
+        twist_and_rate = _resonance_response(problem, frequency, options.damping_ratio, lags)
+        found.append(ResidualRegressor(RESONANCE, twist_and_rate, frequency=frequency))
     if not any(p.lag for p in structure.parameters.values()):
-        found.append(ResidualRegressor(TIME_SHIFT, _rates(problem, residual)[:, None]))
-    return [s for s in found if np.isfinite(s.columns).all() and s.columns.any()]
+        found.append(ResidualRegressor(TIME_SHIFT, _output_rates(problem, residual)[:, None]))
+    return [regressor for regressor in found if np.isfinite(regressor.columns).all() and regressor.columns.any()]
 
 
-def _pattern(pattern: TorquePattern, scales: Scales, f_tanh: float, motion: SimulatedMotion) -> tuple[Array, ...]:
+def _pattern_torques(
+    pattern: TorquePattern, scales: Scales, f_tanh: float, motion: SimulatedMotion
+) -> tuple[Array, ...]:
     """Torques of a pattern for one motion."""
     return pattern.torques(motion, np.asarray(np.tanh(f_tanh * motion.speed)), scales)
 
 
-def _torque(effect: Effect, scales: Scales, f_tanh: float) -> Torques:
-    """Torque of an effect at its declared start, over its largest value."""
+def _effect_torque(effect: Effect, scales: Scales, f_tanh: float) -> Torques:
+    """Torque of an effect at its declared start values, over its largest value."""
     law = effect.law
     assert law is not None
     values = {q.symbol: abs(float(q.start(scales))) for q in effect.parameters} | {"f_tanh": f_tanh}
@@ -130,77 +148,66 @@ def _torque(effect: Effect, scales: Scales, f_tanh: float) -> Torques:
     return torques
 
 
-def _answer(
+def _response(
     problem: SimulationErrorProblem,
-    named: Mapping[str, Array],
+    values: Mapping[str, Array],
     settings: Settings,
     residual: Array,
     torques: list[Array],
     lags: float,
 ) -> Array:
-    """Change of the weighted outputs by torques beside the inputs, ahead by what the drive lags."""
+    """Change of the weighted outputs by torques beside the inputs, ahead by the lags of the drive."""
     disturbed: list[Recording] = []
     for r, torque in zip(problem.recordings, torques, strict=True):
         disturbed.append(replace(r, u=r.u + np.interp(r.t + lags, r.t, torque)))
-    changed = replace(problem, recordings=tuple(disturbed)).residuals(dict(named), settings)[:, 0]
+    changed = replace(problem, recordings=tuple(disturbed)).residuals(dict(values), settings)[:, 0]
     return np.asarray(changed - residual)
 
 
-def _frequencies(scales: Scales) -> Array:
-    """Frequencies in Hz at which one resonance or another is near: three periods in a recording to 0.3 of its rate."""
-    low, high = _PERIODS / scales.duration, _FASTEST / scales.interval
-    return np.geomspace(low, high, max(int(np.log(high / low) / (2.0 * _DAMPED)), 2))
+def _frequencies(scales: Scales, options: RegressorOptions) -> Array:
+    """Frequencies in Hz, so close that each resonance in the range is near one of them."""
+    low, high = options.min_periods / scales.duration, options.max_frequency / scales.interval
+    return np.geomspace(low, high, max(int(np.log(high / low) / (2.0 * options.damping_ratio)), 2))
 
 
-def _swing(problem: SimulationErrorProblem, frequency: float, lags: float) -> Array:
-    """What a resonance makes of the input: the twist of a shaft and its rate, in terms of each output.
+def _resonance_response(problem: SimulationErrorProblem, frequency: float, damping_ratio: float, lags: float) -> Array:
+    """Response of a resonance to the input: the twist of a shaft and its rate, in terms of each output.
 
-    The twist of two masses that are coupled by a shaft is a resonance driven by the torque on the first, and the speed
-    of that is the speed of both together plus a part of the twist's rate: exactly, whatever their ratio.
+    The twist of two masses that are coupled by a shaft is a resonance driven by the torque on the first mass. The speed
+    of that mass is the common speed of both plus a part of the twist's rate: exactly, whatever their ratio.
     """
-    turning = 2.0 * np.pi * frequency
+    omega = 2.0 * np.pi * frequency
     columns = np.zeros((problem.samples, 2))
-    for begin, r, out in _blocks(problem):
+    for rows, r, output in segments(problem.recordings):
         u = np.interp(r.t - lags, r.t, r.u) - r.u[0]
-        order = KINDS[r.outputs[out].kind]
+        order = KINDS[r.outputs[output].kind]
         for column, rate in enumerate((order, order + 1 if order < 2 else order - 1)):
-            answer = lfilter(*_resonance(rate, turning, r.dt), u)
-            columns[begin : begin + r.samples, column] = problem.weights[out] * answer
+            response = lfilter(*_resonance_filter(rate, omega, damping_ratio, r.dt), u)
+            columns[rows, column] = problem.weights[output] * response
     return columns
 
 
-def _resonance(rate: int, turning: float, dt: float) -> tuple[Array, Array]:
+def _resonance_filter(rate: int, omega: float, damping_ratio: float, dt: float) -> tuple[Array, Array]:
     """Digital filter of w^(2-rate) s^rate / (s^2 + 2 D w s + w^2) by the bilinear transform."""
     k = 2.0 / dt
-    damped = 2.0 * _DAMPED * turning * k
-    above = np.array(([1.0, 2.0, 1.0], [k, 0.0, -k], [k**2, -2.0 * k**2, k**2])[rate])
-    below = np.array([k**2 + damped + turning**2, 2.0 * (turning**2 - k**2), k**2 - damped + turning**2])
-    return turning ** (2 - rate) * above / below[0], below / below[0]
+    damping = 2.0 * damping_ratio * omega * k
+    numerator = np.array(([1.0, 2.0, 1.0], [k, 0.0, -k], [k**2, -2.0 * k**2, k**2])[rate])
+    denominator = np.array([k**2 + damping + omega**2, 2.0 * (omega**2 - k**2), k**2 - damping + omega**2])
+    return omega ** (2 - rate) * numerator / denominator[0], denominator / denominator[0]
 
 
-def _blocks(problem: SimulationErrorProblem) -> list[tuple[int, Recording, int]]:
-    """First residual, recording and output of every stretch."""
-    found, begin = [], 0
-    for r in problem.recordings:
-        for out in range(len(r.outputs)):
-            found.append((begin, r, out))
-            begin += r.samples
-    return found
-
-
-def _lines(problem: SimulationErrorProblem) -> Array:
-    """A straight line over time for each stretch, 1 from its begin to its end in the output's SI unit."""
-    blocks = _blocks(problem)
-    columns = np.zeros((problem.samples, len(blocks)))
-    for column, (begin, r, out) in enumerate(blocks):
-        columns[begin : begin + r.samples, column] = problem.weights[out] * np.linspace(-0.5, 0.5, r.samples)
+def _straight_lines(problem: SimulationErrorProblem) -> Array:
+    """A straight line over time for each segment, 1 from its first to its last sample in the output's SI unit."""
+    lengths = problem.segment_lengths
+    columns = np.zeros((problem.samples, len(lengths)))
+    for column, (rows, r, output) in enumerate(segments(problem.recordings)):
+        columns[rows, column] = problem.weights[output] * np.linspace(-0.5, 0.5, r.samples)
     return columns
 
 
-def _rates(problem: SimulationErrorProblem, residual: Array) -> Array:
+def _output_rates(problem: SimulationErrorProblem, residual: Array) -> Array:
     """Derivative by time of the weighted simulated outputs."""
     rates = np.zeros(problem.samples)
-    for begin, r, out in _blocks(problem):
-        part = slice(begin, begin + r.samples)
-        rates[part] = np.gradient(residual[part] + problem.weights[out] * r.y[out], r.dt)
+    for rows, r, output in segments(problem.recordings):
+        rates[rows] = np.gradient(residual[rows] + problem.weights[output] * r.y[output], r.dt)
     return rates

@@ -1,4 +1,4 @@
-"""Whether a residual follows one of several patterns more than coloured noise would."""
+"""Score tests: does a residual follow one of several regressors by more than coloured noise explains."""
 
 from __future__ import annotations
 
@@ -8,40 +8,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-from brightgrey.arrays import Array
-from brightgrey.estimation.noise.autoregression import Autoregression, autoregression
-from brightgrey.estimation.uncertainty.covariance import noise_models
+from brightgrey.arrays import Array, log_ratio, positive
+from brightgrey.estimation.diagnostics.options import REGRESSOR_DEFAULTS, RegressorOptions
+from brightgrey.estimation.noise.autoregression import Autoregression, autoregression, noise_models
+from brightgrey.estimation.noise.orthonormal_basis import RANK_TOLERANCE, orthonormal_basis
+from brightgrey.estimation.noise.whitening import whiten
+from brightgrey.estimation.problem.segments import split_segments
 from brightgrey.numerics.digital_filter import lfilter
 from brightgrey.numerics.distributions import chi2
 from brightgrey.numerics.distributions import f as fisher
 
 __all__ = ["Candidate", "Detected", "detect_regressors"]
 
-_MATERIAL = 0.01  # of the residual's sum of squares that has to be explained
-_RANK = 1e-9
-_NEW = 1e-6  # of a pattern that has to be new beside what is known
-# A fit takes slow noise with it, so that what is left looks too quiet where slow patterns are. In simulations (straight
-# line beside four slow columns, AR poles 0 to 0.99) the ratio's mean was 0.9, 2.1, 3.2 and 2.6 times what it should be
-# at 1800, 95, 62 and 25 degrees of freedom.
-_SWELLING = 130.0
-_MOST_SWOLLEN = 3.5
-_MOST = 3
-_ASKED = 16  # patterns that explain most are looked at closely
-
 
 class Detected(NamedTuple):
-    """A pattern that a residual follows.
+    """A regressor that a residual follows.
 
     Attributes
     ----------
     number : int
-        Of the pattern.
+        Index of the candidate.
     coefficients : ndarray, shape (k,)
-        Of its columns.
+        Coefficients of its columns.
     share : float
         Part of the residual's sum of squares that it explains.
-    clear : float
-        Twice the logarithm of the likelihood ratio over what it has to exceed.
+    margin : float
+        Twice the logarithm of the likelihood ratio over its critical value.
     """
 
     number: int
@@ -52,15 +44,15 @@ class Detected(NamedTuple):
 
 @dataclass(frozen=True)
 class Candidate:
-    """A pattern that a residual is asked for.
+    """A candidate regressor.
 
     Attributes
     ----------
     columns : ndarray, shape (residuals, k)
     kind : str
-        Of several of one kind only the clearest is told.
+        Of several candidates of one kind, only the one with the largest margin is detected.
     later : bool
-        Asked only when the residual follows no other any more.
+        True if it is tested only when the residual follows no other any more.
     """
 
     columns: Array
@@ -69,126 +61,120 @@ class Candidate:
 
 
 def detect_regressors(
-    residual: Array, jacobian: Array, lengths: Sequence[int], questions: Sequence[Candidate], level: float
+    residual: Array,
+    jacobian: Array,
+    lengths: Sequence[int],
+    candidates: Sequence[Candidate],
+    level: float,
+    options: RegressorOptions = REGRESSOR_DEFAULTS,
 ) -> list[Detected]:
-    """Patterns that the residual follows, the clearest first, each beside those before it.
+    """Detect the regressors that the residual follows, the clearest first, each beside those before it.
 
     Parameters
     ----------
     residual : ndarray, shape (residuals,)
-        Of a least-squares fit.
+        Residual of a least-squares fit.
     jacobian : ndarray, shape (residuals, P)
-        What the fit has freed it from.
+        Derivatives by the estimated parameters, of which the residual is free.
     lengths : sequence of int
-        Of the stretches (one per recording and output) that residuals are correlated within.
-    questions : sequence of Candidate
+        Samples of each segment; residuals are correlated within a segment.
+    candidates : sequence of Candidate
     level : float
         Probability that noise follows any of them.
+    options : RegressorOptions
 
     Notes
     -----
-    Of every pattern that explains at least 1 % of the residual, what it leaves is taken for noise, an autoregression;
-    residual and pattern are whitened by it and freed from the whitened Jacobian. Twice the logarithm of the likelihood
-    ratio is compared with Fisher's distribution, over all patterns together (Bonferroni); its degrees of freedom are
-    those of the noise's spectrum where the pattern is, for slow patterns in slow noise a few dozen (Satterthwaite, as
-    for the parameters' intervals), and with few of them the ratio counts for less, by a factor found by simulation.
+    A regressor that explains at least 1 % of the residual is tested. What it leaves is noise, an autoregression, by
+    which residual and regressor are whitened and freed from the whitened Jacobian. Twice the logarithm of the
+    likelihood ratio has Fisher's distribution, for all candidates together (Bonferroni). Its degrees of freedom are
+    those of the noise's spectrum where the regressor is: for slow regressors in slow noise a few dozen (Satterthwaite,
+    as for the intervals). With few of them the critical value is larger, by a factor found by simulation.
     """
     found: list[Detected] = []
-    left, known = residual, jacobian
-    while len(found) < _MOST:
-        told = {questions[f.number].kind for f in found}
-        rest = _Rest.of(left, known, lengths, level / len(questions))
-        shares = {k: rest.share(q.columns) for k, q in enumerate(questions) if q.kind not in told}
-        worth = sorted((k for k in shares if shares[k] >= _MATERIAL), key=lambda k: -shares[k])[:_ASKED]
-        clear = {k: rest.clear(questions[k].columns, exact=False)[0] for k in worth}
-        order = sorted((k for k in worth if clear[k] > 1.0), key=lambda k: (questions[k].later, -clear[k]))
-        for k in order:
-            sure, coefficients = rest.clear(questions[k].columns, exact=True)
-            if sure > 1.0:
-                found.append(Detected(k, coefficients, shares[k], sure))
-                break
-        else:
+    remaining, known = residual, jacobian
+    while len(found) < options.max_detected:
+        kinds = {candidates[f.number].kind for f in found}
+        test = _ScoreTest.of(remaining, known, lengths, level / len(candidates), options)
+        detected = test.first_detected({k: c for k, c in enumerate(candidates) if c.kind not in kinds})
+        if detected is None:
             break
-        columns = questions[found[-1].number].columns
-        left, known = left - columns @ found[-1].coefficients, np.column_stack([known, columns])
+        found.append(detected)
+        columns = candidates[detected.number].columns
+        remaining, known = remaining - columns @ detected.coefficients, np.column_stack([known, columns])
     return found
 
 
 @dataclass(frozen=True)
-class _Rest:
-    """What is left of a residual beside what is known."""
+class _ScoreTest:
+    """Residual, freed from the `known` columns, with which candidates are tested at a level."""
 
-    free: Array
+    residual: Array
     known: Array
-    base: Array
+    basis: Array
     lengths: Sequence[int]
     level: float
+    options: RegressorOptions
 
     @classmethod
-    def of(cls, residual: Array, known: Array, lengths: Sequence[int], level: float) -> _Rest:
-        base = _base(known)
-        return cls(residual - base @ (base.T @ residual), known, base, lengths, level)
+    def of(
+        cls, residual: Array, known: Array, lengths: Sequence[int], level: float, options: RegressorOptions
+    ) -> _ScoreTest:
+        basis = orthonormal_basis(known)
+        return cls(residual - basis @ (basis.T @ residual), known, basis, lengths, level, options)
 
-    def new(self, columns: Array) -> Array:
-        """Base of the part of a pattern that is new."""
+    def first_detected(self, candidates: dict[int, Candidate]) -> Detected | None:
+        """Candidate that is significant by the corrected noise, in the order of the margins by the plain noise."""
+        shares = {k: self.share(c.columns) for k, c in candidates.items()}
+        material = [k for k in shares if shares[k] >= self.options.min_share]
+        examined = sorted(material, key=lambda k: -shares[k])[: self.options.max_examined]
+        margins = {k: self.margin(candidates[k].columns, corrected=False)[0] for k in examined}
+        significant = [k for k in examined if margins[k] > 1.0]
+        for k in sorted(significant, key=lambda k: (candidates[k].later, -margins[k])):
+            margin, coefficients = self.margin(candidates[k].columns, corrected=True)
+            if margin > 1.0:
+                return Detected(k, coefficients, shares[k], margin)
+        return None
+
+    def new_basis(self, columns: Array) -> Array:
+        """Orthonormal basis of the part of the columns that is not known."""
         size = np.linalg.norm(columns, axis=0)
         unit = columns / np.where(size > 0.0, size, 1.0)
-        part = unit - self.base @ (self.base.T @ unit)
-        return _base(part) if np.all(np.linalg.norm(part, axis=0) > _NEW) else np.zeros((len(columns), 0))
+        part = unit - self.basis @ (self.basis.T @ unit)
+        new = np.all(np.linalg.norm(part, axis=0) > self.options.min_new)
+        return orthonormal_basis(part) if new else np.zeros((len(columns), 0))
 
     def share(self, columns: Array) -> float:
-        """Part of the sum of squares that a pattern explains."""
-        new = self.new(columns)
-        return float(np.square(new.T @ self.free).sum() / max(float(self.free @ self.free), 1e-300))
+        """Part of the sum of squares that the columns explain."""
+        new = self.new_basis(columns)
+        return float(np.square(new.T @ self.residual).sum() / positive(float(self.residual @ self.residual)))
 
-    def clear(self, columns: Array, *, exact: bool) -> tuple[float, Array]:
-        """Log-likelihood ratio over what it has to exceed, and coefficients; `exact` frees the noise from the fit."""
-        new = self.new(columns)
-        noise = self.free - new @ (new.T @ self.free)
-        if exact:
+    def margin(self, columns: Array, *, corrected: bool) -> tuple[float, Array]:
+        """Log-likelihood ratio over its critical value, and coefficients; `corrected` noise is freed from the fit."""
+        new = self.new_basis(columns)
+        noise = self.residual - new @ (new.T @ self.residual)
+        if corrected:
             models = noise_models(noise, np.column_stack([self.known, columns]), self.lengths)
         else:
-            models = tuple(autoregression(part) for part in np.split(noise, np.cumsum(self.lengths)[:-1]))
-        size = np.linalg.norm(columns, axis=0)
-        together = np.column_stack([self.free, columns / size, self.known])
-        white = _white(together, models, self.lengths)
-        count = columns.shape[1]
-        K = _base(white[:, 1 + count :])
+            models = tuple(autoregression(part) for part in split_segments(noise, self.lengths))
+        size, count = np.linalg.norm(columns, axis=0), columns.shape[1]
+        white = whiten(np.column_stack([self.residual, columns / size, self.known]), models, self.lengths)
+        K = orthonormal_basis(white[:, 1 + count :])
         e, X = (part - K @ (K.T @ part) for part in (white[:, 0], white[:, 1 : 1 + count]))
-        coefficients, *_ = np.linalg.lstsq(X, e, rcond=_RANK)
-        after, before = float(np.square(e - X @ coefficients).sum()), float(e @ e)
-        found = len(X) * float(np.log(max(before, 1e-300) / max(after, 1e-300)))
-        if found <= chi2.isf(self.level, count):
+        coefficients, *_ = np.linalg.lstsq(X, e, rcond=RANK_TOLERANCE)
+        statistic = len(X) * log_ratio(float(e @ e), float(np.square(e - X @ coefficients).sum()))
+        if statistic <= chi2.isf(self.level, count):
             return 0.0, coefficients / size
         degrees = self._degrees(X, models)
-        swollen = min(1.0 + _SWELLING / degrees, _MOST_SWOLLEN)
-        return found / (swollen * count * float(fisher.isf(self.level, count, degrees))), coefficients / size
+        inflation = min(1.0 + self.options.inflation / degrees, self.options.max_inflation)
+        return statistic / (inflation * count * float(fisher.isf(self.level, count, degrees))), coefficients / size
 
     def _degrees(self, X: Array, models: Sequence[Autoregression]) -> float:
-        """Degrees of freedom of the noise's spectrum where the whitened patterns `X` are."""
-        total, doubt = np.zeros(X.shape[1]), np.zeros(X.shape[1])
-        for model, part in zip(models, np.split(X, np.cumsum(self.lengths)[:-1]), strict=True):
+        """Degrees of freedom of the noise's spectrum at the whitened regressors `X`."""
+        total, uncertainty = np.zeros(X.shape[1]), np.zeros(X.shape[1])
+        for model, part in zip(models, split_segments(X, self.lengths), strict=True):
             weights = lfilter(model.a, [1.0], part[::-1], axis=0)[::-1] / max(model.variance, np.finfo(float).tiny)
-            variance, uncertain = model.variance_of_sums(weights)
+            variance, log_variance = model.variance_of_sums(weights)
             total += variance
-            doubt += variance**2 * uncertain
-        return max(2.0 / max(float(np.max(doubt / total**2)), np.finfo(float).tiny), 1.0)
-
-
-def _white(x: Array, models: Sequence[Autoregression], lengths: Sequence[int]) -> Array:
-    parts = np.split(x, np.cumsum(lengths)[:-1])
-    white = [
-        lfilter(m.a, [1.0], part, axis=0) / np.sqrt(max(m.variance, np.finfo(float).tiny))
-        for m, part in zip(models, parts, strict=True)
-    ]
-    return np.asarray(np.concatenate(white))
-
-
-def _base(J: Array) -> Array:
-    """Orthonormal base of the columns, shape (residuals, rank)."""
-    size = np.linalg.norm(J, axis=0)
-    J = J[:, size > 0.0] / size[size > 0.0]
-    if not J.shape[1]:
-        return np.asarray(J)
-    U, s, _ = np.linalg.svd(J, full_matrices=False)
-    return np.asarray(U[:, s > _RANK * s[0]])
+            uncertainty += variance**2 * log_variance
+        return max(2.0 / max(float(np.max(uncertainty / total**2)), np.finfo(float).tiny), 1.0)

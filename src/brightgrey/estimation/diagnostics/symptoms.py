@@ -1,4 +1,4 @@
-"""Symptoms: what an engineer would be told of a fit that is not right yet, and what to try."""
+"""Symptoms: signs in a fit that the model is not right yet, and what to try."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import DAMPING, Effect, Scales, registry
+from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS, DiagnosticOptions, PeakOptions
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.residual_regressors import (
     DRIFT,
@@ -19,16 +20,13 @@ from brightgrey.estimation.diagnostics.residual_regressors import (
     motions,
 )
 from brightgrey.estimation.diagnostics.residual_tests import Candidate, Detected, detect_regressors
-from brightgrey.estimation.diagnostics.spectral_peaks import peak
+from brightgrey.estimation.diagnostics.spectral_peaks import Peak, highest_peak
 from brightgrey.estimation.diagnostics.torque_patterns import TORQUE_PATTERNS, SimulatedMotion, TorquePattern
+from brightgrey.estimation.problem.segments import segments, split_recordings
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 
 __all__ = ["Symptom", "symptoms"]
-
-_LEVEL = 0.01  # chance of a symptom by residuals that follow nothing, and the same of a peak
-_LATE = 2.0  # sampling intervals from which a lag is large
-_HALF = (0.3, 0.7)  # of a sampling interval: what may be half a sample
 
 
 @dataclass(frozen=True)
@@ -39,213 +37,220 @@ class Symptom:
     ----------
     title : str
         A few words.
-    seen : str
+    observation : str
         What the recording shows; one sentence without its full stop.
     advice : str
         What to try; one sentence without its full stop.
     """
 
     title: str
-    seen: str
+    observation: str
     advice: str
 
 
-def symptoms(ended: FitContext, scales: Scales) -> tuple[Symptom, ...]:
+def symptoms(
+    context: FitContext, scales: Scales, options: DiagnosticOptions = DIAGNOSTIC_DEFAULTS
+) -> tuple[Symptom, ...]:
     """Symptoms of a fit: of its parameters, then of its residual.
 
     Parameters
     ----------
-    ended : FitContext
+    context : FitContext
         Its residual is that of its best values.
     scales : Scales
-        Of the recordings.
+        Scales of the recordings.
+    options : DiagnosticOptions
 
     Notes
     -----
     A residual that follows nothing gives a symptom in about 1 % of all fits, and a peak in about as many
     (`bench/symptoms.py`).
     """
-    values = dict(zip(ended.search.names, ended.best.values.tolist(), strict=True)) | dict(ended.search.fixed)
-    structure = ended.problem.structure
-    found = [*_another_mass(structure, values, ended, scales), *_faded(structure, values, ended, scales)]
-    residual = ended.best.residual
-    if not np.isfinite(ended.best.cost) or not residual.any():
+    values = context.space.by_name(context.best.values)
+    found = [*_missing_mass(context, values, scales, options), *_negligible_effects(context, values, scales)]
+    if not np.isfinite(context.best.cost) or not context.best.residual.any():
         return tuple(found)
-    named = {name: np.array([value]) for name, value in values.items()}
-    return (*found, *_peaks(ended, named), *_followed(ended, named, scales))
+    arrays = context.space.named(context.best.values[:, None])
+    return (*found, *_peaks(context, arrays, options), *_detected(context, arrays, scales, options))
 
 
 # --- parameters ---
 
 
-def _another_mass(
-    structure: Structure, values: Mapping[str, float], ended: FitContext, scales: Scales
+def _missing_mass(
+    context: FitContext, values: Mapping[str, float], scales: Scales, options: DiagnosticOptions
 ) -> list[Symptom]:
-    """Damping at its bound together with a large delay."""
-    at = ended.estimates.by_name
+    """Damping at its bound together with a large lag."""
+    structure, estimates = context.problem.structure, context.estimates.by_name
     dampings = [
         p.parameter(q.symbol)
         for p in structure.placed
         for q in p.effect.parameters
         if p.effect.masses and q.dimension == DAMPING
     ]
-    late = [name for name, q in structure.parameters.items() if q.lag and values[name] > _LATE * scales.interval]
-    limited = [name for name in dampings if name in at and at[name].at_bound]
-    if not limited or not late:
+    large = options.large_lag * scales.interval
+    lags = [name for name, q in structure.parameters.items() if q.lag and values[name] > large]
+    at_bound = [name for name in dampings if name in estimates and estimates[name].at_bound]
+    if not at_bound or not lags:
         return []
-    sides = ", ".join(f"{name} is at its {at[name].at_bound} bound" for name in limited)
-    lags = " and ".join(f"{name} = {values[name]:.3g} s" for name in late)
-    return [Symptom("Another mass suspected", f"{sides}, and {lags} is large", _more_masses(structure))]
+    sides = ", ".join(f"{n} is at its {'lower' if estimates[n].at_bound == 'low' else 'upper'} bound" for n in at_bound)
+    large_lags = " and ".join(f"{name} = {values[name]:.3g} s" for name in lags)
+    observation = f"{sides}, and {large_lags} is large"
+    return [Symptom("Another mass suspected", observation, _one_more_mass(structure))]
 
 
-def _more_masses(structure: Structure) -> str:
+def _one_more_mass(structure: Structure) -> str:
     more = next((e.name for e in registry().values() if e.masses == structure.masses + 1), None)
-    return f"try {more}: one more mass swings and lags" if more else "no effect has more masses than this one"
+    return f"try {more}: one more mass oscillates and lags" if more else "no effect has more masses than this one"
 
 
-def _faded(structure: Structure, values: Mapping[str, float], ended: FitContext, scales: Scales) -> list[Symptom]:
-    """Effects whose size ran to its bound below anything that matters."""
+def _negligible_effects(context: FitContext, values: Mapping[str, float], scales: Scales) -> list[Symptom]:
+    """Effects whose size is at its lower bound, below any relevant size."""
     found = []
-    for placed in structure.placed:
+    for placed in context.problem.structure.placed:
         if placed.effect.masses:
             continue
-        gone = [
+        negligible = [
             name
             for name, size in placed.relevant_size(scales, values).items()
-            if name in ended.estimates.by_name
-            and ended.estimates.by_name[name].at_bound == "low"
+            if name in context.estimates.by_name
+            and context.estimates.by_name[name].at_bound == "low"
             and 0.0 <= values[name] < size
         ]
-        if gone:
-            text = f"{', '.join(gone)} ran to the low bound, below any size that matters"
-            found.append(Symptom(f"{placed.effect.title} has faded away", text, f"leave {placed} out"))
+        if negligible:
+            observation = f"{', '.join(negligible)} is at its lower bound, below any relevant size"
+            found.append(Symptom(f"{placed.effect.title} is negligible", observation, f"leave {placed} out"))
     return found
 
 
 # --- residuals ---
 
 
-def _peaks(ended: FitContext, named: Mapping[str, Array]) -> list[Symptom]:
-    """The highest peak of every output of every recording that has one; of several within 10 % only the highest."""
-    found, begin = [], 0
-    problem, f_tanh = ended.problem, ended.settings.f_tanh
-    moved = motions(problem, named, ended.settings)
-    count = sum(len(r.outputs) for r in problem.recordings)
-    for r, motion in zip(problem.recordings, moved, strict=True):
-        for signal in r.outputs:
-            e = ended.best.residual[begin : begin + r.samples]
-            begin += r.samples
-            hit = peak(e, r.u, _sides(motion, f_tanh), r.dt, _LEVEL / count)
-            if hit is not None:
-                found.append((hit, signal.name))
+def _peaks(context: FitContext, values: Mapping[str, Array], options: DiagnosticOptions) -> list[Symptom]:
+    """Highest peak of every segment; of several at about the same frequency, only the highest."""
+    problem, f_tanh = context.problem, context.settings.f_tanh
+    moved = motions(problem, values, context.settings)
+    level, found = options.symptom_level / len(problem.segment_lengths), []
+    for (r, errors), motion in zip(split_recordings(context.best.residual, problem.recordings), moved, strict=True):
+        for signal, error in zip(r.outputs, errors, strict=True):
+            peak = highest_peak(error, r.u, _periodic_signals(motion, f_tanh), r.dt, level)
+            if peak is not None:
+                found.append((peak, signal.name))
     found.sort(key=lambda pair: -pair[0].ratio)
     kept: list[Symptom] = []
-    told: list[float] = []
-    for hit, name in found:
-        if any(abs(hit.frequency / f - 1.0) < 0.1 for f in told):
-            continue
-        told.append(hit.frequency)
-        seen = (
-            f"the residual of {name} has a peak at {hit.frequency:.3g} Hz,"
-            f" {10.0 * np.log10(hit.ratio):.0f} dB above its surroundings"
-        )
-        if hit.coherent:
-            advice = f"{_more_masses(ended.problem.structure)}; it hangs together with the input there"
-        else:
-            advice = (
-                "it does not hang together with the input there: look for a vibration or hum from elsewhere,"
-                f" or {_more_masses(ended.problem.structure)}"
-            )
-        kept.append(Symptom("Peak in the residual", seen, advice))
+    reported: list[float] = []
+    for peak, name in found:
+        if not any(abs(peak.frequency / f - 1.0) < PeakOptions().same_frequency for f in reported):
+            reported.append(peak.frequency)
+            kept.append(_peak_symptom(peak, name, problem.structure))
     return kept
 
 
-def _sides(motion: SimulatedMotion, f_tanh: float) -> list[Array]:
-    """What makes lines in a spectrum beside the input: reversals."""
+def _peak_symptom(peak: Peak, name: str, structure: Structure) -> Symptom:
+    observation = (
+        f"the residual of {name} has a peak at {peak.frequency:.3g} Hz,"
+        f" {10.0 * np.log10(peak.ratio):.0f} dB above the neighbouring frequencies"
+    )
+    more = _one_more_mass(structure)
+    advice = (
+        f"{more}; the residual is coherent with the input at this frequency"
+        if peak.coherent
+        else f"the residual is not coherent with the input there: look for a vibration or hum from elsewhere, or {more}"
+    )
+    return Symptom("Peak in the residual", observation, advice)
+
+
+def _periodic_signals(motion: SimulatedMotion, f_tanh: float) -> list[Array]:
+    """Signals that make lines in a spectrum beside the input: reversals and the speed."""
     if not np.isfinite(motion.speed).all():
         return []
-    side = np.tanh(f_tanh * motion.speed)
-    return [side, side**2, motion.speed]
+    direction = np.tanh(f_tanh * motion.speed)
+    return [direction, direction**2, motion.speed]
 
 
-def _followed(ended: FitContext, named: Mapping[str, Array], scales: Scales) -> list[Symptom]:
-    """Patterns that the residual follows."""
-    problem, best = ended.problem, ended.best
-    asked = candidate_regressors(problem, named, ended.settings, scales, best.residual)
-    lengths = [r.samples for r in problem.recordings for _ in r.outputs]
-    questions = [Candidate(s.columns, s.kind, later=not s.described) for s in asked]
-    hits = detect_regressors(best.residual, best.jacobian, lengths, questions, _LEVEL)
+def _detected(
+    context: FitContext, values: Mapping[str, Array], scales: Scales, options: DiagnosticOptions
+) -> list[Symptom]:
+    """Regressors that the residual follows."""
+    problem, best = context.problem, context.best
+    regressors = candidate_regressors(problem, values, context.settings, scales, best.residual)
+    candidates = [Candidate(s.columns, s.kind, later=not s.described) for s in regressors]
+    hits = detect_regressors(best.residual, best.jacobian, problem.segment_lengths, candidates, options.symptom_level)
     found = []
     for hit in hits:
-        kind = asked[hit.number].kind
+        kind = regressors[hit.number].kind
         effect = registry().get(kind)
         if effect is not None:
-            found.append(_missing(effect, hit))
+            found.append(_missing_effect(effect, hit))
         elif kind == RESONANCE:
-            found.append(_swings(hit, asked[hit.number].frequency, problem.structure))
+            found.append(_resonance(hit, regressors[hit.number].frequency, problem.structure))
+        elif kind == TIME_SHIFT:
+            found.append(_time_shift(hit, problem.recordings, options))
         else:
-            found.append(_SAID[kind](hit, problem.recordings))
+            found.append(_SYMPTOM_OF[kind](hit, problem.recordings))
     return found
 
 
 def _explains(hit: Detected) -> str:
     share = 1.0 - np.sqrt(max(1.0 - hit.share, 0.0))
-    return f"{100.0 * share:.2g} % of the residual"
+    return f"explains {100.0 * share:.2g} % of the residual"
 
 
-def _missing(effect: Effect, hit: Detected) -> Symptom:
+def _missing_effect(effect: Effect, hit: Detected) -> Symptom:
     return Symptom(
         f"{effect.title} suspected",
-        f"the residual follows {effect.residual_signature}, which explains {_explains(hit)}",
+        f"the residual follows {effect.residual_signature}, which {_explains(hit)}",
         f"try {effect.name} as well, or search for the structure",
     )
 
 
-def _swings(hit: Detected, frequency: float, structure: Structure) -> Symptom:
-    seen = f"the residual follows what a resonance near {frequency:.2g} Hz makes of the input"
-    return Symptom("Resonance suspected", f"{seen}, which explains {_explains(hit)}", _more_masses(structure))
+def _resonance(hit: Detected, frequency: float, structure: Structure) -> Symptom:
+    observation = f"the residual follows the response of a resonance near {frequency:.2g} Hz to the input"
+    return Symptom("Resonance suspected", f"{observation}, which {_explains(hit)}", _one_more_mass(structure))
 
 
 def _torque_pattern(pattern: TorquePattern, hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
-    seen = f"the residual follows {pattern.follows}, which explains {_explains(hit)}"
-    return Symptom(pattern.title, seen, pattern.advice)
+    observation = f"the residual follows {pattern.follows}, which {_explains(hit)}"
+    return Symptom(pattern.title, observation, pattern.advice)
 
 
 def _drift(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
-    begins = [(r, signal) for r in recordings for signal in r.outputs]
-    (r, signal), slope = max(zip(begins, hit.coefficients, strict=True), key=lambda pair: abs(float(pair[1])))
+    parts, coefficients = list(segments(recordings)), hit.coefficients.tolist()
+    part, slope = max(zip(parts, coefficients, strict=True), key=lambda pair: abs(float(pair[1])))
+    signal = part.recording.outputs[part.output]
     change = f"{-float(slope) * signal.factor:.2g} {signal.unit}"
     return Symptom(
         "Drift",
-        f"{signal.name} of {r.name} drifts by {change} from begin to end against the model",
+        f"{signal.name} of {part.recording.name} drifts by {change} from begin to end, relative to the model",
         "look for a drift of the sensor, or friction that changes while the drive warms up; a shorter --window helps",
     )
 
 
-def _late(hit: Detected, recordings: tuple[Recording, ...]) -> Symptom:
+def _time_shift(hit: Detected, recordings: tuple[Recording, ...], options: DiagnosticOptions) -> Symptom:
     late, dt = float(hit.coefficients[0]), min(r.dt for r in recordings)
-    kinds = {signal.kind for r in recordings for signal in r.outputs}
-    names = ", ".join(e.name for e in registry().values() if any(p.lag for p in e.parameters))
     if late < 0.0:
         return Symptom(
             "Output comes early",
-            f"the outputs come {-late:.2g} s before what the input explains",
+            f"the outputs come {-late:.2g} s earlier than the input explains",
             "check the time stamps: input and output were not sampled together",
         )
-    seen = f"the outputs come {late:.2g} s ({late / dt:.2g} samples) late, which explains {_explains(hit)}"
-    if late < dt:
-        causes = [
-            *(["--hold zoh (an input held between samples)"] if any(r.hold == "linear" for r in recordings) else []),
-            *(["velocity-differenced (a velocity made from positions)"] if "velocity" in kinds else []),
-        ]
-        half = _HALF[0] * dt < late < _HALF[1] * dt
-        how = f"half a sample looks like {' or '.join(causes)}" if half and causes else "this is sampling, no evidence"
-        return Symptom("Late by less than a sample", seen, how)
-    return Symptom("Delay suspected", seen, f"try {names}")
+    observation = f"the outputs come {late:.2g} s ({late / dt:.2g} samples) late, which {_explains(hit)}"
+    if late >= dt:
+        names = ", ".join(e.name for e in registry().values() if any(p.lag for p in e.parameters))
+        return Symptom("Delay suspected", observation, f"try {names}")
+    kinds = {signal.kind for r in recordings for signal in r.outputs}
+    causes = [
+        *(["--hold zoh (an input held between samples)"] if any(r.hold == "linear" for r in recordings) else []),
+        *(["velocity-differenced (a velocity made from positions)"] if "velocity" in kinds else []),
+    ]
+    low, high = options.half_sample
+    advice = "sampling explains it, so it is no evidence of a lag"
+    if causes and low * dt < late < high * dt:
+        advice = f"half a sample looks like {' or '.join(causes)}"
+    return Symptom("Late by less than a sample", observation, advice)
 
 
-_SAID: Mapping[str, Callable[[Detected, tuple[Recording, ...]], Symptom]] = {
+_SYMPTOM_OF: Mapping[str, Callable[[Detected, tuple[Recording, ...]], Symptom]] = {
     **{pattern.name: partial(_torque_pattern, pattern) for pattern in TORQUE_PATTERNS},
     DRIFT: _drift,
-    TIME_SHIFT: _late,
 }

@@ -24,7 +24,7 @@ class SimulatedMotion:
     position: Array
 
     def relative_position(self) -> Array:
-        """Position between -1 and 1 over the way of the recording."""
+        """Position between -1 and 1 over the travel of the recording."""
         middle = 0.5 * (self.position.max() + self.position.min())
         return np.asarray((self.position - middle) / max(0.5 * float(np.ptp(self.position)), np.finfo(float).tiny))
 
@@ -61,7 +61,7 @@ TORQUE_PATTERNS = (
         lambda m, sign, scales: (sign**2, sign * m.speed / scales.speed),
         "Friction depends on the direction",
         "a torque that acts in motion only and in one direction",
-        "no effect describes it; constant torque takes a part of it, and friction near standstill is doubtful",
+        "no effect describes it; constant torque takes a part of it, and friction near standstill is uncertain",
     ),
     TorquePattern(
         "square of speed",
@@ -75,7 +75,7 @@ TORQUE_PATTERNS = (
         lambda m, sign, scales: (sign * m.relative_position(), sign**2 * m.relative_position()),
         "Torque or friction depends on the position",
         "the position",
-        "no effect describes it (cables, springs, a misaligned guide); keep to the part of the way that matters",
+        "no effect describes it (cables, springs, a misaligned guide); record only the part of the travel in use",
     ),
 )
 """All patterns that are tried, in the order in which symptoms are named."""

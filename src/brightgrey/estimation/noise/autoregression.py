@@ -1,7 +1,8 @@
-"""Coloured noise as an autoregression: orders, coefficients, autocovariance, and products with it."""
+"""Autoregressive models of coloured noise: estimation, autocovariance, and variances of weighted sums."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,24 +10,54 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import solve_toeplitz
 
 from brightgrey.arrays import Array
+from brightgrey.estimation.noise.orthonormal_basis import orthonormal_basis
+from brightgrey.estimation.problem.segments import split_segments
 
-__all__ = ["Autoregression", "autoregression", "burg", "lag_sums", "levinson", "times_autocovariance"]
+__all__ = [
+    "Autoregression",
+    "NoiseModelOptions",
+    "autoregression",
+    "burg",
+    "lag_sums",
+    "levinson",
+    "noise_models",
+    "times_autocovariance",
+]
 
-_RIDGE = 1e-9  # what no model explains of a signal's power: below it are the digits of a pure line, and poles of size 1
-_FEW = 64  # lags that are summed faster one by one
-_ROOM = 8  # the autocovariance is taken from a spectrum of so many times the length: what wraps around has decayed
+_RELATIVE_VARIANCE_FLOOR = 1e-9  # of a signal's power; a smaller innovation is rounding of a pure line
+_DIRECT_LAGS = 64  # up to so many lags, sums lag by lag are faster than a Fourier transform
+_SPECTRUM_LENGTH = 8  # times the lags of an autocovariance: what wraps around has decayed by then
+
+
+@dataclass(frozen=True)
+class NoiseModelOptions:
+    """Options of :func:`noise_models`.
+
+    Attributes
+    ----------
+    corrections : int
+        Rounds that correct the autocovariance for what the fit has absorbed; the fourth changes it by less than 1 %.
+    rank_tolerance : float
+        Singular values of the Jacobian below this part of the largest count as zero.
+    """
+
+    corrections: int = 5
+    rank_tolerance: float = 1e-10
+
+
+NOISE_MODEL_DEFAULTS = NoiseModelOptions()
 
 
 @dataclass(frozen=True)
 class Autoregression:
-    """``e[t] + a[1] e[t-1] + ... + a[p] e[t-p] = w[t]`` with white w.
+    """Noise model ``e[t] + a[1] e[t-1] + ... + a[p] e[t-p] = w[t]`` with white w.
 
     Attributes
     ----------
     a : tuple of float
-        1 and the p coefficients.
+        The number 1 and the p coefficients.
     variance : float
-        Of w.
+        Variance of w, in the squared unit of e.
     """
 
     a: tuple[float, ...]
@@ -34,68 +65,75 @@ class Autoregression:
 
     @property
     def order(self) -> int:
-        """Order p; 0 is white noise."""
+        """Order p; white noise has order 0."""
         return len(self.a) - 1
 
     def autocovariance(self, count: int) -> Array:
         """Autocovariance of e at lags 0 to ``count - 1``."""
-        length = next_fast_len(_ROOM * count, real=True)
+        length = next_fast_len(_SPECTRUM_LENGTH * count, real=True)
         spectrum = self.variance / np.abs(rfft(self.a, length)) ** 2
         return np.asarray(irfft(spectrum, length)[:count])
 
     def effective_samples_mean(self, samples: int) -> float:
-        """Number of independent samples whose mean is as sure as that of `samples` of this noise, at most those."""
+        """Number of independent samples whose mean has the variance of the mean of `samples` of this noise.
+
+        It is at most `samples`.
+        """
         if self.variance == 0.0:
             return float(samples)
-        longest = self.variance / sum(self.a) ** 2
-        return float(min(samples * self.autocovariance(samples)[0] / longest, samples))
+        at_frequency_zero = self.variance / sum(self.a) ** 2
+        return float(min(samples * self.autocovariance(samples)[0] / at_frequency_zero, samples))
 
     def effective_samples_variance(self, samples: int) -> float:
-        """Number of independent samples that tell a variance as well: ``samples / (1 + 2 sum of rho^2)``."""
+        """Number of independent samples that give a variance with the same uncertainty as `samples` of this noise.
+
+        It is ``samples / (1 + 2 sum of rho^2)`` with the autocorrelation rho.
+        """
         c = self.autocovariance(samples)
         return samples / (1.0 + 2.0 * float(np.square(c[1:] / c[0]).sum())) if c[0] > 0.0 else float(samples)
 
     def variance_of_sums(self, g: Array) -> tuple[Array, Array]:
-        """Variances of ``sum g e`` and how uncertain they are if this model was estimated from as many samples.
+        """Variances of ``sum g e``, and their uncertainty if this model was estimated from as many samples.
 
         Parameters
         ----------
         g : ndarray, shape (samples, P)
-            Weights.
+            Weights g.
 
         Returns
         -------
         variance : ndarray, shape (P,)
-        doubt : ndarray, shape (P,)
-            Variance of the variance's logarithm: the coefficients scatter with ``variance R^-1 / samples`` (R is
-            the Toeplitz matrix of p autocovariances) and move the spectrum at the frequencies that g weighs.
+        log_variance : ndarray, shape (P,)
+            Variance of the logarithm of `variance`. The coefficients scatter with ``variance R^-1 / samples``, where R
+            is the Toeplitz matrix of p autocovariances, and move the spectrum at the frequencies of g.
         """
         n = len(g)
         length = next_fast_len(2 * n, real=True)
         response = rfft(self.a, length)
         share = np.abs(rfft(g, length, axis=0)) ** 2 / np.abs(response[:, None]) ** 2
         total = np.maximum(share.sum(axis=0), np.finfo(float).tiny)
-        doubt = np.full(g.shape[1], 2.0 / n)
+        log_variance = np.full(g.shape[1], 2.0 / n)
         if self.order and self.variance > 0.0:
-            turns = np.exp(-2j * np.pi * np.arange(len(response)) / length)[:, None] ** np.arange(1, self.order + 1)
-            slopes = -2.0 * (turns / response[:, None]).real.T @ (share / total)
+            delays = np.exp(-2j * np.pi * np.arange(len(response)) / length)[:, None] ** np.arange(1, self.order + 1)
+            slopes = -2.0 * (delays / response[:, None]).real.T @ (share / total)
             column = self.autocovariance(n)[: self.order] / self.variance
-            column[0] *= 1.0 + _RIDGE
+            column[0] *= 1.0 + _RELATIVE_VARIANCE_FLOOR
             inverse = solve_toeplitz(column, slopes)
-            doubt = doubt + np.maximum(np.sum(slopes * inverse, axis=0), 0.0) / n
-        return total * self.variance * 2.0 / length, doubt
+            log_variance = log_variance + np.maximum(np.sum(slopes * inverse, axis=0), 0.0) / n
+        return total * self.variance * 2.0 / length, log_variance
 
 
 def burg(x: Array, highest: int) -> list[Autoregression]:
-    """Autoregressions of orders 0 to `highest` by Burg's method (Burg 1975; Kay 1988, section 7.5).
+    """Estimate autoregressions of orders 0 to `highest` by Burg's method (Burg 1975; Kay 1988, section 7.5).
 
-    They end at the order that leaves 1e-9 of the power: of a line or a ramp further ones tell rounding only.
+    The list ends early at the order that leaves 1e-9 of the power: of a pure line, further orders would fit rounding.
 
     Parameters
     ----------
     x : ndarray, shape (samples,)
-        Longer than `highest`.
+        Signal, longer than `highest`.
     highest : int
+        Largest order.
     """
     forward, backward = np.array(x, float), np.array(x, float)
     a, variance = np.ones(1), float(np.mean(np.square(x)))
@@ -104,24 +142,25 @@ def burg(x: Array, highest: int) -> list[Autoregression]:
         forward, backward = forward[1:], backward[:-1]
         size = float(forward @ forward + backward @ backward)
         reflection = -2.0 * float(forward @ backward) / size if size > 0.0 else 0.0
-        least = min(_RIDGE * found[0].variance / variance, 1.0) if variance > 0.0 else 1.0
-        whole = 1.0 - reflection**2 <= least
-        if whole:
+        least = min(_RELATIVE_VARIANCE_FLOOR * found[0].variance / variance, 1.0) if variance > 0.0 else 1.0
+        explained = 1.0 - reflection**2 <= least
+        if explained:
             reflection = float(np.copysign(np.sqrt(1.0 - least), reflection))
         a = np.append(a, 0.0)
         a = a + reflection * a[::-1]
         forward, backward = forward + reflection * backward, backward + reflection * forward
         variance *= 1.0 - reflection**2
         found.append(Autoregression(tuple(a.tolist()), variance))
-        if whole:
+        if explained:
             break
     return found
 
 
 def autoregression(x: Array) -> Autoregression:
-    """Autoregression of `x` by Burg's method, of the order with the least corrected AIC.
+    """Estimate the autoregression of `x` by Burg's method, of the order with the least corrected AIC.
 
-    (Hurvich and Tsai 1989, doi:10.1093/biomet/76.2.297.) Orders go up to 10 log10(samples), at most a quarter of them.
+    Orders go up to 10 log10(samples), at most a quarter of the samples (Hurvich and Tsai 1989,
+    doi:10.1093/biomet/76.2.297).
     """
     n = len(x)
     found = burg(x, min(int(10.0 * np.log10(n)), n // 4))
@@ -131,13 +170,16 @@ def autoregression(x: Array) -> Autoregression:
 
 
 def levinson(c: Array) -> Autoregression | None:
-    """Autoregression of order ``len(c) - 1`` with the autocovariances `c`; None if there is none that is stable."""
+    """Autoregression of order ``len(c) - 1`` with the autocovariances `c`, by the Levinson recursion.
+
+    None if no stable one exists.
+    """
     if not c[0] > 0.0:
         return None
     a, variance = np.ones(1), float(c[0])
     for m in range(1, len(c)):
         reflection = -float(a @ c[m:0:-1]) / variance
-        if not variance * (1.0 - reflection**2) > _RIDGE * c[0]:
+        if not variance * (1.0 - reflection**2) > _RELATIVE_VARIANCE_FLOOR * c[0]:
             return None
         a = np.append(a, 0.0)
         a = a + reflection * a[::-1]
@@ -146,7 +188,7 @@ def levinson(c: Array) -> Autoregression | None:
 
 
 def times_autocovariance(c: Array, X: Array) -> Array:
-    """Gamma X, shape as X (samples, P), for the Toeplitz matrix Gamma of the autocovariances c, shape (samples,)."""
+    """Multiply X, shape (samples, P), by the Toeplitz matrix of the autocovariances c, shape (samples,)."""
     n = len(c)
     length = next_fast_len(2 * n, real=True)
     ring = np.zeros(length)
@@ -157,10 +199,49 @@ def times_autocovariance(c: Array, X: Array) -> Array:
 
 
 def lag_sums(X: Array, Y: Array, count: int) -> Array:
-    """``sum_t sum_p X[t, p] Y[t + k, p]`` for lags k from 0 to ``count - 1``."""
+    """Sums ``sum_t sum_p X[t, p] Y[t + k, p]`` for lags k from 0 to ``count - 1``, shape (count,)."""
     n = len(X)
-    if count <= _FEW:
+    if count <= _DIRECT_LAGS:
         return np.array([np.einsum("tp,tp->", X[: n - k], Y[k:]) for k in range(count)])
     length = next_fast_len(2 * n, real=True)
     product = np.conj(rfft(X, length, axis=0)) * rfft(Y, length, axis=0)
     return np.asarray(irfft(product.sum(axis=1), length)[:count])
+
+
+def noise_models(
+    residual: Array, jacobian: Array, lengths: Sequence[int], options: NoiseModelOptions = NOISE_MODEL_DEFAULTS
+) -> tuple[Autoregression, ...]:
+    """Model the noise of every segment as an autoregression, corrected for what the fit has absorbed.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (residuals,)
+        Residual of a least-squares fit.
+    jacobian : ndarray, shape (residuals, P)
+        Derivatives of the residual by the estimated parameters.
+    lengths : sequence of int
+        Samples of each segment; residuals are correlated within a segment.
+    options : NoiseModelOptions
+
+    Notes
+    -----
+    Least squares leaves ``(1 - Q Q') e`` of the noise e, with Q an orthonormal basis of the Jacobian. Slow columns
+    absorb slow noise, so that residuals look whiter than the noise is. The expected sums of lagged products follow from
+    the autocovariance of the noise. So Burg's autocovariance is corrected by the difference and estimated again,
+    several times (the mean-corrected autocovariance of Kendall 1954, doi:10.1093/biomet/41.3-4.403).
+    """
+    parts = split_segments(residual[:, None], lengths)
+    models = [autoregression(part[:, 0]) for part in parts]
+    bases = split_segments(orthonormal_basis(jacobian, options.rank_tolerance), lengths)
+    if not bases[0].shape[1]:
+        return tuple(models)
+    sums = [lag_sums(part, part, m.order + 1) for part, m in zip(parts, models, strict=True)]
+    for _ in range(options.corrections):
+        coloured = [times_autocovariance(m.autocovariance(len(Q)), Q) for m, Q in zip(models, bases, strict=True)]
+        inner = np.sum([Q.T @ W for Q, W in zip(bases, coloured, strict=True)], axis=0)
+        for i, (Q, W, observed) in enumerate(zip(bases, coloured, sums, strict=True)):
+            count = len(observed)
+            absorbed = lag_sums(Q, W - Q @ inner, count) + lag_sums(W, Q, count)
+            corrected = levinson((observed + absorbed) / (len(Q) - np.arange(count)))
+            models[i] = corrected or models[i]
+    return tuple(models)

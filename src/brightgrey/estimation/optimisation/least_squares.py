@@ -1,4 +1,4 @@
-"""Bounded least squares on the simulation error: all starts side by side, derivatives in the same simulation."""
+"""Bounded least squares on the simulation error: many starts at once, with derivatives from the same simulation."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.arrays import Array
+from brightgrey.arrays import Array, positive
 from brightgrey.estimation.optimisation.levenberg_marquardt import NormalEquations, levenberg_marquardt_step
+from brightgrey.estimation.optimisation.options import LM_DEFAULTS, LMOptions, RacingOptions
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.simulation import Settings
@@ -27,42 +28,27 @@ __all__ = [
     "polish",
 ]
 
-_STEP = 1e-6  # of a forward difference, in the searched scale
-_FIRST_DAMPING = 1e-2
-_LAST_DIGITS = 1e-7  # tolerance of the final descent
-_FACTORS = (0.03, 0.3, 3.0, 30.0)  # of the last damping, that are tried
-_LEAST, _MOST = 1e-9, 1e12  # damping
-_FADING = 0.5  # per round, of what the damping is relative to where the derivatives have become smaller
-_CAP_LOG, _CAP_LINEAR = 2.0, 0.5  # longest step of a parameter: e^2 times, half of the range
-_HARDLY, _LITTLE = 1e-6, 0.1  # damping of the step that promises most; part of the tolerance that is not worth it
-_MUCH = 3.0  # times the tolerance: what is worth it of more damped steps; at bounds the least damped may be a bad one
-_QUIET = 2  # rounds in which the cost may fall by less than the tolerance
-_EARLY, _PATIENCE = 4, 8  # rounds before a start has to promise to arrive at all, and soon
-_WATCHED = 4  # rounds whose descent is counted on to go on
-_AHEAD = 10  # rounds of such descent within which a start has to reach the best one
-_EVERY = 4  # rounds between two looks for starts that have met
-_SAME_COST, _SAME_PLACE = 1e-2, 1e-3  # relative to the cost: two starts that have met
 SAME_OPTIMUM_RTOL = 5e-3
-"""Relative to the cost: two starts that have come to the same optimum."""
+"""Two starts have reached the same optimum if their costs differ by less than this part."""
 
 
 class OptimumWithJacobian(NamedTuple):
-    """Where a descent ended.
+    """Result of one fit, with residual and Jacobian.
 
     Attributes
     ----------
     values : ndarray, shape (P,)
-        SI.
+        Free parameters, SI.
     cost : float
         Sum of squared weighted residuals.
     converged : bool
     evaluations : int
         Batches of simulations.
     simulations : int
-        Parameter sets that were simulated.
+        Simulated parameter sets.
     residual : ndarray, shape (residuals,)
     jacobian : ndarray, shape (residuals, P)
-        Of the residuals by the parameters in the searched scale.
+        Derivatives of the residuals by the scaled parameters.
     """
 
     values: Array
@@ -75,20 +61,21 @@ class OptimumWithJacobian(NamedTuple):
 
 
 class Optimum(NamedTuple):
-    """Where one of many descents ended.
+    """Result of one of many fits.
 
     Attributes
     ----------
     values : ndarray, shape (P,)
-        SI.
+        Free parameters, SI.
     cost : float
+        Sum of squared weighted residuals.
     converged : bool
     evaluations : int
         Batches of simulations.
     simulations : int
-        Parameter sets that were simulated.
+        Simulated parameter sets.
     curvature : ndarray, shape (P, P)
-        J' J there, by the parameters in the searched scale.
+        J' J by the scaled parameters.
     """
 
     values: Array
@@ -99,60 +86,65 @@ class Optimum(NamedTuple):
     curvature: Array
 
 
-def neighbours(theta: Array, search: ParameterSpace) -> tuple[Array, Array]:
-    """Steps of the forward differences, away from the nearer bound, and SI values of start and neighbours.
+def neighbours(theta: Array, space: ParameterSpace, step: float = LM_DEFAULTS.difference_step) -> tuple[Array, Array]:
+    """Forward differences away from the nearer bound, for `theta` of shape (S, P) in the scaled space.
 
-    For `theta` of shape (S, P): shapes (S, P) and (P, S, 1 + P).
+    Returns
+    -------
+    ndarray, shape (S, P)
+        Steps in the scaled space.
+    ndarray, shape (P, S, 1 + P)
+        SI values of each start and its neighbours.
     """
-    low, high = search.box
-    steps = np.where(theta + _STEP <= high, _STEP, -_STEP)
-    steps = np.where((steps < 0) & (theta - _STEP < low), _STEP, steps)
+    low, high = space.box
+    steps = np.where(theta + step <= high, step, -step)
+    steps = np.where((steps < 0) & (theta - step < low), step, steps)
     count = theta.shape[1]
     sets = np.repeat(theta.T[:, :, None], 1 + count, axis=2)
     for i in range(count):
         sets[i, :, 1 + i] += steps[:, i]
-    log = search.log[:, None, None]
-    return steps, np.where(log, np.exp(np.where(log, sets, 0.0)), sets * search.width[:, None, None])
+    log = space.log[:, None, None]
+    return steps, np.where(log, np.exp(np.where(log, sets, 0.0)), sets * space.width[:, None, None])
 
 
 def evaluate(
-    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, theta: Array
+    problem: SimulationErrorProblem, space: ParameterSpace, settings: Settings, theta: Array
 ) -> tuple[Array, Array]:
-    """Residuals, shape (residuals,), and Jacobian, shape (residuals, P), at `theta` (searched scale).
+    """Residuals, shape (residuals,), and Jacobian, shape (residuals, P), at `theta`, shape (P,), scaled.
 
-    The parameter set itself leads, its neighbours take the same steps, all in one call.
+    All parameter sets are simulated in one call, with the steps of the first one.
     """
-    steps, sets = neighbours(theta[None, :], search)
-    r = problem.residuals(search.named(sets[:, 0, :]), settings, group=1 + len(theta))
+    steps, sets = neighbours(theta[None, :], space)
+    r = problem.residuals(space.named(sets[:, 0, :]), settings, group=1 + len(theta))
     return r[:, 0], (r[:, 1:] - r[:, :1]) / steps[0]
 
 
 def normal_equations(
-    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, theta: Array
+    problem: SimulationErrorProblem, space: ParameterSpace, settings: Settings, theta: Array
 ) -> NormalEquations:
-    """Cost, gradient and J' J at `theta`, shape (S, P), of all starts in one call of the simulation."""
+    """Cost, gradient and J' J of all starts `theta`, shape (S, P), scaled, in one call of the simulation."""
     starts, count = theta.shape
-    steps, sets = neighbours(theta, search)
-    total = problem.normal_products(search.named(sets.reshape(count, starts * (1 + count))), settings, 1.0 / steps)
+    steps, sets = neighbours(theta, space)
+    total = problem.normal_products(space.named(sets.reshape(count, starts * (1 + count))), settings, 1.0 / steps)
     total = np.tril(total) + np.tril(total, -1).transpose(0, 2, 1)
     return NormalEquations(total[:, 0, 0], total[:, 1:, 0], total[:, 1:, 1:])
 
 
 @dataclass
 class _Batch:
-    """Starts that are still on their way: their numbers, where they are and how they got there."""
+    """Starts that have not ended: their index, position, normal equations and history; S rows each."""
 
-    number: NDArray[np.int64]
+    index: NDArray[np.int64]
     theta: Array
     normal: NormalEquations
     scale: Array
-    damped: Array
+    damping: Array
     quiet: NDArray[np.int64]
     history: Array
     simulations: NDArray[np.int64]
 
     @classmethod
-    def at(cls, theta: Array, first: NormalEquations) -> _Batch:
+    def at(cls, theta: Array, first: NormalEquations, options: LMOptions) -> _Batch:
         """All starts at `theta`, shape (S, P)."""
         starts = len(theta)
         return cls(
@@ -160,204 +152,219 @@ class _Batch:
             theta,
             first,
             np.einsum("sii->si", first.curvature).copy(),
-            np.full(starts, _FIRST_DAMPING),
+            np.full(starts, options.initial_damping),
             np.zeros(starts, np.int64),
-            np.repeat(first.cost[:, None], _WATCHED, axis=1),
+            np.repeat(first.cost[:, None], options.racing.observed_rounds, axis=1),
             np.full(starts, 1 + theta.shape[1]),
         )
 
     def keep(self, which: NDArray[np.bool_]) -> _Batch:
-        """Those of some starts."""
-        rest = (getattr(self, f) for f in ("scale", "damped", "quiet", "history", "simulations"))
-        return _Batch(self.number[which], self.theta[which], self.normal.of(which), *(a[which] for a in rest))
+        """Keep the starts of a mask."""
+        rest = (getattr(self, f) for f in ("scale", "damping", "quiet", "history", "simulations"))
+        return _Batch(self.index[which], self.theta[which], self.normal.of(which), *(a[which] for a in rest))
+
+    def optimum(self, space: ParameterSpace, i: int, converged: bool, rounds: int) -> Optimum:
+        """Result of start i after some rounds."""
+        values, cost = space.from_scaled(self.theta[i]), float(self.normal.cost[i])
+        return Optimum(values, cost, converged, 1 + 2 * rounds, int(self.simulations[i]), self.normal.curvature[i])
 
 
 def fit_many(
     problem: SimulationErrorProblem,
-    search: ParameterSpace,
+    space: ParameterSpace,
     settings: Settings,
-    begins: Array,
+    starts: Array,
     *,
     limit: int = 50,
     tolerance: float = 1e-4,
     cost_to_beat: float | None = None,
     stop_when: Callable[[Array], bool] | None = None,
     min_agreeing: int = 1,
+    options: LMOptions = LM_DEFAULTS,
 ) -> list[Optimum]:
-    """Least squares from many starts side by side.
+    """Fit from many starts at once by Levenberg-Marquardt with several dampings per round.
 
     Parameters
     ----------
     problem : SimulationErrorProblem
-    search : ParameterSpace
+    space : ParameterSpace
     settings : Settings
-    begins : ndarray, shape (P, S)
+    starts : ndarray, shape (P, S)
         SI.
     limit : int
-        Rounds. In each, some dampings are tried for every start that is still on its way, and the derivatives
-        are taken where the best of them leads.
+        Largest number of rounds. In each, some dampings are tried for every start, and the derivatives are taken where
+        the best of them leads.
     tolerance : float
         A start has converged when its cost falls by less than this part of itself, twice in succession.
-    rival : float, optional
-        Least cost known so far (infinite if there is none). With it, starts compete: those that meet a better one
-        are ended, and so are those that would not reach the best one if they went on falling as they do.
-        An end then depends on the other starts.
-    content : callable, optional
-        ``content(residual)``, residuals of the best start if it has converged: if true, all others are ended.
-    needed : int
-        So many starts have to have come to the least cost before that is asked.
+    cost_to_beat : float, optional
+        Least cost known so far (infinite if there is none). If given, starts compete: those that meet a better one,
+        or would not reach the best cost at their rate of descent, are stopped. A result then depends on the other
+        starts.
+    stop_when : callable, optional
+        ``stop_when(residual)`` of the best start if it has converged: if true, all others are stopped.
+    min_agreeing : int
+        Number of starts that have to reach the least cost before `stop_when` is asked.
+    options : LMOptions
 
     Returns
     -------
-    list of End
-        In the order of `begins`.
+    list of Optimum
+        In the order of `starts`.
     """
-    low, high = search.box
-    theta = np.clip(search.to_scaled(begins).T, low, high)
-    field = _Batch.at(theta, normal_equations(problem, search, settings, theta))
-    if not len(search.names):
-        return [_end(search, field, i, True, 1) for i in range(len(theta))]
-    ends: dict[int, Optimum] = {}
+    low, high = space.box
+    theta = np.clip(space.to_scaled(starts).T, low, high)
+    batch = _Batch.at(theta, normal_equations(problem, space, settings, theta), options)
+    if not len(space.names):
+        return [batch.optimum(space, i, True, 1) for i in range(len(theta))]
+    optima: dict[int, Optimum] = {}
     for turn in range(1, limit + 1):
-        field = _round(problem, search, settings, field, tolerance)
-        converged = field.quiet >= _QUIET
-        going = ~converged
-        if cost_to_beat is not None and turn >= _EARLY:
-            ahead = limit - turn if turn < _PATIENCE else _AHEAD
-            least = min([cost_to_beat, float(field.normal.cost.min()), *(end.cost for end in ends.values())])
-            going &= ~_hopeless(field, least, ahead)
-        if cost_to_beat is not None and turn % _EVERY == 0:
-            going &= ~_met(field)
-        if stop_when is not None:
-            best = _settled(field, converged, list(ends.values()), min_agreeing)
-            if best is not None:
-                values = search.from_scaled(field.theta[best])[:, None]
-                field.simulations[best] += 1
-                if stop_when(problem.residuals(search.named(values), settings)[:, 0]):
-                    going[:] = False
-        for i in np.flatnonzero(~going).tolist():
-            ends[int(field.number[i])] = _end(search, field, i, bool(converged[i]), turn)
-        field = field.keep(going)
-        if not len(field.number):
+        batch = _round(problem, space, settings, batch, tolerance, options)
+        converged = batch.quiet >= options.quiet_rounds
+        active = ~converged
+        if cost_to_beat is not None:
+            best = min([cost_to_beat, float(batch.normal.cost.min()), *(o.cost for o in optima.values())])
+            active &= ~_outraced(batch, best, turn, limit, options.racing)
+        leader = _agreed_leader(batch, converged, list(optima.values()), min_agreeing) if stop_when else None
+        if stop_when is not None and leader is not None:
+            values = space.from_scaled(batch.theta[leader])[:, None]
+            batch.simulations[leader] += 1
+            active &= not stop_when(problem.residuals(space.named(values), settings)[:, 0])
+        for i in np.flatnonzero(~active).tolist():
+            optima[int(batch.index[i])] = batch.optimum(space, i, bool(converged[i]), turn)
+        batch = batch.keep(active)
+        if not len(batch.index):
             break
-    for i, number in enumerate(field.number.tolist()):
-        ends[number] = _end(search, field, i, False, limit)
-    return [ends[i] for i in range(len(theta))]
-
-
-def _end(search: ParameterSpace, field: _Batch, i: int, converged: bool, turns: int) -> Optimum:
-    cost, simulations = float(field.normal.cost[i]), int(field.simulations[i])
-    return Optimum(
-        search.from_scaled(field.theta[i]), cost, converged, 1 + 2 * turns, simulations, field.normal.curvature[i]
-    )
+    for i, index in enumerate(batch.index.tolist()):
+        optima[index] = batch.optimum(space, i, False, limit)
+    return [optima[i] for i in range(len(theta))]
 
 
 def _round(
-    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, field: _Batch, tolerance: float
+    problem: SimulationErrorProblem,
+    space: ParameterSpace,
+    settings: Settings,
+    batch: _Batch,
+    tolerance: float,
+    options: LMOptions,
 ) -> _Batch:
-    """One step of every start with the best of some dampings."""
-    low, high = search.box
-    cap = np.where(search.log, _CAP_LOG, _CAP_LINEAR)
-    factors = np.array(_FACTORS)
-    starts, count = field.theta.shape
-    each = np.repeat(np.arange(starts), 1 + len(factors))
-    damped = np.column_stack([np.full(starts, _HARDLY), field.damped[:, None] * factors])
-    changes = levenberg_marquardt_step(
-        field.theta[each], field.normal.of(each), field.scale[each], damped.ravel(), low, high, cap
-    )
-    changes = changes.reshape(starts, -1, count)
-    promised = _promise(field.normal, changes)
-    enough = tolerance * field.normal.cost
-    done = (promised[:, 0] < _LITTLE * enough) & (promised[:, 1:].max(axis=1) < _MUCH * enough)
-    tried = field.theta[:, None] + changes[:, 1:]
-    costs = np.full(tried.shape[:2], np.inf)
+    """Take one step of every start with the best of some dampings."""
+    factors, count = np.array(options.damping_factors), batch.theta.shape[1]
+    steps, done = _damped_steps(space, batch, tolerance, options)
+    candidates = batch.theta[:, None] + steps
+    costs = np.full(candidates.shape[:2], np.inf)
     if not done.all():
-        outward = search.from_scaled(tried[~done].reshape(-1, count).T)
-        costs[~done] = problem.costs(search.named(outward), settings).reshape(-1, len(factors))
+        values = space.from_scaled(candidates[~done].reshape(-1, count).T)
+        costs[~done] = problem.costs(space.named(values), settings).reshape(-1, len(factors))
     best = costs.argmin(axis=1)
     row = np.arange(len(best))
-    better = costs[row, best] < field.normal.cost
-    theta = np.where(better[:, None], tried[row, best], field.theta)
-    now = field.normal
+    better = costs[row, best] < batch.normal.cost
+    theta = np.where(better[:, None], candidates[row, best], batch.theta)
+    normal = batch.normal
     if better.any():
-        fresh = normal_equations(problem, search, settings, theta[better])
-        now = NormalEquations(*(_with(old, better, new) for old, new in zip(now, fresh, strict=True)))
-    fall = field.normal.cost - now.cost
+        new = normal_equations(problem, space, settings, theta[better])
+        normal = NormalEquations(*(_replaced(a, better, b) for a, b in zip(normal, new, strict=True)))
+    decrease = batch.normal.cost - normal.cost
+    quiet = np.where(decrease > tolerance * batch.normal.cost, 0, batch.quiet + 1)
+    damping = batch.damping * np.where(better, factors[best], factors[-1] ** 2)
     return _Batch(
-        field.number,
+        batch.index,
         theta,
-        now,
-        np.maximum(_FADING * field.scale, np.einsum("sii->si", now.curvature)),
-        np.clip(field.damped * np.where(better, factors[best], _FACTORS[-1] ** 2), _LEAST, _MOST),
-        np.where(done, _QUIET, np.where(fall > tolerance * field.normal.cost, 0, field.quiet + 1)),
-        np.hstack([field.history[:, 1:], now.cost[:, None]]),
-        field.simulations + np.where(done, 0, len(factors)) + np.where(better, 1 + count, 0),
+        normal,
+        np.maximum(options.scale_decay * batch.scale, np.einsum("sii->si", normal.curvature)),
+        np.clip(damping, options.min_damping, options.max_damping),
+        np.where(done, options.quiet_rounds, quiet),
+        np.hstack([batch.history[:, 1:], normal.cost[:, None]]),
+        batch.simulations + np.where(done, 0, len(factors)) + np.where(better, 1 + count, 0),
     )
 
 
-def _promise(normal: NormalEquations, changes: Array) -> Array:
-    """Fall of the cost, shape (S, D), that the quadratic picture promises for steps `changes`, shape (S, D, P)."""
-    slope = 2.0 * normal.gradient[:, None] + changes @ normal.curvature
-    return np.asarray(-(slope * changes).sum(axis=2))
+def _damped_steps(
+    space: ParameterSpace, batch: _Batch, tolerance: float, options: LMOptions
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Steps, shape (S, dampings, P), and a mask of the starts whose predicted decrease is not worth a simulation."""
+    low, high = space.box
+    max_step = np.where(space.log, options.max_log_step, options.max_linear_step)
+    starts, count = batch.theta.shape
+    each = np.repeat(np.arange(starts), 1 + len(options.damping_factors))
+    probe = np.full(starts, options.probe_damping)
+    damping = np.column_stack([probe, batch.damping[:, None] * np.array(options.damping_factors)]).ravel()
+    normal, scale = batch.normal.of(each), batch.scale[each]
+    steps = levenberg_marquardt_step(batch.theta[each], normal, scale, damping, low, high, max_step, options)
+    steps = steps.reshape(starts, -1, count)
+    decrease, enough = _predicted_decrease(batch.normal, steps), tolerance * batch.normal.cost
+    by_probe = decrease[:, 0] < options.negligible_decrease * enough
+    return steps[:, 1:], by_probe & (decrease[:, 1:].max(axis=1) < options.negligible_damped_decrease * enough)
 
 
-def _with(old: Array, where: NDArray[np.bool_], new: Array) -> Array:
+def _predicted_decrease(normal: NormalEquations, steps: Array) -> Array:
+    """Decrease of the cost, shape (S, D), by its quadratic model for steps of shape (S, D, P)."""
+    slope = 2.0 * normal.gradient[:, None] + steps @ normal.curvature
+    return np.asarray(-(slope * steps).sum(axis=2))
+
+
+def _replaced(old: Array, where: NDArray[np.bool_], new: Array) -> Array:
     out = old.copy()
     out[where] = new
     return out
 
 
-def _hopeless(field: _Batch, least: float, ahead: int) -> NDArray[np.bool_]:
-    """Starts that would not reach the least cost in `ahead` rounds if they went on falling as in the last ones."""
-    cost = np.maximum(field.normal.cost, 1e-300)
-    fall = np.log(np.maximum(field.history[:, 0], cost) / cost) / (_WATCHED - 1)
-    return np.asarray(np.log(cost / max(least, 1e-300)) > ahead * fall + _SAME_COST)
+def _outraced(batch: _Batch, best: float, turn: int, limit: int, racing: RacingOptions) -> NDArray[np.bool_]:
+    """Mask of the starts that lose against the `best` cost, or meet a better start, in this turn."""
+    out = np.zeros(len(batch.index), bool)
+    if turn >= racing.first_round:
+        ahead = limit - turn if turn < racing.patience else racing.horizon
+        cost = positive(batch.normal.cost)
+        rate = np.log(np.maximum(batch.history[:, 0], cost) / cost) / (racing.observed_rounds - 1)
+        out |= np.log(cost / positive(best)) > ahead * rate + racing.same_cost
+    if turn % racing.comparison_interval == 0:
+        out |= _met(batch, racing)
+    return out
 
 
-def _settled(field: _Batch, converged: NDArray[np.bool_], ended: Sequence[Optimum], needed: int) -> int | None:
-    """Start that has converged to the least cost, if as many as `needed` have come to it."""
-    here = field.normal.cost
-    costs = np.array([*here, *(end.cost for end in ended)])
-    best = int(here.argmin())
-    agree = int(np.sum(costs <= (1.0 + SAME_OPTIMUM_RTOL) * costs.min()))
-    return (
-        best if converged[best] and here[best] <= (1.0 + SAME_OPTIMUM_RTOL) * costs.min() and agree >= needed else None
-    )
-
-
-def _met(field: _Batch) -> NDArray[np.bool_]:
-    """Starts from which a better one differs by less than the recording can show."""
-    out = np.zeros(len(field.number), bool)
-    order = np.argsort(field.normal.cost, kind="stable")
+def _met(batch: _Batch, racing: RacingOptions) -> NDArray[np.bool_]:
+    """Mask of the starts that differ from a better one by less than the recording can show."""
+    out = np.zeros(len(batch.index), bool)
+    order = np.argsort(batch.normal.cost, kind="stable")
     for rank, i in enumerate(order):
         for j in order[:rank]:
-            if out[j] or field.normal.cost[i] > (1.0 + _SAME_COST) * field.normal.cost[j]:
+            if out[j] or batch.normal.cost[i] > (1.0 + racing.same_cost) * batch.normal.cost[j]:
                 continue
-            apart = field.theta[i] - field.theta[j]
-            if apart @ field.normal.curvature[j] @ apart <= _SAME_PLACE * field.normal.cost[j]:
+            difference = batch.theta[i] - batch.theta[j]
+            if difference @ batch.normal.curvature[j] @ difference <= racing.same_place * batch.normal.cost[j]:
                 out[i] = True
                 break
     return out
 
 
+def _agreed_leader(
+    batch: _Batch, converged: NDArray[np.bool_], ended: Sequence[Optimum], min_agreeing: int
+) -> int | None:
+    """Start that has converged to the least cost, if `min_agreeing` starts have reached it; else None."""
+    here = batch.normal.cost
+    costs = np.array([*here, *(optimum.cost for optimum in ended)])
+    leader, same = int(here.argmin()), (1.0 + SAME_OPTIMUM_RTOL) * costs.min()
+    agreed = converged[leader] and here[leader] <= same and int(np.sum(costs <= same)) >= min_agreeing
+    return leader if agreed else None
+
+
 def fit_to_convergence(
-    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, start: Array, *, limit: int = 50
+    problem: SimulationErrorProblem, space: ParameterSpace, settings: Settings, start: Array, *, limit: int = 50
 ) -> OptimumWithJacobian:
-    """Least squares from `start`, shape (P,), SI values, to the last digits that the simulation gives."""
-    end = polish(problem, search, settings, start, limit=limit)
-    residual, jacobian = evaluate(problem, search, settings, search.to_scaled(end.values))
+    """Fit from `start`, shape (P,), SI, to the last digits that the simulation gives, with residual and Jacobian."""
+    end = polish(problem, space, settings, start, limit=limit)
+    residual, jacobian = evaluate(problem, space, settings, space.to_scaled(end.values))
     return OptimumWithJacobian(*end[:4], end.simulations + 1 + len(end.values), residual, jacobian)
 
 
 def polish(
     problem: SimulationErrorProblem,
-    search: ParameterSpace,
+    space: ParameterSpace,
     settings: Settings,
     start: Array,
     *,
     limit: int = 50,
-    tolerance: float = _LAST_DIGITS,
+    tolerance: float = LM_DEFAULTS.final_tolerance,
 ) -> Optimum:
-    """:func:`descend` without residual and Jacobian, to `tolerance` of the cost."""
-    (end,) = fit_many(problem, search, settings, start[:, None], limit=limit, tolerance=tolerance)
+    """Fit from `start`, shape (P,), SI, until the cost falls by less than `tolerance` of itself."""
+    (end,) = fit_many(problem, space, settings, start[:, None], limit=limit, tolerance=tolerance)
     return end

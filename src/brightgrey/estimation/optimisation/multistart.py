@@ -1,17 +1,20 @@
-"""Search for the global optimum: fields of starts, until the residual is explained or nothing improves.
+"""Multistart search for the global optimum: batches of starts until the residual is white or nothing improves.
 
-The cost of an elastic drive has many local minima: a resonance that is a little off is worse than none. Six
-things help against them. Descents begin on the beginning of the recording, where few periods have passed and
-the valleys are wide; where limits make the cost rugged, the beginning grows step by step. Other fields begin with
-simulations that are held to the measured motion, less and less (:mod:`~brightgrey.estimation.problem.output_feedback`):
-with limits every
-second one. Later fields hold offspring of the best ends so far, with some parameters drawn anew (iterated local
-search), and some that ring where the residual of the best end does. Where fields bring nothing new, resonances are
-looked for line by line. Every field holds fresh starts, so that no optimum is final.
+The cost of an elastic drive has many local minima: a resonance at a slightly wrong frequency is worse than none. Six
+measures help against them:
 
-A white residual alone proves little: 1800 samples may be white to any test, with 3 % more power than the noise
-has. So the search ends early only if independent starts agree, too, and no parameter has run to a bound (but with a
-patience of one field, that of the search for structures, where bounds are the rule).
+- Descents begin on the first part of the recording, where few periods have passed and the valleys are wide. With hard
+  limits, which make the cost rugged, that part grows step by step.
+- Other batches begin with output feedback of decreasing gain
+  (:mod:`~brightgrey.estimation.problem.output_feedback`); with hard limits every second one.
+- Later batches hold perturbed copies of the best optima, with some parameters sampled anew (iterated local search).
+- Some starts have a resonance at a peak of the residual of the best optimum.
+- Where batches bring nothing new, resonances are scanned line by line.
+- Every batch holds fresh samples, so that no optimum is final.
+
+A white residual alone proves little: 1800 samples may pass any test with 3 % more power than the noise has. So the
+search ends early only if independent starts agree, too, and no parameter is at a bound. With a patience of one batch,
+which the structure search uses, bounds do not count: there they are the rule.
 """
 
 from __future__ import annotations
@@ -23,7 +26,9 @@ from typing import NamedTuple
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL, Optimum, fit_many
+from brightgrey.estimation.optimisation.options import MULTISTART_DEFAULTS, MultistartOptions
 from brightgrey.estimation.optimisation.start_points import (
     best_diverse,
     given_starts,
@@ -37,329 +42,347 @@ from brightgrey.estimation.problem.simulation_error import SimulationErrorProble
 from brightgrey.simulation import Settings
 
 __all__ = [
-    "FIRST_BEGINNING",
-    "FURTHER_ROUNDS",
+    "DescentBatch",
     "MultistartResult",
-    "first_field",
+    "agreeing_starts",
+    "first_starts",
     "growing_horizons",
-    "is_white",
     "multistart",
 ]
-
-_PER_PARAMETER = 16  # candidates
-_FIRST_ROUNDS, _ROUNDS = 20, 40  # on a beginning, on the whole
-_GROWTH = 1.15  # of the beginning, with limits
-FIRST_BEGINNING = 0.3
-"""Part of the recordings on which descents begin; with limits the most of it."""
-FURTHER_ROUNDS = 6
-"""Of a descent on each stage after the first."""
-_HELD = (3.0, 1.0, 0.3, 0.1, 0.03)  # how firmly, in one descent after the other
-_BEGINNINGS = (FIRST_BEGINNING, None, 1.0, 0.6)  # of one field after the other; None: held to the measured motion
-_LEAST_BEGINNING = 0.05  # with limits: drawn from there to the first one, since no one part is best for all
-_ROUGH = 1e-3  # tolerance on a beginning
-_PARENTS = 4  # best ends that have offspring
-_RETUNED, _TUNING = 48, 3  # starts that ring where the residual does, and rounds after which the best are chosen
-_HEARD, _HEARD_BEST = 16, 2  # valleys among lines, and those that are descended from
-_LISTEN = 4  # fields without improvement from one look for a resonance to the next; the first after one
-_AGREE = 2  # independent starts that make an optimum trustworthy
-_DOUBT = 0.25  # of the patience, if the residual is white and starts do not agree or one is at a bound
-_MOST = 4  # fields per unit of patience
-_RUGGED = 1.5  # times the patience, with limits
-_IMPROVED = 0.995  # of the least cost: what counts as an improvement
-_LAGS = 25
-_WHITE = 50.0  # Ljung-Box statistic that white residuals exceed once in 500 (chi-squared, 25 lags)
 
 
 @dataclass(frozen=True)
 class MultistartResult:
-    """Starts, shape (P, S) in SI, and their ends, in the order of the search; the batches and all that it took."""
+    """Result of a multistart search.
 
-    begins: Array
-    ends: tuple[Optimum, ...]
+    Attributes
+    ----------
+    starts : ndarray, shape (P, S)
+        SI.
+    optima : tuple of Optimum
+        In the order of the starts.
+    evaluations : int
+        Batches of simulations.
+    simulations : SimulationCount
+    """
+
+    starts: Array
+    optima: tuple[Optimum, ...]
     evaluations: int
-    spent: SimulationCount
+    simulations: SimulationCount
+
+
+class DescentBatch(NamedTuple):
+    """A batch of starts and the optima that they led to.
+
+    Attributes
+    ----------
+    starts : list of ndarray, shape (P,)
+        SI.
+    optima : list of Optimum
+        In the order of the starts.
+    independent : list of bool
+        True for starts that do not derive from earlier optima.
+    evaluations : int
+        Batches of simulations.
+    simulations : SimulationCount
+    """
+
+    starts: list[Array]
+    optima: list[Optimum]
+    independent: list[bool]
+    evaluations: int
+    simulations: SimulationCount
+
+    @property
+    def least_cost(self) -> float:
+        """Least cost of the optima."""
+        return min((optimum.cost for optimum in self.optima), default=np.inf)
+
+
+class _StartBatch(NamedTuple):
+    """Starts in SI, each of shape (P,), a mask of the independent ones, and the simulations that chose them."""
+
+    starts: list[Array]
+    independent: list[bool]
+    simulations: SimulationCount = SimulationCount()
 
 
 def multistart(
     problem: SimulationErrorProblem,
-    search: ParameterSpace,
+    space: ParameterSpace,
     settings: Settings,
     given: Sequence[Mapping[str, float]],
     *,
     starts: int,
     patience: int,
     seed: int,
+    options: MultistartOptions = MULTISTART_DEFAULTS,
 ) -> MultistartResult:
-    """Descend from field after field of starts.
+    """Search for the global optimum by batches of starts.
 
     Parameters
     ----------
     problem : SimulationErrorProblem
-    search : ParameterSpace
+    space : ParameterSpace
     settings : Settings
     given : sequence of mapping of str to float
-        Starts of the first field, SI. What they and the declared start leave is filled up.
+        Starts of the first batch, SI. Together with the declared start they are filled up with samples.
     starts : int
-        Descents per field.
+        Starts per batch.
     patience : int
-        Fields without improvement after which the search ends, a quarter as many if the residual is white; 0 for the
-        first field alone. With limits half as many again.
+        Batches without improvement after which the search ends, a quarter as many if the residual is white; 0 for the
+        first batch alone. With hard limits half as many again.
     seed : int
+    options : MultistartOptions
     """
-    patience = int(_RUGGED * patience) if problem.has_hard_limit else patience
-    parts: list[_Part] = []
-    ends: list[Optimum] = []
-    heard: list[float] = []
-    best, idle, needed = np.inf, 0, min(_AGREE, starts)
-    first = _first(search, given, starts)
-    if given and problem.has_hard_limit:  # a short beginning may lose what a given start is good for
-        field = _StartField(first[: len(given)], [False] * len(given))
-        parts.append(_descended(problem, [], search, settings, field, best, needed))
-        ends += parts[-1].ends
-        best = parts[-1].least
-    for number in range(1 + _MOST * patience):
-        rng = np.random.default_rng([seed, number])
-        missing = needed - _agreeing(parts)
-        stages = _stages(problem, number, rng)
-        before = ends if number else []
-        field = _field(problem, [*stages, problem][0], search, settings, first, before, starts, rng)
-        part = _descended(problem, stages, search, settings, field, best, missing)
-        parts, ends = [*parts, part], ends + part.ends
-        idle = 0 if part.least < _IMPROVED * best else idle + 1
-        best = min(best, part.least)
-        if patience > 1 and idle % _LISTEN == 1:
-            part = _resonance_restarts(problem, search, settings, ends, heard)
-            parts, ends = [*parts, part], ends + part.ends
-            idle = 0 if part.least < _IMPROVED * best else idle
-            best = min(best, part.least)
-        if idle >= patience or not search.names:
+    patience = int(options.hard_limit_patience * patience) if problem.has_hard_limit else patience
+    search = _Multistart(problem, space, settings, options, starts)
+    first = _first_starts(space, given, starts)
+    if given and problem.has_hard_limit:  # the first part of a recording may lose the quality of a given start
+        search.descend([], _StartBatch(first[: len(given)], [False] * len(given)), search.agreeing)
+    for number in range(1 + options.max_batches * patience):
+        search.next_batch(number, first, np.random.default_rng([seed, number]))
+        if patience > 1 and search.idle % options.scan_interval == 1:
+            search.scan_resonances()
+        if search.idle >= patience or not space.names or search.is_finished(patience):
             break
-        leader = min(ends, key=lambda end: end.cost)
-        bound = np.any(search.active_bounds(leader.values)[search.high > search.low])
-        agreed = not (bound and patience > 1) and _agreeing(parts) >= needed
-        if agreed or idle >= _DOUBT * patience:
-            parts.append(_Part([], [], [], 0, problem.spent(1)))
-            if _explained(problem, search, settings, leader):
-                break
-        first = [] if leader.converged else [leader.values]
-    begins = np.stack([begin for part in parts for begin in part.starts], axis=1)
-    spent = sum((part.spent for part in parts), SimulationCount())
-    return MultistartResult(begins, tuple(ends), sum(part.batches for part in parts), spent)
+        first = [] if search.leader.converged else [search.leader.values]
+    return search.result()
 
 
-class _Part(NamedTuple):
-    """Starts in SI, each of shape (P,), their ends, which of them owe nothing to ends before; and what it took."""
+class _Multistart:
+    """State of a multistart search: the batches so far, and the number of batches without improvement."""
 
-    starts: list[Array]
-    ends: list[Optimum]
-    alone: list[bool]
-    batches: int
-    spent: SimulationCount
+    def __init__(
+        self,
+        problem: SimulationErrorProblem,
+        space: ParameterSpace,
+        settings: Settings,
+        options: MultistartOptions,
+        starts: int,
+    ) -> None:
+        self.problem, self.space, self.settings, self.options = problem, space, settings, options
+        self.starts, self.agreeing = starts, min(options.agreeing, starts)
+        self.batches: list[DescentBatch] = []
+        self.scanned_costs: list[float] = []
+        self.idle = 0
 
     @property
-    def least(self) -> float:
-        """Least cost of its ends."""
-        return min((end.cost for end in self.ends), default=np.inf)
+    def optima(self) -> list[Optimum]:
+        """All optima so far."""
+        return [optimum for batch in self.batches for optimum in batch.optima]
+
+    @property
+    def leader(self) -> Optimum:
+        """Best optimum so far."""
+        return min(self.optima, key=lambda optimum: optimum.cost)
+
+    @property
+    def least_cost(self) -> float:
+        """Least cost so far."""
+        return min((batch.least_cost for batch in self.batches), default=np.inf)
+
+    def result(self) -> MultistartResult:
+        """Result of all batches."""
+        starts = np.stack([start for batch in self.batches for start in batch.starts], axis=1)
+        simulations = sum((batch.simulations for batch in self.batches), SimulationCount())
+        evaluations = sum(batch.evaluations for batch in self.batches)
+        return MultistartResult(starts, tuple(self.optima), evaluations, simulations)
+
+    def next_batch(self, number: int, first: list[Array], rng: np.random.Generator) -> None:
+        """Choose the starts of a batch, `first` among them, and descend from them."""
+        missing = self.agreeing - agreeing_starts(self.batches)
+        stages = _stages(self.problem, number, self.options, rng)
+        easiest = stages[0] if stages else self.problem
+        batch = self.choose_starts(easiest, first, self.optima if number else [], rng)
+        least = self.least_cost
+        self.descend(stages, batch, missing)
+        self.idle = 0 if self.batches[-1].least_cost < self.options.improvement * least else self.idle + 1
+
+    def choose_starts(
+        self,
+        easiest: SimulationErrorProblem,
+        first: list[Array],
+        optima: Sequence[Optimum],
+        rng: np.random.Generator,
+    ) -> _StartBatch:
+        """Starts of one batch: the `first` ones, and equally many samples and perturbed optima.
+
+        Samples are judged by the `easiest` problem, on which the descents begin.
+        """
+        space, settings, options = self.space, self.settings, self.options
+        missing = self.starts - len(first)
+        if missing <= 0 or not space.names:
+            return _StartBatch(first, [not optima] * len(first))
+        samples = space.sample(options.candidates_per_parameter * (1 + len(space.names)), rng)
+        if not optima:
+            fresh = best_diverse(easiest, space, settings, samples, missing, options.start_points)
+            return _StartBatch(first + fresh, [True] * self.starts, easiest.count(samples.shape[1]))
+        perturbed = perturbed_starts(space, _best(optima, options.parents), samples, rng, options.start_points)
+        half = missing // 2
+        fresh = best_diverse(easiest, space, settings, samples, missing - half, options.start_points)
+        count = easiest.count(samples.shape[1] + perturbed.shape[1])
+        tuned: list[Array] = []
+        if easiest is self.problem:
+            tuned, tuning = self.starts_at_peaks(half // 2, rng)
+            count += tuning
+        rest = best_diverse(easiest, space, settings, perturbed, half - len(tuned), options.start_points)
+        independent = [False] * len(first) + [True] * len(fresh) + [False] * half
+        return _StartBatch(first + fresh + tuned + rest, independent, count)
+
+    def starts_at_peaks(self, count: int, rng: np.random.Generator) -> tuple[list[Array], SimulationCount]:
+        """Best `count` starts with a resonance at a peak of the leader's residual, after a few rounds of descent.
+
+        Before these rounds, resonances are off in phase and size, and most starts like the leader fit better.
+        """
+        problem, space, settings, leader = self.problem, self.space, self.settings, self.leader
+        simulations = problem.count(1)
+        if self.is_explained(leader):
+            return [], simulations
+        starts = starts_at_residual_peaks(problem, space, settings, leader.values, self.options.peak_starts, rng)
+        simulations += problem.count(1)
+        if not (starts.size and count):
+            return [], simulations
+        tuned = fit_many(problem, space, settings, starts, limit=self.options.tuning_rounds)
+        return _best(tuned, count), simulations + problem.count(_sets(tuned))
+
+    def scan_resonances(self) -> None:
+        """Scan the resonances of an optimum, and descend from the best frequencies.
+
+        It is the best converged optimum that has not been scanned: one that is not the leader may be nearer to the
+        global optimum in all but the resonance. Starts are chosen after a few rounds of descent, because a resonance of
+        the wrong size looks worse than it is.
+        """
+        problem, space, settings, options = self.problem, self.space, self.settings, self.options
+        unscanned = [o for o in self.optima if o.converged and not _is_among(o.cost, self.scanned_costs)]
+        leader = self.leader
+        if not unscanned or self.is_explained(leader):
+            self.batches.append(DescentBatch([], [], [], 0, problem.count(min(len(unscanned), 1))))
+            return
+        parent = min(unscanned, key=lambda optimum: optimum.cost)
+        self.scanned_costs.append(parent.cost)
+        starts, sets = resonance_scan(
+            problem, space, settings, parent.values, options.scan_starts, options.start_points
+        )
+        simulations = problem.count(1 + sets)
+        if not starts.size:
+            self.batches.append(DescentBatch([], [], [], 0, simulations))
+            return
+        tuned = fit_many(problem, space, settings, starts, limit=options.tuning_rounds)
+        best = _best(tuned, options.scan_kept)
+        stacked = np.stack(best, axis=1)
+        optima = fit_many(problem, space, settings, stacked, limit=options.rounds, cost_to_beat=leader.cost)
+        evaluations = _evaluations(tuned) + _evaluations(optima)
+        simulations += problem.count(_sets(tuned) + _sets(optima))
+        self.batches.append(DescentBatch(best, optima, [False] * len(optima), evaluations, simulations))
+        self.idle = 0 if self.batches[-1].least_cost < options.improvement * leader.cost else self.idle
+
+    def descend(self, stages: Sequence[SimulationErrorProblem], batch: _StartBatch, min_agreeing: int) -> None:
+        """Descend from a batch of starts through all `stages`, then on the whole problem."""
+        problem, space, settings, options = self.problem, self.space, self.settings, self.options
+        starts, simulations = np.stack(batch.starts, axis=1), batch.simulations
+        evaluations, limit, tolerance = 0, options.first_rounds, options.stage_tolerance
+        for stage in stages:
+            rough = fit_many(stage, space, settings, starts, limit=limit, tolerance=tolerance, cost_to_beat=np.inf)
+            evaluations += _evaluations(rough)
+            simulations += stage.count(_sets(rough))
+            starts, limit = np.stack([optimum.values for optimum in rough], axis=1), options.stage_rounds
+        optima = fit_many(
+            problem,
+            space,
+            settings,
+            starts,
+            limit=options.rounds,
+            cost_to_beat=self.least_cost,
+            stop_when=lambda residual: is_white(residual, problem.segment_lengths),
+            min_agreeing=min_agreeing,
+        )
+        evaluations += _evaluations(optima)
+        simulations += problem.count(_sets(optima))
+        self.batches.append(DescentBatch(batch.starts, optima, batch.independent, evaluations, simulations))
+
+    def is_finished(self, patience: int) -> bool:
+        """True if the residual is white, and starts agree or part of the patience is used up."""
+        leader, space = self.leader, self.space
+        at_bound = np.any(space.active_bounds(leader.values)[space.high > space.low])
+        agreed = not (at_bound and patience > 1) and agreeing_starts(self.batches) >= self.agreeing
+        if not (agreed or self.idle >= self.options.agreement_patience * patience):
+            return False
+        self.batches.append(DescentBatch([], [], [], 0, self.problem.count(1)))
+        return self.is_explained(leader)
+
+    def is_explained(self, optimum: Optimum) -> bool:
+        """True if the residual of an optimum is white."""
+        residual = self.problem.residuals(self.space.named(optimum.values[:, None]), self.settings)[:, 0]
+        return is_white(residual, self.problem.segment_lengths)
 
 
-def _first(search: ParameterSpace, given: Sequence[Mapping[str, float]], starts: int) -> list[Array]:
-    return [*given_starts(search, given), search.start][: max(starts, len(given), 1)]
-
-
-def first_field(
+def first_starts(
     problem: SimulationErrorProblem,
-    search: ParameterSpace,
+    space: ParameterSpace,
     settings: Settings,
     given: Sequence[Mapping[str, float]],
     starts: int,
     rng: np.random.Generator,
 ) -> list[Array]:
-    """Starts of the first field, each of shape (P,), SI: those given, the declared one, and the best candidates."""
-    return _field(problem, problem, search, settings, _first(search, given, starts), [], starts, rng).starts
+    """Starts of the first batch, each of shape (P,), SI: those given, the declared one, and the best samples."""
+    search = _Multistart(problem, space, settings, MULTISTART_DEFAULTS, starts)
+    return search.choose_starts(problem, _first_starts(space, given, starts), [], rng).starts
 
 
-class _StartField(NamedTuple):
-    """Starts in SI, each of shape (P,), which of them owe nothing to ends before, and what it took to choose them."""
+def growing_horizons(share: float, options: MultistartOptions = MULTISTART_DEFAULTS) -> Iterator[float]:
+    """Growing parts of the excitation, less than the whole, on which a drive with hard limits is fitted in succession.
 
-    starts: list[Array]
-    alone: list[bool]
-    spent: SimulationCount = SimulationCount()
-
-
-def _field(
-    problem: SimulationErrorProblem,
-    part: SimulationErrorProblem,
-    search: ParameterSpace,
-    settings: Settings,
-    first: list[Array],
-    ends: Sequence[Optimum],
-    starts: int,
-    rng: np.random.Generator,
-) -> _StartField:
-    """Starts of one field: the first ones, and of fresh ones and offspring of the best ends equally many.
-
-    Candidates are judged by the `part` of the problem that descents begin on.
+    Contacts make the valley of the cost narrower the longer the recording is. From one part to the next, the estimate
+    has to improve more than the valley narrows.
     """
-    missing = starts - len(first)
-    if missing <= 0 or not search.names:
-        return _StartField(first, [not ends] * len(first))
-    candidates = search.sample(_PER_PARAMETER * (1 + len(search.names)), rng)
-    if not ends:
-        chosen = first + best_diverse(part, search, settings, candidates, missing)
-        return _StartField(chosen, [True] * starts, part.spent(candidates.shape[1]))
-    young = perturbed_starts(search, _best(ends, _PARENTS), candidates, rng)
-    half = missing // 2
-    fresh = best_diverse(part, search, settings, candidates, missing - half)
-    leader = min(ends, key=lambda end: end.cost)
-    spent = part.spent(candidates.shape[1] + young.shape[1]) + problem.spent(part is problem)
-    rings = part is problem and not _explained(problem, search, settings, leader)
-    tuned, tuning = (
-        _resonance_starts(problem, search, settings, leader.values, half // 2, rng)
-        if rings
-        else ([], SimulationCount())
-    )
-    chosen = first + fresh + tuned + best_diverse(part, search, settings, young, half - len(tuned))
-    return _StartField(chosen, [False] * len(first) + [True] * len(fresh) + [False] * half, spent + tuning)
+    while share < 1.0:
+        yield share
+        share *= options.share_growth
 
 
-def _resonance_starts(
-    problem: SimulationErrorProblem,
-    search: ParameterSpace,
-    settings: Settings,
-    parent: Array,
-    count: int,
-    rng: np.random.Generator,
-) -> tuple[list[Array], SimulationCount]:
-    """Best `count` of the starts that ring where the residual of `parent` does, after a few rounds of descent.
-
-    And what that took. At first their resonances are off in phase and size, and most starts like the parent fit better.
-    """
-    begins = starts_at_residual_peaks(problem, search, settings, parent, _RETUNED, rng)
-    looked = problem.spent(1)
-    if not (begins.size and count):
-        return [], looked
-    ends = fit_many(problem, search, settings, begins, limit=_TUNING)
-    return _best(ends, count), looked + problem.spent(_sets(ends))
+def agreeing_starts(batches: Sequence[DescentBatch]) -> int:
+    """Number of independent starts that have reached the best optimum of all batches."""
+    least = min((batch.least_cost for batch in batches), default=0.0)
+    pairs = (pair for batch in batches for pair in zip(batch.optima, batch.independent, strict=True))
+    return sum(independent and o.cost <= (1.0 + SAME_OPTIMUM_RTOL) * least for o, independent in pairs)
 
 
-def _resonance_restarts(
-    problem: SimulationErrorProblem,
-    search: ParameterSpace,
-    settings: Settings,
-    ends: Sequence[Optimum],
-    heard: list[float],
-) -> _Part:
-    """Starts that ring where they explain most, about an end, and their ends.
-
-    Of the ends it is the best one that has converged and is not among those whose costs are in `heard`, where it is
-    added: one that is not the leader may lie nearer to the optimum in all but the resonance. Starts are chosen after
-    a few rounds of descent, since a resonance that is off in size looks worse than it is.
-    """
-    fresh = [
-        end for end in ends if end.converged and all(abs(end.cost - cost) > SAME_OPTIMUM_RTOL * cost for cost in heard)
-    ]
-    leader = min(ends, key=lambda end: end.cost)
-    if not fresh or _explained(problem, search, settings, leader):
-        return _Part([], [], [], 0, problem.spent(min(len(fresh), 1)))
-    parent = min(fresh, key=lambda end: end.cost)
-    heard.append(parent.cost)
-    begins, sets = resonance_scan(problem, search, settings, parent.values, _HEARD)
-    spent = problem.spent(1 + sets)
-    if not begins.size:
-        return _Part([], [], [], 0, spent)
-    rough = fit_many(problem, search, settings, begins, limit=_TUNING)
-    tuned = _best(rough, _HEARD_BEST)
-    found = fit_many(problem, search, settings, np.stack(tuned, axis=1), limit=_ROUNDS, cost_to_beat=leader.cost)
-    batches = sum(max(end.evaluations for end in some) for some in (rough, found))
-    return _Part(tuned, found, [False] * len(found), batches, spent + problem.spent(_sets(rough) + _sets(found)))
-
-
-def _best(ends: Sequence[Optimum], count: int) -> list[Array]:
-    return [end.values for end in sorted(ends, key=lambda end: end.cost)[:count]]
-
-
-def _sets(ends: Sequence[Optimum]) -> int:
-    return sum(end.simulations for end in ends)
-
-
-def _stages(problem: SimulationErrorProblem, number: int, rng: np.random.Generator) -> list[SimulationErrorProblem]:
-    """What descents of a field begin on: a beginning, or held to the measured motion, less and less."""
+def _stages(
+    problem: SimulationErrorProblem, number: int, options: MultistartOptions, rng: np.random.Generator
+) -> list[SimulationErrorProblem]:
+    """Easier problems that the descents of batch `number` pass through: truncated ones, or with output feedback."""
+    share: float | None
     if problem.has_hard_limit:
-        share = None if number % 2 else float(np.exp(rng.uniform(np.log(_LEAST_BEGINNING), np.log(FIRST_BEGINNING))))
+        low, high = np.log(options.min_share), np.log(options.first_share)
+        share = None if number % 2 else float(np.exp(rng.uniform(low, high)))
     else:
-        share = _BEGINNINGS[number % len(_BEGINNINGS)]
+        share = options.shares[number % len(options.shares)]
     if share is None:
-        held = [problem.with_output_feedback(firmly) for firmly in _HELD]
-        return [stage for stage in held if stage is not None]
-    shares = growing_horizons(share) if problem.has_hard_limit else [share] if share < 1.0 else []
+        stages = [problem.with_output_feedback(gain) for gain in options.feedback_shares]
+        return [stage for stage in stages if stage is not None]
+    shares = growing_horizons(share, options) if problem.has_hard_limit else [share] if share < 1.0 else []
     parts = [problem.truncated(share) for share in shares]
     longer = [k == 0 or part.samples > parts[k - 1].samples for k, part in enumerate(parts)]
     return [part for part, more in zip(parts, longer, strict=True) if more and part.samples < problem.samples]
 
 
-def _descended(
-    whole: SimulationErrorProblem,
-    stages: Sequence[SimulationErrorProblem],
-    search: ParameterSpace,
-    settings: Settings,
-    field: _StartField,
-    best: float,
-    needed: int,
-) -> _Part:
-    """Ends of a field that has descended through all `stages` first."""
-    begins = np.stack(field.starts, axis=1)
-    batches, spent = 0, field.spent
-    rounds = _FIRST_ROUNDS
-    for stage in stages:
-        rough = fit_many(stage, search, settings, begins, limit=rounds, tolerance=_ROUGH, cost_to_beat=np.inf)
-        batches += max(end.evaluations for end in rough)
-        spent += stage.spent(_sets(rough))
-        begins, rounds = np.stack([end.values for end in rough], axis=1), FURTHER_ROUNDS
-    ends = fit_many(
-        whole,
-        search,
-        settings,
-        begins,
-        limit=_ROUNDS,
-        cost_to_beat=best,
-        stop_when=lambda r: is_white(whole, r),
-        min_agreeing=needed,
-    )
-    batches += max(end.evaluations for end in ends)
-    return _Part(field.starts, ends, field.alone, batches, spent + whole.spent(_sets(ends)))
+def _first_starts(space: ParameterSpace, given: Sequence[Mapping[str, float]], starts: int) -> list[Array]:
+    return [*given_starts(space, given), space.start][: max(starts, len(given), 1)]
 
 
-def growing_horizons(share: float) -> Iterator[float]:
-    """Beginnings, less than the whole, to descend on one after the other where there are limits.
-
-    Contacts make the valley of the cost narrower the longer the recording is. From one beginning to the next the
-    estimate has to become better than the valley narrower.
-    """
-    while share < 1.0:
-        yield share
-        share *= _GROWTH
+def _is_among(cost: float, costs: Sequence[float]) -> bool:
+    return any(abs(cost - other) <= SAME_OPTIMUM_RTOL * other for other in costs)
 
 
-def _agreeing(parts: Sequence[_Part]) -> int:
-    """How many independent starts have ended at the best optimum."""
-    least = min((part.least for part in parts), default=0.0)
-    ended = (pair for part in parts for pair in zip(part.ends, part.alone, strict=True))
-    return sum(own and end.cost <= (1.0 + SAME_OPTIMUM_RTOL) * least for end, own in ended)
+def _best(optima: Sequence[Optimum], count: int) -> list[Array]:
+    return [optimum.values for optimum in sorted(optima, key=lambda optimum: optimum.cost)[:count]]
 
 
-def _explained(problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, end: Optimum) -> bool:
-    return is_white(problem, problem.residuals(search.named(end.values[:, None]), settings)[:, 0])
+def _sets(optima: Sequence[Optimum]) -> int:
+    return sum(optimum.simulations for optimum in optima)
 
 
-def is_white(problem: SimulationErrorProblem, residual: Array) -> bool:
-    """Whether nothing is left to explain: no autocorrelation within any output (Ljung and Box 1978)."""
-    begin = 0
-    for r in problem.recordings:
-        for piece in residual[begin : begin + r.y.size].reshape(r.y.shape):
-            n, power = len(piece), float(piece @ piece)
-            lags = range(1, min(_LAGS, n // 4) + 1)
-            rho = np.array([float(piece[k:] @ piece[:-k]) for k in lags]) / max(power, 1e-300)
-            if n * (n + 2) * np.sum(rho**2 / (n - np.array(lags))) > _WHITE:
-                return False
-        begin += r.y.size
-    return True
+def _evaluations(optima: Sequence[Optimum]) -> int:
+    return max(optimum.evaluations for optimum in optima)

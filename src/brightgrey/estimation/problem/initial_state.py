@@ -1,8 +1,8 @@
-"""How a recording begins: the state before its first sample, known or searched for."""
+"""Initial state of a recording: before its first sample, known or estimated."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from math import comb
@@ -12,93 +12,126 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Element
-from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.problem.scales import ORDER, speed_of
+from brightgrey.estimation.problem.scales import DERIVATIVE_ORDER, speed_of
 from brightgrey.kit import Placed, StateSpace
 from brightgrey.recordings import Recording
 
-__all__ = ["Initial", "InitialState", "InitialStateParameter", "check_initial", "initial_state", "output_noise"]
+__all__ = [
+    "INITIALS",
+    "Initial",
+    "InitialState",
+    "InitialStateOptions",
+    "InitialStateParameter",
+    "initial_state",
+    "output_noise",
+]
 
 Initial = Literal["auto", "rest", "samples", "estimated"]
-_INITIALS: tuple[Initial, ...] = get_args(Initial)
-_REMEMBERED = 8  # recordings of which what does not depend on parameters is kept
-_AT_REST = 0.1  # of the largest speed
-_FIRST = 10  # samples that tell position and speed at the start
-_INTERCEPT = 2.0  # standard deviation of a line's beginning, in that of a mean
-_SURE = 3.0  # standard deviations of what the sensor allows
-_WOUND = 3.0  # times the twist that the largest input gives in even acceleration: swings add to it
-_APART = 0.5  # of the largest speed: what masses may differ by
-_MEANS = (10, 20, 40)  # samples
-_BEND = 6  # differences of such means, in which little is left of motion
+INITIALS: tuple[Initial, ...] = get_args(Initial)
+"""Ways to determine the initial state."""
+_CACHED_RECORDINGS = 8
 
 
-def check_initial(initial: str) -> Initial:
-    """Return `initial` if it is one of those allowed; else SettingsError names the nearest."""
-    for allowed in _INITIALS:
-        if initial == allowed:
-            return allowed
-    raise SettingsError(unknown_name("initial state", initial, _INITIALS))
+@dataclass(frozen=True)
+class InitialStateOptions:
+    """Limits of the initial state.
+
+    Attributes
+    ----------
+    rest_speed : float
+        A drive whose first speed is below this part of the largest one is at rest.
+    first_samples : int
+        Samples from which position and speed at the start are determined.
+    intercept_std : float
+        Standard deviation of the first value of a line through these samples, relative to that of their mean.
+    sensor_std : float
+        Standard deviations of the sensor's noise by which position and speed may be off.
+    max_twist : float
+        Largest twist of a shaft, relative to that of even acceleration by the largest input; oscillations add to it.
+    max_speed_difference : float
+        Largest speed difference of neighbouring masses, relative to the largest speed.
+    mean_lengths : tuple of int
+        Samples whose means show slow noise.
+    mean_differences : int
+        Order of the difference of such means in which hardly any motion remains.
+    """
+
+    rest_speed: float = 0.1
+    first_samples: int = 10
+    intercept_std: float = 2.0
+    sensor_std: float = 3.0
+    max_twist: float = 3.0
+    max_speed_difference: float = 0.5
+    mean_lengths: tuple[int, ...] = (10, 20, 40)
+    mean_differences: int = 6
+
+
+INITIAL_STATE_DEFAULTS = InitialStateOptions()
 
 
 @dataclass(frozen=True)
 class InitialStateParameter:
-    """A part of the initial state that is searched for, in SI; searched linearly.
+    """A part of the initial state that is estimated, in SI, on a linear scale.
 
     Attributes
     ----------
     name : str
     low, high, start : float
-    drawn : bool
-        Whether fresh starts of a search draw it, too; else they begin at `start`.
+        Bounds and start value.
+    sampled : bool
+        False if all samples of a search have the start value.
     """
 
     name: str
     low: float
     high: float
     start: float
-    drawn: bool = True
+    sampled: bool = True
 
 
-@lru_cache(maxsize=_REMEMBERED)
+@lru_cache(maxsize=_CACHED_RECORDINGS)
 def output_noise(recording: Recording) -> Array:
-    """Noise of each output, shape (outputs,), SI: from second differences, at least the resolution's; read-only."""
+    """Standard deviation of the noise of each output, shape (outputs,), SI; read-only.
+
+    It is estimated from second differences, and is at least the rounding error of the resolution.
+    """
     bend = np.diff(recording.y, n=2, axis=1)
-    spread = 1.4826 * np.median(np.abs(bend), axis=1) / np.sqrt(6.0)
+    spread = 1.4826 * np.median(np.abs(bend), axis=1) / np.sqrt(6.0)  # of a normal variable by its median; 1 + 4 + 1
     least = np.maximum(recording.resolution / np.sqrt(12.0), 1e-12 * recording.y.std(axis=1))
     noise = np.asarray(np.maximum(spread, least))
     noise.setflags(write=False)
     return noise
 
 
-@lru_cache(maxsize=_REMEMBERED)
-def _first_speed(recording: Recording) -> tuple[float, float, float]:
-    """Speed at the first sample if it is even, and if it rises or falls; and the largest of all."""
-    course = speed_of(recording)
-    first = course[:_FIRST]
-    even, bent = (float(np.polyfit(np.arange(len(first)), first, degree)[-1]) for degree in (1, 2))
-    return even, bent, float(np.abs(course).max())
+@lru_cache(maxsize=_CACHED_RECORDINGS)
+def _first_speed(recording: Recording, samples: int) -> tuple[float, float, float]:
+    """First speed by a line and by a parabola through the first samples, and the largest speed of all."""
+    speed = speed_of(recording)
+    first = speed[:samples]
+    line, parabola = (float(np.polyfit(np.arange(len(first)), first, degree)[-1]) for degree in (1, 2))
+    return line, parabola, float(np.abs(speed).max())
 
 
 def initial_state(recording: Recording, system: StateSpace) -> Array:
-    """State, shape (n,), before the first sample of `recording` where nothing about it is searched for."""
-    onset = InitialState.of(recording)
-    return system.rest(onset.position, onset.speed, float(recording.u[0]))
+    """State, shape (n,), before the first sample of `recording` if nothing of it is estimated."""
+    state = InitialState.of(recording)
+    return system.rest(state.position, state.speed, float(recording.u[0]))
 
 
 @dataclass(frozen=True)
 class InitialState:
-    """Position and speed before the first sample; T is the first input.
+    """Position and speed before the first sample, and the parts that are estimated; T is the first input.
 
     Attributes
     ----------
     position, speed : float
-        SI, of all masses but for what is unknown of the others.
+        Of all masses in SI, apart from the estimated parts.
     torque : float
-        Largest input in SI: twists are counted in those that it gives in even acceleration.
+        Largest input in SI. Twists are relative to those of even acceleration by it.
     unknown : tuple of InitialStateParameter
-        Parts that are searched for. Their names end in `tag`.
+        Parts that are estimated. Their names end in `tag`.
     tag : str
-        Tells recordings apart.
+        Distinguishes recordings.
     """
 
     position: float
@@ -115,65 +148,64 @@ class InitialState:
         tag: str = "",
         limited: tuple[str, ...] = (),
         masses: int = 1,
+        options: InitialStateOptions = INITIAL_STATE_DEFAULTS,
     ) -> InitialState:
-        """Onset of a recording.
+        """Determine the initial state of a recording.
 
         Parameters
         ----------
         recording : Recording
         initial : {'auto', 'rest', 'samples', 'estimated'}
-            Speed zero; as the first samples say; or searched for within what the noise of those samples leaves
-            open (a free speed would be abused to absorb drift). ``auto`` is at rest unless the first samples clearly
-            move, by a tenth of the largest speed; then it is ``estimated``.
+            At rest; as the first samples say; or estimated within the noise of those samples (a free speed would be
+            abused to absorb drift). ``auto`` is at rest unless the first samples clearly move, by a tenth of the
+            largest speed; then it is ``estimated``.
         tag : str
+            Ends the names of the estimated parts.
         limited : tuple of str
-            Names of the limited states, which ``estimated`` searches for, too.
+            Names of the states with hard limits, which ``estimated`` estimates, too.
         masses : int
-            Masses in a row. ``estimated`` searches for the twist of each shaft and the speed of each further mass, too:
-            a drive that moves has swung, and what is left of that is as large as the effects that are looked for.
+            Masses in a row. ``estimated`` also estimates the twist of each shaft and the speed of each further mass:
+            a drive in motion oscillates, and that is as large as the effects of interest.
+        options : InitialStateOptions
         """
         kinds = [signal.kind for signal in recording.outputs]
-        at = kinds.index("position") if "position" in kinds else None
-        position = float(recording.y[at][0]) if at is not None else 0.0
-        speed, bent, largest = _first_speed(recording)
-        moving = abs(speed) >= _AT_REST * largest > 0.0
+        output = kinds.index("position") if "position" in kinds else None
+        position = float(recording.y[output][0]) if output is not None else 0.0
+        speed, _, largest = _first_speed(recording, options.first_samples)
+        moving = abs(speed) >= options.rest_speed * largest > 0.0
         if initial == "rest" or (initial == "auto" and not moving):
             return cls(position, 0.0, 0.0, (), tag)
-        unknown: list[InitialStateParameter] = []
         torque = float(np.abs(recording.u).max())
+        unknown: list[InitialStateParameter] = []
         if initial != "samples":
-            noise = output_noise(recording)
-            if at is not None:
-                slack = _SURE * float(noise[at])
-                unknown.append(InitialStateParameter(f"position(0){tag}", position - slack, position + slack, position))
-            slack = _SURE * _speed_noise(recording, noise) + abs(bent - speed)
-            low, high = speed - slack, speed + slack
-            if abs(speed) <= _SURE * _slow_noise(recording):  # it may be at rest, too
-                low, high = min(low, 0.0), max(high, 0.0)
-            unknown.append(InitialStateParameter(f"speed(0){tag}", low, high, speed))
+            unknown += _rigid_motion(recording, output, tag, options)
             unknown += [InitialStateParameter(f"{name}(0)/width{tag}", -1.0, 0.0, -0.5) for name in limited]
             if torque > 0.0:
-                share, fast = float(recording.u[0]) / torque, _APART * largest
-                for i in range(1, masses):
-                    unknown.append(InitialStateParameter(f"twist{i}(0)/full{tag}", -_WOUND, _WOUND, share, drawn=False))
-                    unknown.append(
-                        InitialStateParameter(f"speed{i + 1}-speed{i}(0){tag}", -fast, fast, 0.0, drawn=False)
-                    )
+                twist = float(recording.u[0]) / torque
+                unknown += _relative_motion(masses, twist, options.max_speed_difference * largest, tag, options)
         return cls(position, speed, torque, tuple(unknown), tag)
 
     def state(self, system: StateSpace, u: float, values: Mapping[str, Array]) -> Array:
-        """Initial states, shape (n, K) or (n, 1): of the unknown parts, `values` holds arrays of shape (K,).
+        """Initial states, shape (n, K) or (n, 1).
 
-        A limited state is counted in widths of its range, from its upper limit, and the shaft it stands in is relaxed;
-        then twists are added: those of even acceleration by `u` where they are not known.
+        A limited state is counted in widths of its range, from its upper limit, and its shaft is relaxed. Then twists
+        are added: those of even acceleration by `u` where they are not estimated.
+
+        Parameters
+        ----------
+        system : StateSpace
+        u : float
+            First input, SI.
+        values : mapping of str to ndarray, shape (K,)
+            Estimated parts by name.
         """
 
-        def known(name: str, otherwise: float) -> Array:
-            return np.atleast_1d(np.asarray(values.get(name + self.tag, otherwise), float))
+        def value(name: str, default: float) -> Array:
+            return np.atleast_1d(np.asarray(values.get(name + self.tag, default), float))
 
         parts = {
-            "position": known("position(0)", self.position),
-            "speed": known("speed(0)", self.speed),
+            "position": value("position(0)", self.position),
+            "speed": value("speed(0)", self.speed),
             "zero": np.zeros(1),
             "input": np.full(1, u),
         }
@@ -181,7 +213,7 @@ class InitialState:
         for element in system.elements:
             if element.limits is not None:
                 low, high = element.limits.lower, element.limits.upper
-                share = known(f"{system.state_names[element.limits.state]}(0)/width", 0.0)
+                share = value(f"{system.state_names[element.limits.state]}(0)/width", 0.0)
                 rows[element.limits.state] = np.atleast_1d(high + share * (high - low))
         x = np.empty((len(rows), max(map(len, rows))))
         for i, row in enumerate(rows):
@@ -189,34 +221,61 @@ class InitialState:
         for element in system.elements:
             if element.limits is not None:
                 _relax(x, system, element)
-        speeds, positions = _masses(system)
+        speeds, positions = _motion_states(system)
         if self.torque > 0.0 and len(positions) > 1:
-            full = _wound(system, self.torque, speeds, positions)
+            full = _acceleration_twists(system, self.torque, speeds, positions)
             x = x + np.zeros(full.shape[1])
             for i in range(1, len(positions)):
-                x[positions[i:]] += known(f"twist{i}(0)/full", u / self.torque) * full[i - 1]
-                x[speeds[i:]] += known(f"speed{i + 1}-speed{i}(0)", 0.0)
+                x[positions[i:]] += value(f"twist{i}(0)/full", u / self.torque) * full[i - 1]
+                x[speeds[i:]] += value(f"speed{i + 1}-speed{i}(0)", 0.0)
         return x
 
 
+def _rigid_motion(
+    recording: Recording, output: int | None, tag: str, options: InitialStateOptions
+) -> Iterator[InitialStateParameter]:
+    """Position (of output number `output`) and speed of the whole drive within the noise of the first samples."""
+    noise = output_noise(recording)
+    if output is not None:
+        position, slack = float(recording.y[output][0]), options.sensor_std * float(noise[output])
+        yield InitialStateParameter(f"position(0){tag}", position - slack, position + slack, position)
+    speed, by_parabola, _ = _first_speed(recording, options.first_samples)
+    slack = options.sensor_std * _first_speed_std(recording, noise, options) + abs(by_parabola - speed)
+    low, high = speed - slack, speed + slack
+    if abs(speed) <= options.sensor_std * _first_speed_std_of_slow_noise(recording, options):
+        low, high = min(low, 0.0), max(high, 0.0)  # it may be at rest, too
+    yield InitialStateParameter(f"speed(0){tag}", low, high, speed)
+
+
+def _relative_motion(
+    masses: int, twist: float, max_difference: float, tag: str, options: InitialStateOptions
+) -> Iterator[InitialStateParameter]:
+    """Twist of each shaft and speed difference of its masses; twists begin at `twist`."""
+    for i in range(1, masses):
+        high = options.max_twist
+        yield InitialStateParameter(f"twist{i}(0)/full{tag}", -high, high, twist, sampled=False)
+        name = f"speed{i + 1}-speed{i}(0){tag}"
+        yield InitialStateParameter(name, -max_difference, max_difference, 0.0, sampled=False)
+
+
 def _relax(x: Array, system: StateSpace, element: Element) -> None:
-    """Shift the masses behind a limited state so that it rests: a shaft that moves evenly is not wound up."""
+    """Shift the masses behind a limited state so that its shaft is relaxed, as it is in even motion."""
     row = element.H[0].reshape(len(x), -1)
     place = Placed.parse(element.name).place
     behind = [i for i, name in enumerate(system.state_names) if name.startswith("q") and int(name[1:]) > place]
     x[behind] -= (row * x).sum(axis=0) / row[behind].sum(axis=0)
 
 
-def _masses(system: StateSpace) -> tuple[list[int], list[int]]:
-    """Numbers of the states that are speeds, and of those that are positions, in the order of the masses."""
+def _motion_states(system: StateSpace) -> tuple[list[int], list[int]]:
+    """Indices of the states that are speeds, and of those that are positions, in the order of the masses."""
     kinds = [state.at_rest for state in system.states]
     return [i for i, k in enumerate(kinds) if k == "speed"], [i for i, k in enumerate(kinds) if k == "position"]
 
 
-def _wound(system: StateSpace, torque: float, speeds: list[int], positions: list[int]) -> Array:
-    """Twist of each shaft, shape (masses - 1, K) or (masses - 1, 1), where `torque` accelerates all masses alike.
+def _acceleration_twists(system: StateSpace, torque: float, speeds: list[int], positions: list[int]) -> Array:
+    """Twist of each shaft, shape (masses - 1, K) or (masses - 1, 1), where `torque` accelerates all masses evenly.
 
-    Friction aside: this is a measure to count twists by.
+    Friction is neglected: this is a unit for twists.
     """
     n, m = len(system.states), len(positions)
     A = system.A.reshape(n, n, -1)
@@ -233,29 +292,29 @@ def _wound(system: StateSpace, torque: float, speeds: list[int], positions: list
     return np.diff(apart, axis=0, prepend=0.0)
 
 
-def _speed_noise(recording: Recording, noise: Array) -> float:
-    """Standard deviation of the speed that the first samples tell, the best output counts."""
+def _first_speed_std(recording: Recording, noise: Array, options: InitialStateOptions) -> float:
+    """Standard deviation of the speed by the first samples, of the output with the least one."""
     found = [np.inf]
     for signal, sigma in zip(recording.outputs, noise.tolist(), strict=True):
         if signal.kind == "position":
-            found.append(_INTERCEPT * sigma * np.sqrt(12.0 / _FIRST**3) / recording.dt)
+            found.append(options.intercept_std * sigma * np.sqrt(12.0 / options.first_samples**3) / recording.dt)
         elif signal.kind != "acceleration":
-            found.append(_INTERCEPT * sigma / np.sqrt(_FIRST))
+            found.append(options.intercept_std * sigma / np.sqrt(options.first_samples))
     least = min(found)
     return float(least) if np.isfinite(least) else 0.0
 
 
-def _slow_noise(recording: Recording) -> float:
-    """Standard deviation of the speed that the first samples tell if noise is slow, the worst measured speed counts.
+def _first_speed_std_of_slow_noise(recording: Recording, options: InitialStateOptions) -> float:
+    """Standard deviation of the speed by the first samples if noise is slow, of the worst measured speed.
 
-    Slow noise hardly shows from sample to sample, but in differences of means over some of them. Swings of the drive
-    show there, too, so that this may be too large.
+    Slow noise hardly shows from sample to sample, but in differences of means over some of them. Oscillations of the
+    drive show there, too, so this may be too large.
     """
-    found = [0.0]
+    found, order = [0.0], options.mean_differences
     for signal, y in zip(recording.outputs, recording.y, strict=True):
-        for length in _MEANS if ORDER[signal.kind] == 1 else ():
+        for length in options.mean_lengths if DERIVATIVE_ORDER[signal.kind] == 1 else ():
             means = y[: len(y) // length * length].reshape(-1, length).mean(axis=1)
-            if len(means) > 2 * _BEND:
-                bend = 1.4826 * float(np.median(np.abs(np.diff(means, n=_BEND))))
-                found.append(_INTERCEPT * bend / float(np.sqrt(comb(2 * _BEND, _BEND))))
+            if len(means) > 2 * order:
+                bend = 1.4826 * float(np.median(np.abs(np.diff(means, n=order))))
+                found.append(options.intercept_std * bend / float(np.sqrt(comb(2 * order, order))))
     return max(found)

@@ -1,4 +1,4 @@
-"""Normal equations of many starts straight from the simulated outputs, without storing residuals or derivatives."""
+"""Normal equations of many starts, computed from the simulated outputs without storing residuals or derivatives."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from brightgrey.simulation.kernel.machine.compilation import cached
 
 __all__ = ["LARGEST", "add_products", "add_squares"]
 
-LARGEST = 1e6  # of a weighted residual: squares stay finite
+LARGEST = 1e6
+"""Limit of a weighted residual, so that its square stays finite."""
 
 
 @cached
 def add_products(y: Any, measured: Any, weight: Any, lost: Any, per_step: Any, products: Any) -> None:
-    """Add the products of residual and derivatives, summed over samples, of each start.
+    """Add to `products` the sums over samples of the products of residual and derivatives, for each start.
 
     Parameters
     ----------
@@ -23,12 +24,13 @@ def add_products(y: Any, measured: Any, weight: Any, lost: Any, per_step: Any, p
         Simulated outputs of each start and its neighbours.
     measured : ndarray, shape (outputs, samples)
     weight, lost : ndarray, shape (outputs,)
-        1 over the noise; residual of a simulation that has diverged.
+        Inverse of the noise; weighted residual of a simulation that has diverged.
     per_step : ndarray, shape (starts, P)
-        1 over the distance of each neighbour.
+        Inverse of the distance to each neighbour in the scaled space.
     products : ndarray, shape (starts, 1 + P, 1 + P)
-        Lower triangles are added to: row 0 the squared residual, entries (i, 0) the gradient, the rest J' J.
-        Sums run over samples in their order, so they do not depend on how many starts there are.
+        Changed in place, lower triangles only. Entry (0, 0) is the squared residual, entries (i, 0) are half the
+        gradient, and the rest is J' J. Sums run over samples in their order, so they do not depend on the number of
+        starts.
     """
     outputs, samples, starts, width = y.shape
     d = np.zeros(width)
@@ -50,7 +52,7 @@ def add_products(y: Any, measured: Any, weight: Any, lost: Any, per_step: Any, p
 
 @cached
 def add_squares(y: Any, measured: Any, weight: Any, lost: Any, squares: Any) -> None:
-    """Add the squared weighted residuals, summed over samples, of each simulation.
+    """Add to `squares` the sum of squared weighted residuals of each simulation.
 
     Parameters
     ----------
@@ -58,6 +60,7 @@ def add_squares(y: Any, measured: Any, weight: Any, lost: Any, squares: Any) -> 
     measured, weight, lost
         As for `add_products`.
     squares : ndarray, shape (K,)
+        Changed in place.
     """
     outputs, samples, sets = y.shape
     for out in range(outputs):

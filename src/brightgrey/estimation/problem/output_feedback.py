@@ -1,10 +1,9 @@
-"""Simulations that are held to the measured motion, so that they cannot lose it.
+"""Output feedback that keeps a simulation close to the measured motion, for a homotopy.
 
-Where friction sticks or a gap closes, a slightly wrong parameter makes another motion from there on, and the cost of it
-tells nothing. A torque in proportion to what the measured speed is off the simulated one holds the simulation to the
-measured motion; the residual is then near that of the torque balance, and its valleys are wide. With less and less of
-it descents are led to the cost of the free simulation (homotopy; Vyasarayani, Uchida, McPhee 2012,
-doi:10.1103/PhysRevE.85.036201).
+Where friction sticks or a gap closes, a slightly wrong parameter leads to another motion, and the cost says nothing
+about the parameter. A torque in proportion to the speed error keeps the simulation close to the measurement. The
+residual then resembles that of a torque balance, whose valleys are wide. As the gain is lowered step by step, fits
+arrive at the cost of the free simulation (Vyasarayani, Uchida, McPhee 2012, doi:10.1103/PhysRevE.85.036201).
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ __all__ = ["measured_speed", "with_output_feedback"]
 
 
 def measured_speed(recording: Recording) -> Array | None:
-    """Speed as it was measured, shape (samples,), noise included; None if only the acceleration was."""
+    """Measured speed, shape (samples,), noise included; None if only the acceleration was measured."""
     kinds = [signal.kind for signal in recording.outputs]
     for kind in ("velocity", "velocity-differenced", "position"):
         if kind in kinds:
@@ -31,20 +30,27 @@ def measured_speed(recording: Recording) -> Array | None:
 
 
 def with_output_feedback(system: StateSpace, recording: Recording, gain: float) -> tuple[StateSpace, Array]:
-    """`system` with ``gain`` times what its speed is behind the measured one added to the input, and that input.
+    """Add ``gain`` times the speed error to the input: returns the system with feedback, and its input.
 
-    What the drive does to its input it does to this torque, too: the truth needs none of it, but for noise and
-    for dead time, which only what was measured comes late by.
+    The feedback passes through the input dynamics of the drive like the input itself. With the true parameters the
+    speed error is noise, apart from a dead time, which delays only the measurement.
+
+    Parameters
+    ----------
+    system : StateSpace
+    recording : Recording
+    gain : float
+        Torque per speed, N m s/rad (N s/m); 0 returns the system and the input of the recording unchanged.
     """
     speed = measured_speed(recording) if gain else None
     if speed is None:
         return system, recording.u
-    back = -gain * np.eye(len(system.states))[system.state_names.index("v1")]
+    feedback = -gain * np.eye(len(system.states))[system.state_names.index("v1")]
 
-    def fed(matrix: Array, column: Array) -> Array:
-        """Of x, and what is fed back to u: `matrix` (rows, n) and `column` (rows,), both perhaps with K sets."""
-        return matrix + (column[:, None] * back[:, None] if column.ndim > 1 else np.outer(column, back))
+    def closed(matrix: Array, column: Array) -> Array:
+        """Closed loop for `matrix` (rows, n) of x and `column` (rows,) of u, both perhaps with K sets."""
+        return matrix + (column[:, None] * feedback[:, None] if column.ndim > 1 else np.outer(column, feedback))
 
-    elements = tuple(replace(e, H=fed(e.H, e.K)) for e in system.elements)
-    A, C = fed(system.A, system.B[:, 0]), fed(system.C, system.D[:, 0])
+    elements = tuple(replace(e, H=closed(e.H, e.K)) for e in system.elements)
+    A, C = closed(system.A, system.B[:, 0]), closed(system.C, system.D[:, 0])
     return replace(system, A=A, C=C, elements=elements), recording.u + gain * speed

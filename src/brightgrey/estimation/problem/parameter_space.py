@@ -1,9 +1,12 @@
-"""Ranges and starts of all parameters, from the declarations and the recording, overridden by the user."""
+"""Free parameters of a fit: bounds, start values, scaling and samples.
+
+Declarations and scales of the recording give bounds and start values; the user may override them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -17,15 +20,30 @@ from brightgrey.estimation.problem.initial_state import InitialStateParameter
 from brightgrey.kit import Structure
 from brightgrey.numerics.sobol import sobol_points
 
-__all__ = ["ParameterSpace", "parameter_space"]
+__all__ = ["Block", "ParameterSpace", "SpaceOptions", "parameter_space"]
 
-_NEAR = 3.0  # a start near the declared one is within this factor of it
-_NEAR_SHARE = 0.6  # of the starts, in each parameter
-_AT_BOUND = 1e-4  # of the searched range
+
+@dataclass(frozen=True)
+class SpaceOptions:
+    """Tolerance and sampling of a parameter space.
+
+    Attributes
+    ----------
+    bound_tolerance : float
+        A parameter closer to a bound than this part of its range counts as being at the bound.
+    near_factor : float
+        Samples near the declared start value are within this factor of it.
+    near_share : float
+        Share of the samples, in each parameter, that are near the declared start value.
+    """
+
+    bound_tolerance: float = 1e-4
+    near_factor: float = 3.0
+    near_share: float = 0.6
 
 
 class Block(NamedTuple):
-    """Parameters (rows) that are drawn together, and how; see `Effect`."""
+    """Parameters (rows of the space) that are sampled together, and the declared functions that do it; see `Effect`."""
 
     rows: tuple[int, ...]
     sample: Callable[[Scales, Array], Array]
@@ -34,23 +52,25 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """Free parameters in the scale they are searched in: logarithm, or value over the range's width.
+    """Free parameters and their transform to a scaled space: logarithm, or value over the width of the range.
 
     Attributes
     ----------
     names : tuple of str
         Free parameters.
     low, high, start : ndarray, shape (P,)
-        SI values.
+        Bounds and start values, SI.
     log : bool ndarray, shape (P,)
+        True for parameters whose scaled value is a logarithm.
     fixed : mapping of str to float
-        The other parameters, SI.
+        Parameters that are not estimated, SI.
     scales : Scales
-        Of the recordings.
+        Scales of the recordings.
     blocks : tuple of Block
-        Parameters that are drawn together.
-    still : bool ndarray, shape (P,)
-        Parameters that begin at their start in all candidates.
+        Parameters that are sampled together.
+    not_sampled : bool ndarray, shape (P,)
+        True for parameters that have their start value in all samples.
+    options : SpaceOptions
     """
 
     names: tuple[str, ...]
@@ -62,66 +82,83 @@ class ParameterSpace:
     scales: Scales
     blocks: tuple[Block, ...]
     not_sampled: NDArray[np.bool_]
+    options: SpaceOptions = field(default_factory=SpaceOptions)
 
     @cached_property
     def width(self) -> Array:
-        """Unit of the searched scale for linear parameters, 1 for logarithmic ones and those without a choice."""
+        """Unit of the scaled space for linear parameters, shape (P,); 1 for logarithmic ones and empty ranges."""
         return np.where(self.log | (self.high <= self.low), 1.0, self.high - self.low)
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
-        """Bounds in the searched scale, each of shape (P,)."""
+        """Bounds in the scaled space, each of shape (P,)."""
         return self.to_scaled(self.low), self.to_scaled(self.high)
 
     def to_scaled(self, values: Array) -> Array:
-        """From SI values, shape (P,) or (P, K), to the searched scale."""
+        """Transform SI values, shape (P,) or (P, K), to the scaled space."""
         log, width = (a.reshape(-1, *(1,) * (np.ndim(values) - 1)) for a in (self.log, self.width))
         return np.where(log, np.log(np.where(log, values, 1.0)), values / width)
 
     def from_scaled(self, theta: Array) -> Array:
-        """From the searched scale to SI values; shapes as in `inward`."""
+        """Transform from the scaled space, shape (P,) or (P, K), to SI values, clipped to the bounds."""
         log, width = (a.reshape(-1, *(1,) * (np.ndim(theta) - 1)) for a in (self.log, self.width))
-        low, high = (a.reshape(-1, *(1,) * (np.ndim(theta) - 1)) for a in (self.low, self.high))
-        return np.clip(np.where(log, np.exp(np.where(log, theta, 0.0)), theta * width), low, high)
+        return self.clip(np.where(log, np.exp(np.where(log, theta, 0.0)), theta * width))
 
     def scale_derivative(self, values: Array) -> Array:
-        """Change of SI `values`, shape (P,), per change in the searched scale."""
+        """Derivative of SI `values`, shape (P,), by the scaled ones."""
         return np.where(self.log, values, self.width)
 
     def active_bounds(self, values: Array) -> NDArray[np.int64]:
-        """Which of SI `values`, shape (P,), have run to the low bound (-1) or the high one (1); 0 inside."""
+        """Active bounds of SI `values`, shape (P,): -1 at the low bound, 1 at the high one, 0 inside."""
         theta, (low, high) = self.to_scaled(values), self.box
-        near = _AT_BOUND * (high - low)
+        near = self.options.bound_tolerance * (high - low)
         return np.where(theta - low <= near, -1, np.where(high - theta <= near, 1, 0))
 
     def named(self, values: Array) -> dict[str, Array]:
-        """By name, free parameters of shape (P, K) and fixed ones, each of shape (K,)."""
+        """All parameters by name, each of shape (K,), from free ones, shape (P, K), and the fixed ones."""
         rest = {name: np.full(values.shape[1], value) for name, value in self.fixed.items()}
         return dict(zip(self.names, values, strict=True)) | rest
 
-    def _alone(self, share: Array) -> Array:
-        """Starts from points of the unit cube, each parameter on its own: more often near the declared start."""
+    def by_name(self, values: Array) -> dict[str, float]:
+        """All parameters by name, from free ones, shape (P,), and the fixed ones."""
+        return dict(zip(self.names, values.tolist(), strict=True)) | dict(self.fixed)
+
+    def clip(self, values: Array) -> Array:
+        """Clip SI values, shape (P,) or (P, K), to the bounds."""
+        low, high = (a.reshape(-1, *(1,) * (np.ndim(values) - 1)) for a in (self.low, self.high))
+        return np.clip(values, low, high)
+
+    def fix(self, name: str, value: float) -> ParameterSpace:
+        """Space without the free parameter `name`, which is fixed at `value`, SI; nothing is sampled together in it."""
+        rest = [i for i, free in enumerate(self.names) if free != name]
+        parts = {key: getattr(self, key)[rest] for key in ("low", "high", "start", "log", "not_sampled")}
+        names, fixed = tuple(self.names[i] for i in rest), {**self.fixed, name: value}
+        return replace(self, names=names, fixed=fixed, blocks=(), **parts)
+
+    def _independent_samples(self, share: Array) -> Array:
+        """Samples from points of the unit cube, each parameter on its own: more often near the declared start."""
         (low, high), start = self.box, self.to_scaled(self.start)
-        reach = np.where(self.log, np.log(_NEAR), 0.5 * np.abs(start) + 0.02)
+        near_share = self.options.near_share
+        reach = np.where(self.log, np.log(self.options.near_factor), 0.5 * np.abs(start) + 0.02)
         near = (np.maximum(start - reach, low), np.minimum(start + reach, high))
-        inner = share / _NEAR_SHARE
-        outer = (share - _NEAR_SHARE) / (1.0 - _NEAR_SHARE)
+        inner = share / near_share
+        outer = (share - near_share) / (1.0 - near_share)
         column = np.s_[:, None]
         theta = np.where(
-            share < _NEAR_SHARE,
+            share < near_share,
             near[0][column] + inner * (near[1] - near[0])[column],
             low[column] + outer * (high - low)[column],
         )
         return self.from_scaled(theta)
 
     def sample(self, count: int, rng: np.random.Generator) -> Array:
-        """Space-filling starts in SI, shape (P, count), where effects declare them plausible."""
+        """Sample starts in SI, shape (P, count), by a Sobol sequence, where effects declare them plausible."""
         share = sobol_points(len(self.names), int(np.ceil(np.log2(max(count, 2)))), rng)[:count].T
-        values = self._alone(share)
+        values = self._independent_samples(share)
         for block in self.blocks:
             rows = list(block.rows)
-            drawn = block.sample(self.scales, share[rows])
-            values[rows] = np.clip(drawn, self.low[rows, None], self.high[rows, None])
+            values[rows] = block.sample(self.scales, share[rows])
+        values = self.clip(values)
         values[self.not_sampled] = self.start[self.not_sampled, None]
         return values
 
@@ -133,24 +170,24 @@ def parameter_space(
     fixed: Mapping[str, float],
     unknown: Sequence[InitialStateParameter] = (),
 ) -> ParameterSpace:
-    """Ranges and starts of the free parameters of `structure`.
+    """Bounds and start values of the free parameters of `structure`.
 
     Parameters
     ----------
     structure : Structure
     scales : Scales
-        Of the recordings.
+        Scales of the recordings.
     bounds : mapping of str to (low, high)
-        SI; override the declared ranges.
+        Bounds in SI that replace the declared ones.
     fixed : mapping of str to float
-        SI; these are not searched.
+        Values in SI of parameters that are not estimated.
     unknown : sequence of InitialStateParameter
-        Parts of initial states that are searched for, too.
+        Parts of initial states that are estimated, too.
 
     Raises
     ------
     SettingsError
-        For unknown parameters, low > high, or a range that its parameter's scale does not allow.
+        For an unknown parameter, low > high, or a bound that is not positive although the parameter has to be.
     """
     declared = structure.parameters
     for name in (*bounds, *fixed):
@@ -171,15 +208,15 @@ def parameter_space(
     table = np.array(ranges + [(part.low, part.high) for part in unknown]).reshape(-1, 2)
     starts += [part.start for part in unknown]
     names += tuple(part.name for part in unknown)
-    blocks = tuple(_together(structure, names, bounds))
-    still = np.array([False] * len(ranges) + [not part.drawn for part in unknown], bool)
-    return ParameterSpace(names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, blocks, still)
+    blocks = tuple(_blocks(structure, names, bounds))
+    not_sampled = np.array([False] * len(ranges) + [not part.sampled for part in unknown], bool)
+    return ParameterSpace(
+        names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, blocks, not_sampled
+    )
 
 
-def _together(
-    structure: Structure, names: tuple[str, ...], bounds: Mapping[str, tuple[float, float]]
-) -> Iterator[Block]:
-    """Parameters that are drawn together: those of an effect that says how, unless the user decides on one."""
+def _blocks(structure: Structure, names: tuple[str, ...], bounds: Mapping[str, tuple[float, float]]) -> Iterator[Block]:
+    """Parameters that are sampled together: those of an effect that declares it, unless the user bounds one of them."""
     for placed in structure.placed:
         own = [placed.parameter(q.symbol) for q in placed.effect.parameters]
         hints = placed.effect.search

@@ -1,11 +1,11 @@
-"""What a recording says about the size of things: the scales that bounds and starts are declared in.
+"""Scales of a recording: the magnitudes in which bounds and start values are declared.
 
-The input is regressed on acceleration, speed, sign of speed and a constant. Differentiating a noisy signal
-would drown the inertia, so the balance is taken over windows: with ``box`` the mean over n samples and ``D``
-the difference over n samples divided by their time, ``D`` of a signal is ``box`` of its derivative, exactly.
-Every term is filtered three times, and where a derivative is due, ``D`` takes the place of ``box``; all terms
-then have passed the same filter (modulating functions, Shinbrot 1957, in their simplest form), and
-the noise of the difference falls with the window.
+The input is regressed on acceleration, speed, sign of speed and a constant. Differentiating a noisy signal would drown
+the inertia, so the torque balance is averaged over windows. Let ``box`` be the mean over n samples and ``D`` the
+difference over n samples divided by their time; then ``D`` of a signal is exactly ``box`` of its derivative. Every term
+is filtered three times, and where a derivative is due, ``D`` takes the place of ``box``. All terms then have passed the
+same filter, and the noise of the difference falls with the window (modulating functions in their simplest form,
+Shinbrot 1957).
 """
 
 from __future__ import annotations
@@ -20,38 +20,79 @@ from brightgrey.effects import Scales
 from brightgrey.numerics.bounded_least_squares import bounded_least_squares
 from brightgrey.recordings import Recording
 
-__all__ = ["scales", "speed_of"]
+__all__ = ["DERIVATIVE_ORDER", "ScalesOptions", "scales", "speed_of"]
+
+DERIVATIVE_ORDER = {"position": 0, "velocity": 1, "velocity-differenced": 1, "acceleration": 2}
+"""Order of the time derivative of position that an output measures."""
+_FILTER_PASSES = 3
 
 
-_FILTERS = 3
-SHORTEST = 3  # samples
-LONGEST = 1.0 / 20.0  # of the recording, for a smoothed speed
-SLOWEST = 1.0 / 4.0  # of the recording, for the torque balance: it has to average over the swings of elastic drives
-NOISY = 0.03  # of the speed: what smoothing may still change
-TURNED = 0.02  # of the largest speed: where the sign of speed has turned
-ROWS = 4000  # rows of the regression that are enough
-REWEIGHTINGS = 4
-ALIKE = 1.5  # times the least uncertainty: what is hardly worse
-UNEXPLAINED = 0.2  # of the torque's variance, from which a balance does not hold: drives that swing leave half of it
-DRIVEN = 0.05  # of the torque's standard deviation, that a window must leave to say anything
-SMALLEST, LARGEST = 1e-4, 1e4  # relative to what torque, speed and acceleration make plausible
-ORDER = {"position": 0, "velocity": 1, "velocity-differenced": 1, "acceleration": 2}
+@dataclass(frozen=True)
+class ScalesOptions:
+    """Windows, limits and robustness of the regression that gives the scales.
+
+    Attributes
+    ----------
+    shortest_window : int
+        Samples.
+    longest_smoothing : float
+        Longest window that smooths the speed, as part of the recording.
+    longest_window : float
+        Longest window of the torque balance, as part of the recording: it averages over oscillations of the drive.
+    windows : int
+        Number of windows that are tried, between the shortest and the longest.
+    smoothing_change : float
+        Smoothing of the speed ends when it changes the speed by less than this part of its standard deviation.
+    reversal_speed : float
+        Part of the largest speed at which the sign of the speed has changed.
+    rows : int
+        Rows of the regression that are enough.
+    reweightings : int
+        Rounds of Huber's weights.
+    similar_uncertainty : float
+        The longest window is taken whose standard error of the inertia is within this factor of the least one.
+    unexplained_torque : float
+        Part of the torque's variance; a balance that leaves more does not hold. An oscillating drive leaves half of it.
+    driven_torque : float
+        Part of the torque's standard deviation that a window has to leave.
+    plausible_low, plausible_high : float
+        Limits of the inertia, relative to the largest torque over the largest acceleration, and the lower limit of
+        friction and damping, relative to the largest torque.
+    """
+
+    shortest_window: int = 3
+    longest_smoothing: float = 1.0 / 20.0
+    longest_window: float = 1.0 / 4.0
+    windows: int = 8
+    smoothing_change: float = 0.03
+    reversal_speed: float = 0.02
+    rows: int = 4000
+    reweightings: int = 4
+    similar_uncertainty: float = 1.5
+    unexplained_torque: float = 0.2
+    driven_torque: float = 0.05
+    plausible_low: float = 1e-4
+    plausible_high: float = 1e4
+
+
+SCALES_DEFAULTS = ScalesOptions()
 
 
 @dataclass(frozen=True)
 class _Balance:
-    """Window-averaged torque balance ``torque = terms @ (inertia, friction, viscous, offset)``."""
+    """Averaged torque balance ``torque = terms @ (inertia, friction, viscous, offset)``: one row per window."""
 
     torque: Array
     terms: Array
 
 
-def scales(recordings: Recording | Sequence[Recording]) -> Scales:
+def scales(recordings: Recording | Sequence[Recording], options: ScalesOptions = SCALES_DEFAULTS) -> Scales:
     """Scales of one recording, or of several taken together.
 
     Parameters
     ----------
     recordings : Recording or sequence of Recording
+    options : ScalesOptions
 
     Returns
     -------
@@ -60,18 +101,18 @@ def scales(recordings: Recording | Sequence[Recording]) -> Scales:
 
     Notes
     -----
-    The regression is good to some ten per cent: it knows nothing of elasticity, dead time and what
-    else friction may do.
+    The regression is accurate to some ten per cent: it neglects elasticity, dead time and other friction.
     """
     recordings = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    torque = _size(max(float(np.abs(r.u).max()) for r in recordings), 1.0)
+    torque = _positive_or(max(float(np.abs(r.u).max()) for r in recordings), 1.0)
     interval = min(r.dt for r in recordings)
     duration = max((r.samples - 1) * r.dt for r in recordings)
-    speed = max(_largest_speed(r) for r in recordings)
-    travel = _size(max(_travel(r) for r in recordings), speed * duration)
-    acceleration = max(_largest_acceleration(r) for r in recordings)
-    acceleration = _size(acceleration, speed / duration)
-    inertia, friction, viscous, offset = _regression(recordings, speed)
+    speed = max(_largest_speed(r, options) for r in recordings)
+    travel = _positive_or(max(_travel(r) for r in recordings), speed * duration)
+    acceleration = max(_largest_acceleration(r, options) for r in recordings)
+    acceleration = _positive_or(acceleration, speed / duration)
+    inertia, friction, viscous, offset = _regression(recordings, speed, options)
+    low, high = options.plausible_low, options.plausible_high
     return Scales(
         torque=torque,
         speed=speed,
@@ -79,31 +120,31 @@ def scales(recordings: Recording | Sequence[Recording]) -> Scales:
         travel=travel,
         interval=interval,
         duration=duration,
-        inertia=_within(inertia, torque / acceleration, LARGEST),
-        friction=_within(friction, torque, 1.0),
-        viscous=_within(viscous, torque / speed, 1.0),
+        inertia=_clipped(inertia, torque / acceleration, low, high),
+        friction=_clipped(friction, torque, low, 1.0),
+        viscous=_clipped(viscous, torque / speed, low, 1.0),
         offset=float(np.clip(offset, -torque, torque)),
     )
 
 
-def speed_of(recording: Recording) -> Array:
-    """Speed in rad/s (m/s), shape (samples,), from the output that tells it best, smoothed if noisy."""
-    return _speed(recording, _window(recording))
+def speed_of(recording: Recording, options: ScalesOptions = SCALES_DEFAULTS) -> Array:
+    """Speed in rad/s (m/s), shape (samples,), from the output that measures it best, smoothed if noisy."""
+    return _speed(recording, _smoothing_window(recording, options))
 
 
-def _size(value: float, otherwise: float) -> float:
-    """Return `value` if it can serve as a scale, else `otherwise`."""
-    return float(value) if np.isfinite(value) and value > 0.0 else float(otherwise)
+def _positive_or(value: float, default: float) -> float:
+    """Return `value` if it is positive and finite, else `default`."""
+    return float(value) if np.isfinite(value) and value > 0.0 else float(default)
 
 
-def _within(value: float, unit: float, high: float) -> float:
-    """`value` kept between SMALLEST and `high` times `unit`."""
-    return float(np.clip(value, SMALLEST * unit, high * unit)) if np.isfinite(value) else SMALLEST * unit
+def _clipped(value: float, unit: float, low: float, high: float) -> float:
+    """Clip `value` to between `low` and `high` times `unit`."""
+    return float(np.clip(value, low * unit, high * unit)) if np.isfinite(value) else low * unit
 
 
 def _best_output(recording: Recording) -> int:
-    """Output that tells motion best: velocity, else position, else acceleration."""
-    orders = [ORDER[signal.kind] for signal in recording.outputs]
+    """Index of the output that measures motion best: velocity, else position, else acceleration."""
+    orders = [DERIVATIVE_ORDER[signal.kind] for signal in recording.outputs]
     return orders.index(next(order for order in (1, 0, 2) if order in orders))
 
 
@@ -120,20 +161,20 @@ def _box(x: Array, n: int, dt: float) -> Array:
     return _difference(_integral(x, dt), n, dt)
 
 
-def _filtered(x: Array, n: int, dt: float, derivatives: int, times: int = _FILTERS) -> Array:
-    """`x` differentiated `derivatives` times and averaged over n samples `times` times."""
+def _window_means(x: Array, n: int, dt: float, derivatives: int, times: int = _FILTER_PASSES) -> Array:
+    """Signal `x` after `times` means over n samples, of which `derivatives` differentiate it."""
     for k in range(times):
         x = _difference(x, n, dt) if k < derivatives else _box(x, n, dt)
     return x
 
 
-def _window(recording: Recording) -> int:
-    """Find how many samples to smooth speed over: doubled until that no longer changes much."""
-    n, longest = 1, max(int(LONGEST * recording.samples), 1)
+def _smoothing_window(recording: Recording, options: ScalesOptions) -> int:
+    """Samples over which the speed is smoothed: doubled until that no longer changes the speed."""
+    n, longest = 1, max(int(options.longest_smoothing * recording.samples), 1)
     fine = _speed(recording, n)
     while 2 * n <= longest:
         coarse = _speed(recording, 2 * n)
-        if np.std(fine - coarse) <= NOISY * np.std(coarse):
+        if np.std(fine - coarse) <= options.smoothing_change * np.std(coarse):
             break
         n, fine = 2 * n, coarse
     return n
@@ -143,7 +184,7 @@ def _speed(recording: Recording, n: int) -> Array:
     """Speed, shape (samples,), smoothed over about 2n samples."""
     out = _best_output(recording)
     y, dt = recording.y[out], recording.dt
-    order = ORDER[recording.outputs[out].kind]
+    order = DERIVATIVE_ORDER[recording.outputs[out].kind]
     if order == 2:
         return _integral(y, dt)
     v = np.gradient(y, dt) if order == 0 else y
@@ -154,13 +195,13 @@ def _speed(recording: Recording, n: int) -> Array:
     return np.asarray(v, float)
 
 
-def _largest_speed(recording: Recording) -> float:
-    """Largest speed; of a drive at rest, the smallest step that its sensor can tell, over the recording."""
-    largest = float(np.abs(speed_of(recording)).max())
+def _largest_speed(recording: Recording, options: ScalesOptions) -> float:
+    """Largest speed; of a drive at rest, the resolution of its sensor over the duration of the recording."""
+    largest = float(np.abs(speed_of(recording, options)).max())
     out = _best_output(recording)
     time = (recording.samples - 1) * recording.dt
-    step = float(recording.resolution[out]) * time ** (ORDER[recording.outputs[out].kind] - 1)
-    return max(_size(largest, 0.0), _size(step, np.finfo(float).tiny ** 0.25))
+    step = float(recording.resolution[out]) * time ** (DERIVATIVE_ORDER[recording.outputs[out].kind] - 1)
+    return max(_positive_or(largest, 0.0), _positive_or(step, np.finfo(float).tiny ** 0.25))
 
 
 def _travel(recording: Recording) -> float:
@@ -171,46 +212,50 @@ def _travel(recording: Recording) -> float:
     return float(np.ptp(_integral(_speed(recording, 1), recording.dt)))
 
 
-def _largest_acceleration(recording: Recording) -> float:
+def _largest_acceleration(recording: Recording, options: ScalesOptions) -> float:
+    """Largest acceleration, measured or by differences of the speed."""
     for signal, y in zip(recording.outputs, recording.y, strict=True):
         if signal.kind == "acceleration":
             return float(np.abs(y).max())
-    n = max(_window(recording), SHORTEST)
+    n = max(_smoothing_window(recording, options), options.shortest_window)
     return float(np.abs(_difference(_speed(recording, n), n, recording.dt)).max())
 
 
-def _regression(recordings: tuple[Recording, ...], speed: float) -> Array:
-    """Return inertia, friction, viscous and offset, from the longest window that tells the inertia about best.
+def _regression(recordings: tuple[Recording, ...], speed: float, options: ScalesOptions) -> Array:
+    """Inertia, friction, viscous friction and offset, by the longest window with nearly the least standard error.
 
-    A short window leaves noise and swings of elastic drives in the acceleration, which pulls the inertia to zero; a
-    long one averages the motion away. The relative standard error of the inertia, for as many rows as the window leaves
-    independent, is least in between.
+    A short window leaves noise and oscillations in the acceleration, which pull the inertia to zero. A long window
+    averages the motion away. In between, the relative standard error of the inertia is least; it counts the rows that
+    the window leaves independent.
 
-    If not even that window's balance holds, since the drive swings slower than it averages, the inertia is as large as
-    it could be if all torque went into acceleration, in the window that leaves torque and in which that is largest.
+    If not even that balance holds, because the drive oscillates more slowly than the window, the inertia is an upper
+    limit: all torque accelerates, in the window where that gives the largest inertia and enough torque is left.
     """
-    fewest = min(r.samples for r in recordings)
-    longest = max(int(SLOWEST * fewest), SHORTEST)
+    shortest = options.shortest_window
+    longest = max(int(options.longest_window * min(r.samples for r in recordings)), shortest)
     samples = sum(r.samples for r in recordings)
-    found, bare = [], []
-    for n in np.unique(np.geomspace(SHORTEST, longest, 8).astype(int)):
-        balances = [_balance(r, int(n), speed) for r in recordings]
+    found, deviations = [], []
+    for n in np.unique(np.geomspace(shortest, longest, options.windows).astype(int)):
+        balances = [_balance(r, int(n), speed, options) for r in recordings]
         torque = np.concatenate([b.torque for b in balances])
         terms = np.concatenate([b.terms for b in balances])
-        values = _robust(torque, terms)
-        uncertainty = _uncertainty(torque, terms, values, n * _FILTERS * len(torque) / samples)
+        values = _robust_regression(torque, terms, options.reweightings)
+        uncertainty = _inertia_error(torque, terms, values, n * _FILTER_PASSES * len(torque) / samples)
         found.append((uncertainty, values, float(np.var(torque - terms @ values)), float(np.var(torque))))
-        bare.append((float(np.std(torque)), float(np.std(terms[:, 0]))))
+        deviations.append((float(np.std(torque)), float(np.std(terms[:, 0]))))
     least = min(uncertainty for uncertainty, *_ in found)
-    _, values, left, spread = [f for f in found if f[0] <= ALIKE * least][-1]
-    if left > UNEXPLAINED * spread:
-        driven = [t / a for t, a in bare if a > 0.0 and t >= DRIVEN * bare[0][0]]
+    _, values, unexplained, variance = [f for f in found if f[0] <= options.similar_uncertainty * least][-1]
+    if unexplained > options.unexplained_torque * variance:
+        enough = options.driven_torque * deviations[0][0]
+        driven = [
+            torque / acceleration for torque, acceleration in deviations if acceleration > 0.0 and torque >= enough
+        ]
         values[0] = max([values[0], *driven])
     return values
 
 
-def _uncertainty(torque: Array, terms: Array, values: Array, memory: float) -> float:
-    """Relative standard error of the inertia if `memory` rows count as one; inf if they say nothing."""
+def _inertia_error(torque: Array, terms: Array, values: Array, memory: float) -> float:
+    """Relative standard error of the inertia if `memory` rows count as one; infinite if they do not determine it."""
     size = np.abs(terms).max(axis=0)
     size[size == 0.0] = 1.0
     X = terms / size
@@ -223,36 +268,38 @@ def _uncertainty(torque: Array, terms: Array, values: Array, memory: float) -> f
         return float(np.sqrt(rest * memory / information) / size[0] / values[0])
 
 
-def _balance(recording: Recording, n: int, speed: float) -> _Balance:
+def _balance(recording: Recording, n: int, speed: float, options: ScalesOptions) -> _Balance:
+    """Torque balance of a recording over windows of n samples."""
     out = _best_output(recording)
     y, dt = recording.y[out], recording.dt
-    order = ORDER[recording.outputs[out].kind]
+    order = DERIVATIVE_ORDER[recording.outputs[out].kind]
     if order == 2:
-        acceleration = _filtered(y, n, dt, 0)
-        rate = _filtered(_integral(y, dt), n, dt, 0)
+        acceleration = _window_means(y, n, dt, 0)
+        rate = _window_means(_integral(y, dt), n, dt, 0)
     else:
-        acceleration = _filtered(y, n, dt, 2 - order)
-        rate = _filtered(y, n, dt, 1 - order)
-    sign = _filtered(np.tanh(speed_of(recording) / (TURNED * speed)), n, dt, 0)
-    torque = _filtered(recording.u, n, dt, 0)
+        acceleration = _window_means(y, n, dt, 2 - order)
+        rate = _window_means(y, n, dt, 1 - order)
+    sign = np.tanh(speed_of(recording, options) / (options.reversal_speed * speed))
+    sign = _window_means(sign, n, dt, 0)
+    torque = _window_means(recording.u, n, dt, 0)
     terms = np.stack([acceleration, sign, rate, np.ones_like(rate)], axis=1)
-    keep = slice(None, None, max(1, len(torque) // ROWS))
+    keep = slice(None, None, max(1, len(torque) // options.rows))
     return _Balance(torque[keep], terms[keep])
 
 
-def _robust(torque: Array, terms: Array) -> Array:
-    """Regression with Huber's weights; nothing but the offset may be negative."""
+def _robust_regression(torque: Array, terms: Array, reweightings: int) -> Array:
+    """Regression with Huber's weights; only the offset may be negative."""
     size = np.abs(terms).max(axis=0)
     size[size == 0.0] = 1.0
     X = terms / size
     low = np.array([0.0, 0.0, 0.0, -np.inf])
     weight = np.ones_like(torque)
     x = np.zeros(4)
-    for _ in range(REWEIGHTINGS):
+    for _ in range(reweightings):
         root = np.sqrt(weight)
         with np.errstate(invalid="ignore"):  # a column of zeros makes its path along the bounds 0 times infinity
             x = bounded_least_squares(X * root[:, None], torque * root, low, np.full(4, np.inf))
         r = np.abs(torque - X @ x)
-        spread = 1.345 * float(np.median(r)) / 0.6745
+        spread = 1.345 * float(np.median(r)) / 0.6745  # Huber: 95 % efficiency; median to standard deviation
         weight = np.minimum(1.0, spread / np.maximum(r, np.finfo(float).tiny)) if spread > 0.0 else weight
     return np.asarray(x / size)

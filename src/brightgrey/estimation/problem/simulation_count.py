@@ -1,4 +1,4 @@
-"""How much has been simulated."""
+"""Count of simulations: the measure of effort."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ __all__ = ["SimulationCount"]
 
 @dataclass(frozen=True)
 class SimulationCount:
-    """What was given to the simulation, counted where it was.
+    """Number of simulations and of simulated samples.
 
     Attributes
     ----------
     sets : int
-        Parameter sets, those on a beginning of the recordings counted like those on the whole, and several recordings
-        of one set as one.
+        Simulated parameter sets. A set on truncated recordings counts like one on whole recordings, and a set on
+        several recordings counts once.
     samples : int
-        Samples of all these simulations. Divided by those of the recordings: the sets, each counted by its share
-        of the samples. What is given up on the way counts in full.
+        Samples of all these simulations; an aborted simulation counts in full. Divided by the samples of the
+        recordings, it gives the number of sets on whole recordings with the same effort.
     """
 
     sets: int = 0

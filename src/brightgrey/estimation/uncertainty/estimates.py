@@ -1,4 +1,4 @@
-"""Estimates of parameters with their intervals, from where a descent ended."""
+"""Estimates of the parameters with their intervals, from the optimum of a fit."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brightgrey.arrays import Array
+from brightgrey.arrays import Array, positive
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.estimation.uncertainty.covariance import CovarianceEstimate, sandwich_covariance
 from brightgrey.estimation.uncertainty.heterogeneity import heterogeneity
 from brightgrey.estimation.uncertainty.identifiability import UnidentifiableDirection, unidentifiable_directions
+from brightgrey.estimation.uncertainty.options import UNCERTAINTY_DEFAULTS, UncertaintyOptions
 from brightgrey.simulation import Settings
 
-__all__ = ["Estimate", "Estimates", "estimates_of"]
+__all__ = ["Estimate", "Estimates", "UpperLimit", "estimates_of"]
 
-_LARGEST = 700.0  # exponent
-_NOTHING = 1e-3  # of the high bound: a low bound that stands for nothing
+BoundSide = Literal["low", "high"]
+_BOUND_SIDES: dict[int, BoundSide | None] = {-1: "low", 0: None, 1: "high"}
 
 
 @dataclass(frozen=True)
@@ -30,25 +31,32 @@ class Estimate:
     Attributes
     ----------
     value, std : float
-        The standard deviation is 0 if the parameter is fixed and not a number where nothing can be said.
+        The standard deviation is 0 if the parameter is fixed and not a number where it is unknown.
     ci95 : (low, high)
+        95 % interval.
     at_bound : {'low', 'high'} or None
     between : float or None
-        Standard deviation of what the recordings alone would say; None with one recording or where nothing can
-        be said.
+        Standard deviation between the estimates of single recordings; None with one recording or where it is unknown.
     """
 
     value: float
     std: float
     ci95: tuple[float, float]
-    at_bound: Literal["low", "high"] | None
+    at_bound: BoundSide | None
     between: float | None = None
 
 
 class UpperLimit(NamedTuple):
-    """How far from its low bound a parameter may be: the high end of its 95 % interval, SI, and its errors' partner.
+    """Upper limit of a parameter at its low bound.
 
-    `partner` is the parameter whose errors correlate most with its own, by `correlation`; empty if there is none.
+    Attributes
+    ----------
+    high : float
+        Upper end of its 95 % interval, SI.
+    partner : str
+        Parameter whose errors correlate most with its own.
+    correlation : float
+        Their correlation.
     """
 
     high: float
@@ -57,105 +65,140 @@ class UpperLimit(NamedTuple):
 
 
 class Estimates(NamedTuple):
-    """Estimates by name, directions that the recordings leave open, parameters that recordings disagree on.
+    """All estimates of a fit.
 
-    `correlation` is that of the estimation errors in the searched scale, by pairs of parameters that have an interval;
-    `reach` of parameters that have run to a low bound although others could take their place.
+    Attributes
+    ----------
+    by_name : dict of str to Estimate
+    unidentifiable : tuple of UnidentifiableDirection
+        Directions that the recordings do not identify.
+    differing : tuple of str
+        Parameters that differ between the recordings.
+    correlation : dict of (str, str) to float
+        Of the estimation errors in the scaled space, for pairs of parameters that have an interval.
+    upper_limits : dict of str to UpperLimit
+        Of parameters at a low bound that stands for zero, although others could take their place.
     """
 
     by_name: dict[str, Estimate]
-    hidden: tuple[UnidentifiableDirection, ...]
-    apart: tuple[str, ...]
+    unidentifiable: tuple[UnidentifiableDirection, ...]
+    differing: tuple[str, ...]
     correlation: dict[tuple[str, str], float]
-    reach: dict[str, UpperLimit]
+    upper_limits: dict[str, UpperLimit]
+
+
+class _Spread(NamedTuple):
+    """Standard deviations, quantiles, shape (P,), and covariance, shape (P, P), not a number where unknown."""
+
+    std: Array
+    quantile: Array
+    covariance: Array
+    unidentifiable: list[UnidentifiableDirection]
+    upper_limits: dict[str, UpperLimit]
 
 
 def estimates_of(
-    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, best: OptimumWithJacobian
+    problem: SimulationErrorProblem,
+    space: ParameterSpace,
+    settings: Settings,
+    best: OptimumWithJacobian,
+    options: UncertaintyOptions = UNCERTAINTY_DEFAULTS,
 ) -> Estimates:
-    """Values with intervals in the searched scale; a parameter at its bound has none.
+    """Estimates with intervals, which are symmetric in the scaled space; a parameter at its bound has none.
 
-    One that has faded away, at the low bound of a logarithmic range, may be larger all the same: its size is free
-    (linearly) when the intervals of the others are found.
+    A parameter at a low bound that stands for zero may be larger all the same. It counts as free, linearly, when the
+    intervals of the others are computed.
+
+    Parameters
+    ----------
+    problem : SimulationErrorProblem
+    space : ParameterSpace
+    settings : Settings
+    best : OptimumWithJacobian
+    options : UncertaintyOptions
     """
-    theta, side = search.to_scaled(best.values), search.active_bounds(best.values)
+    side = space.active_bounds(best.values)
+    spread = _spread(problem, space, best, side, options)
+    between, differs = heterogeneity(problem, space, settings, best, options)
+    result = {name: Estimate(value, 0.0, (value, value), None) for name, value in space.fixed.items()}
+    for i, name in enumerate(space.names):
+        result[name] = _to_si(space, i, best.values, spread, float(between[i]), _BOUND_SIDES[int(side[i])])
+    names = tuple(name for name, differing in zip(space.names, differs, strict=True) if differing)
+    correlation = _correlations(space, spread.covariance, spread.std)
+    return Estimates(result, tuple(spread.unidentifiable), names, correlation, spread.upper_limits)
+
+
+def _spread(
+    problem: SimulationErrorProblem,
+    space: ParameterSpace,
+    best: OptimumWithJacobian,
+    side: NDArray[np.int64],
+    options: UncertaintyOptions,
+) -> _Spread:
+    """Covariance in the scaled space of the parameters that are not at a bound."""
+    count = len(side)
+    spread = _Spread(np.full(count, np.nan), np.full(count, np.nan), np.full((count, count), np.nan), [], {})
     inside = np.flatnonzero(side == 0)
-    std = np.full(len(theta), np.nan)
-    quantile, hidden, reach = np.full(len(theta), np.nan), [], dict[str, UpperLimit]()
-    covariance: Array = np.full((len(theta), len(theta)), np.nan)
-    if inside.size:
-        J = best.jacobian[:, inside]
-        lengths = [r.samples for r in problem.recordings for _ in r.outputs]
-        gone = (side < 0) & search.log & (search.low <= _NOTHING * search.high)
-        faded = np.flatnonzero(gone & (np.linalg.norm(best.jacobian, axis=0) > 0.0))
-        found = sandwich_covariance(best.residual, np.hstack([J, best.jacobian[:, faded]]), lengths)
-        known = slice(inside.size)
-        reach = _reach(search, best, found, inside, faded)
-        alone = sandwich_covariance(best.residual, J, lengths).covariance if faded.size else found.covariance
-        quantile[inside] = found.quantile[known]
-        hidden = unidentifiable_directions(J, alone, search, inside)
-        std[inside] = np.sqrt(np.maximum(np.diag(found.covariance)[known], 0.0))
-        covariance[np.ix_(inside, inside)] = found.covariance[known, known]
-        for direction in hidden:
-            if direction.blind:
-                std[list(direction.indices)] = np.nan
-    between, apart = heterogeneity(problem, search, settings, best)
-    result = {name: Estimate(value, 0.0, (value, value), None) for name, value in search.fixed.items()}
-    at: dict[int, Literal["low", "high"] | None] = {-1: "low", 0: None, 1: "high"}
-    for i, name in enumerate(search.names):
-        result[name] = _estimate(
-            float(best.values[i]), float(std[i]), float(quantile[i]), float(between[i]), search, i, at[int(side[i])]
-        )
-    names = tuple(name for name, differs in zip(search.names, apart, strict=True) if differs)
-    return Estimates(result, tuple(hidden), names, _correlation(search, covariance, std), reach)
+    if not inside.size:
+        return spread
+    J, lengths = best.jacobian[:, inside], problem.segment_lengths
+    at_zero = (side < 0) & space.log & (space.low <= options.zero_bound * space.high)
+    vanished = np.flatnonzero(at_zero & (np.linalg.norm(best.jacobian, axis=0) > 0.0))
+    found = sandwich_covariance(best.residual, np.hstack([J, best.jacobian[:, vanished]]), lengths)
+    alone = sandwich_covariance(best.residual, J, lengths).covariance if vanished.size else found.covariance
+    known = slice(inside.size)
+    spread.quantile[inside] = found.quantile[known]
+    spread.std[inside] = found.std[known]
+    spread.covariance[np.ix_(inside, inside)] = found.covariance[known, known]
+    spread.unidentifiable.extend(unidentifiable_directions(J, alone, space, inside, options))
+    spread.upper_limits.update(_upper_limits(space, best, found, inside, vanished))
+    for direction in spread.unidentifiable:
+        if direction.blind:
+            spread.std[list(direction.indices)] = np.nan
+    return spread
 
 
-def _reach(
-    search: ParameterSpace,
+def _upper_limits(
+    space: ParameterSpace,
     best: OptimumWithJacobian,
     found: CovarianceEstimate,
     inside: NDArray[np.intp],
-    faded: NDArray[np.intp],
+    vanished: NDArray[np.intp],
 ) -> dict[str, UpperLimit]:
-    """Reach of the parameters that have faded away; the last of the covariance are theirs, relative to their values."""
-    std = np.sqrt(np.maximum(np.diag(found.covariance), 1e-300))
+    """Upper limits of the vanished parameters, whose rows are the last of the covariance, relative to their values."""
+    std = np.sqrt(positive(np.diag(found.covariance)))
     result = {}
-    for k, i in enumerate(faded, start=inside.size):
+    for k, i in enumerate(vanished, start=inside.size):
         high = float(best.values[i] * (1.0 + found.quantile[k] * std[k]))
-        together = found.covariance[k, : inside.size] / (std[k] * std[: inside.size])
-        j = int(np.abs(together).argmax())
-        if high < search.high[i]:
-            result[search.names[i]] = UpperLimit(high, search.names[inside[j]], float(together[j]))
+        correlation = found.covariance[k, : inside.size] / (std[k] * std[: inside.size])
+        j = int(np.abs(correlation).argmax())
+        if high < space.high[i]:
+            result[space.names[i]] = UpperLimit(high, space.names[inside[j]], float(correlation[j]))
     return result
 
 
-def _correlation(search: ParameterSpace, covariance: Array, std: Array) -> dict[tuple[str, str], float]:
+def _correlations(space: ParameterSpace, covariance: Array, std: Array) -> dict[tuple[str, str], float]:
     """Correlation of the errors, by pairs of names, of the parameters whose standard deviation is known."""
     known = [i for i in range(len(std)) if np.isfinite(std[i]) and std[i] > 0.0]
     return {
-        (search.names[i], search.names[j]): float(np.clip(covariance[i, j] / (std[i] * std[j]), -1.0, 1.0))
+        (space.names[i], space.names[j]): float(np.clip(covariance[i, j] / (std[i] * std[j]), -1.0, 1.0))
         for i in known
         for j in known
     }
 
 
-def _estimate(
-    value: float,
-    std: float,
-    quantile: float,
-    between: float,
-    search: ParameterSpace,
-    i: int,
-    at_bound: Literal["low", "high"] | None,
+def _to_si(
+    space: ParameterSpace, i: int, values: Array, spread: _Spread, between: float, at_bound: BoundSide | None
 ) -> Estimate:
-    """From standard deviations in the searched scale to SI."""
-    half = quantile * std
-    if search.log[i]:
+    """Estimate of parameter i in SI, from standard deviations in the scaled space."""
+    value, std = float(values[i]), float(spread.std[i])
+    half = float(spread.quantile[i]) * std
+    if space.log[i]:
         unit = abs(value)
-        factor = float(np.exp(min(half, _LARGEST)))
+        factor = float(np.exp(min(half, 700.0)))  # the largest exponent whose exponential is finite
         interval = (value / factor, value * factor)
     else:
-        unit = float(search.width[i])
+        unit = float(space.width[i])
         interval = (value - half * unit, value + half * unit)
     if not np.isfinite(std):
         interval = (np.nan, np.nan)

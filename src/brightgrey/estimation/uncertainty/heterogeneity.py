@@ -1,4 +1,4 @@
-"""Whether several recordings agree on the parameters that were fitted to all of them."""
+"""Cochran's test for parameters that differ between recordings of one drive."""
 
 from __future__ import annotations
 
@@ -14,78 +14,89 @@ from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.estimation.uncertainty.covariance import sandwich_covariance
 from brightgrey.estimation.uncertainty.identifiability import unidentifiable_directions
+from brightgrey.estimation.uncertainty.options import UNCERTAINTY_DEFAULTS, UncertaintyOptions
 from brightgrey.numerics.distributions import chi2
 from brightgrey.simulation import Settings
 
 __all__ = ["Heterogeneity", "heterogeneity"]
 
-_CHANCE = 0.01  # of calling recordings that agree different, over all parameters
-_NORMAL = 1.96  # standard deviations to each side of a 95 % interval
-
 
 class Heterogeneity(NamedTuple):
-    """Scatter of each parameter between recordings, shape (P,), and whether it is more than chance makes.
+    """Differences of the parameters between recordings, in the scaled space.
 
-    In the searched scale; not a number where less than two recordings show the parameter.
+    Attributes
+    ----------
+    std_between : ndarray, shape (P,)
+        Standard deviation between recordings; not a number where less than two recordings identify the parameter.
+    differs : bool ndarray, shape (P,)
+        True where the recordings differ by more than chance explains.
     """
 
-    between: Array
-    apart: NDArray[np.bool_]
+    std_between: Array
+    differs: NDArray[np.bool_]
 
 
 def heterogeneity(
-    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, best: OptimumWithJacobian
+    problem: SimulationErrorProblem,
+    space: ParameterSpace,
+    settings: Settings,
+    best: OptimumWithJacobian,
+    options: UncertaintyOptions = UNCERTAINTY_DEFAULTS,
 ) -> Heterogeneity:
     """Fit every recording alone, from the joint optimum, and compare.
 
     Parameters
     ----------
     problem : SimulationErrorProblem
-    search : ParameterSpace
+    space : ParameterSpace
     settings : Settings
     best : OptimumWithJacobian
         The joint optimum.
+    options : UncertaintyOptions
 
-    Returns
-    -------
-    Agreement
-        `between` is the standard deviation between recordings, each counted by its information. Recordings disagree
-        on a parameter if Cochran's Q of their values is beyond chance (1 % for all parameters together,
-        doi:10.2307/3001666) and the scatter is beyond half of the interval that
-        they would have together if they agreed (the joint fit's own is blown up by what they disagree on).
+    Notes
+    -----
+    Recordings differ in a parameter if two conditions hold. Cochran's Q of their values exceeds chance
+    (doi:10.2307/3001666). And the standard deviation between them exceeds half the interval that they would have
+    together if they agreed. The joint fit's own interval is no measure: differences widen it.
     """
     count = len(best.values)
     if len(problem.recordings) < 2 or not np.any(best.jacobian):
         return Heterogeneity(np.full(count, np.nan), np.zeros(count, bool))
     parts = [
-        replace(problem, recordings=(r,), initial_states=(onset,))
-        for r, onset in zip(problem.recordings, problem.initial_states, strict=True)
+        replace(problem, recordings=(r,), initial_states=(state,))
+        for r, state in zip(problem.recordings, problem.initial_states, strict=True)
     ]
-    alone = [_alone(part, search, settings, best.values) for part in parts]
-    value, std = np.array([a[0] for a in alone]), np.array([a[1] for a in alone])
-    shown = np.isfinite(std) & (std > 0.0)
-    weight = np.where(shown, 1.0 / np.where(shown, std, 1.0) ** 2, 0.0)
-    number = shown.sum(axis=0)
+    fits = [_single_fit(part, space, settings, best.values, options) for part in parts]
+    value, std = np.array([f[0] for f in fits]), np.array([f[1] for f in fits])
+    identified = np.isfinite(std) & (std > 0.0)
+    weight = np.where(identified, 1.0 / np.where(identified, std, 1.0) ** 2, 0.0)
+    number = identified.sum(axis=0)
     total = np.where(number > 0, weight.sum(axis=0), 1.0)
-    excess = np.sum(weight * (value - (weight * value).sum(axis=0) / total) ** 2, axis=0)
-    more = np.maximum(number - 1, 1)
-    between = np.where(number > 1, np.sqrt(excess / total * number / more), np.nan)
-    beyond = (number > 1) & (excess > chi2.isf(_CHANCE / count, more))
-    return Heterogeneity(between, beyond & (between > _NORMAL / np.sqrt(total)))
+    cochran_q = np.sum(weight * (value - (weight * value).sum(axis=0) / total) ** 2, axis=0)
+    degrees = np.maximum(number - 1, 1)
+    between = np.where(number > 1, np.sqrt(cochran_q / total * number / degrees), np.nan)
+    significant = (number > 1) & (cochran_q > chi2.isf(options.heterogeneity_level / count, degrees))
+    half_width = 1.96 / np.sqrt(total)  # of the 95 % interval of all recordings together
+    return Heterogeneity(between, significant & (between > half_width))
 
 
-def _alone(
-    problem: SimulationErrorProblem, search: ParameterSpace, settings: Settings, start: Array
+def _single_fit(
+    problem: SimulationErrorProblem,
+    space: ParameterSpace,
+    settings: Settings,
+    start: Array,
+    options: UncertaintyOptions,
 ) -> tuple[Array, Array]:
-    """Estimate and standard deviation of one recording, in the searched scale; infinite where it shows nothing."""
-    found = fit_to_convergence(problem, search, settings, start)
-    theta = search.to_scaled(found.values)
+    """Estimate and standard deviation of one recording in the scaled space; infinite where it is not identifiable."""
+    found = fit_to_convergence(problem, space, settings, start)
+    theta = space.to_scaled(found.values)
     std = np.full(len(theta), np.inf)
-    inside = np.flatnonzero(search.active_bounds(found.values) == 0)
+    inside = np.flatnonzero(space.active_bounds(found.values) == 0)
     if inside.size:
         J = found.jacobian[:, inside]
-        own = sandwich_covariance(found.residual, J, [r.samples for r in problem.recordings for _ in r.outputs])
-        std[inside] = np.sqrt(np.maximum(np.diag(own.covariance), 0.0))
-        for hidden in unidentifiable_directions(J, own.covariance, search, inside):
-            std[list(hidden.indices)] = np.inf
+        own = sandwich_covariance(found.residual, J, problem.segment_lengths)
+        std[inside] = own.std
+        for direction in unidentifiable_directions(J, own.covariance, space, inside, options):
+            std[list(direction.indices)] = np.inf
     return theta, std

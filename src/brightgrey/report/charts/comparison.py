@@ -94,6 +94,6 @@ def _correlation_chart(trace: Trace, row: int) -> Chart | None:
     caption = (
         f"{white} (Ljung-Box test, p = {found.ljung_box:.2g}); they {follows}. Between the lines lie 95 % of the"
         f" correlations of white residuals that do not depend on the input. The {trace.t.size} samples count as"
-        f" {found.effective:.0f} independent ones."
+        f" {found.effective_samples:.0f} independent ones."
     )
     return Chart("residuals", (with_itself, with_input), caption)

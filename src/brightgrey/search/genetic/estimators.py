@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.estimation.optimisation.costs import cost_function
+from brightgrey.errors import one_of
 from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
-from brightgrey.estimation.optimisation.pattern_fit import check_estimator
+from brightgrey.estimation.optimisation.pattern_fit import ESTIMATORS, cost_function
 from brightgrey.estimation.optimisation.pattern_search import pattern_search
 from brightgrey.kit import Structure
 from brightgrey.search.genetic.evaluation import Estimator, Evaluated, NamedValues
@@ -85,7 +85,7 @@ def _evaluated(
             values=tuple((name, float(values[name][i])) for name in structure.parameters),
             misfit=misfit,
             n_parameters=free,
-            spent=problem.spent(spent + 1),
+            spent=problem.count(spent + 1),
         )
         for i, (misfit, spent) in enumerate(zip(task.misfits(structure, values), simulations, strict=True))
     ]
@@ -99,5 +99,5 @@ def estimator(name: str, task: IdentificationTask, iterations: int, patience: in
     SettingsError
         For any other name.
     """
-    check_estimator(name)
+    one_of("estimator", name, ESTIMATORS)
     return PatternSearch(task, iterations, patience) if name == "pattern-search" else LeastSquares(task, iterations)

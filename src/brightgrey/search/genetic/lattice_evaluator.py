@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from brightgrey.estimation.noise.autoregression import autoregression
+from brightgrey.estimation.problem.segments import segment_lengths, split_segments
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Criterion, Misfit
@@ -190,11 +191,10 @@ class LatticeEvaluator:
         values = {name: np.array([value]) for name, value in best.values.items()}
         problem = task.problem(best.structure)
         residual = problem.residuals(values, task.settings)[:, 0]
-        lengths = [r.samples for r in task.recordings for _ in r.outputs]
-        pieces = np.split(residual, np.cumsum(lengths)[:-1])
+        pieces = split_segments(residual, segment_lengths(task.recordings))
         independent = sum(autoregression(piece).effective_samples_variance(len(piece)) for piece in pieces)
         self.share = independent / len(residual)
-        return problem.spent(1)
+        return problem.count(1)
 
     def result_of(self, structure: Structure, spent: SimulationCount | None = None) -> Evaluated:
         """Present result of a structure, with the simulations `spent` on it.
@@ -260,7 +260,7 @@ class LatticeEvaluator:
         within_error = self._within_error(fitted)
         task = self._accurate if within_error else self.fits.task
         own = self._polished(fitted) if within_error else replace(fitted, spent=SimulationCount())
-        spent = own.spent + task.problem(fitted.structure).spent(1)
+        spent = own.spent + task.problem(fitted.structure).count(1)
         return replace(own, spent=spent), self._misfit(task, own)
 
     def _within_error(self, fitted: Fitted) -> bool:
@@ -280,7 +280,7 @@ class LatticeEvaluator:
         start = np.array([fitted.values[name] for name in space.names])
         end = last_descent(self._accurate, fitted.structure, start)
         values = {**fitted.values, **dict(zip(space.names, end.values.tolist(), strict=True))}
-        spent = self._accurate.problem(fitted.structure).spent(end.simulations)
+        spent = self._accurate.problem(fitted.structure).count(end.simulations)
         return replace(fitted, values=values, cost=end.cost, spent=spent, information=None)
 
     def _misfit(self, task: IdentificationTask, fitted: Fitted) -> Misfit:

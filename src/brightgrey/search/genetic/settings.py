@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Literal, get_args
 
 from brightgrey.errors import SettingsError, one_of
-from brightgrey.estimation.optimisation.pattern_fit import Estimator, check_estimator
+from brightgrey.estimation.optimisation.pattern_fit import ESTIMATORS, Estimator
 from brightgrey.search.criteria import CRITERIA
 from brightgrey.search.fitting import Options
 from brightgrey.search.genetic.mutation import MUTATIONS
@@ -139,7 +139,7 @@ class GeneticSettings:
         for name, value in {"p_clone": self.p_clone, **self.mutations}.items():
             if not 0.0 <= value <= 1.0:
                 raise SettingsError(f"probability {name} is {value}; it has to be between 0 and 1")
-        check_estimator(self.estimator)
+        one_of("estimator", self.estimator, ESTIMATORS)
         one_of("criterion", self.criterion, CRITERIA)
         one_of("start_from", self.start_from, get_args(StartFrom))
         if self.start_from == "neighbours" and self.estimator != "least-squares":
