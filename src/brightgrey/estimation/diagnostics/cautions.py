@@ -102,7 +102,7 @@ def _lag_cautions(
     ]
     if len(names) > 1 and min(values) < 2.0 * dt:
         parts = " and ".join(names)
-        text = f"so near the sampling interval only {names_of_sum} = {total:.3g} s is identified, not {parts} each"
+        text = f"so near the sampling interval only {names_of_sum} = {total:.3g} s is identified, not each of {parts}"
         found.append(Finding("sampling", text, names))
     kinds = {signal.kind for r in recordings for signal in r.outputs}
     causes = [
