@@ -1,8 +1,8 @@
-"""Limit cycles through a gap with their harmonics: what the describing function leaves out.
+"""Harmonic balance of limit cycles through a gap: the harmonics that the describing function leaves out.
 
-The position in a gap is no sine, and a light motor in front of it follows its harmonics. They are therefore followed
-round the loop (harmonic balance, Mees 1972, doi:10.1093/imamat/9.1.25), from the describing function's prediction on.
-Friction and torque limit keep their gains for the fundamental.
+The position in a gap is no sine, and a light motor before the gap follows its harmonics. The harmonic balance (Mees
+1972, doi:10.1093/imamat/9.1.25) therefore carries them round the loop, starting at the describing function's
+prediction. Friction and torque limit keep their gains for the fundamental.
 """
 
 from __future__ import annotations
@@ -16,13 +16,41 @@ from scipy.optimize import least_squares
 
 from brightgrey.arrays import Array, Complex
 
-__all__ = ["GapLoop", "HarmonicBalance", "gap_harmonics", "harmonic_balance"]
+__all__ = ["GapLoop", "HarmonicBalance", "HarmonicBalanceOptions", "gap_harmonics", "harmonic_balance"]
 
-_HARMONICS = np.array([1, 3, 5, 7, 9])  # odd: the loop is odd
-_STEPS = 360  # in a period
-_SETTLED = 2  # periods before the one that counts
-_MET = 1e-3  # of half the gap
-_NEAR = 0.5  # of the describing function's frequency and size, in the logarithm
+
+@dataclass(frozen=True)
+class HarmonicBalanceOptions:
+    """Resolution and tolerances of the harmonic balance.
+
+    Attributes
+    ----------
+    harmonics : tuple of int
+        Odd ones only, because the loop is odd.
+    period_steps : int
+        Steps in which the gap is followed over a period.
+    transient_periods : int
+        Periods before the one that is evaluated.
+    gain_updates : int
+        Solutions, each with the friction gain of the fundamental before it.
+    max_evaluations : int
+        Of the loop in each solution.
+    tolerance : float
+        Largest residual over half the gap.
+    max_shift : float
+        Largest change of frequency and amplitude against the describing function, in the logarithm.
+    """
+
+    harmonics: tuple[int, ...] = (1, 3, 5, 7, 9)
+    period_steps: int = 360
+    transient_periods: int = 2
+    gain_updates: int = 3
+    max_evaluations: int = 40
+    tolerance: float = 1e-3
+    max_shift: float = 0.5
+
+
+HARMONIC_BALANCE = HarmonicBalanceOptions()
 
 
 @dataclass(frozen=True)
@@ -31,13 +59,13 @@ class GapLoop:
 
     Attributes
     ----------
-    half, feedback : float
-        Half its width, and how its position feeds back to its rate, 1/s.
+    half_width, feedback : float
+        Half the width of the gap, and the feedback of the position in it to its rate, 1/s.
     port : ndarray, shape (n,)
-        Row of the states that drives it.
-    states : callable
-        From angular frequencies (h,) and the fundamental's states (n,) to the states (h, n) that a position of
-        amplitude 1 in the gap leaves at each frequency.
+        Row that gives the rate of the position from the other states.
+    states_per_position : callable
+        From angular frequencies (h,) and the fundamental of the states (n,) to the states (h, n) for a position of
+        amplitude 1 in the gap.
     """
 
     half_width: float
@@ -53,66 +81,70 @@ class HarmonicBalance(NamedTuple):
     states: Complex
 
 
-def gap_harmonics(half: float, feedback: float, omega: float, drive: Complex) -> Complex:
-    """Harmonics of an integrator kept in [-half, half], from those of what drives it; both shape (harmonics,)."""
-    h = 2.0 * np.pi / (omega * _STEPS)
+def gap_harmonics(
+    half_width: float, feedback: float, omega: float, drive: Complex, options: HarmonicBalanceOptions = HARMONIC_BALANCE
+) -> Complex:
+    """Harmonics of an integrator kept within its limits, from those of its input; both shape (harmonics,)."""
+    harmonics, steps = np.array(options.harmonics), options.period_steps
+    h = 2.0 * np.pi / (omega * steps)
     decay = float(np.exp(feedback * h))
     gain = float(np.expm1(feedback * h)) / feedback if feedback else h
-    angles = 2.0 * np.pi * (np.arange(_STEPS) + 0.5) / _STEPS
-    pushes = gain * np.real(np.exp(1j * np.outer(angles, _HARMONICS)) @ drive)
-    at, course = 0.0, np.empty(_STEPS)
-    for _ in range(_SETTLED + 1):
-        for k, push in enumerate(pushes.tolist()):
-            at = min(max(decay * at + push, -half), half)
-            course[k] = at
-    ends = 2.0 * np.pi * (np.arange(_STEPS) + 1.0) / _STEPS
-    return np.asarray(2.0 / _STEPS * np.exp(-1j * np.outer(_HARMONICS, ends)) @ course, complex)
+    angles = 2.0 * np.pi * (np.arange(steps) + 0.5) / steps
+    increments = gain * np.real(np.exp(1j * np.outer(angles, harmonics)) @ drive)
+    position, period = 0.0, np.empty(steps)
+    for _ in range(options.transient_periods + 1):
+        for k, increment in enumerate(increments.tolist()):
+            position = min(max(decay * position + increment, -half_width), half_width)
+            period[k] = position
+    ends = 2.0 * np.pi * (np.arange(steps) + 1.0) / steps
+    return np.asarray(2.0 / steps * np.exp(-1j * np.outer(harmonics, ends)) @ period, complex)
 
 
-def harmonic_balance(gap: GapLoop, omega: float, states: Complex) -> HarmonicBalance | None:
-    """Improve a predicted oscillation; None where no balance is found near it.
+def harmonic_balance(
+    gap: GapLoop, omega: float, states: Complex, options: HarmonicBalanceOptions = HARMONIC_BALANCE
+) -> HarmonicBalance | None:
+    """Refine a predicted oscillation by its harmonics; None where no balance is found near it.
 
     Parameters
     ----------
     gap : GapLoop
     omega : float
-        rad/s.
+        Predicted angular frequency, rad/s.
     states : ndarray, shape (n,)
-        Fundamental of the states as predicted.
+        Predicted fundamental of the states.
+    options : HarmonicBalanceOptions
     """
-    first = gap_harmonics(gap.half_width, gap.feedback, omega, _fundamental_only(complex(states @ gap.port)))
-    turn = np.exp(-1j * np.angle(first[0]) * _HARMONICS)
-    start = _to_real(first * turn / gap.half_width)
-    known = states * turn[0]
+    harmonics = np.array(options.harmonics)
+    drive = np.zeros(len(harmonics), complex)
+    drive[0] = complex(states @ gap.port)
+    position = gap_harmonics(gap.half_width, gap.feedback, omega, drive, options)
+    shift = np.exp(-1j * np.angle(position[0]) * harmonics)  # the time at which the fundamental is real
+    fundamental = states * shift[0]
 
-    def at(p: Array) -> tuple[float, Complex, Complex]:
+    def unpack(p: Array) -> tuple[float, Complex, Complex]:
+        """Angular frequency, harmonics of the position in the gap, and those of the states."""
         w = omega * float(np.exp(p[0]))
         position: Complex = np.asarray(gap.half_width * np.append(p[1], p[2::2] + 1j * p[3::2]), complex)
-        per_position = gap.states_per_position(w * _HARMONICS, known)
+        per_position = gap.states_per_position(w * harmonics, fundamental)
         return w, position, per_position * position[:, None]
 
-    def miss(p: Array) -> Array:
-        w, position, each = at(p)
-        new = gap_harmonics(gap.half_width, gap.feedback, w, each @ gap.port)
-        wrong = (new - position) / gap.half_width
-        return np.concatenate([wrong.real, wrong.imag])
+    def residual(p: Array) -> Array:
+        w, position, each = unpack(p)
+        after = gap_harmonics(gap.half_width, gap.feedback, w, each @ gap.port, options)
+        difference = (after - position) / gap.half_width
+        return np.concatenate([difference.real, difference.imag])
 
-    begin = np.concatenate([[0.0], start])
-    found = begin
-    for _ in range(3):  # friction's gain follows the fundamental
-        solution = least_squares(miss, found, diff_step=np.full(len(found), 1e-5), x_scale=0.1, max_nfev=40)
+    found = np.append(0.0, _to_real(position * shift / gap.half_width))
+    for _ in range(options.gain_updates):
+        diff_step = np.full(len(found), 1e-5)
+        solution = least_squares(residual, found, diff_step=diff_step, x_scale=0.1, max_nfev=options.max_evaluations)
         found = solution.x
-        known = at(found)[2][0]
-    size = max(float(np.linalg.norm(known) / np.linalg.norm(states)), 1e-300)
-    if np.abs(solution.fun).max() > _MET or abs(found[0]) > _NEAR or abs(np.log(size)) > _NEAR:
+        fundamental = unpack(found)[2][0]
+    ratio = max(float(np.linalg.norm(fundamental) / np.linalg.norm(states)), 1e-300)
+    near = abs(found[0]) <= options.max_shift and abs(np.log(ratio)) <= options.max_shift
+    if not near or np.abs(solution.fun).max() > options.tolerance:
         return None
-    return HarmonicBalance(omega * float(np.exp(found[0])), known)
-
-
-def _fundamental_only(fundamental: complex) -> Complex:
-    drive = np.zeros(len(_HARMONICS), complex)
-    drive[0] = fundamental
-    return drive
+    return HarmonicBalance(omega * float(np.exp(found[0])), fundamental)
 
 
 def _to_real(position: Complex) -> Array:
