@@ -35,7 +35,7 @@ def test_ties_say_what_differs_for_control(found):
     assert structures[0] == found.model.structure
     assert len({tuple(name for name, _ in d.rows) for d in found.differences}) == 1
     first, *_ = found.differences
-    assert (first.numbers.ratio, first.numbers.phase) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert (first.figures.gain_difference, first.figures.phase_difference) == pytest.approx((0.0, 0.0), abs=1e-9)
     by_name = {str(d.structure): dict(d.rows) for d in found.differences}
     friction = by_name["one_mass+coulomb+viscous"]["friction at standstill"]
     assert friction.endswith(" N m")

@@ -1,4 +1,4 @@
-"""A model at work: analysis at an operating point, control design, watching a machine. Inside it is SI."""
+"""Linear analysis, control design and fault detection with an identified model. Inside, all values are SI."""
 
 from __future__ import annotations
 
@@ -16,19 +16,45 @@ from brightgrey.control.filters.gaussian_sum import gaussian_sum_filter
 from brightgrey.control.filters.setup import PreparedRecording, estimate_noise, prepare
 from brightgrey.control.linear.analysis import Analysis, analyse_system
 from brightgrey.control.linear.margins import Margins
-from brightgrey.control.linear.operating_point import CONTACTS, trim_point
+from brightgrey.control.linear.operating_point import HALF_SPEED, trim_point
 from brightgrey.effects import SPEED, TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 
-__all__ = ["Design", "Watch", "analyse", "design", "innovation_correlation", "total_inertia", "watch"]
+__all__ = [
+    "Design",
+    "DesignAssumptions",
+    "Watch",
+    "analyse",
+    "design",
+    "innovation_correlation",
+    "total_inertia",
+    "watch",
+]
 
-_HALF_SPEED = 0.5
-_ERROR = 0.05  # of the speed scale: an error worth the whole torque
-_DISTURBANCE = 0.05  # of the largest torque, a sample: generous, for margins
-_SENSOR = 1e-3  # of the speed scale
+
+@dataclass(frozen=True)
+class DesignAssumptions:
+    """Assumptions of the suggested design where the user gives no values.
+
+    Attributes
+    ----------
+    largest_error : float
+        Speed error that justifies the largest torque, over the largest speed.
+    disturbance : float
+        Standard deviation of the disturbance per sample, over the largest torque.
+    sensor_noise : float
+        Standard deviation of the measured speed, over the largest speed.
+    """
+
+    largest_error: float = 0.05
+    disturbance: float = 0.05
+    sensor_noise: float = 1e-3
+
+
+DESIGN_ASSUMPTIONS = DesignAssumptions()
 
 
 @dataclass(frozen=True)
@@ -38,16 +64,17 @@ class Design:
     Attributes
     ----------
     analyses : tuple of Analysis
-        What the cascade was designed for: in contact, and in the gap if there is one.
+        Linear models of the design: in contact, and in the gap if there is one.
     cascade : Cascade
-    state : StateControl
-        Of speed, linear-quadratic with integral action.
+        P control of position around PI control of speed.
+    state_feedback : StateFeedbackDesign
+        Linear-quadratic control of speed with integral action.
     noise : Noise
-        Disturbance and noise of a measured speed that the Kalman filter is laid out for.
-    observer : ndarray, shape (n, 1)
-        Gains of the stationary Kalman filter that finds the states from the measured speed.
+        Disturbance and measurement noise of the Kalman filter.
+    observer_gain : ndarray, shape (n, 1)
+        Gains of the stationary Kalman filter that estimates the states from the measured speed.
     delay : float
-        Assumed lag of the sampled controller, s.
+        Assumed delay of the sampled controller, s.
     """
 
     analyses: tuple[Analysis, ...]
@@ -59,24 +86,25 @@ class Design:
 
     @property
     def observer_margins(self) -> Margins:
-        """Margins of the state control with the Kalman filter in the loop."""
-        return self.state_feedback.analysis.margins(
-            lqg_compensator(self.state_feedback, self.observer_gain), delay=self.delay
-        )
+        """Stability margins of the state feedback with the Kalman filter in the loop."""
+        compensator = lqg_compensator(self.state_feedback, self.observer_gain)
+        return self.state_feedback.analysis.margins(compensator, delay=self.delay)
 
 
 @dataclass(frozen=True)
 class Watch:
-    """A recording watched by a Kalman filter.
+    """Result of fault detection in one recording.
 
     Attributes
     ----------
-    seen : PreparedRecording
+    prepared : PreparedRecording
         Coordinates and data of the filter.
-    filtered : Filtered
+    filtered : FilterResult
         Estimated states and innovations, SI.
     noise : Noise
+        From the recording without fault.
     findings : tuple of FaultFinding
+        One for each fault of the structure.
     """
 
     prepared: PreparedRecording
@@ -98,21 +126,21 @@ def analyse(model: Model, *, speed: float | None = None, contact: str = "forward
     speed : float, optional
         In the model's units; half of the recording's largest speed if not given.
     contact : {'forward', 'backward', 'gap'}
-        Where a gap stands.
+        Side on which a gap is closed, or open.
 
     Returns
     -------
     Analysis
-        In SI; ``.control()`` gives a ``control.StateSpace``.
+        In SI; ``.to_python_control()`` gives a ``control.StateSpace``.
 
     Raises
     ------
     SettingsError
-        For an unknown contact or where no such motion exists.
+        For an unknown contact, or if no such motion exists.
     """
     settings = model.settings_si()
     system = assemble(model.structure, model.values_si(), settings.f_tanh, _output_kinds(model))
-    at = _HALF_SPEED * settings.speed_scale if speed is None else speed / model.units.of(SPEED)[1]
+    at = HALF_SPEED * settings.speed_scale if speed is None else speed / model.units.of(SPEED)[1]
     return analyse_system(system, speed=at, contact=contact)
 
 
@@ -123,8 +151,9 @@ def design(
     sampling_time: float | None = None,
     computing_time: float = 0.0,
     settling_time: float = 0.05,
+    assumptions: DesignAssumptions = DESIGN_ASSUMPTIONS,
 ) -> Design:
-    """Suggest the gains of the cascade and of a state control of speed.
+    """Suggest the gains of a cascade, of a state feedback for speed and of its Kalman filter.
 
     Parameters
     ----------
@@ -132,11 +161,12 @@ def design(
     torque : float
         Largest torque of the drive, in the input's unit.
     sampling_time : float, optional
-        Of the controller in s; the recording's if not given.
+        Of the controller, s; the recording's if not given.
     computing_time : float
-        Time from sampling to output in s.
+        Time from sampling to output, s.
     settling_time : float
-        Time in s after which the state control shall have forgotten a constant disturbance.
+        Time after which a constant disturbance has no more effect on the state feedback, s.
+    assumptions : DesignAssumptions
 
     Returns
     -------
@@ -145,38 +175,36 @@ def design(
     Raises
     ------
     SettingsError
-        Where no such control exists.
+        If an argument is out of range or no such control exists.
     """
-    if not torque > 0.0:
-        raise SettingsError(f"torque is {torque:g}; it has to be above 0")
     dt = model.settings.sampling_time if sampling_time is None else sampling_time
-    if not (dt > 0.0 and computing_time >= 0.0 and settling_time > 0.0):
-        raise SettingsError("sampling time and settling time have to be above 0, the computing time must not be below")
+    for name, value in (("torque", torque), ("sampling_time", dt), ("settling_time", settling_time)):
+        if not value > 0.0:
+            raise SettingsError(f"{name} is {value:g}; it must be above 0")
+    if not computing_time >= 0.0:
+        raise SettingsError(f"computing_time is {computing_time:g} s; it must not be negative")
     settings, values = model.settings_si(), model.values_si()
-    system = assemble(model.structure, values, settings.f_tanh, ("position", "velocity"))
-    speed = _HALF_SPEED * settings.speed_scale
-    gaps = any(e.limits is not None for e in system.elements)
-    analyses = tuple(
-        analyse_system(system, speed=speed, contact=c) for c in CONTACTS if c == "forward" or (c == "gap" and gaps)
+    largest_torque = torque / model.units.of(TORQUE)[1]
+    largest_speed, speed = settings.speed_scale, HALF_SPEED * settings.speed_scale
+    both = assemble(model.structure, values, settings.f_tanh, ("position", "velocity"))
+    contacts = ("forward", "gap") if any(e.limits is not None for e in both.elements) else ("forward",)
+    analyses = tuple(analyse_system(both, speed=speed, contact=contact) for contact in contacts)
+    state_feedback = design_state_feedback(
+        analyse_system(assemble(model.structure, values, settings.f_tanh, ("velocity",)), speed=speed),
+        largest_error=assumptions.largest_error * largest_speed,
+        torque=largest_torque,
+        settling_time=settling_time,
     )
-    moving = assemble(model.structure, values, settings.f_tanh, ("velocity",))
-    delay = 0.5 * dt + computing_time
-    state = design_state_feedback(
-        analyse_system(moving, speed=speed),
-        largest_error=_ERROR * settings.speed_scale,
-        torque=torque / model.units.of(TORQUE)[1],
-        settling=settling_time,
-    )
-    noise = Noise(_DISTURBANCE * torque / model.units.of(TORQUE)[1], np.array([_SENSOR * settings.speed_scale]))
-    gain = kalman_gain(state.analysis.linear, noise, dt)
-    suggested = design_cascade(analyses, total_inertia(analyses[0]), dt, computing_time=computing_time)
-    return Design(analyses, suggested, state, noise, gain, delay)
+    noise = Noise(assumptions.disturbance * largest_torque, np.array([assumptions.sensor_noise * largest_speed]))
+    gain = kalman_gain(state_feedback.analysis.linear, noise, dt)
+    cascade = design_cascade(analyses, total_inertia(analyses[0]), dt, computing_time=computing_time)
+    return Design(analyses, cascade, state_feedback, noise, gain, 0.5 * dt + computing_time)
 
 
 def total_inertia(analysis: Analysis) -> float:
-    """Inertia of all masses together, SI: what an acceleration adds to the torque of steady motion."""
-    on, speed = analysis.operating_point.contact_mode, analysis.operating_point.speed
-    return float(trim_point(on, speed, 1.0).u - trim_point(on, speed).u)
+    """Inertia of all masses, SI: the torque that an acceleration of 1 adds to steady motion."""
+    mode, speed = analysis.operating_point.contact_mode, analysis.operating_point.speed
+    return float(trim_point(mode, speed, 1.0).u - trim_point(mode, speed).u)
 
 
 def watch(
@@ -190,15 +218,20 @@ def watch(
     recording : Recording
         With the model's signals.
     baseline : Recording
-        One without fault, for the noise levels: that which the model was identified from.
+        A recording without fault, for the noise; best the one that the model was identified from.
     min_change : float
-        Relative change that is not yet worth reporting, a ratio.
+        Smallest relative change of interest, a ratio.
     confidence : float
-        Probability at which a change is reported, from 0 to 1 (a ratio).
+        Probability at which a change is reported, 0.5 to 1 (a ratio).
 
     Returns
     -------
     Watch
+
+    Raises
+    ------
+    SettingsError
+        If `min_change` or `confidence` is out of range.
     """
     settings, values = model.settings_si(), model.values_si()
     noise = estimate_noise(model.structure, values, baseline, settings)
@@ -208,11 +241,11 @@ def watch(
     }
     case = FaultCase(values, recording, noise, std)
     (findings,) = detect_faults(model.structure, settings, [case], min_change=min_change, confidence=confidence)
-    seen = prepare(model.structure, values, recording, settings)
-    return Watch(seen, gaussian_sum_filter(seen.filter_input, noise), noise, findings)
+    prepared = prepare(model.structure, values, recording, settings)
+    return Watch(prepared, gaussian_sum_filter(prepared.filter_input, noise), noise, findings)
 
 
 def innovation_correlation(filtered: FilterResult) -> float:
-    """Correlation of neighbouring innovations: 0 for a model that leaves only noise, 1 for one that is always off."""
+    """Correlation of neighbouring innovations: 0 if only noise is left, near 1 for a systematic error of the model."""
     white = filtered.normalised_innovations[1:, 0]
     return float(np.mean(white[1:] * white[:-1]) / np.mean(white**2))

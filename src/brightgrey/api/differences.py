@@ -1,4 +1,4 @@
-"""What differs for control between structures that a recording cannot tell apart, in its units."""
+"""Differences for control between structures that a recording cannot tell apart, in its units."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.control.linear.model_differences import FrequencyBand, ModelFigures, excited_band, model_figures
+from brightgrey.control.linear.operating_point import HALF_SPEED
 from brightgrey.effects import TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace, Structure, assemble
@@ -19,23 +20,22 @@ from brightgrey.simulation import Settings
 
 __all__ = ["ControlDifference", "compare_for_control"]
 
-_HALF = 0.5  # of the largest speed: where models are linearised
-_SHOWN = 6  # poles
-_NOTHING = 1e-9  # of the largest input: rounding
+SHOWN_POLES = 6
+ZERO_TORQUE = 1e-9  # of the largest input: rounding errors are shown as 0
 
 
 @dataclass(frozen=True)
 class ControlDifference:
-    """One of several structures that are tied, and what it says to a control engineer.
+    """Properties for control of one of several equivalent structures.
 
     Attributes
     ----------
     structure : Structure
     minimal : bool
-        Else it is a minimal one with an optional effect.
+        True for a minimal structure, False for one with an optional effect more.
     rows : tuple of (str, str)
         Names and values as text with units, the same names for all structures.
-    numbers : ModelFigures
+    figures : ModelFigures
         The same in SI.
     """
 
@@ -48,10 +48,10 @@ class ControlDifference:
 def compare_for_control(
     evidence: Evidence, recordings: Sequence[Recording], settings: Settings
 ) -> tuple[ControlDifference, ...]:
-    """Compare the minimal structures and those of their extensions by an optional effect that were refitted.
+    """Compare the minimal structures, and those with one optional effect more, if they were refitted.
 
-    The first is the best minimal structure, which the others are compared with. One structure alone gives none, and
-    one without a steady motion (a gap that would have to carry a load) is left out.
+    The best minimal structure comes first and is compared with the others. A structure without a steady motion is left
+    out, for example one whose gap would have to carry a load. A single structure gives an empty result.
     """
     tied = _tied_structures(evidence)
     kinds = [s.kind for s in recordings[0].outputs]
@@ -62,13 +62,13 @@ def compare_for_control(
         own = {name: judged.values[name] for name in judged.structure.parameters}
         system = assemble(judged.structure, own, settings.f_tanh, outputs)
         try:
-            model_figures([system], _HALF * settings.speed_scale, settings.f_tanh, over)
+            model_figures([system], HALF_SPEED * settings.speed_scale, settings.f_tanh, over)
         except SettingsError:
             continue
         made.append((judged, system))
     if len(made) < 2:
         return ()
-    found = model_figures([system for _, system in made], _HALF * settings.speed_scale, settings.f_tanh, over)
+    found = model_figures([system for _, system in made], HALF_SPEED * settings.speed_scale, settings.f_tanh, over)
     least = {j.structure for j in evidence.minimal}
     return tuple(
         ControlDifference(
@@ -79,7 +79,7 @@ def compare_for_control(
 
 
 def _tied_structures(evidence: Evidence) -> list[Judged]:
-    """Minimal structures, then what they become with one optional effect, as far as refitted."""
+    """Minimal structures, then those with one optional effect more, as far as refitted."""
     minimal = [j.structure for j in evidence.minimal]
     more = {
         e: evidence.judged[e]
@@ -94,17 +94,17 @@ def _table_rows(
     n: ModelFigures, over: FrequencyBand, recording: Recording, *, first: bool
 ) -> tuple[tuple[str, str], ...]:
     unit, factor = recording.units.of(TORQUE)
-    least = _NOTHING * float(np.abs(recording.u).max())
+    least = ZERO_TORQUE * float(np.abs(recording.u).max())
     friction, constant = (
         factor * value if abs(value) > least else 0.0 for value in (n.standstill_friction, n.constant_input)
     )
     within = f"{over.low:.2g} to {over.high:.3g} Hz"
-    ratio = "0 dB (compared with)" if first else f"{round(n.gain_difference, 2) + 0.0:+.2f} dB at {n.frequency:.3g} Hz"
-    swings = ", ".join(f"{s.frequency:.3g} Hz (damping {s.damping:.2g})" for s in n.resonances)
+    ratio = "0 dB (reference)" if first else f"{round(n.gain_difference, 2) + 0.0:+.2f} dB at {n.frequency:.3g} Hz"
+    resonances = ", ".join(f"{s.frequency:.3g} Hz (damping {s.damping:.2g})" for s in n.resonances)
     return (
-        (f"gain apart, {within}", ratio),
-        (f"phase apart, {within}", "0°" if first else f"{n.phase_difference:.1f}°"),
-        ("resonances", swings or "none"),
+        (f"gain difference, {within}", ratio),
+        (f"phase difference, {within}", "0°" if first else f"{n.phase_difference:.1f}°"),
+        ("resonances", resonances or "none"),
         ("poles in 1/s", _pole_text(n)),
         ("dead time", f"{1e3 * n.dead_time:.3g} ms"),
         ("friction at standstill", f"{friction:.3g} {unit}"),
@@ -114,5 +114,7 @@ def _table_rows(
 
 def _pole_text(n: ModelFigures) -> str:
     upper = [p for p in n.poles if p.imag >= 0.0]
-    parts = [f"{p.real:.3g} ± {p.imag:.3g}i" if p.imag > 1e-9 * abs(p) else f"{p.real:.3g}" for p in upper[:_SHOWN]]
+    parts = [
+        f"{p.real:.3g} ± {p.imag:.3g}i" if p.imag > 1e-9 * abs(p) else f"{p.real:.3g}" for p in upper[:SHOWN_POLES]
+    ]
     return ", ".join(parts).replace("-0,", "0,") or "none"

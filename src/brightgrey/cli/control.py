@@ -1,4 +1,4 @@
-"""``brightgrey analyse``, ``control``, ``watch``: a model at work."""
+"""Commands ``analyse``, ``control`` and ``watch``: analysis, control design and fault detection with a model."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from brightgrey.errors import SettingsError
 __all__ = ["analyse", "control", "watch"]
 
 ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="model.json of an identification.")]
-CONTROLLER = "'NUMERATOR / DENOMINATOR', coefficients of falling powers of s, e.g. '0.5 10 / 1 0'"
+CONTROLLER = "'NUMERATOR / DENOMINATOR', coefficients in falling powers of s, e.g. '0.5 10 / 1 0'"
 
 
 def analyse(
     model: ModelFile,
     speed: Annotated[
         float | None,
-        typer.Option("--speed", metavar="X", help="Steady speed. Default: half of the recording's largest."),
+        typer.Option("--speed", metavar="X", help="Speed of the motion. Default: half of the recording's largest."),
     ] = None,
     contact: Annotated[
         str,
-        typer.Option("--contact", metavar="forward|backward|gap", help="Where a gap stands."),
+        typer.Option("--contact", metavar="forward|backward|gap", help="Side on which a gap is closed, or open."),
     ] = "forward",
     controller: Annotated[
         str | None,
-        typer.Option("--controller", metavar="N/D", help=f"Controller from the first output's error: {CONTROLLER}."),
+        typer.Option("--controller", metavar="N/D", help=f"Controller on the first output: {CONTROLLER}."),
     ] = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Linearise a model in steady motion: poles, resonances, what input and output reach, margins.
+    """Linearise a model in steady motion: poles, resonances, controllability, observability, stability margins.
 
-    Poles in 1/s, margins for a controller in SI units of the model.
+    Poles are in 1/s. The controller of --controller has SI units.
     """
     coefficients = _controller(controller) if controller else None
     from brightgrey.cli.terminal import control as show_work
@@ -63,7 +63,7 @@ def control(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Suggest gains: the cascade of P position and PI speed control, and a state control with integral action.
+    """Suggest gains of a cascade, P position and PI speed control, and of a state feedback with integral action.
 
     Gains are in SI units: N m, rad (N, m; or the input's unit) and s.
     """
@@ -81,22 +81,28 @@ def control(
 
 def watch(
     model: ModelFile,
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording to be watched, CSV or MAT.")],
+    recording: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="Recording to look for faults in, CSV or MAT.")
+    ],
     baseline: Annotated[
         Path,
-        typer.Option("--baseline", metavar="FILE", help="A recording without fault: the one the model came from."),
+        typer.Option(
+            "--baseline", metavar="FILE", help="Recording without fault, best the one the model was identified from."
+        ),
     ],
     min_change: Annotated[
-        float, typer.Option("--min-change", metavar="X", help="Relative change that is not yet worth reporting.")
+        float, typer.Option("--min-change", metavar="X", help="Smallest relative change to report.")
     ] = 0.1,
-    confidence: Annotated[float, typer.Option("--confidence", metavar="P", help="At which to report a change.")] = 0.99,
+    confidence: Annotated[
+        float, typer.Option("--confidence", metavar="P", help="Probability at which a change is reported.")
+    ] = 0.99,
     time: Time = None,
     dt: Step = None,
     unit: Unit = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Look for faults in a new recording: friction or backlash that have grown, a load that has changed."""
+    """Look for faults in a new recording: friction or backlash that has grown, a load that has changed."""
     given = units(unit or ())
     from brightgrey.cli.terminal import control as show_work
     from brightgrey.cli.terminal import results as show
@@ -106,7 +112,7 @@ def watch(
     from brightgrey.api.control import watch as run
     from brightgrey.api.simulation import read_for
 
-    with show.working("watching", silent=quiet or json):
+    with show.working("looking for faults", silent=quiet or json):
         before, now = (read_for(loaded, f, time=time, dt=dt, units=given) for f in (baseline, recording))
         found = run(loaded, now, baseline=before, min_change=min_change, confidence=confidence)
     show_work.show_watch(found, quiet=quiet, json=json)
@@ -117,6 +123,6 @@ def _controller(text: str) -> tuple[list[float], list[float]]:
     top, slash, bottom = text.partition("/")
     parts = [part.replace(",", " ").split() for part in (top, bottom)]
     if not slash or not all(parts):
-        raise SettingsError(f"--controller '{text}': wanted is {CONTROLLER}")
+        raise SettingsError(f"--controller '{text}' is no transfer function; write {CONTROLLER}")
     first, second = ([number("--controller", value, CONTROLLER) for value in part] for part in parts)
     return first, second

@@ -71,7 +71,7 @@ def test_dead_time_of_a_part_of_a_sample_is_kept():
 
 def test_state_control_follows_within_the_torque_limit_and_feedforward_helps():
     system = system_of("two_mass+coulomb+viscous+gravity+backlash+current_control")
-    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
+    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=2.0, torque=4.0, settling_time=0.05)
     assert np.all(found.poles.real < 0.0)
     reached = found.margins(0.5 * DT)
     assert reached.stable
@@ -87,7 +87,7 @@ def test_state_control_follows_within_the_torque_limit_and_feedforward_helps():
 
 def test_integral_action_forgets_a_disturbance():
     system = system_of("two_mass+coulomb+viscous+gravity")
-    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=1.0, torque=4.0, settling=0.02)
+    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=1.0, torque=4.0, settling_time=0.02)
     run = closed_loop(
         system, StateFeedback(found, standstill(500), DT), 500, DT, SETTINGS, disturbance=np.full(500, 0.8)
     )

@@ -25,7 +25,7 @@ FULL = "two_mass+coulomb+viscous+gravity+backlash+current_control+delay"
 
 def designed(text):
     system = system_of(text)
-    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
+    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=2.0, torque=4.0, settling_time=0.05)
     return system, found, kalman_gain(found.analysis.linear, NOISE, DT)
 
 
@@ -65,7 +65,7 @@ def test_the_extended_filter_and_its_linear_form_control_alike():
 @pytest.mark.parametrize("delay", [0.0, 1.5e-3])
 def test_one_noisy_speed_is_enough_through_friction_gap_lag_and_torque_limit(delay):
     system = system_of(FULL, T_d=delay)
-    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=2.0, torque=4.0, settling=0.05)
+    found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=2.0, torque=4.0, settling_time=0.05)
     motion = reversing(1.5, MotionLimits(20.0, 250.0, 15000.0), dt=DT, samples=400, before=0.02, between=0.02)
     follow = StateFeedback(found, feedforward(contact_mode(to_twist_coordinates(system), "forward"), motion), DT)
     noise = 0.02 * np.random.default_rng(1).normal(size=(400, 1))

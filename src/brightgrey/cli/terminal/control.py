@@ -1,4 +1,4 @@
-"""Analysis, design and watching in the terminal."""
+"""Linear analysis, control design and fault detection in the terminal."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _rank_and_distance(found: Controllability) -> dict[str, Any]:
 
 
 def show_analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json: bool) -> None:
-    """Print what the linear model says."""
+    """Print a linear analysis."""
     if json:
         as_json(
             {
@@ -94,7 +94,7 @@ def show_analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json
         dips = ", ".join(f"{s.frequency:.4g} Hz (damping {s.damping:.3g})" for s in found.antiresonances(i))
         out.print(f"antiresonances of {name}: {dips or 'none'}")
     for word, reach in (("controllable", found.controllability), ("observable", found.observability)):
-        out.print(f"{word}: {reach.rank} of {reach.order} states, distance {reach.distance:.2g}")
+        out.print(f"{word}: {reach.rank} of {reach.order} states, distance to losing one {reach.distance:.2g}")
     if found.dead_time:
         out.print(f"dead time: {1e3 * found.dead_time:.4g} ms")
     if margins is not None:
@@ -102,7 +102,7 @@ def show_analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json
 
 
 def show_design(found: Design, *, quiet: bool, json: bool) -> None:
-    """Print suggested gains and the margins they reach."""
+    """Print suggested gains and their stability margins."""
     c, s = found.cascade, found.state_feedback
     contacts = [a.operating_point.contact_mode.contact for a in found.analyses]
     reached = s.margins(found.delay)
@@ -144,18 +144,18 @@ def show_design(found: Design, *, quiet: bool, json: bool) -> None:
     for kind, inner, outer in zip(contacts, c.speed_margins, c.position_margins, strict=True):
         out.print(f"speed loop ({kind}): {_margins_line(inner)}", soft_wrap=True)
         out.print(f"whole cascade ({kind}): {_margins_line(outer)}", soft_wrap=True)
-    out.print(Text("state control of speed with integral action", style="bold"))
+    out.print(Text("state feedback of speed with integral action", style="bold"))
     gains = ", ".join(f"{name} {value:.4g}" for name, value in zip(s.analysis.states, s.K.tolist(), strict=True))
     out.print(f"gains (SI): {gains}, integral {s.integral:.4g}", soft_wrap=True)
-    out.print(f"opened at the input: {_margins_line(reached)}", soft_wrap=True)
-    out.print(Text("Kalman filter that finds these states from a measured speed", style="bold"))
+    out.print(f"loop opened at the input: {_margins_line(reached)}", soft_wrap=True)
+    out.print(Text("Kalman filter that estimates these states from a measured speed", style="bold"))
     pairs = zip(s.analysis.states, found.observer_gain[:, 0].tolist(), strict=True)
     out.print(f"gains (SI): {', '.join(f'{name} {value:.4g}' for name, value in pairs)}", soft_wrap=True)
-    out.print(f"state control on its states: {_margins_line(found.observer_margins)}", soft_wrap=True)
+    out.print(f"state feedback on the estimated states: {_margins_line(found.observer_margins)}", soft_wrap=True)
 
 
 def show_watch(found: Watch, *, quiet: bool, json: bool) -> None:
-    """Print what has changed."""
+    """Print the findings of fault detection."""
     from brightgrey.api.control import innovation_correlation
 
     nis = float(found.filtered.nis.mean()) / found.filtered.innovations.shape[2]
@@ -183,8 +183,8 @@ def show_watch(found: Watch, *, quiet: bool, json: bool) -> None:
     for finding in found.findings:
         out.print(Text(finding.text, style="bold" if finding.verdict == "changed" else ""), soft_wrap=True)
     if not found.findings:
-        out.print("the structure knows no fault")
+        out.print("this structure has no parameter whose change would be a fault")
     out.print(
-        f"innovations: {nis:.3g} times the expected power, "
-        f"correlation of neighbours {innovation_correlation(found.filtered):.2f}"
+        f"innovations: {nis:.3g} times the expected variance, "
+        f"correlation of neighbouring samples {innovation_correlation(found.filtered):.2f}"
     )

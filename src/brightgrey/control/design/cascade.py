@@ -1,4 +1,4 @@
-"""The cascade that drives have: P control of position around PI control of speed, with suggested gains."""
+"""Cascade control: P control of position around PI control of speed, with suggested gains."""
 
 from __future__ import annotations
 
@@ -22,37 +22,58 @@ from brightgrey.kit import Linear
 
 __all__ = ["Cascade", "CascadeGoal", "design_cascade", "position_loop_margins", "speed_loop_margins"]
 
-_STEP = 1.5  # ratio of neighbouring gains in the search; then the last step is halved some times
-_BISECTIONS = 4
-_RESET = 4.0  # reset time in units of 1/crossover: costs 14 degrees of phase
-
 
 @dataclass(frozen=True)
 class CascadeGoal:
-    """What a loop has to keep: gain margin (factor), phase margin (degrees), peaks of sensitivity and position."""
+    """Requirements on the loops of a cascade, and resolution of the search for the largest gains that meet them.
+
+    Attributes
+    ----------
+    gain : float
+        Smallest gain margin, a factor.
+    phase : float
+        Smallest phase margin, degrees.
+    sensitivity : float
+        Largest peak of the sensitivity.
+    overshoot : float
+        Largest peak of the response from reference position to position.
+    reset_crossover : float
+        Reset time of the PI controller times the crossover frequency; 4 costs 14 degrees of phase.
+    gain_step : float
+        Ratio of neighbouring gains in the search.
+    bisections : int
+        Bisections of the last step of the search.
+    """
 
     gain: float = 2.0
     phase: float = 45.0
     sensitivity: float = 2.0
     overshoot: float = 1.05
+    reset_crossover: float = 4.0
+    gain_step: float = 1.5
+    bisections: int = 4
+
+
+CASCADE_GOAL = CascadeGoal()
 
 
 @dataclass(frozen=True)
 class Cascade:
     """Gains of the cascade.
 
-    ``v_ref = position (q_ref - q) + q_ref'``, ``u = speed (e + integral of e / reset)`` with ``e = v_ref - v``.
+    ``v_ref = position_gain (q_ref - q) + q_ref'`` and ``u = speed_gain (e + integral of e / reset_time)`` with the
+    control error ``e = v_ref - v``.
 
     Attributes
     ----------
-    position : float
+    position_gain : float
         1/s.
-    speed : float
+    speed_gain : float
         N m s/rad (N s/m).
-    reset : float
+    reset_time : float
         s.
     speed_margins, position_margins : tuple of Margins
-        Of the speed loop alone and of the whole cascade opened at the drive's input, for each model it was asked for.
+        Of the speed loop alone, and of the whole cascade opened at the drive's input, for each model of the design.
     """
 
     position_gain: float
@@ -63,7 +84,7 @@ class Cascade:
 
     @property
     def controller(self) -> Compensator:
-        """The PI controller of speed."""
+        """PI controller of speed."""
         return _pi_controller(self.speed_gain, self.reset_time)
 
 
@@ -73,12 +94,12 @@ def _pi_controller(gain: float, reset: float) -> Compensator:
 
 def _output_row(analysis: Analysis, name: str) -> Array:
     if name not in analysis.outputs:
-        raise SettingsError(f"the cascade needs the model's outputs position and velocity; '{name}' is not among them")
+        raise SettingsError(f"the cascade needs the outputs position and velocity; the model has no output '{name}'")
     return np.asarray(analysis.linear.C[analysis.outputs.index(name)])
 
 
 def speed_loop_margins(analysis: Analysis, gain: float, reset: float, delay: float) -> Margins:
-    """Margins of the speed loop; `delay` in s on top of the drive's dead time."""
+    """Stability margins of the speed loop; `delay` in s is added to the drive's dead time."""
     one = minimal_realisation(analysis.linear._replace(C=_output_row(analysis, "velocity")[None], D=np.zeros((1, 1))))
     return stability_margins(one, _pi_controller(gain, reset), dead_time=analysis.dead_time + delay)
 
@@ -86,7 +107,7 @@ def speed_loop_margins(analysis: Analysis, gain: float, reset: float, delay: flo
 def position_loop_margins(
     analysis: Analysis, position: float, gain: float, reset: float, delay: float
 ) -> tuple[Margins, float]:
-    """Margins of the whole cascade opened at the drive's input, and the peak of the response from q_ref to q."""
+    """Stability margins of the cascade opened at the drive's input, and the peak of the response from q_ref to q."""
     q, v = _output_row(analysis, "position"), _output_row(analysis, "velocity")
     both = Linear(analysis.linear.A, analysis.linear.B, (v + position * q)[None], np.zeros((1, 1)))
     total = analysis.dead_time + delay
@@ -94,8 +115,8 @@ def position_loop_margins(
     omega = frequency_grid(np.linalg.eigvals(both.A).tolist(), top=20.0 * max(position, 1.0))
     K = _pi_controller(gain, reset).response(omega)
     loop = K * frequency_response(both, omega, total)[0]
-    way = K * frequency_response(both._replace(C=q[None]), omega, total)[0]
-    return found, float(np.abs(position * way / (1.0 + loop)).max())
+    forward = K * frequency_response(both._replace(C=q[None]), omega, total)[0]
+    return found, float(np.abs(position * forward / (1.0 + loop)).max())
 
 
 def design_cascade(
@@ -104,21 +125,21 @@ def design_cascade(
     dt: float,
     *,
     computing_time: float = 0.0,
-    goal: CascadeGoal | None = None,
+    goal: CascadeGoal = CASCADE_GOAL,
 ) -> Cascade:
-    """Suggest the gains of the cascade: the stiffest that keep the goal in all models.
+    """Design the cascade with the largest gains that meet the goal in all models.
 
     Parameters
     ----------
     analyses : sequence of Analysis
-        With the outputs position and velocity; in contact and in the gap, if there is one.
+        With the outputs position and velocity; in contact and, if there is a gap, in the gap.
     inertia : float
         Of all masses, kg m² (kg).
     dt : float
-        Sampling interval of the controller in s; its hold lags half of it.
-    computing : float
+        Sampling interval of the controller, s. Its hold delays the torque by half of it.
+    computing_time : float
         Time from sampling to output, s.
-    goal : Goal, optional
+    goal : CascadeGoal
 
     Returns
     -------
@@ -127,23 +148,23 @@ def design_cascade(
     Raises
     ------
     SettingsError
-        If even soft gains miss the goal.
+        If even small gains miss the goal.
     """
-    aim = goal or CascadeGoal()
     delay = 0.5 * dt + computing_time
-    top = 1.0 / (delay + analyses[0].dead_time)
+    fastest = 1.0 / (delay + analyses[0].dead_time)
 
-    def speed_good(w: float) -> bool:
-        return all(_meets_goal(speed_loop_margins(a, inertia * w, _RESET / w, delay), aim) for a in analyses)
+    def speed_meets_goal(crossover: float) -> bool:
+        gain, reset = inertia * crossover, goal.reset_crossover / crossover
+        return all(_meets_goal(speed_loop_margins(a, gain, reset, delay), goal) for a in analyses)
 
-    crossover = _largest_gain(speed_good, 1e-4 * top, 3.0 * top, "speed loop")
-    gain, reset = inertia * crossover, _RESET / crossover
+    crossover = _largest_gain(speed_meets_goal, 1e-4 * fastest, 3.0 * fastest, goal, "speed loop")
+    gain, reset = inertia * crossover, goal.reset_crossover / crossover
 
-    def position_good(k: float) -> bool:
-        found = [position_loop_margins(a, k, gain, reset, delay) for a in analyses]
-        return all(_meets_goal(m, aim) and peak <= aim.overshoot for m, peak in found)
+    def position_meets_goal(position_gain: float) -> bool:
+        found = [position_loop_margins(a, position_gain, gain, reset, delay) for a in analyses]
+        return all(_meets_goal(m, goal) and peak <= goal.overshoot for m, peak in found)
 
-    position = _largest_gain(position_good, 1e-3 * crossover, crossover, "position loop")
+    position = _largest_gain(position_meets_goal, 1e-3 * crossover, crossover, goal, "position loop")
     return Cascade(
         position,
         gain,
@@ -158,18 +179,21 @@ def _meets_goal(found: Margins, goal: CascadeGoal) -> bool:
     return found.stable and enough
 
 
-def _largest_gain(good: Callable[[float], bool], low: float, high: float, what: str) -> float:
-    """End of the first range of gains that are good, from below."""
-    best, bad = None, high
-    for value in np.geomspace(low, high, int(np.log(high / low) / np.log(_STEP)) + 2):
-        if good(float(value)):
+def _largest_gain(meets_goal: Callable[[float], bool], low: float, high: float, goal: CascadeGoal, loop: str) -> float:
+    """Upper end of the first range of gains, from below, that meet the goal."""
+    best, too_high = None, high
+    for value in np.geomspace(low, high, int(np.log(high / low) / np.log(goal.gain_step)) + 2):
+        if meets_goal(float(value)):
             best = float(value)
         elif best is not None:
-            bad = float(value)
+            too_high = float(value)
             break
     if best is None:
-        raise SettingsError(f"{what}: no gain keeps the margins that are asked for")
-    for _ in range(_BISECTIONS):
-        middle = float(np.sqrt(best * bad))
-        best, bad = (middle, bad) if good(middle) else (best, middle)
+        raise SettingsError(
+            f"{loop}: no gain keeps a gain margin of {goal.gain:g}, a phase margin of {goal.phase:g}° and a "
+            f"sensitivity below {goal.sensitivity:g}; reduce the delays or ask for less"
+        )
+    for _ in range(goal.bisections):
+        middle = float(np.sqrt(best * too_high))
+        best, too_high = (middle, too_high) if meets_goal(middle) else (best, middle)
     return best

@@ -1,4 +1,4 @@
-"""Closed loop on the non-linear model: a sampled controller, its torque limited and held, around it."""
+"""Closed loop: a sampled controller with limited and held torque around the non-linear model."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ __all__ = ["ClosedLoopRun", "Controller", "Reference", "closed_loop", "standstil
 
 @dataclass(frozen=True)
 class Reference:
-    """What the drive shall do: motion and the torque that leads to it.
+    """Reference motion, and the feedforward torque for it.
 
     Attributes
     ----------
     position, velocity, acceleration : ndarray, shape (samples,)
+        rad, rad/s and rad/s² (m).
     torque : ndarray, shape (samples,)
-        Feedforward; 0 where nothing is fed forward.
+        Feedforward; 0 without one.
     """
 
     position: Array
@@ -33,21 +34,21 @@ class Reference:
 
 
 class Controller(Protocol):
-    """A sampled controller. It changes nothing but the memory that it hands on."""
+    """Sampled controller. It keeps no state of its own: its memory is passed from sample to sample."""
 
     def start(self) -> Any:
         """Memory before the first sample."""
 
     def command(self, memory: Any, k: int, x: Array, y: Array) -> tuple[float, Any]:
-        """Wanted torque at sample k from states and outputs, and the memory without the torque being limited."""
+        """Torque command at sample k from states and outputs, and the memory before the torque is limited."""
 
-    def anti_windup(self, memory: Any, wanted: float, given: float) -> Any:
-        """Memory once it is known what the limit has left of the wanted torque (anti-windup)."""
+    def anti_windup(self, memory: Any, commanded: float, applied: float) -> Any:
+        """Memory corrected for the difference of commanded and applied torque (anti-windup)."""
 
 
 @dataclass(frozen=True)
 class ClosedLoopRun:
-    """Closed-loop run, SI.
+    """Simulation of a closed loop, SI.
 
     Attributes
     ----------
@@ -55,7 +56,7 @@ class ClosedLoopRun:
     u : ndarray, shape (samples,)
         Torque after the limit, held until the next sample.
     x : ndarray, shape (samples, n)
-        States of the model; ``names`` tells which.
+        States of the model, with their ``names``.
     y : ndarray, shape (samples, outputs)
     names : tuple of str
     """
@@ -67,12 +68,12 @@ class ClosedLoopRun:
     names: tuple[str, ...]
 
     def state(self, name: str) -> Array:
-        """Course of one state, shape (samples,)."""
+        """One state over time, shape (samples,)."""
         return np.asarray(self.x[:, self.names.index(name)])
 
 
 def standstill(samples: int) -> Reference:
-    """Stay where you are."""
+    """Reference of standstill at 0."""
     zero = np.zeros(samples)
     return Reference(zero, zero, zero, zero)
 
@@ -102,13 +103,13 @@ def closed_loop(
     settings : Settings
         ``hold`` is ignored: the torque is held.
     limit : float
-        Largest torque, N m (N).
+        Largest absolute torque, N m (N).
     x0 : ndarray, shape (n,), optional
         Standstill at 0 if not given.
     disturbance : ndarray, shape (samples,), optional
-        Torque beside the controller's, not limited.
+        Torque beside the controller's; it is not limited.
     noise : ndarray, shape (samples, outputs), optional
-        Of the sensors: what the controller is told is the outputs and this.
+        Of the sensors; the controller gets the outputs plus this noise.
 
     Returns
     -------
@@ -134,22 +135,22 @@ def closed_loop(
     held = replace(settings, hold="zoh")
     x = system.rest() if x0 is None else np.asarray(x0, float)
     memory = controller.start()
-    torque, push = np.zeros(samples), np.zeros(samples) if disturbance is None else disturbance
+    torque, disturbed = np.zeros(samples), np.zeros(samples) if disturbance is None else disturbance
     xs, ys = np.empty((samples, n)), np.empty((samples, len(system.outputs)))
     for k in range(samples):
-        applied = _torque_at(torque, push, k - whole - 1)
+        applied = _torque_at(torque, disturbed, k - whole - 1)
         xs[k], ys[k] = x, system.output(x, applied)
-        told = ys[k] if noise is None else ys[k] + noise[k]
-        wanted, memory = controller.command(memory, k, x, told)
-        torque[k] = float(np.clip(wanted, -limit, limit))
-        memory = controller.anti_windup(memory, wanted, torque[k])
-        for span, u in ((part * dt, applied), ((1.0 - part) * dt, _torque_at(torque, push, k - whole))):
+        measured = ys[k] if noise is None else ys[k] + noise[k]
+        commanded, memory = controller.command(memory, k, x, measured)
+        torque[k] = float(np.clip(commanded, -limit, limit))
+        memory = controller.anti_windup(memory, commanded, torque[k])
+        for span, u in ((part * dt, applied), ((1.0 - part) * dt, _torque_at(torque, disturbed, k - whole))):
             if span > 1e-9 * dt:
                 x = response(plant, np.array([u, u]), span, x, held).y[:, -1, 0]
         if not np.all(np.isfinite(x)):
-            raise SettingsError(f"the closed loop diverges after {k * dt:.4g} s")
+            raise SettingsError(f"the closed loop diverges after {k * dt:.4g} s; reduce the gains of the controller")
     return ClosedLoopRun(np.asarray(dt * np.arange(samples), float), torque, xs, ys, system.state_names)
 
 
-def _torque_at(torque: Array, push: Array, k: int) -> float:
-    return float(torque[k] + push[k]) if k >= 0 else 0.0
+def _torque_at(torque: Array, disturbance: Array, k: int) -> float:
+    return float(torque[k] + disturbance[k]) if k >= 0 else 0.0

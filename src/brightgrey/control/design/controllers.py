@@ -1,4 +1,4 @@
-"""Sampled controllers for the closed loop: state feedback, cascade, and any linear one."""
+"""Sampled controllers for the closed loop: state feedback, cascade, and linear output feedback."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ __all__ = ["CascadeController", "OutputFeedback", "StateFeedback", "feedforward"
 
 
 def feedforward(mode: ContactMode, motion: Motion, *, torque: bool = True) -> Reference:
-    """Reference with the torque that the model needs for it: inertia, friction and gravity.
+    """Reference with feedforward of the torque for inertia, friction and gravity.
 
     Parameters
     ----------
-    on : ContactMode
-        In contact: in the gap no torque reaches the load.
+    mode : ContactMode
+        In contact, because in the gap no torque reaches the load.
     motion : Motion
     torque : bool
-        Without it the torque is 0, for comparison.
+        False gives a torque of 0, for comparison.
     """
     u = np.zeros(len(motion.t))
     if torque:
@@ -37,16 +37,18 @@ def feedforward(mode: ContactMode, motion: Motion, *, torque: bool = True) -> Re
 
 @dataclass(frozen=True)
 class OutputFeedback:
-    """A linear controller on one output.
+    """Linear controller on one output.
 
     Attributes
     ----------
     compensator : Compensator
-        Continuous; it is sampled by the trapezoidal rule.
+        Continuous controller; it is discretised by the trapezoidal rule.
     dt : float
+        Sampling interval, s.
     reference : ndarray, shape (samples,)
-        Wanted output.
+        Reference of the output.
     output : int
+        Index of the output.
     """
 
     compensator: Compensator
@@ -59,30 +61,31 @@ class OutputFeedback:
         return self.compensator.discretise(self.dt)
 
     def start(self) -> Array:
-        """All states of the controller at 0."""
+        """States of the controller, all 0."""
         return np.zeros(len(self.compensator.A))
 
     def command(self, memory: Array, k: int, x: Array, y: Array) -> tuple[float, Array]:
-        """Wanted torque from the control error."""
+        """Torque command from the control error."""
         c, e = self._sampled, self.reference[k] - y[self.output]
         return float((c.C @ memory + c.D[:, 0] * e)[0]), c.A @ memory + c.B[:, 0] * e
 
-    def anti_windup(self, memory: Array, wanted: float, given: float) -> Array:
-        """No anti-windup: the loop stays the linear one that was analysed."""
+    def anti_windup(self, memory: Array, commanded: float, applied: float) -> Array:
+        """Leave the memory as it is, so that the loop stays linear."""
         return memory
 
 
 @dataclass(frozen=True)
 class StateFeedback:
-    """State control with integral of the control error, on the states of the model.
+    """State feedback with integral action on the states of the model.
 
-    The wind-up of the shafts is taken without the gap, whichever side it is closed on.
+    The twist of a shaft with a gap is taken relative to the position in the gap, on whichever side it is closed.
 
     Attributes
     ----------
-    control : StateControl
+    design : StateFeedbackDesign
     reference : Reference
     dt : float
+        Sampling interval, s.
     """
 
     design: StateFeedbackDesign
@@ -91,7 +94,7 @@ class StateFeedback:
 
     @cached_property
     def _state_map(self) -> Array:
-        """From x to the states that the gains belong to, shape (n, N)."""
+        """Map from all states x to the states of the gains, shape (n, N)."""
         on = self.design.analysis.operating_point.contact_mode
         W, keep, frozen = on.model.W, list(on.free_states), list(on.fixed_states)
         if not frozen:
@@ -106,7 +109,7 @@ class StateFeedback:
 
     @cached_property
     def _reference_states(self) -> Array:
-        """Reference of those states, shape (samples, n)."""
+        """Reference of the states of the gains, shape (samples, n)."""
         on = self.design.analysis.operating_point.contact_mode
         r = self.reference
         z = np.array([trim_point(on, v, a).z for v, a in zip(r.velocity, r.acceleration, strict=True)])
@@ -118,7 +121,7 @@ class StateFeedback:
 
     @property
     def _reference_output(self) -> Array:
-        """Wanted course of the controlled output, shape (samples,)."""
+        """Reference of the controlled output, shape (samples,)."""
         kind = self.design.analysis.outputs[self.design.output]
         return np.asarray(getattr(self.reference, kind))
 
@@ -127,20 +130,20 @@ class StateFeedback:
         return 0.0
 
     def command(self, memory: float, k: int, x: Array, y: Array) -> tuple[float, float]:
-        """Wanted torque: feedforward, state feedback, integral."""
+        """Torque command: feedforward, state feedback and integral."""
         error = y[self.design.output] - self._reference_output[k]
         integral = memory + self.dt * error
         u = self.reference.torque[k] - self.design.K @ (self._state_map @ x - self._reference_states[k])
         return float(u - self.design.integral * integral), integral
 
-    def anti_windup(self, memory: float, wanted: float, given: float) -> float:
-        """Take back what the limit has cut off."""
-        return memory + (wanted - given) / self.design.integral if wanted != given else memory
+    def anti_windup(self, memory: float, commanded: float, applied: float) -> float:
+        """Integral that would have commanded the applied torque."""
+        return memory + (commanded - applied) / self.design.integral if commanded != applied else memory
 
 
 @dataclass(frozen=True)
 class CascadeController:
-    """P position around PI speed, from position and speed of mass 1.
+    """P control of position around PI control of speed, both of mass 1.
 
     Attributes
     ----------
@@ -148,7 +151,7 @@ class CascadeController:
     reference : Reference
     dt : float
     position, speed : int
-        Which states position and speed of mass 1 are.
+        Indices of position and speed of mass 1 among the states.
     """
 
     cascade: Cascade
@@ -162,12 +165,12 @@ class CascadeController:
         return 0.0
 
     def command(self, memory: float, k: int, x: Array, y: Array) -> tuple[float, float]:
-        """Wanted torque."""
+        """Torque command."""
         c, r = self.cascade, self.reference
         error = c.position_gain * (r.position[k] - x[self.position]) + r.velocity[k] - x[self.speed]
         integral = memory + c.speed_gain * self.dt / c.reset_time * error
         return float(r.torque[k] + c.speed_gain * error + integral), integral
 
-    def anti_windup(self, memory: float, wanted: float, given: float) -> float:
-        """Take back what the limit has cut off, as far as it is the integral's."""
-        return memory + given - wanted
+    def anti_windup(self, memory: float, commanded: float, applied: float) -> float:
+        """Integral part reduced by the torque that the limit has cut off."""
+        return memory + applied - commanded

@@ -1,7 +1,7 @@
-"""State control of the linear model: linear-quadratic and by pole placement, with an integral of the control error.
+"""State feedback with integral action: linear-quadratic, or by pole placement.
 
-Designed in twist coordinates and in contact: an absolute position that nothing shows and a position in the gap that
-stands still are states no input moves, and with them the Riccati equation has no stabilising solution.
+The design uses twist coordinates and a model in contact. An unobservable absolute position and a position in the gap
+that rests are states that no input moves. With them the Riccati equation has no stabilising solution.
 """
 
 from __future__ import annotations
@@ -16,18 +16,16 @@ from scipy import signal
 from scipy.linalg import LinAlgError, solve_continuous_are
 
 from brightgrey.arrays import Array
-from brightgrey.control.linear.analysis import Analysis
+from brightgrey.control.linear.analysis import AXIS_TOLERANCE, Analysis
 from brightgrey.control.linear.margins import Compensator, Margins, stability_margins
 from brightgrey.errors import SettingsError
 from brightgrey.kit import Linear
 
 __all__ = ["FeedbackGain", "StateFeedbackDesign", "design_state_feedback", "lqr", "place_poles"]
 
-_ESCAPED = 1e-9  # of the fastest pole: a closed-loop pole this near to the axis has not been moved
-
 
 class FeedbackGain(NamedTuple):
-    """Feedback ``u = -K x`` and the poles in 1/s that it leaves."""
+    """Feedback ``u = -K x`` and the poles of the closed loop in 1/s."""
 
     K: Array
     poles: NDArray[np.complex128]
@@ -40,9 +38,9 @@ class StateFeedbackDesign:
     Attributes
     ----------
     analysis : Analysis
-        The linear model it was designed for.
+        Linear model of the design.
     output : int
-        The controlled output.
+        Index of the controlled output.
     K : ndarray, shape (n,)
         Gains of ``analysis.states``.
     integral : float
@@ -58,14 +56,14 @@ class StateFeedbackDesign:
     poles: NDArray[np.complex128]
 
     def margins(self, delay: float = 0.0) -> Margins:
-        """Margins of the loop opened at the drive's input; `delay` in s comes on top of the drive's dead time."""
+        """Stability margins of the loop opened at the drive's input; `delay` in s is added to the dead time."""
         A, B = _augment_with_integral(self.analysis.linear, self.output)
         loop = Linear(A, B, np.append(self.K, self.integral)[None], np.zeros((1, 1)))
         return stability_margins(loop, Compensator.of([1.0], [1.0]), dead_time=self.analysis.dead_time + delay)
 
 
 def lqr(A: Array, B: Array, Q: Array, R: Array) -> FeedbackGain:
-    """Feedback that minimises the integral of ``x' Q x + u' R u``.
+    """Linear-quadratic regulator: the feedback that minimises the integral of ``x' Q x + u' R u``.
 
     Parameters
     ----------
@@ -75,8 +73,7 @@ def lqr(A: Array, B: Array, Q: Array, R: Array) -> FeedbackGain:
     Raises
     ------
     SettingsError
-        If no stabilising solution exists: a mode on or right of the axis that the input does not move or the weights
-        do not see.
+        If no stabilising solution exists: a mode that does not decay is not controllable or has no weight.
     """
     try:
         P = solve_continuous_are(A, B, Q, R)
@@ -84,23 +81,23 @@ def lqr(A: Array, B: Array, Q: Array, R: Array) -> FeedbackGain:
         raise SettingsError(f"the Riccati equation has no stabilising solution ({error})") from None
     K = np.asarray(np.linalg.solve(np.atleast_2d(R), B.T @ P), float)
     poles = np.asarray(np.linalg.eigvals(A - B @ K), complex)
-    if np.any(poles.real >= -_ESCAPED * np.abs(poles).max()):
+    if np.any(poles.real >= -AXIS_TOLERANCE * np.abs(poles).max()):
         raise SettingsError(
-            "the Riccati equation has no stabilising solution: a mode cannot be moved or is not weighted"
+            "the Riccati equation has no stabilising solution: a mode is not controllable or has no weight"
         )
     return FeedbackGain(K, poles)
 
 
 def place_poles(A: Array, B: Array, poles: Sequence[complex]) -> FeedbackGain:
-    """Feedback that moves the poles to `poles` (1/s); the same pole at most once per input.
+    """Place the poles of the closed loop at `poles` in 1/s; a pole may be repeated at most once per input.
 
     Raises
     ------
     SettingsError
-        For a wrong number of poles, poles without their conjugates, or poles that cannot be reached.
+        For a wrong number of poles, poles without their conjugates, or a mode that is not controllable.
     """
     if len(poles) != len(A):
-        raise SettingsError(f"{len(poles)} poles for a system of order {len(A)}")
+        raise SettingsError(f"{len(poles)} poles for a system of order {len(A)}; give one for each state")
     try:
         K = signal.place_poles(A, B, np.asarray(poles)).gain_matrix
     except ValueError as error:
@@ -108,7 +105,7 @@ def place_poles(A: Array, B: Array, poles: Sequence[complex]) -> FeedbackGain:
     found = np.asarray(np.linalg.eigvals(A - B @ K), complex)
     miss = max(float(np.abs(found - p).min()) for p in poles)
     if miss > 1e-3 * float(np.abs(np.asarray(poles)).max()):
-        raise SettingsError("these poles cannot be placed: a mode is out of the input's reach")
+        raise SettingsError("these poles cannot be placed: a mode is not controllable")
     return FeedbackGain(K, found)
 
 
@@ -117,27 +114,28 @@ def design_state_feedback(
     *,
     largest_error: float | None = None,
     torque: float = 1.0,
-    settling: float = 0.1,
+    settling_time: float = 0.1,
     poles: Sequence[complex] | None = None,
     output: int = 0,
 ) -> StateFeedbackDesign:
     """Design a state feedback with integral action.
 
-    Without `poles` it is linear-quadratic: errors of the output are weighed against the torque that is worth spending
-    on them (Bryson's rule), their integral so that it is gone after about `settling`.
+    Without `poles` the design is linear-quadratic with Bryson's rule: an output error of `largest_error` costs as much
+    as the torque `torque`. The integral is weighed so that a constant disturbance is gone after about `settling_time`.
 
     Parameters
     ----------
     analysis : Analysis
     largest_error : float, optional
-        Error of the output that is worth `torque`, in its SI unit; needed without `poles`.
+        Output error that justifies `torque`, in the output's SI unit; needed without `poles`.
     torque : float
         N m (N).
-    settling : float
-        Time in s after which a constant disturbance shall be forgotten.
+    settling_time : float
+        Time after which a constant disturbance has no more effect, s.
     poles : sequence of complex, optional
-        One more than the model has states.
+        Poles of the closed loop, one more than the model has states.
     output : int
+        Index of the controlled output.
 
     Returns
     -------
@@ -146,16 +144,16 @@ def design_state_feedback(
     Raises
     ------
     SettingsError
-        Where no such feedback exists.
+        If no such feedback exists.
     """
     A, B = _augment_with_integral(analysis.linear, output)
     if poles is not None:
         gain = place_poles(A, B, poles)
-    elif largest_error is None or not (largest_error > 0.0 and torque > 0.0 and settling > 0.0):
-        raise SettingsError("state control needs a largest error, a torque and a settling time above 0, or poles")
+    elif largest_error is None or not (largest_error > 0.0 and torque > 0.0 and settling_time > 0.0):
+        raise SettingsError("state feedback needs a largest error, a torque and a settling time above 0, or else poles")
     else:
         c = np.append(analysis.linear.C[output], 0.0) / largest_error
-        i = np.append(np.zeros(len(analysis.linear.A)), 1.0) / (largest_error * settling)
+        i = np.append(np.zeros(len(analysis.linear.A)), 1.0) / (largest_error * settling_time)
         gain = lqr(A, B, np.outer(c, c) + np.outer(i, i), np.array([[torque**-2]]))
     return StateFeedbackDesign(analysis, output, gain.K[0, :-1], float(gain.K[0, -1]), gain.poles)
 

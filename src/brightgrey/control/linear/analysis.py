@@ -1,4 +1,4 @@
-"""What the linear model at an operating point says: poles, stability, reach, resonances, frequency response."""
+"""Linear analysis at an operating point: poles, stability, controllability, resonances, frequency response."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from brightgrey.kit import Linear, StateSpace
 
 __all__ = ["Analysis", "OscillatoryMode", "analyse_system", "invariant_zeros", "oscillatory_modes"]
 
-AXIS_TOLERANCE = 1e-9  # of the fastest pole: a pole this near to the axis is on it
+AXIS_TOLERANCE = 1e-9  # of the fastest pole: a pole nearer to the imaginary axis counts as on it
 
 
 class OscillatoryMode(NamedTuple):
-    """A conjugate pair of poles or zeros: frequency in Hz, damping ratio (negative: it grows)."""
+    """Conjugate pair of poles or zeros: frequency in Hz, damping ratio (negative for an unstable one)."""
 
     frequency: float
     damping: float
@@ -43,17 +43,18 @@ class OscillatoryMode(NamedTuple):
 
 @dataclass(frozen=True)
 class Analysis:
-    """Linear model of a drive at an operating point, deviations in SI.
+    """Linear model of a drive at an operating point, SI.
 
     Attributes
     ----------
-    point : OperatingPoint
-        Steady motion, its input and its state in twist coordinates.
+    operating_point : OperatingPoint
+        Steady motion, with its input and its state in twist coordinates.
     linear : Linear
-        Exact linearisation; states as `states`, in contact without the position in the gap.
+        Exact linearisation for deviations from it. In contact it has no state for the position in the gap.
     states, outputs : tuple of str
+        Names of the states and outputs of `linear`.
     dead_time : float
-        Of the input, in s; not in `linear`.
+        Of the input, s. It is not part of `linear`.
     """
 
     operating_point: OperatingPoint
@@ -64,30 +65,30 @@ class Analysis:
 
     @cached_property
     def poles(self) -> Complex:
-        """Poles in 1/s, the slowest first."""
+        """Poles in 1/s, slowest first."""
         found = np.linalg.eigvals(self.linear.A)
         return np.asarray(found[np.argsort(np.abs(found), kind="stable")])
 
     @property
     def stability(self) -> Literal["stable", "marginal", "unstable"]:
-        """``marginal``: a pole on the axis (an integrator) and none beyond."""
+        """Stability of the drive; ``marginal`` is a pole on the imaginary axis, an integrator, and none beyond it."""
         edge = AXIS_TOLERANCE * max(1.0, float(np.abs(self.poles).max(initial=0.0)))
         largest = float(self.poles.real.max(initial=-np.inf))
         return "unstable" if largest > edge else "marginal" if largest >= -edge else "stable"
 
     @cached_property
     def controllability(self) -> Controllability:
-        """Which states the input reaches, and how close that is to being lost."""
+        """Controllability from the input: rank and distance to an uncontrollable system."""
         return controllability(self.linear)
 
     @cached_property
     def observability(self) -> Controllability:
-        """Which states the outputs show, and how close that is to being lost."""
+        """Observability from the outputs: rank and distance to an unobservable system."""
         return observability(self.linear)
 
     @property
     def resonances(self) -> tuple[OscillatoryMode, ...]:
-        """Pairs of complex poles, the lowest frequency first."""
+        """Pairs of complex poles, lowest frequency first."""
         return oscillatory_modes(self.poles)
 
     def antiresonances(self, output: int = 0) -> tuple[OscillatoryMode, ...]:
@@ -95,7 +96,7 @@ class Analysis:
         return oscillatory_modes(invariant_zeros(self.linear, output))
 
     def bode(self, omega: Array | None = None) -> tuple[Array, Complex]:
-        """Angular frequencies in rad/s, (m,), and responses of all outputs, (outputs, m), dead time exact."""
+        """Angular frequencies in rad/s, (m,), and frequency responses of all outputs, (outputs, m), dead time exact."""
         if omega is None:
             omega = frequency_grid(
                 [*self.poles, *(z for i in range(len(self.outputs)) for z in invariant_zeros(self.linear, i))]
@@ -103,15 +104,15 @@ class Analysis:
         return omega, frequency_response(self.linear, omega, self.dead_time)
 
     def margins(self, compensator: Compensator, *, output: int = 0, delay: float = 0.0) -> Margins:
-        """Margins with a controller on one output; `delay` in s comes on top of the drive's dead time.
+        """Stability margins with a controller on one output; `delay` in s is added to the drive's dead time.
 
-        Of the part that input and output reach: a load that coasts in an open gap is not the loop's matter.
+        They belong to the controllable and observable part, so that a load coasting in an open gap does not count.
         """
         one = self.linear._replace(C=self.linear.C[output : output + 1], D=self.linear.D[output : output + 1])
         return stability_margins(minimal_realisation(one), compensator, dead_time=self.dead_time + delay)
 
     def to_python_control(self, order: int = 4) -> Any:
-        """``control.StateSpace``; the dead time is a Padé approximation of `order`."""
+        """Model as a ``control.StateSpace``; the dead time becomes a Padé approximation of `order`."""
         return state_space(self.linear, self.states, self.outputs, self.dead_time, order)
 
 
@@ -127,9 +128,9 @@ def analyse_system(
     speed : float
         Of all masses, rad/s (m/s).
     contact : {'forward', 'backward', 'gap'}
-        Where the gap stands; without a gap it changes nothing.
+        Side on which the gap is closed, or open; without a gap it has no effect.
     keep_position : bool
-        Keep the absolute position even if no output shows it.
+        Keep the absolute position as a state even if no output depends on it.
 
     Returns
     -------
@@ -138,23 +139,25 @@ def analyse_system(
     Raises
     ------
     SettingsError
-        For a batch, an unknown contact, or where no such steady motion exists.
+        For a batch, an unknown contact, or if no such steady motion exists.
     """
     transformed = (
         system if isinstance(system, TwistModel) else to_twist_coordinates(system, keep_position=keep_position)
     )
     if transformed.system.batch:
-        raise SettingsError("analysis takes one parameter set, this is a batch")
-    on = contact_mode(transformed, contact)
-    point = trim_point(on, speed)
+        raise SettingsError("linear analysis needs a single parameter set; this is a batch")
+    mode = contact_mode(transformed, contact)
+    point = trim_point(mode, speed)
     outputs = transformed.system.outputs
-    return Analysis(point, point.linear, on.free_state_names, outputs, float(np.asarray(transformed.system.dead_time)))
+    return Analysis(
+        point, point.linear, mode.free_state_names, outputs, float(np.asarray(transformed.system.dead_time))
+    )
 
 
 def invariant_zeros(linear: Linear, output: int = 0) -> Complex:
     """Finite invariant zeros in 1/s from the input to one output.
 
-    Generalised eigenvalues of Rosenbrock's system matrix; those at infinity are left out.
+    They are the generalised eigenvalues of Rosenbrock's system matrix without those at infinity.
     """
     n = len(linear.A)
     M = np.block([[linear.A, linear.B], [linear.C[output : output + 1], linear.D[output : output + 1]]])
@@ -171,6 +174,6 @@ def invariant_zeros(linear: Linear, output: int = 0) -> Complex:
 
 
 def oscillatory_modes(roots: Complex) -> tuple[OscillatoryMode, ...]:
-    """Conjugate pairs among poles or zeros, the lowest frequency first."""
+    """Conjugate pairs among poles or zeros, lowest frequency first."""
     pairs = sorted((r for r in roots if r.imag > 1e-6 * abs(r)), key=abs)
     return tuple(OscillatoryMode(float(abs(r) / (2.0 * np.pi)), float(-r.real / abs(r))) for r in pairs)

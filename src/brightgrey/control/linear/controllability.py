@@ -1,9 +1,9 @@
-"""Controllability and observability: the rank, and how close a system is to losing it.
+"""Controllability and observability: the rank, and the distance to a system of lower rank.
 
 The distance is that to the nearest uncontrollable pair, ``min over s of sigma_min([A - s I, B])`` (Eising 1984,
-doi:10.1016/0167-6911(84)90083-8), of the balanced system with A and B of norm 1: 0 is lost, below about 1e-6 is lost in
-practice. A rank alone says nothing: the controllability matrix of a healthy drive with two resonances has a
-condition beyond 1e12.
+doi:10.1016/0167-6911(84)90083-8), of the balanced system with A and B of norm 1. Below about 1e-6 a state is lost in
+practice. The rank of the controllability matrix is no help: that of a healthy drive with two resonances has a condition
+number above 1e12.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from brightgrey.kit import Linear
 
 __all__ = ["Controllability", "controllability", "minimal_realisation", "observability"]
 
-RANK_TOLERANCE = 1e-10  # what is left of a direction, relative to A, that counts as nothing
+RANK_TOLERANCE = 1e-10  # remainder of a Krylov direction, relative to A, that counts as zero
 
 
 class Controllability(NamedTuple):
-    """How far input or output reach.
+    """Rank of the controllable (observable) part, and the distance to a lower rank.
 
     Attributes
     ----------
     rank, order : int
-        Dimension of the controllable (observable) part, and of the whole.
+        Dimension of the controllable (observable) part, and of the whole system.
     distance : float
-        To the nearest pair that is not controllable (observable), relative; 0 where the rank is lost already.
-    where : complex
-        Point of the complex plane in 1/s at which it is closest: the mode that escapes first.
+        Relative distance to the nearest uncontrollable (unobservable) pair; 0 where the rank is below the order.
+    nearest_mode : complex
+        Mode in 1/s that is uncontrollable (unobservable) first.
     """
 
     rank: int
@@ -41,17 +41,17 @@ class Controllability(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """Whether all states are reached."""
+        """True if the rank is the order."""
         return self.rank == self.order
 
 
 def controllability(linear: Linear) -> Controllability:
-    """Which states the input reaches."""
+    """Controllability of the states from the input."""
     return _pair_properties(linear.A, linear.B)
 
 
 def observability(linear: Linear) -> Controllability:
-    """Which states the outputs show."""
+    """Observability of the states from the outputs."""
     return _pair_properties(linear.A.T, linear.C.T)
 
 
@@ -61,39 +61,39 @@ def _pair_properties(A: Array, B: Array) -> Controllability:
     size = float(np.linalg.norm(balanced, 2)) or 1.0
     A1: Array = np.asarray(balanced / size, float)
     B1 = B / scaling[0][:, None]
-    widths = np.linalg.norm(B1, axis=0)
-    B1 = B1 / np.where(widths > 0.0, widths, 1.0)
+    norms = np.linalg.norm(B1, axis=0)
+    B1 = B1 / np.where(norms > 0.0, norms, 1.0)
 
-    def smallest(s: complex) -> float:
+    def smallest_singular_value(s: complex) -> float:
         return float(np.linalg.svd(np.hstack([A1 - s * np.eye(n), B1]), compute_uv=False)[-1])
 
-    def away(p: Array) -> float:
-        return smallest(complex(p[0], p[1]))
+    def distance(p: Array) -> float:
+        return smallest_singular_value(complex(p[0], p[1]))
+
+    from scipy.optimize import minimize  # imported here: it takes long, and most analyses never ask
 
     rank = _krylov_basis(A1, B1).shape[1]
-    starts = sorted(np.linalg.eigvals(A1), key=smallest)
+    starts = sorted(np.linalg.eigvals(A1), key=smallest_singular_value)
     if rank < n:
         return Controllability(rank, n, 0.0, complex(starts[0] * size))
-    from scipy.optimize import minimize  # slow to import, and an identification does not need it
 
-    best, where = smallest(starts[0]), complex(starts[0])
+    best, nearest = smallest_singular_value(starts[0]), complex(starts[0])
     for start in starts[:2]:
         found = minimize(
-            away,
+            distance,
             np.array([start.real, start.imag]),
             method="Nelder-Mead",
             options={"maxiter": 200},
         )
         if found.fun < best:
-            best, where = float(found.fun), complex(found.x[0], found.x[1])
-    return Controllability(rank, n, best, where * size)
+            best, nearest = float(found.fun), complex(found.x[0], found.x[1])
+    return Controllability(rank, n, best, nearest * size)
 
 
 def minimal_realisation(linear: Linear) -> Linear:
-    """Linear model without what the input does not reach or the outputs do not show; its states have no names.
+    """Controllable and observable part of a linear model; its states have no names.
 
-    In an open gap the load coasts on its own: a pole at the origin that no loop over the motor moves and that is no
-    matter of its stability.
+    In an open gap the load coasts: it is a pole at the origin that no feedback to the motor moves.
     """
     A, scaling = matrix_balance(linear.A, permute=False, separate=True)
     B, C = linear.B / scaling[0][:, None], linear.C * scaling[0]
@@ -110,12 +110,12 @@ def _krylov_basis(A: Array, B: Array) -> Array:
     basis = np.zeros((n, 0))
     block = B
     while basis.shape[1] < n:
-        for _ in range(2):  # once more, against cancellation
+        for _ in range(2):  # twice, against cancellation
             block = block - basis @ (basis.T @ block)
         U, s, _ = np.linalg.svd(block, full_matrices=False)
-        fresh = U[:, s > RANK_TOLERANCE]
-        if not fresh.shape[1]:
+        new = U[:, s > RANK_TOLERANCE]
+        if not new.shape[1]:
             break
-        basis = np.hstack([basis, fresh])
-        block = A @ fresh
+        basis = np.hstack([basis, new])
+        block = A @ new
     return basis[:, :n]

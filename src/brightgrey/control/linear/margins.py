@@ -1,4 +1,4 @@
-"""Linear loops: controllers, frequency responses with exact dead time, and margins."""
+"""Linear control loops: controllers, frequency responses with exact dead time, and stability margins."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ __all__ = [
     "stability_margins",
 ]
 
-POINTS_PER_DECADE = 200
-PADE_ORDER = 6
+POINTS_PER_DECADE = 200  # of a frequency grid
+PADE_ORDER = 6  # of the dead time in the poles of a closed loop
 
 
 @dataclass(frozen=True)
 class Compensator:
-    """Linear controller from one control error to the input of the drive: ``k' = A k + B e``, ``u = C k + D e``.
+    """Linear controller from a control error e to the input u: ``k' = A k + B e``, ``u = C k + D e``.
 
     Attributes
     ----------
@@ -43,31 +43,32 @@ class Compensator:
 
     @classmethod
     def of(cls, numerator: Sequence[float], denominator: Sequence[float]) -> Compensator:
-        """Controller from its transfer function, coefficients of falling powers of s.
+        """Controller from its transfer function, coefficients in falling powers of s.
 
         Raises
         ------
         SettingsError
-            If it is not proper.
+            If the transfer function is not proper.
         """
         top, bottom = (np.trim_zeros(np.atleast_1d(np.asarray(c, float)), "f") for c in (numerator, denominator))
         if not len(bottom) or not len(top) or len(top) > len(bottom):
             raise SettingsError(
-                f"controller {list(numerator)}/{list(denominator)}: the numerator has to be there "
-                "and its degree must not exceed the denominator's"
+                f"controller {list(numerator)}/{list(denominator)} is not proper: both polynomials need a coefficient "
+                "other than 0, and the degree of the numerator must not exceed that of the denominator"
             )
         if len(bottom) == 1:
             return cls(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[top[0] / bottom[0]]]))
-        from scipy.signal import tf2ss  # slow to import, and only compensators of a user need it
 
-        return cls(*(np.atleast_2d(part) for part in tf2ss(top, bottom)))
+        n = len(bottom) - 1
+        b, a = np.append(np.zeros(n + 1 - len(top)), top / bottom[0]), bottom / bottom[0]
+        return cls(np.vstack([-a[1:], np.eye(n - 1, n)]), np.eye(n, 1), (b[1:] - b[0] * a[1:])[None], b[:1, None])
 
     def response(self, omega: Array) -> Complex:
         """Frequency response, shape (frequencies,), at angular frequencies in rad/s."""
         return np.asarray(frequency_response(Linear(self.A, self.B, self.C, self.D), omega)[0])
 
     def discretise(self, dt: float) -> Compensator:
-        """Sampled every `dt` seconds, by the trapezoidal rule (Tustin)."""
+        """Discretise with the sampling interval `dt` in s, by the trapezoidal rule (Tustin)."""
         n = len(self.A)
         left = np.linalg.inv(np.eye(n) - 0.5 * dt * self.A)
         A = left @ (np.eye(n) + 0.5 * dt * self.A)
@@ -77,22 +78,22 @@ class Compensator:
 
 @dataclass(frozen=True)
 class Margins:
-    """How far a closed loop is from instability.
+    """Stability margins of a closed loop.
 
     Attributes
     ----------
     stable : bool
-        All poles of the closed loop on the left (dead time by a Padé approximation of order 6).
+        All poles of the closed loop have a negative real part (dead time by a Padé approximation of order 6).
     gain : float
-        Smallest factor above 1 on the loop's gain that reaches the limit of stability; inf if there is none.
+        Gain margin: smallest factor above 1 on the loop gain at the limit of stability; inf if there is none.
     gain_down : float
-        Largest factor below 1 that does; 0 if there is none.
+        Gain reduction margin: largest factor below 1 at the limit of stability; 0 if there is none.
     phase : float
-        Smallest phase lag in degrees that does; inf if the gain never crosses 1.
+        Phase margin, degrees; inf if the loop gain never crosses 1.
     delay : float
-        Smallest additional dead time in s that does.
+        Delay margin: smallest additional dead time at the limit of stability, s.
     sensitivity : float
-        Peak of ``1/|1 + L|``; a ratio; below 2 is a well damped loop.
+        Peak of the sensitivity ``1/|1 + L|``, a ratio. Below 2 the loop is well damped.
     crossover : float
         Highest angular frequency in rad/s at which ``|L| = 1``; 0 if there is none.
     """
@@ -107,9 +108,9 @@ class Margins:
 
 
 def frequency_grid(roots: Sequence[complex], top: float | None = None) -> Array:
-    """Grid in rad/s around poles and zeros, finer at each of them: three decades below the slowest to `top`.
+    """Grid in rad/s that is denser around the given poles and zeros.
 
-    Without `top` it ends two decades above the fastest.
+    It begins three decades below the slowest of them and ends at `top`, or two decades above the fastest.
     """
     sizes = [abs(r) for r in roots if abs(r) > 1e-9]
     low, high = (min(sizes) * 1e-3, max(sizes) * 1e2) if sizes else (1e-2, 1e4)
@@ -138,23 +139,23 @@ def frequency_response(linear: Linear, omega: Array, dead_time: float = 0.0) -> 
 
 
 def stability_margins(linear: Linear, compensator: Compensator, *, output: int = 0, dead_time: float = 0.0) -> Margins:
-    """Margins of the loop ``L = compensator * plant`` with negative feedback of one output.
+    """Stability margins of the loop ``L = compensator * plant`` with negative feedback of one output.
 
     Parameters
     ----------
     linear : Linear
     compensator : Compensator
     output : int
-        Which output is fed back.
+        Index of the output that is fed back.
     dead_time : float
-        In s: of the drive, of the computer and half a sampling interval for its hold.
+        Of the drive and the computer, and half a sampling interval for the hold, s.
     """
     one = Linear(linear.A, linear.B, linear.C[output : output + 1], linear.D[output : output + 1])
     loop = open_loop(compensator, one)
-    rates = [*np.linalg.eigvals(loop.A), *_poles_of_closed(loop, dead_time)]
+    roots = [*np.linalg.eigvals(loop.A), *_poles_of_closed(loop, dead_time)]
     if dead_time > 0.0:
-        rates.append(complex(1.0 / dead_time))
-    omega = frequency_grid(rates)
+        roots.append(complex(1.0 / dead_time))
+    omega = frequency_grid(roots)
     L = frequency_response(loop, omega, dead_time)[0]
 
     def at(w: float) -> complex:
@@ -175,8 +176,8 @@ def stability_margins(linear: Linear, compensator: Compensator, *, output: int =
 def _crossings(
     omega: Array, L: Complex, at: Callable[[float], complex]
 ) -> tuple[list[float], list[float], list[float], float]:
-    """Gains where L is real and negative; phases and delays where |L| = 1; the last such frequency."""
-    from scipy.optimize import brentq  # slow to import, and an identification needs no margins
+    """Gain margins where L is real and negative; phase and delay margins, and crossover, where ``|L| = 1``."""
+    from scipy.optimize import brentq  # imported here: it takes long, and most analyses ask for no margins
 
     gains, phases, delays, crossover = [], [], [], 0.0
     for i in np.flatnonzero(np.diff(np.sign(L.imag))):
@@ -193,7 +194,7 @@ def _crossings(
 
 
 def open_loop(compensator: Compensator, plant: Linear) -> Linear:
-    """Open loop: the compensator ahead of a plant with one output."""
+    """Series connection of the compensator and a plant with one output."""
     A = block_diag(compensator.A, plant.A)
     m = len(compensator.A)
     A[m:, :m] = plant.B @ compensator.C
@@ -202,7 +203,7 @@ def open_loop(compensator: Compensator, plant: Linear) -> Linear:
 
 
 def closed_loop_poles(linear: Linear, compensator: Compensator, dead_time: float = 0.0) -> Complex:
-    """Poles in 1/s of the loop closed over the first output; dead time by a Padé approximation."""
+    """Poles in 1/s of the loop closed over the first output, dead time by a Padé approximation."""
     return _poles_of_closed(open_loop(compensator, linear), dead_time)
 
 

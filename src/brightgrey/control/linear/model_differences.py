@@ -1,4 +1,4 @@
-"""What it matters for control which of several models is right."""
+"""Differences between models of one drive that matter for control."""
 
 from __future__ import annotations
 
@@ -17,54 +17,74 @@ from brightgrey.kit import StateSpace
 
 __all__ = ["FrequencyBand", "ModelFigures", "excited_band", "model_figures"]
 
-_ENERGY = 0.99  # of the input, that the band holds
-_POINTS = 400
-_NEAR_STANDSTILL = 3.0  # over f_tanh: there the smoothed sign of speed is 0.995
+
+@dataclass(frozen=True)
+class ComparisonOptions:
+    """Options of the comparison of models.
+
+    Attributes
+    ----------
+    energy : float
+        Part of the inputs' energy that the band holds.
+    points : int
+        Frequencies of the band.
+    creep : float
+        Speed near standstill, over the speed scale of the smoothed sign of speed. The sign is 0.995 there.
+    """
+
+    energy: float = 0.99
+    points: int = 400
+    creep: float = 3.0
+
+
+COMPARISON = ComparisonOptions()
 
 
 class FrequencyBand(NamedTuple):
-    """Frequencies in Hz."""
+    """Lowest and highest frequency in Hz."""
 
     low: float
     high: float
 
 
-def excited_band(inputs: Sequence[Array], dt: float) -> FrequencyBand:
-    """Band that the inputs excite: from one period in the longest of them to where 99 % of the energy is below.
+def excited_band(inputs: Sequence[Array], dt: float, options: ComparisonOptions = COMPARISON) -> FrequencyBand:
+    """Band that the inputs excite: from one period in the longest of them to 99 % of their energy.
 
     Parameters
     ----------
     inputs : sequence of ndarray, shape (samples,)
     dt : float
+        Sampling interval, s.
+    options : ComparisonOptions
     """
     tops = []
     for u in inputs:
         power = np.square(np.abs(np.fft.rfft((u - u.mean()) * np.hanning(len(u)))))
         total = np.cumsum(power)
-        top = int(np.searchsorted(total, _ENERGY * total[-1])) if total[-1] > 0.0 else 1
+        top = int(np.searchsorted(total, options.energy * total[-1])) if total[-1] > 0.0 else 1
         tops.append(max(top, 2) / (len(u) * dt))
     return FrequencyBand(1.0 / (max(len(u) for u in inputs) * dt), max(tops))
 
 
 @dataclass(frozen=True)
 class ModelFigures:
-    """What one model says to a control engineer, SI.
+    """Properties of one model that matter for control, SI.
 
     Attributes
     ----------
     response : ndarray, shape (m,)
         From the input to the first output, over the band, at half of the largest speed, dead time included.
-    ratio, phase : float
-        Largest difference from the first model over the band: ratio of magnitudes in dB, angle in degrees.
-    at : float
-        Where the ratio is largest, Hz.
+    gain_difference, phase_difference : float
+        Largest differences from the first model over the band, dB and degrees.
+    frequency : float
+        Of the largest difference of the gain, Hz.
     poles : tuple of complex
-        In 1/s, the slowest first.
+        In 1/s, slowest first.
     resonances : tuple of OscillatoryMode
-    lag : float
-        Dead time in s; other lags are among the poles.
-    friction, constant : float
-        Input against friction just before standstill, and constant part of the input there.
+    dead_time : float
+        Of the input, s; other lags are among the poles.
+    standstill_friction, constant_input : float
+        Input against friction near standstill, and the constant part of the input there, N m (N).
     """
 
     response: Complex
@@ -79,9 +99,13 @@ class ModelFigures:
 
 
 def model_figures(
-    systems: Sequence[StateSpace], speed: float, f_tanh: float, band: FrequencyBand
+    systems: Sequence[StateSpace],
+    speed: float,
+    f_tanh: float,
+    band: FrequencyBand,
+    options: ComparisonOptions = COMPARISON,
 ) -> list[ModelFigures]:
-    """Numbers of several models of one drive; the first is what the others are compared with.
+    """Compare several models of one drive with the first of them.
 
     Parameters
     ----------
@@ -91,21 +115,22 @@ def model_figures(
         Of the operating point, rad/s (m/s).
     f_tanh : float
         Gain of the smoothed sign of speed that they were assembled with.
-    over : Band
+    band : FrequencyBand
+    options : ComparisonOptions
 
     Raises
     ------
     SettingsError
-        Where no steady motion exists.
+        If a model has no steady motion.
     """
-    omega = 2.0 * np.pi * np.geomspace(band.low, band.high, _POINTS)
+    omega = 2.0 * np.pi * np.geomspace(band.low, band.high, options.points)
     found: list[ModelFigures] = []
     for system in systems:
         transformed = to_twist_coordinates(system)
         point = analyse_system(transformed, speed=speed)
         response = frequency_response(point.linear, omega, point.dead_time)[0]
         ratio, phase, at = _largest_difference(response, found[0].response if found else response, omega)
-        friction, constant = _standstill_input(transformed, _NEAR_STANDSTILL / f_tanh)
+        friction, constant = _standstill_input(transformed, options.creep / f_tanh)
         poles = tuple(complex(p) for p in point.poles)
         found.append(
             ModelFigures(response, ratio, phase, at, poles, point.resonances, point.dead_time, friction, constant)
@@ -114,7 +139,7 @@ def model_figures(
 
 
 def _largest_difference(one: Complex, other: Complex, omega: Array) -> tuple[float, float, float]:
-    """Largest ratio in dB, largest angle in degrees, and where in Hz the ratio is largest."""
+    """Largest ratio in dB, largest angle in degrees, and the frequency in Hz of the largest ratio."""
     quotient = one / np.where(np.abs(other) > 0.0, other, np.finfo(float).tiny)
     ratio = 20.0 * np.log10(np.maximum(np.abs(quotient), np.finfo(float).tiny))
     k = int(np.argmax(np.abs(ratio)))
@@ -123,7 +148,7 @@ def _largest_difference(one: Complex, other: Complex, omega: Array) -> tuple[flo
 
 
 def _standstill_input(transformed: TwistModel, speed: float) -> tuple[float, float]:
-    """Input that keeps up a creeping motion: the part that turns with the motion, and the rest."""
+    """Input of a creeping motion: the part that reverses with the motion, and the constant part."""
     forth = trim_point(contact_mode(transformed, "forward"), speed).u
     back = trim_point(contact_mode(transformed, "backward"), -speed).u
     return 0.5 * (forth - back), 0.5 * (forth + back)

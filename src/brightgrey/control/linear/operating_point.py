@@ -1,8 +1,8 @@
-"""One smooth piece of a system with gaps: every gap either closed on one side or open.
+"""Contact modes and operating points of a system with gaps.
 
-On such a piece the right-hand side is smooth and the linearisation has no kinks. In contact the position in the gap
-stands still at its limit; as a state that no input moves it would leave a Riccati equation without stabilising
-solution, so the linear model goes without it.
+In a contact mode every gap is either closed on one side or open, so that the equations are smooth. In contact the
+position in the gap rests at its limit. As a state that no input moves it would leave the Riccati equation without a
+stabilising solution, so the linear model does without it.
 """
 
 from __future__ import annotations
@@ -24,18 +24,19 @@ __all__ = ["CONTACTS", "Contact", "ContactMode", "OperatingPoint", "contact_mode
 Contact = Literal["forward", "backward", "gap"]
 CONTACTS: tuple[Contact, ...] = get_args(Contact)
 MAX_NEWTON_STEPS = 20
-BALANCE_TOLERANCE = 1e-8  # of the largest rate that takes part in a balance
+HALF_SPEED = 0.5  # of the largest speed: where a model is linearised unless told otherwise
+BALANCE_TOLERANCE = 1e-8  # residual of a steady motion, relative to the largest term of the balance
 
 
 @dataclass(frozen=True)
 class ContactMode:
-    """A system on one side of all its gaps, or inside them.
+    """A system with all its gaps closed on one side, or open.
 
     Attributes
     ----------
-    twisted : TwistModel
+    model : TwistModel
     contact : {'forward', 'backward', 'gap'}
-        Gap closed so that the motor pushes the load forward or backward, or open. Without a gap it changes nothing.
+        Gap closed so that the motor pushes the load forward or backward, or open. Without a gap it has no effect.
     """
 
     model: TwistModel
@@ -48,17 +49,17 @@ class ContactMode:
 
     @cached_property
     def without_limits(self) -> StateSpace:
-        """The system with its gaps held: only elements without limits."""
+        """The system without the elements that have limits, so that gaps keep their position."""
         return replace(self.system, elements=tuple(e for e in self.system.elements if e.limits is None))
 
     @cached_property
     def limited_elements(self) -> tuple[Element, ...]:
-        """The elements that are integrators with saturation."""
+        """The elements with limits, which are integrators with saturation."""
         return tuple(e for e in self.system.elements if e.limits is not None)
 
     @property
     def fixed_states(self) -> tuple[int, ...]:
-        """States that stand still on this piece."""
+        """States that rest in this contact mode."""
         return (
             ()
             if self.contact == "gap"
@@ -76,7 +77,7 @@ class ContactMode:
         return tuple(self.system.state_names[i] for i in self.free_states)
 
     def nominal_state(self, speed: float) -> Array:
-        """State, shape (m,), in which all masses move at `speed` and every gap is as the piece says."""
+        """State, shape (m,), in which all masses move at `speed` and every gap is in this contact mode."""
         z = np.array([speed if state.at_rest == "speed" else 0.0 for state in self.system.states])
         for e in self.limited_elements:
             assert e.limits is not None
@@ -85,7 +86,7 @@ class ContactMode:
         return z
 
     def derivative(self, z: Array, u: float) -> Array:
-        """Z' on this piece, shape (m,)."""
+        """Derivative of the state in this contact mode, shape (m,)."""
         rate = self.without_limits.derivative(z, u)
         if self.contact == "gap":
             for e in self.limited_elements:
@@ -93,7 +94,7 @@ class ContactMode:
         return rate
 
     def jacobian(self, z: Array, u: float) -> Linear:
-        """Exact linearisation on this piece over all states, frozen ones included."""
+        """Exact linearisation over all states, resting ones included."""
         A, B, C, D = self.without_limits.linearise(z, u)
         if self.contact == "gap":
             for e in self.limited_elements:
@@ -105,22 +106,22 @@ class ContactMode:
         return Linear(A, B, C, D)
 
     def linearise(self, z: Array, u: float) -> Linear:
-        """Linear model over the states that move on this piece (`names`)."""
+        """Exact linearisation over the free states."""
         full, keep = self.jacobian(z, u), list(self.free_states)
         return Linear(full.A[np.ix_(keep, keep)], full.B[keep], full.C[:, keep], full.D)
 
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Steady motion on one piece.
+    """Steady motion in one contact mode.
 
     Attributes
     ----------
-    piece : ContactMode
+    contact_mode : ContactMode
     z : ndarray, shape (m,)
         State in twist coordinates.
     u : float
-        Input that keeps the motion up, N m (N).
+        Input that maintains the motion, N m (N).
     speed, acceleration : float
         Of all masses, rad/s and rad/s² (m).
     """
@@ -138,7 +139,7 @@ class OperatingPoint:
 
 
 def contact_mode(transformed: TwistModel, contact: str = "forward") -> ContactMode:
-    """Check `contact` and make the piece.
+    """Contact mode of a system.
 
     Raises
     ------
@@ -152,11 +153,11 @@ def contact_mode(transformed: TwistModel, contact: str = "forward") -> ContactMo
 
 
 def trim_point(mode: ContactMode, speed: float = 0.0, acceleration: float = 0.0) -> OperatingPoint:
-    """Find twists, gaps and input under which all masses keep `speed` and `acceleration`.
+    """Find the twists, positions in gaps and the input for which all masses have a given speed and acceleration.
 
     Parameters
     ----------
-    on : ContactMode
+    mode : ContactMode
     speed, acceleration : float
         rad/s and rad/s² (m/s, m/s²).
 
@@ -167,14 +168,14 @@ def trim_point(mode: ContactMode, speed: float = 0.0, acceleration: float = 0.0)
     Raises
     ------
     SettingsError
-        If there is no such motion, as with an open gap and a load that needs torque.
+        If there is no such motion, for example with an open gap and a load that needs torque.
     """
     system = mode.system
     speeds = [i for i, state in enumerate(system.states) if state.at_rest == "speed"]
-    held = {*speeds, *mode.fixed_states, *(i for i, state in enumerate(system.states) if state.at_rest == "position")}
-    free = [i for i in range(len(system.states)) if i not in held]
-    moving = [i for i, state in enumerate(system.states) if state.at_rest == "position"]
-    rows = [i for i in range(len(system.states)) if i not in moving]
+    fixed = {*speeds, *mode.fixed_states, *(i for i, state in enumerate(system.states) if state.at_rest == "position")}
+    free = [i for i in range(len(system.states)) if i not in fixed]
+    positions = [i for i, state in enumerate(system.states) if state.at_rest == "position"]
+    rows = [i for i in range(len(system.states)) if i not in positions]
     wanted = np.zeros(len(system.states))
     wanted[speeds] = acceleration
     z, u = mode.nominal_state(speed), 0.0
@@ -193,13 +194,13 @@ def trim_point(mode: ContactMode, speed: float = 0.0, acceleration: float = 0.0)
     terms = np.abs(slope.A[rows]) @ np.abs(z) + np.abs(slope.B[rows, 0] * u) + abs(acceleration)
     if np.any(miss > BALANCE_TOLERANCE * terms.max(initial=1e-300)):
         raise SettingsError(
-            f"no steady motion at speed {speed:g} and acceleration {acceleration:g} with contact '{mode.contact}': "
-            "the load gets no torque"
+            f"no steady motion at speed {speed:g} and acceleration {acceleration:g} (SI) with contact "
+            f"'{mode.contact}': no torque reaches the load; choose contact 'forward' or 'backward'"
         )
     return OperatingPoint(mode, z, u, speed, acceleration)
 
 
 def _column_norms(M: Array) -> Array:
-    """Size of each column, 1 for columns of zeros: twists and torques differ by many powers of ten."""
+    """Norm of each column, 1 for columns of zeros; twists and torques differ by many powers of ten."""
     size = np.linalg.norm(M, axis=0)
     return np.where(size > 0.0, size, 1.0)

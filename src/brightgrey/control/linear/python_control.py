@@ -1,4 +1,4 @@
-"""Linear models as objects of python-control, the library that engineers go on with."""
+"""Linear models as objects of the library python-control."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["python_control", "state_space"]
 
 
 def python_control() -> Any:
-    """Return the library.
+    """Return the module ``control``.
 
     Raises
     ------
@@ -22,21 +22,21 @@ def python_control() -> Any:
     try:
         import control
     except ImportError:
-        raise SettingsError("python-control is needed for this: pip install 'brightgrey[control]'") from None
+        raise SettingsError("this needs python-control; install it with: pip install 'brightgrey[control]'") from None
     return control
 
 
 def state_space(
     linear: Linear, states: Sequence[str], outputs: Sequence[str], dead_time: float = 0.0, order: int = 4
 ) -> Any:
-    """``control.StateSpace`` of a linear model, with named signals.
+    """Linear model as a ``control.StateSpace`` with named signals.
 
     Parameters
     ----------
     linear : Linear
     states, outputs : sequence of str
     dead_time : float
-        Delay of the input in s; python-control knows none, so it becomes a Padé approximation ahead of the plant.
+        Delay of the input, s. It becomes a Padé approximation before the plant.
     order : int
         Of the approximation.
     """

@@ -1,7 +1,7 @@
-"""Twist coordinates: shafts by their twist, and no absolute position where nothing reads it.
+"""Twist coordinates: the twists of the shafts, and the absolute position only where something depends on it.
 
-A drive whose speed is measured turns as one without anybody noticing where it stands: that position can neither be
-observed nor does it matter, and it would be a pole at the origin which no velocity controller moves.
+If only speeds are measured, the absolute position of a drive is not observable. It would be a pole at the origin that
+no velocity controller moves.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ __all__ = ["TwistModel", "to_twist_coordinates"]
 
 @dataclass(frozen=True)
 class TwistModel:
-    """A system in twist coordinates ``z = W x``, and the way back ``x = V z``.
+    """A system in twist coordinates ``z = W x``, with the inverse transformation ``x = V z``.
 
     Attributes
     ----------
     system : StateSpace
-        The same system; states ``q1`` (if it is kept), ``twist1``.., ``v1``.., and the others as they were.
+        Transformed system; states ``q1`` (if it is kept), ``twist1``.., ``v1``.., and the others unchanged.
     W : ndarray, shape (m, n)
     V : ndarray, shape (n, m)
-        Where the absolute position was dropped, mass 1 stands at 0.
+        Without the absolute position mass 1 is at 0.
     """
 
     system: StateSpace
@@ -44,7 +44,7 @@ def to_twist_coordinates(system: StateSpace, *, keep_position: bool = False) -> 
     system : StateSpace
         One parameter set or K.
     keep_position : bool
-        Keep the absolute position even if neither an output nor an element reads it.
+        Keep the absolute position even if no output and no element depends on it.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def to_twist_coordinates(system: StateSpace, *, keep_position: bool = False) -> 
 
 
 def _depends_on(system: StateSpace, shift: Array) -> bool:
-    """Whether anything in `system` notices that all masses are moved by the same way."""
+    """True if anything in `system` depends on a common shift of all masses."""
     rows = [system.A, system.C, *(element.H for element in system.elements)]
     for matrix in rows:
         size = np.abs(matrix).max(initial=0.0)
