@@ -1,4 +1,4 @@
-"""Commands that put a model to work, and their wrong use."""
+"""Commands analyse, control and watch, and their wrong use."""
 
 import json
 
@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("control", reason="python-control is not installed")
 
 
-def test_analyse_says_poles_and_margins(call, drive):
+def test_analyse__controller__prints_poles_and_margins(call, drive):
     done = call("analyse", drive.out / "model.json", "--controller", "0.5 10 / 1 0", "--json")
     assert done.code == 0, done.err
     found = json.loads(done.out)
@@ -17,7 +17,7 @@ def test_analyse_says_poles_and_margins(call, drive):
     assert "phase margin" in call("analyse", drive.out / "model.json", "--controller", "0.5 10 / 1 0").out
 
 
-def test_control_suggests_gains(call, drive):
+def test_control__torque__prints_suggested_gains(call, drive):
     done = call("control", drive.out / "model.json", "--torque", "2", "--json")
     assert done.code == 0, done.err
     found = json.loads(done.out)
@@ -26,7 +26,7 @@ def test_control_suggests_gains(call, drive):
     assert "reset time" in call("control", drive.out / "model.json", "--torque", "2").out
 
 
-def test_watch_finds_nothing_in_a_healthy_drive(call, drive):
+def test_watch__healthy_drive__reports_no_change(call, drive):
     model = drive.out / "model.json"
     done = call("watch", model, drive.folder / "b.csv", "--baseline", drive.folder / "a.csv", "--json")
     assert done.code == 0, done.err
@@ -44,7 +44,7 @@ def test_watch_finds_nothing_in_a_healthy_drive(call, drive):
         (("control", "--torque", "-1"), "above 0"),
     ],
 )
-def test_wrong_use_ends_with_one_line(call, drive, options, says):
+def test_commands__wrong_option__ends_with_one_line(call, drive, options, says):
     done = call(options[0], drive.out / "model.json", *options[1:])
     assert done.code == 2
     assert says in done.err

@@ -1,4 +1,4 @@
-"""State control, cascade and the closed loop on the non-linear model."""
+"""State feedback, cascade and the closed loop on the non-linear model."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ DT = 1e-3
 MOTION = reversing(1.5, MotionLimits(20.0, 250.0, 15000.0), dt=DT, samples=400, before=0.02, between=0.02)
 
 
-def test_lqr_is_that_of_python_control():
+def test_lqr__agrees_with_python_control():
     control = pytest.importorskip("control")
     linear = analyse_system(system_of("two_mass+viscous+current_control")).linear
     Q, R = np.diag([1.0, 2.0, 3.0, 0.1]), np.array([[0.5]])
@@ -31,7 +31,7 @@ def test_lqr_is_that_of_python_control():
     assert_allclose(np.sort_complex(mine.poles), np.sort_complex(poles), rtol=1e-8)
 
 
-def test_poles_come_to_lie_where_they_are_wanted():
+def test_place_poles__reachable_poles__are_the_closed_loop_poles():
     linear = analyse_system(system_of("two_mass+viscous")).linear
     wanted = np.array([-50.0, -60.0 + 80.0j, -60.0 - 80.0j])
     assert_allclose(np.sort_complex(place_poles(linear.A, linear.B, wanted).poles), np.sort_complex(wanted), rtol=1e-8)
@@ -39,14 +39,14 @@ def test_poles_come_to_lie_where_they_are_wanted():
         place_poles(linear.A, linear.B, [-1.0, -2.0])
 
 
-def test_no_stabilising_solution_in_the_gap_but_in_contact():
+def test_design_state_feedback__open_gap__is_refused():
     system = system_of("two_mass+viscous+backlash")
     design_state_feedback(analyse_system(system, contact="backward"), largest_error=1.0, torque=5.0)
     with pytest.raises(SettingsError, match="stabilising"):
         design_state_feedback(analyse_system(system, contact="gap"), largest_error=1.0, torque=5.0)
 
 
-def test_a_linear_drive_is_simulated_exactly():
+def test_closed_loop__linear_drive__follows_the_formula():
     """One mass with a P controller: the sampled loop has a formula."""
     gain, start = 1.5, 4.0
     system = system_of("one_mass+viscous")
@@ -58,7 +58,7 @@ def test_a_linear_drive_is_simulated_exactly():
     assert_allclose(run.y[:, 0], start * factor ** np.arange(100), rtol=1e-6, atol=1e-6 * start)
 
 
-def test_dead_time_of_a_part_of_a_sample_is_kept():
+def test_closed_loop__fractional_dead_time__is_exact():
     """Torque held from 1.5 samples after it was asked for."""
     system = system_of("one_mass+viscous+delay", T_d=1.5 * DT)
     loop = OutputFeedback(Compensator.of([1.0], [1.0]), DT, np.concatenate([[2.0], np.zeros(9)]))
@@ -69,7 +69,7 @@ def test_dead_time_of_a_part_of_a_sample_is_kept():
     assert run.u[0] == 2.0
 
 
-def test_state_control_follows_within_the_torque_limit_and_feedforward_helps():
+def test_state_feedback__feedforward__halves_the_error():
     system = system_of("two_mass+coulomb+viscous+gravity+backlash+current_control")
     found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=2.0, torque=4.0, settling_time=0.05)
     assert np.all(found.poles.real < 0.0)
@@ -85,7 +85,7 @@ def test_state_control_follows_within_the_torque_limit_and_feedforward_helps():
     assert errors[0] < 0.5 * errors[1]
 
 
-def test_integral_action_forgets_a_disturbance():
+def test_state_feedback__constant_disturbance__is_rejected():
     system = system_of("two_mass+coulomb+viscous+gravity")
     found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=1.0, torque=4.0, settling_time=0.02)
     run = closed_loop(
@@ -95,7 +95,7 @@ def test_integral_action_forgets_a_disturbance():
     assert np.abs(run.state("v1")[-50:]).max() < 0.02 * np.abs(run.state("v1")).max()
 
 
-def test_the_suggested_cascade_keeps_its_goal_and_follows():
+def test_design_cascade__drive_with_gap__meets_its_goal_and_follows():
     system = system_of("two_mass+coulomb+viscous+backlash", outputs=("position", "velocity"))
     goal = CascadeGoal()
     analyses = [analyse_system(system, speed=10.0, contact=contact) for contact in ("forward", "gap")]
@@ -112,7 +112,7 @@ def test_the_suggested_cascade_keeps_its_goal_and_follows():
     assert np.abs(run.state("q1") - MOTION.position).max() < 0.05 * MOTION.position.max()
 
 
-def test_sampling_a_compensator_keeps_its_step_response():
+def test_compensator__discretised__keeps_its_step_response():
     lag = Compensator.of([2.0], [0.05, 1.0])
     sampled = lag.discretise(1e-3)
     state, y = np.zeros(1), []

@@ -1,4 +1,4 @@
-"""State control on what a Kalman filter finds."""
+"""State feedback on the states that a Kalman filter estimates."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def designed(text):
     return system, found, kalman_gain(found.analysis.linear, NOISE, DT)
 
 
-def test_the_gain_is_that_of_python_control():
+def test_kalman_gain__agrees_with_python_control():
     control = pytest.importorskip("control")
     _, found, gain = designed("two_mass+viscous+current_control")
     A, B, C, _ = found.analysis.linear
@@ -37,7 +37,7 @@ def test_the_gain_is_that_of_python_control():
     assert_allclose(gain, theirs, rtol=1e-6)
 
 
-def test_the_poles_are_those_of_the_control_and_of_the_filter():
+def test_lqg_compensator__poles__are_those_of_feedback_and_filter():
     _, found, gain = designed("two_mass+viscous+current_control")
     A, _, C, _ = found.analysis.linear
     expected = np.concatenate([found.poles, np.linalg.eigvals(A - gain @ C)])
@@ -45,13 +45,13 @@ def test_the_poles_are_those_of_the_control_and_of_the_filter():
     assert_allclose(np.sort_complex(poles), np.sort_complex(expected), rtol=1e-5)
 
 
-def test_a_mode_that_nothing_shows_is_refused():
+def test_kalman_gain__unobservable_mode__is_refused():
     hidden = Linear(np.diag([1.0, -1.0]), np.ones((2, 1)), np.array([[0.0, 1.0]]), np.zeros((1, 1)))
     with pytest.raises(SettingsError, match="Kalman"):
         kalman_gain(hidden, NOISE, DT)
 
 
-def test_the_extended_filter_and_its_linear_form_control_alike():
+def test_observer_feedback__linear_drive__agrees_with_lqg_compensator():
     """Without friction and limits, from standstill, under a disturbance."""
     system, found, gain = designed("two_mass+viscous+current_control")
     push = np.where(np.arange(300) > 20, 0.5, 0.0)
@@ -63,7 +63,7 @@ def test_the_extended_filter_and_its_linear_form_control_alike():
 
 
 @pytest.mark.parametrize("delay", [0.0, 1.5e-3])
-def test_one_noisy_speed_is_enough_through_friction_gap_lag_and_torque_limit(delay):
+def test_observer_feedback__noisy_speed_only__follows_nearly_as_well(delay):
     system = system_of(FULL, T_d=delay)
     found = design_state_feedback(analyse_system(system, speed=10.0), largest_error=2.0, torque=4.0, settling_time=0.05)
     motion = reversing(1.5, MotionLimits(20.0, 250.0, 15000.0), dt=DT, samples=400, before=0.02, between=0.02)

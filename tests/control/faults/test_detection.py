@@ -1,4 +1,4 @@
-"""Faults on recordings of the reference solver: named where they are, and nothing else; refused where nothing shows."""
+"""Fault detection on recordings of the reference solver."""
 
 from dataclasses import replace
 
@@ -21,8 +21,8 @@ OFF = {"J1": 1.01, "c1": 0.985, "d1": 1.02, "f_v": 0.99}  # what the model does 
 
 def found_in(text, seed, std=0.01, torque=0.0, **changed):
     known = {name: value * OFF.get(name, 1.0) for name, value in values_of(text).items()}
-    doubts = {name: std * value for name, value in known.items()}
-    case = FaultCase(known, recorded(text, seed, torque=torque, **changed), Noise(1e-3, np.array([0.02])), doubts)
+    std_of = {name: std * value for name, value in known.items()}
+    case = FaultCase(known, recorded(text, seed, torque=torque, **changed), Noise(1e-3, np.array([0.02])), std_of)
     (found,) = detect_faults(Structure.parse(text), SETTINGS, [case])
     return {finding.subject: finding for finding in found}
 
@@ -33,7 +33,7 @@ def broken(text, subject):
     return {name: FACTORS[subject] * values_of(text)[name] for name in names}
 
 
-def test_every_fault_is_declared_by_its_effects():
+def test_fault_groups__of_all_effects__are_the_declared_faults():
     declared = {p.fault.subject for effect in registry().values() for p in effect.parameters if p.fault}
     found = fault_groups(Structure.parse(EVERYTHING))
     assert {fault.subject for fault in found} == declared
@@ -52,7 +52,7 @@ def test_every_fault_is_declared_by_its_effects():
         (GAP, "backlash"),
     ],
 )
-def test_a_fault_is_named_and_nothing_else(text, guilty):
+def test_detect_faults__one_fault__reports_this_fault_only(text, guilty):
     found = found_in(text, 11, **(broken(text, guilty) if guilty else {}))
     assert [f.subject for f in found.values() if f.verdict == "changed"] == ([guilty] if guilty else [])
     for finding in found.values():
@@ -61,7 +61,7 @@ def test_a_fault_is_named_and_nothing_else(text, guilty):
         assert finding.ci95[1] > expected * 0.98
 
 
-def test_a_gap_that_does_not_show_is_not_decidable():
+def test_detect_faults__gap_without_effect__is_not_decidable():
     """Its width is a thousandth of the shaft's twist: nothing in the speed tells it."""
     found = found_in(GAP, 12, alpha=1e-5)
     assert found["backlash"].verdict == "not decidable"
@@ -69,7 +69,7 @@ def test_a_gap_that_does_not_show_is_not_decidable():
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_a_drive_that_does_not_move_tells_nothing(noise):
+def test_detect_faults__drive_at_rest__is_not_decidable(noise):
     still = recorded(GAP, 14, noise=0.0)
     y = noise * np.random.default_rng(14).normal(size=still.y.shape)
     case = FaultCase(values_of(GAP), replace(still, u=0.0 * still.u, y=y), Noise(1e-3, np.array([0.02])))
@@ -77,14 +77,14 @@ def test_a_drive_that_does_not_move_tells_nothing(noise):
     assert {f.verdict for f in found} == {"not decidable"}
 
 
-def test_a_disturbance_that_is_not_recorded_makes_findings_less_sure_and_raises_no_alarm():
+def test_detect_faults__unrecorded_disturbance__raises_no_alarm():
     quiet, disturbed = found_in(GAP, 13), found_in(GAP, 13, torque=0.05)
     width = {name: [np.log(f[name].ci95[1] / f[name].ci95[0]) for f in (quiet, disturbed)] for name in quiet}
     assert width["backlash"][1] > width["backlash"][0]
     assert not [f.text for f in disturbed.values() if f.verdict == "changed"]
 
 
-def test_wrong_thresholds_are_refused():
+def test_detect_faults__confidence_out_of_range__is_refused():
     text = "one_mass+coulomb"
     with pytest.raises(SettingsError, match="confidence"):
         detect_faults(Structure.parse(text), SETTINGS, [], confidence=2.0)

@@ -1,4 +1,4 @@
-"""Factors on a known drive's parameters: as sure as the recording and what is known beforehand make them."""
+"""Changes of a known drive's parameters, estimated by simulation."""
 
 import math
 from dataclasses import replace
@@ -9,15 +9,14 @@ import pytest
 from brightgrey.control.faults.simulated_changes import ParameterGroup, estimate_changes
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import Structure
-from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.drives import SETTINGS, values_of
 from support.recordings import make_recording
 
-TRUTH = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "M_C": 0.9, "f_v": 0.015, "alpha": 0.02}
 STRUCTURE = Structure.parse("two_mass+coulomb+viscous+backlash")
-SETTINGS = Settings(E.f_tanh, E.speed)
+TRUTH = values_of(str(STRUCTURE))
 LOAD, GAP = ParameterGroup(("J2",), math.inf), ParameterGroup(("alpha",), math.inf)
-MATTERS = math.log(1.1)
+MIN_CHANGE = math.log(1.1)
 
 
 @pytest.fixture(scope="module")
@@ -31,10 +30,10 @@ def recording_of(speed, noise, seed=3):
 
 
 def found(model, changes, recording):
-    return estimate_changes(STRUCTURE, model, changes, recording, SETTINGS, min_change=MATTERS)
+    return estimate_changes(STRUCTURE, model, changes, recording, SETTINGS, min_change=MIN_CHANGE)
 
 
-def test_factors_are_found_within_their_intervals_and_noise_widens_them(speed):
+def test_estimate_changes__more_noise__widens_the_intervals(speed):
     model = {**TRUTH, "J2": TRUTH["J2"] / 1.3, "alpha": TRUTH["alpha"] / 2.0}
     stds = []
     for noise in (0.02, 0.1):
@@ -44,16 +43,16 @@ def test_factors_are_found_within_their_intervals_and_noise_widens_them(speed):
     assert stds[1] / stds[0] == pytest.approx([5.0, 5.0], rel=0.5)
 
 
-def test_what_is_known_beforehand_counts_as_much_as_it_is_known(speed):
+def test_estimate_changes__narrow_prior__holds_the_factor(speed):
     model = {**TRUTH, "f_v": TRUTH["f_v"] / 1.1}
     recording = recording_of(speed, 0.05)
-    loose, tight = (found(model, (LOAD, ParameterGroup(("f_v",), doubt)), recording) for doubt in (0.1, 1e-4))
+    loose, tight = (found(model, (LOAD, ParameterGroup(("f_v",), std)), recording) for std in (0.1, 1e-4))
     assert loose.log_factors[1] == pytest.approx(math.log(1.1), abs=4.0 * loose.std[1])
     assert abs(tight.log_factors[1]) < 5e-4
     assert tight.std[1] == pytest.approx(1e-4, rel=0.1)
 
 
-def test_a_recording_that_begins_in_motion_has_its_beginning_searched_for(speed):
+def test_estimate_changes__start_in_motion__fits_the_initial_state(speed):
     whole = recording_of(speed, 0.02)
     cut = slice(150, None)
     late = replace(whole, t=whole.t[cut] - whole.t[150], u=whole.u[cut], y=whole.y[:, cut])

@@ -1,4 +1,4 @@
-"""Kalman filters: one step ahead, consistency, what they estimate; fault detection."""
+"""Kalman filters: state transition, consistency of the innovations, estimated states."""
 
 from dataclasses import replace
 
@@ -25,45 +25,45 @@ from support.recordings import make_recording
 FULL = "two_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
 
 
-def test_exponentials_are_those_of_scipy():
+def test_matrix_exponential__agrees_with_scipy():
     M = np.random.default_rng(0).normal(size=(4, 5, 5)) * np.array([0.1, 1.0, 10.0, 100.0])[:, None, None]
     for mine, matrix in zip(matrix_exponential(M), M, strict=True):
         exact = expm(matrix)
         assert_allclose(mine, exact, atol=1e-9 * np.abs(exact).max())
 
 
-def carried(text, u, hold, **changed):
-    """Course of the first output by the steps of the filters, from rest, and the reference's."""
+def simulate_by_transitions(text, u, hold, **changed):
+    """First output by the transitions of the filter from rest, and by the reference solver."""
     structure, values = Structure.parse(text), values_of(text, **changed)
     recording = make_recording(u, 0.01 * u, dt=E.dt, names=("torque", "velocity"), hold=hold)
-    seen = prepare(structure, values, recording, SETTINGS)
-    watched, course = seen.filter_input, ProcessModel.of(seen.filter_input)
+    prepared = prepare(structure, values, recording, SETTINGS)
+    filter_input, process = prepared.filter_input, ProcessModel.of(prepared.filter_input)
     at_rest = system_of(text, **changed).rest(0.0, 0.0, float(u[0]))[None]
-    x, _ = course.augment(
-        at_rest @ seen.twist_model.W.T, watched.P0, np.zeros(1), watched.system.state_names.index("v1")
+    x, _ = process.augment(
+        at_rest @ prepared.twist_model.W.T, filter_input.P0, np.zeros(1), filter_input.system.state_names.index("v1")
     )
-    y = [course.predict_outputs(0, x)[0][0, 0]]
+    y = [process.predict_outputs(0, x)[0][0, 0]]
     for k in range(len(u) - 1):
-        x = course.transition(k, x).x
-        y.append(course.predict_outputs(k + 1, x)[0][0, 0])
+        x = process.transition(k, x).x
+        y.append(process.predict_outputs(k + 1, x)[0][0, 0])
     return np.array(y), reference(structure, values, u, E.dt, f_tanh=E.f_tanh, hold=hold)[0]
 
 
 @pytest.mark.parametrize("text", ["two_mass+coulomb+viscous+stribeck+gravity+current_control", FULL])
-def test_steps_follow_the_reference(text):
-    mine, exact = carried(text, E.torque()[:900], "linear")
+def test_transition__non_linear_drive__agrees_with_reference_solver(text):
+    mine, exact = simulate_by_transitions(text, E.torque()[:900], "linear")
     assert np.abs(mine - exact).max() < 2e-3 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("hold", ["linear", "zoh"])
 @pytest.mark.parametrize("samples", [0.3, 1.0, 1.6, 2.0])
-def test_dead_times_of_parts_of_a_sample_are_carried_exactly(hold, samples):
+def test_transition__fractional_dead_time__is_exact(hold, samples):
     u = np.random.default_rng(3).normal(size=60)
-    mine, exact = carried("one_mass+viscous+current_control+delay", u, hold, T_d=samples * E.dt)
+    mine, exact = simulate_by_transitions("one_mass+viscous+current_control+delay", u, hold, T_d=samples * E.dt)
     assert np.abs(mine - exact).max() < 1e-9 * np.abs(exact).max()
 
 
-def test_derivatives_of_a_step_are_those_of_differences():
+def test_propagate_states__derivatives__agree_with_differences():
     system = to_twist_coordinates(system_of("two_mass+coulomb+viscous+stribeck+current_control")).system
     lanes = ElementBatch.of(system)
     z, u = np.array([[0.01, 0.3, 0.1, 1.0]]), np.array([2.0])
@@ -76,7 +76,7 @@ def test_derivatives_of_a_step_are_those_of_differences():
     assert_allclose(moved[0] / size, step.by_input[0], rtol=1e-2, atol=1e-6)
 
 
-def test_a_set_never_depends_on_its_neighbours():
+def test_propagate_states__batch__equals_single_sets():
     system = to_twist_coordinates(system_of(FULL)).system
     z = np.random.default_rng(1).normal(size=(5, len(system.states))) * 0.01
     u = np.linspace(-5.0, 5.0, 5)
@@ -90,19 +90,19 @@ def test_a_set_never_depends_on_its_neighbours():
 
 
 @pytest.mark.parametrize("run", [extended_kalman_filter, unscented_kalman_filter])
-def test_innovations_are_as_large_as_expected(run):
+def test_kalman_filters__true_model__have_consistent_innovations(run):
     """One recording inside a band that a right filter leaves once in 10,000 times."""
     text, torque = "two_mass+coulomb+viscous+stribeck", 0.05
     recording = recorded(text, 4, torque=torque)
-    seen = prepare(Structure.parse(text), values_of(text), recording, SETTINGS)
-    found = run(seen.filter_input, Noise(torque, np.array([0.02])))
+    prepared = prepare(Structure.parse(text), values_of(text), recording, SETTINGS)
+    found = run(prepared.filter_input, Noise(torque, np.array([0.02])))
     low, high = chi2.ppf([5e-5, 1 - 5e-5], recording.samples)
     assert low < found.nis.sum() < high
 
 
 @pytest.mark.parametrize("text", ["two_mass+viscous+current_control+delay", "two_mass+viscous+delay"])
 @pytest.mark.parametrize("kind", ["velocity", "acceleration"])
-def test_a_disturbance_that_is_late_or_felt_at_once_is_expected_as_such(text, kind):
+def test_extended_filter__delayed_or_direct_disturbance__is_consistent(text, kind):
     """A light motor, whose innovations are the disturbance: eight drives' sum in its band."""
     structure, values = Structure.parse(text), values_of(text, J1=0.0004, T_d=1.6e-3)
     system, size = assemble(structure, values, E.f_tanh, (kind,)), 0.02 if kind == "velocity" else 2.0
@@ -114,13 +114,13 @@ def test_a_disturbance_that_is_late_or_felt_at_once_is_expected_as_such(text, ki
         y = response(system, pushed, E.dt, system.rest(), replace(SETTINGS, hold="zoh")).y[0, :, 0]
         y = y + size * rng.normal(size=500)
         recording = make_recording(u, y, dt=E.dt, kind=kind, hold="zoh")
-        watched = prepare(structure, values, recording, SETTINGS).filter_input
-        total += float(extended_kalman_filter(watched, Noise(0.05, np.array([size]))).nis.sum())
+        filter_input = prepare(structure, values, recording, SETTINGS).filter_input
+        total += float(extended_kalman_filter(filter_input, Noise(0.05, np.array([size]))).nis.sum())
     low, high = chi2.ppf([5e-5, 1 - 5e-5], 2000)
     assert low < total < high
 
 
-def test_a_gap_of_unknown_position_leaves_innovations_as_large_as_expected():
+def test_gaussian_sum__unknown_gap_position__is_consistent():
     text = "two_mass+coulomb+viscous+backlash"
     structure, values = Structure.parse(text), values_of(text, alpha=0.2, c1=700.0, d1=0.1)
     system = assemble(structure, values, E.f_tanh)
@@ -134,20 +134,22 @@ def test_a_gap_of_unknown_position_leaves_innovations_as_large_as_expected():
         y = response(system, pushed, E.dt, x0, replace(SETTINGS, hold="zoh")).y[0, :, 0]
         y = y + 0.02 * rng.normal(size=600)
         recording = make_recording(u, y, dt=E.dt, hold="zoh")
-        watched = prepare(structure, values, recording, SETTINGS).filter_input
-        totals.append(float(gaussian_sum_filter(watched, Noise(0.05, np.array([0.02]))).nis.sum()))
+        filter_input = prepare(structure, values, recording, SETTINGS).filter_input
+        totals.append(float(gaussian_sum_filter(filter_input, Noise(0.05, np.array([0.02]))).nis.sum()))
     low, high = chi2.ppf([5e-5, 1 - 5e-5], 600)
     assert all(low < total < high for total in totals)
 
 
-def test_without_a_gap_the_sum_of_gaussians_is_the_extended_filter():
+def test_gaussian_sum__without_gap__is_the_extended_filter():
     text = "two_mass+coulomb+viscous"
-    watched = prepare(Structure.parse(text), values_of(text), recorded(text, 2), SETTINGS).filter_input
+    filter_input = prepare(Structure.parse(text), values_of(text), recorded(text, 2), SETTINGS).filter_input
     noise = Noise(0.05, np.array([0.02]))
-    assert_allclose(gaussian_sum_filter(watched, noise).z, extended_kalman_filter(watched, noise).z, rtol=0.0, atol=0.0)
+    assert_allclose(
+        gaussian_sum_filter(filter_input, noise).z, extended_kalman_filter(filter_input, noise).z, rtol=0.0, atol=0.0
+    )
 
 
-def test_a_contact_that_is_hardly_open_stays_closed():
+def test_propagate_states__nearly_closed_contact__stays_closed():
     system = to_twist_coordinates(system_of(FULL, alpha=1e-4, c1=1700.0, d1=0.1)).system
     names, lanes = system.state_names, ElementBatch.of(system)
     z = np.zeros((1, len(names)))
@@ -160,28 +162,28 @@ def test_a_contact_that_is_hardly_open_stays_closed():
     assert_allclose(after[1], after[0], rtol=1e-6, atol=1e-9)
 
 
-def test_hidden_motion_torque_and_gap_are_estimated():
+def test_gaussian_sum__speed_only__estimates_load_gap_and_shaft_torque():
     text = "two_mass+coulomb+viscous+backlash"
     recording = recorded(text, 2)
     hidden = reference(
         text, values_of(text), recording.u, recording.dt, f_tanh=E.f_tanh, outputs=("v2", "lambda1", "q1", "q2", "v1")
     )
     v2, gap, q1, q2, v1 = hidden
-    seen = prepare(Structure.parse(text), values_of(text), recording, SETTINGS)
-    found = gaussian_sum_filter(seen.filter_input, Noise(1e-3, np.array([0.02])))
-    names = seen.filter_input.system.state_names
+    prepared = prepare(Structure.parse(text), values_of(text), recording, SETTINGS)
+    found = gaussian_sum_filter(prepared.filter_input, Noise(1e-3, np.array([0.02])))
+    names = prepared.filter_input.system.state_names
     settled = slice(len(v2) // 3, None)
     assert np.sqrt(np.mean((found.z[settled, 0, names.index("v2")] - v2[settled]) ** 2)) < 0.02 * np.abs(v2).max()
     assert np.sqrt(np.mean((found.z[settled, 0, names.index("lambda1")] - gap[settled]) ** 2)) < 0.1 * VALUES["alpha"]
     wound = VALUES["c1"] * (q1 - q2 - gap)
     rates = np.gradient(q1 - q2 - gap, recording.dt)
-    torque = shaft_torque(seen.filter_input.system, found.most_likely[:, 0])
+    torque = shaft_torque(prepared.filter_input.system, found.most_likely[:, 0])
     exact = wound + VALUES["d1"] * rates
     assert np.sqrt(np.mean((torque - exact)[settled] ** 2)) < 0.05 * np.abs(exact).max()
     assert np.abs(v1).max() > 1.0
 
 
-def test_a_differenced_velocity_is_filtered_as_such():
+def test_extended_filter__differenced_velocity__is_modelled():
     text = "one_mass+coulomb+viscous"
     plain = recorded(text, 1, noise=0.0)
     q = reference(text, values_of(text), plain.u, plain.dt, f_tanh=E.f_tanh, outputs=("position",))[0]
@@ -189,14 +191,16 @@ def test_a_differenced_velocity_is_filtered_as_such():
     recording = replace(plain, y=y[None], outputs=(Signal("velocity", "velocity-differenced", "rad/s"),))
     found = []
     for watched in (recording, replace(recording, outputs=(Signal("velocity", "velocity", "rad/s"),))):
-        seen = prepare(Structure.parse(text), values_of(text), watched, SETTINGS)
+        prepared = prepare(Structure.parse(text), values_of(text), watched, SETTINGS)
         found.append(
-            float(np.abs(extended_kalman_filter(seen.filter_input, Noise(1e-3, np.array([0.02]))).innovations).max())
+            float(
+                np.abs(extended_kalman_filter(prepared.filter_input, Noise(1e-3, np.array([0.02]))).innovations).max()
+            )
         )
     assert found[0] < 0.02 * found[1]
 
 
-def test_noise_levels_are_found_from_a_recording():
+def test_estimate_noise__simulated_recording__finds_both_levels():
     text = "one_mass+coulomb+viscous"
     found = estimate_noise(Structure.parse(text), values_of(text), recorded(text, 7, torque=0.1), SETTINGS)
     assert found.outputs[0] == pytest.approx(0.02, rel=0.3)

@@ -21,7 +21,7 @@ NERVOUS |= {"T_1": 2e-3, "T_d": 1e-3}
 DT = 5e-4
 
 
-def test_coulomb_has_that_of_a_relay():
+def test_describing_function__coulomb_friction__is_that_of_a_relay():
     (element,) = [e for e in system_of("one_mass+coulomb").elements if not e.law.affine]
     amplitude = np.array([4.0, 40.0, 400.0])
     found = describing_function(element, amplitude)
@@ -30,7 +30,7 @@ def test_coulomb_has_that_of_a_relay():
     assert np.all(np.diff(found) > 0.0)
 
 
-def test_saturation_has_its_formula():
+def test_saturation_gain__agrees_with_quadrature():
     t = np.linspace(0.0, 2.0 * np.pi, 200001)
     clipped = np.clip(3.0 * np.sin(t), -1.0, 1.0) * np.sin(t)
     numeric = np.sum(0.5 * (clipped[1:] + clipped[:-1]) * np.diff(t)) / np.pi / 3.0
@@ -38,7 +38,7 @@ def test_saturation_has_its_formula():
     assert saturation_gain(0.5, 1.0) == 1.0
 
 
-def test_a_gap_that_is_not_crossed_integrates():
+def test_gap_describing_function__wide_gap__is_an_integrator():
     omega, feedback = np.array([50.0]), -200.0
     found = gap_describing_function(1e9, feedback, omega, np.array([1.0]))
     assert found[0] == pytest.approx(1.0 / (1j * 50.0 + 200.0), rel=5e-2)
@@ -61,7 +61,7 @@ def fundamental(y, dt):
         ("two_mass+coulomb+viscous+backlash+current_control+delay", 5.0, np.inf),
     ],
 )
-def test_predicted_limit_cycles_are_found_by_simulation(text, gain, limit):
+def test_predict_limit_cycles__unstable_loop__agrees_with_simulation(text, gain, limit):
     system = system_of(text, **NERVOUS)
     controller = Compensator.of([gain, 5.0 * gain], [1.0, 0.0])
     found = predict_limit_cycles(
@@ -78,7 +78,7 @@ def test_predicted_limit_cycles_are_found_by_simulation(text, gain, limit):
     assert amplitude == pytest.approx(cycle.outputs[0], rel=0.15)
 
 
-def test_a_quiet_loop_has_none():
+def test_predict_limit_cycles__linear_stable_loop__finds_none():
     system = system_of("two_mass+viscous+current_control+delay", **NERVOUS)
     assert (
         predict_limit_cycles(system, Compensator.of([0.5, 2.0], [1.0, 0.0]), torque=(0.1, 100.0), omega=(50.0, 4000.0))
@@ -86,7 +86,7 @@ def test_a_quiet_loop_has_none():
     )
 
 
-def test_acceleration_is_refused():
+def test_predict_limit_cycles__acceleration_output__is_refused():
     with pytest.raises(SettingsError, match="acceleration"):
         predict_limit_cycles(
             system_of("one_mass", outputs=("acceleration",)),

@@ -20,7 +20,7 @@ ALL = [str(s) for s in PAPER.structures()]
 J1, J2, C1, D1 = (VALUES[name] for name in ("J1", "J2", "c1", "d1"))
 
 
-def test_two_mass_poles_and_zeros_follow_the_formulas():
+def test_analysis__two_masses__agrees_with_the_formulas():
     found = analyse_system(system_of("two_mass"))
     resonance = np.roots([1.0, D1 * (1 / J1 + 1 / J2), C1 * (1 / J1 + 1 / J2)])
     antiresonance = np.roots([1.0, D1 / J2, C1 / J2])
@@ -32,13 +32,13 @@ def test_two_mass_poles_and_zeros_follow_the_formulas():
     assert found.stability == "marginal"
 
 
-def test_absolute_position_is_kept_only_where_something_reads_it():
+def test_analysis__velocity_output__has_no_absolute_position():
     assert analyse_system(system_of("two_mass")).states == ("twist1", "v1", "v2")
     assert "q1" in analyse_system(system_of("two_mass", outputs=("position",))).states
 
 
 @pytest.mark.parametrize("text", ALL[::23])
-def test_linearisation_is_that_of_the_kit_inside_each_piece(text):
+def test_contact_mode__jacobian__agrees_with_the_kit(text):
     structure = PAPER.parse(text)
     values = random_values(structure.parameters, np.random.default_rng(3))
     system = assemble(structure, values, 2.5, ("velocity", "acceleration"))
@@ -57,7 +57,7 @@ def test_linearisation_is_that_of_the_kit_inside_each_piece(text):
         assert_allclose(mine.C[1], A[names.index("v1")], atol=1e-9 * np.abs(A).max())
 
 
-def test_steady_motion_carries_friction_gravity_and_acceleration():
+def test_trim_point__torque__carries_friction_gravity_and_acceleration():
     system = system_of("two_mass+coulomb+viscous+gravity+backlash+current_control")
     point = trim_point(contact_mode(to_twist_coordinates(system), "forward"), 10.0, 50.0)
     friction = 0.9 * np.tanh(2.5 * 10.0) + 0.015 * 10.0
@@ -66,7 +66,7 @@ def test_steady_motion_carries_friction_gravity_and_acceleration():
         trim_point(contact_mode(to_twist_coordinates(system), "gap"), 10.0, 50.0)
 
 
-def test_reach_finds_a_lost_state_and_its_nearness():
+def test_controllability__lost_or_nearly_lost_state__is_measured():
     reached = controllability(Linear(np.diag([-1.0, -2.0]), np.array([[1.0], [1.0]]), np.eye(2)[:1], np.zeros((1, 1))))
     lost = controllability(Linear(np.diag([-1.0, -2.0]), np.array([[1.0], [0.0]]), np.eye(2)[:1], np.zeros((1, 1))))
     near = controllability(Linear(np.diag([-1.0, -2.0]), np.array([[1.0], [1e-5]]), np.eye(2)[:1], np.zeros((1, 1))))
@@ -78,7 +78,7 @@ def test_reach_finds_a_lost_state_and_its_nearness():
     assert near.distance == pytest.approx(0.5e-5, rel=0.2)
 
 
-def test_an_open_gap_cuts_the_load_off():
+def test_analysis__open_gap__loses_the_load():
     found = analyse_system(system_of("two_mass+backlash"), contact="gap")
     assert not found.controllability.complete
     assert not found.observability.complete
@@ -90,7 +90,7 @@ def test_an_open_gap_cuts_the_load_off():
 
 
 @pytest.mark.parametrize("gain", [0.05, 0.5, 3.0])
-def test_margins_are_those_of_python_control(gain):
+def test_margins__agree_with_python_control(gain):
     found = analyse_system(system_of("two_mass+viscous+current_control"))
     pi = Compensator.of([gain, 20.0 * gain], [1.0, 0.0])
     mine = found.margins(pi)
@@ -104,7 +104,7 @@ def test_margins_are_those_of_python_control(gain):
         assert mine.gain == pytest.approx(gm, rel=1e-3)
 
 
-def test_the_delay_margin_is_where_the_loop_turns_unstable():
+def test_stability_margins__delay_margin__is_the_limit_of_stability():
     linear = analyse_system(system_of("two_mass+viscous")).linear
     pi = Compensator.of([0.6, 6.0], [1.0, 0.0])
     delay = stability_margins(linear, pi).delay
@@ -112,14 +112,14 @@ def test_the_delay_margin_is_where_the_loop_turns_unstable():
     assert not stability_margins(linear, pi, dead_time=1.03 * delay).stable
 
 
-def test_dead_time_is_exact_in_the_frequency_response():
+def test_analysis__dead_time__is_exact_in_the_frequency_response():
     found = analyse_system(system_of("one_mass+viscous+delay"))
     omega, response = found.bode(np.array([10.0, 100.0]))
     expected = np.exp(-1j * omega * 1.5e-3) / (J1 * 1j * omega + 0.015)
     assert_allclose(response[0], expected, rtol=1e-12)
 
 
-def test_wrong_use_is_said():
+def test_analysis__wrong_contact_or_controller__is_refused():
     with pytest.raises(SettingsError, match="forward"):
         analyse_system(system_of("two_mass+backlash"), contact="forwards")
     with pytest.raises(SettingsError, match="degree"):

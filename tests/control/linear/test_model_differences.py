@@ -1,4 +1,4 @@
-"""What differs for control between models of one drive."""
+"""Differences for control between models of one drive."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ SPEED = 0.5 * E.speed
 OVER = FrequencyBand(0.5, 40.0)
 
 
-def test_band_holds_what_the_input_does():
+def test_excited_band__two_tones__holds_both():
     t = 1e-3 * np.arange(2000)
     low, high = excited_band([np.sin(2.0 * np.pi * 5.0 * t) + 0.5 * np.sin(2.0 * np.pi * 30.0 * t)], 1e-3)
     assert low == pytest.approx(0.5)
@@ -19,12 +19,12 @@ def test_band_holds_what_the_input_does():
     assert excited_band([np.ones(100)], 0.01).high > excited_band([np.ones(100)], 0.01).low
 
 
-def test_a_model_does_not_differ_from_itself():
+def test_model_figures__equal_models__have_no_difference():
     _, same = model_figures([system_of("two_mass+coulomb+viscous")] * 2, SPEED, E.f_tanh, OVER)
     assert (same.gain_difference, same.phase_difference) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
-def test_more_inertia_and_delay_show_as_ratio_and_phase():
+def test_model_figures__inertia_and_delay__change_gain_and_phase():
     heavy = system_of("one_mass+delay", J1=0.024, T_d=2e-3)
     first, second = model_figures([system_of("one_mass"), heavy], SPEED, E.f_tanh, OVER)
     assert second.gain_difference == pytest.approx(-20.0 * np.log10(2.0), rel=1e-6)
@@ -32,7 +32,7 @@ def test_more_inertia_and_delay_show_as_ratio_and_phase():
     assert (first.dead_time, second.dead_time) == (0.0, 2e-3)
 
 
-def test_a_resonance_is_where_the_models_part():
+def test_model_figures__elastic_model__differs_at_the_resonance():
     rigid = system_of("one_mass", J1=0.02)
     _, elastic = model_figures([rigid, system_of("two_mass")], SPEED, E.f_tanh, OVER)
     (swing,) = elastic.resonances
@@ -42,7 +42,7 @@ def test_a_resonance_is_where_the_models_part():
 
 
 @pytest.mark.parametrize("text", ["one_mass", "two_mass", "two_mass+backlash"])
-def test_friction_and_constant_torque_at_standstill(text):
+def test_model_figures__friction_and_gravity__are_separated(text):
     structure = "+".join([*text.split("+")[:1], "coulomb", "stribeck", "gravity", *text.split("+")[1:]])
     (found,) = model_figures([system_of(structure)], SPEED, E.f_tanh, OVER)
     values = values_of(structure)
