@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from brightgrey import estimation
 from brightgrey.api.differences import compare_for_control
 from brightgrey.api.result import Result
 from brightgrey.api.structure_search import SearchRequest, SearchResult, search_structure
-from brightgrey.api.to_si import Range, bounds_si, check_alike, f_tanh_si, fixed_si, start_si
+from brightgrey.api.to_si import Range, check_alike, identification_task, start_si
 from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.optimisation.pattern_fit import ESTIMATORS
@@ -33,7 +33,8 @@ from brightgrey.version import __version__
 
 __all__ = ["identify"]
 
-_PATIENCE, _PATIENCE_FOUND = 8, 0  # a search has looked everywhere already
+_PATIENCE = 8  # of the multistart of a given structure
+_PATIENCE_AFTER_SEARCH = 0  # the search has made multistarts itself
 
 
 @one_blas_thread()
@@ -129,41 +130,29 @@ def identify(
     """
     several = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
     check_alike(several, test)
-    units = several[0].units
-    for name in sorted((bounds or {}).keys() & (fixed or {}).keys()):
-        raise SettingsError(f"{name} is both bounded and fixed; do one of them")
-    found = None
-    if structure is None:
-        if start is not None:
-            raise SettingsError("a start model was given without a structure; a search draws its starts itself")
-        wish = SearchRequest(
-            search or "auto",
-            tuple(require),
-            tuple(exclude),
-            bounds or {},
-            fixed or {},
-            f_tanh,
-            seed,
-            workers,
-            progress,
-            executor,
-        )
-        found = search_structure(several, wish)
-        structure, bounds, fixed = found.structure, found.own(bounds), found.own(fixed)
-    elif search is not None or require or exclude:
+    if structure is not None and (search is not None or require or exclude):
         raise SettingsError("a structure and a search were given; do one of them")
-    checked = function_set().check(Structure.parse(structure) if isinstance(structure, str) else structure)
-    ranges = bounds_si(checked, bounds or {}, units)
-    constants = fixed_si(checked, fixed or {}, units)
+    if structure is None and start is not None:
+        raise SettingsError("a start model was given without a structure; a search draws its starts itself")
+    named = Structure.parse(structure) if isinstance(structure, str) else structure
+    task = identification_task(several, named, bounds or {}, fixed or {}, f_tanh)
+    found = None
+    if named is None:
+        request = SearchRequest(
+            search or "auto", tuple(require), tuple(exclude), seed, workers, progress=progress, executor=executor
+        )
+        found = search_structure(task, request)
+    chosen = found.structure if found else function_set().check(cast("Structure", named))
+    constants = task.fixed_of(chosen)
     fit = estimation.fit(
-        checked,
+        chosen,
         several,
-        bounds=ranges,
+        bounds=task.bounds_of(chosen),
         fixed=constants,
-        f_tanh=None if f_tanh is None else f_tanh_si(f_tanh, units),
-        start=found.values if found else start_si(checked, start, units, constants),
+        f_tanh=task.settings.f_tanh,
+        start=found.values if found else start_si(chosen, start, several[0].units, constants),
         starts=starts,
-        patience=_PATIENCE_FOUND if found else _PATIENCE,
+        patience=_PATIENCE_AFTER_SEARCH if found else _PATIENCE,
         seed=seed,
         level=level,
         estimator=one_of("estimator", estimator, ESTIMATORS),
@@ -171,37 +160,33 @@ def identify(
         threads=workers,
     )
     profiles = tuple(estimation.profile(fit, several, name) for name in dict.fromkeys(profile))
+    return _assemble_result(fit, several, test, constants, seed, found, profiles)
+
+
+def _traces(fit: Fit, recordings: Sequence[Recording], test: Recording | None) -> tuple[tuple[Trace, ...], ...]:
+    """Recordings beside the model's prediction: those of the fit, and the test recording if there is one."""
     values = {name: estimate.value for name, estimate in fit.estimates.items()}
     train = tuple(
-        Trace.of(r, estimation.predict(checked, values, r, fit.settings, initial))
-        for r, initial in zip(several, fit.initial_states, strict=True)
+        Trace.of(r, estimation.predict(fit.structure, values, r, fit.settings, initial))
+        for r, initial in zip(recordings, fit.initial_states, strict=True)
     )
-    unseen = (
-        ()
-        if test is None
-        else (
-            Trace.of(
-                test,
-                estimation.predict(checked, values, test, replace(fit.settings, hold=test.hold)),
-                test=True,
-            ),
-        )
-    )
-    return _result(fit, several, train, unseen, constants, seed, test, found, profiles)
+    if test is None:
+        return train, ()
+    simulated = estimation.predict(fit.structure, values, test, replace(fit.settings, hold=test.hold))
+    return train, (Trace.of(test, simulated, test=True),)
 
 
-def _result(
+def _assemble_result(
     fit: Fit,
     several: tuple[Recording, ...],
-    train: tuple[Trace, ...],
-    unseen: tuple[Trace, ...],
+    test: Recording | None,
     constants: Mapping[str, float],
     seed: int,
-    test: Recording | None,
     found: SearchResult | None,
     profiles: tuple[Profile, ...],
 ) -> Result:
     """Put the model, its place in the ranking and the notes together."""
+    train, unseen = _traces(fit, several, test)
     free = len(fit.structure.parameters) - len(constants)
     steps = np.max([r.resolution for r in several], axis=0) * [s.factor for s in several[0].outputs]
     value = bic_of_traces(train, free, steps.tolist())

@@ -1,4 +1,4 @@
-"""What the user asks for, checked, and converted from the recording's units to SI."""
+"""Check of the user's values, and their conversion from the recording's units to SI."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from collections.abc import Mapping, Sequence
 
 from brightgrey.effects import PER_SPEED
 from brightgrey.errors import RecordingError, SettingsError, unknown_name
-from brightgrey.kit import Structure
+from brightgrey.estimation import scales, settings_for
+from brightgrey.kit import Structure, function_set
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording, Signal
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units
+from brightgrey.search import IdentificationTask
 
-__all__ = ["Range", "bounds_si", "check_alike", "f_tanh_si", "fixed_si", "listed", "start_si"]
+__all__ = ["Range", "check_alike", "identification_task", "listed", "start_si"]
 
 Range = tuple[float, float]
 
@@ -36,6 +38,45 @@ def check_alike(several: Sequence[Recording], test: Recording | None) -> None:
             )
 
 
+def identification_task(
+    recordings: Sequence[Recording],
+    structure: Structure | None,
+    bounds: Mapping[str, Range],
+    fixed: Mapping[str, float],
+    f_tanh: float | None,
+) -> IdentificationTask:
+    """Make the task of an identification, in SI.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Of one drive, with the same outputs.
+    structure : Structure or None
+        Structure whose parameters may be named; those of the whole function set if it is None.
+    bounds, fixed : mapping
+        Ranges and values by parameter, in the recording's units.
+    f_tanh : float or None
+        In the recording's units; the default if it is None.
+
+    Raises
+    ------
+    SettingsError
+        For an unknown parameter, a parameter that is both bounded and fixed, or an impossible value.
+    """
+    for name in sorted(bounds.keys() & fixed.keys()):
+        raise SettingsError(f"{name} is both bounded and fixed; do one of them")
+    kit = function_set()
+    allowed = max(kit.structures(), key=lambda s: len(s.parameters)) if structure is None else kit.check(structure)
+    units, known = recordings[0].units, scales(recordings)
+    return IdentificationTask(
+        recordings=tuple(recordings),
+        scales=known,
+        settings=settings_for(recordings, known, None if f_tanh is None else _f_tanh_si(f_tanh, units)),
+        bounds=_bounds_si(allowed, bounds, units),
+        fixed=_fixed_si(allowed, fixed, units),
+    )
+
+
 def _factor(structure: Structure, name: str, units: Units) -> float:
     """Shown value over SI value of a parameter; refuses unknown names."""
     if name not in structure.parameters:
@@ -43,7 +84,7 @@ def _factor(structure: Structure, name: str, units: Units) -> float:
     return units.of(structure.parameters[name].dimension)[1]
 
 
-def bounds_si(structure: Structure, bounds: Mapping[str, Range], units: Units) -> dict[str, Range]:
+def _bounds_si(structure: Structure, bounds: Mapping[str, Range], units: Units) -> dict[str, Range]:
     """Bounds in SI; refuses unknown parameters, low > high, and what a parameter can never be."""
     out = {}
     for name, (low, high) in bounds.items():
@@ -60,7 +101,7 @@ def bounds_si(structure: Structure, bounds: Mapping[str, Range], units: Units) -
     return out
 
 
-def fixed_si(structure: Structure, fixed: Mapping[str, float], units: Units) -> dict[str, float]:
+def _fixed_si(structure: Structure, fixed: Mapping[str, float], units: Units) -> dict[str, float]:
     """Give fixed values in SI; refuses unknown parameters and what a parameter can never be."""
     out = {}
     for name, value in fixed.items():
@@ -73,7 +114,7 @@ def fixed_si(structure: Structure, fixed: Mapping[str, float], units: Units) -> 
     return out
 
 
-def f_tanh_si(f_tanh: float, units: Units) -> float:
+def _f_tanh_si(f_tanh: float, units: Units) -> float:
     """Gain of the smoothed sign in s/rad (s/m); refuses what is not positive."""
     text, factor = units.of(PER_SPEED)
     if not 0.0 < f_tanh < math.inf:

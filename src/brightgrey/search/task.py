@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -70,18 +72,28 @@ class IdentificationTask:
         return problem, self._space(structure, problem.unknown_initial)
 
     def _space(self, structure: Structure, unknown: Sequence[InitialStateParameter]) -> ParameterSpace:
-        own = structure.parameters
-        return parameter_space(
-            structure,
-            self.scales,
-            {name: limits for name, limits in self.bounds.items() if name in own},
-            {name: value for name, value in self.fixed.items() if name in own},
-            unknown,
-        )
+        return parameter_space(structure, self.scales, self.bounds_of(structure), self.fixed_of(structure), unknown)
+
+    def bounds_of(self, structure: Structure) -> dict[str, tuple[float, float]]:
+        """Those of `bounds` that `structure` has."""
+        return {name: limits for name, limits in self.bounds.items() if name in structure.parameters}
+
+    def fixed_of(self, structure: Structure) -> dict[str, float]:
+        """Those of `fixed` that `structure` has."""
+        return {name: value for name, value in self.fixed.items() if name in structure.parameters}
 
     def problem(self, structure: Structure) -> SimulationErrorProblem:
-        """Residuals of `structure`, weighted by the noise of each output."""
-        return SimulationErrorProblem.of(structure, self.recordings)
+        """Residuals of `structure`, weighted by the noise of each output; made once for each structure."""
+        if structure not in self._problems:
+            self._problems[structure] = SimulationErrorProblem.of(structure, self.recordings)
+        return self._problems[structure]
+
+    @cached_property
+    def _problems(self) -> dict[Structure, SimulationErrorProblem]:
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_problems"}
 
     def default_start(self, structure: Structure) -> dict[str, float]:
         """Start values, SI, of all parameters of `structure` that depend on nothing else."""
