@@ -282,8 +282,8 @@ def test_export__package_is_missing__says_how_to_install_it(tmp_path, monkeypatc
     target, numeric = exporter("control"), numeric_model(random_model("one_mass+coulomb", 1))
     run = verification_of(numeric)
     monkeypatch.setattr(tools.importlib, "import_module", absent)
-    compared = compare_with_native(tmp_path, numeric, run, target.verify, target.tolerance)
-    assert compared.text == "not verified: control is not installed (pip install 'brightgrey[control]')"
+    _, text, _ = compare_with_native(tmp_path, numeric, run, target.verify, target.tolerance)
+    assert text == "not verified: control is not installed (pip install 'brightgrey[control]')"
 
 
 def test_export__deviates_too_much__is_not_good(tmp_path, monkeypatch):

@@ -18,7 +18,6 @@ from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings, response
 
 __all__ = [
-    "Comparison",
     "VerificationPolicy",
     "VerificationRun",
     "Verified",
@@ -54,7 +53,7 @@ class VerificationPolicy:
     nudge: float = 1e-10
 
 
-DEFAULT_POLICY = VerificationPolicy()
+VERIFICATION = VerificationPolicy()
 
 
 @dataclass(frozen=True)
@@ -101,24 +100,6 @@ class Verified(NamedTuple):
 Verify = Callable[[Path, NumericModel, VerificationRun], Verified]
 
 
-class Comparison(NamedTuple):
-    """Result of :func:`compare_with_native`.
-
-    Attributes
-    ----------
-    deviation : float or None
-        Largest difference from the native simulation relative to the range of each output; None if not simulated.
-    text : str
-        One line that says so.
-    good : bool
-        The deviation is within the tolerance, or nothing could be compared and nothing was refused.
-    """
-
-    deviation: float | None
-    text: str
-    good: bool
-
-
 def native(numeric: NumericModel, u: Array, x0: Array, settings: Settings | None = None) -> Array:
     """Outputs, shape (outputs, samples), of the native simulation; `u` and outputs in the recording's units."""
     y = response(numeric.system, u * numeric.input_factor, numeric.dt, x0, settings or numeric.settings).y[:, :, 0]
@@ -139,12 +120,16 @@ def compare_with_native(
     run: VerificationRun,
     verify: Verify,
     tolerance: float,
-    policy: VerificationPolicy = DEFAULT_POLICY,
-) -> Comparison:
+) -> tuple[float | None, str, bool]:
     """Run the exported files in `folder` by `verify` and compare their response with the native one.
 
     A target with a more exact solver may deviate from the native response and agree with the finer one: the error is
     ours then, and the export is good.
+
+    Returns
+    -------
+    tuple
+        `deviation`, `text` and `good` of :class:`brightgrey.exports.registry.Export`.
 
     Raises
     ------
@@ -154,36 +139,32 @@ def compare_with_native(
     try:
         verified = verify(folder, numeric, run)
     except MissingToolError as missing:
-        return Comparison(None, f"not verified: {missing}", True)
+        return (None, f"not verified: {missing}", True)
     if verified.y is None:
-        return Comparison(None, f"form checked, not simulated: {verified.by}", True)
+        return (None, f"form checked, not simulated: {verified.by}", True)
     if verified.y.shape != run.y.shape:
         raise ExportError(f"{verified.by}: outputs of shape {verified.y.shape} came back; {run.y.shape} are wanted")
     found = deviation(run.y, verified.y)
     text = f"deviation {found:.1e} of range on {run.input_text} ({verified.by})"
     if found <= tolerance:
-        return Comparison(found, text, True)
+        return (found, text, True)
     exact = deviation(run.y_fine, verified.y)
     if exact <= tolerance:
         text += f"; {exact:.1e} from a native simulation with a hundredth of the tolerances: the error is brightgrey's"
-        return Comparison(found, text, True)
+        return (found, text, True)
     text += f"; up to {tolerance:.0e} was to be expected"
-    if run.input_sensitivity > policy.nudge:
-        text += f", but a change of the input by {policy.nudge:.0e} already makes {run.input_sensitivity:.1e}"
-    return Comparison(found, text, False)
+    if run.input_sensitivity > VERIFICATION.nudge:
+        text += f", but a change of the input by {VERIFICATION.nudge:.0e} already makes {run.input_sensitivity:.1e}"
+    return (found, text, False)
 
 
-def verification_run(
-    numeric: NumericModel, u: Array, x0: Array, input_text: str, policy: VerificationPolicy = DEFAULT_POLICY
-) -> VerificationRun:
+def verification_run(numeric: NumericModel, u: Array, x0: Array, input_text: str) -> VerificationRun:
     """Native response to the input `u` from the initial state `x0`; `input_text` names the input."""
-    finer = replace(numeric.settings, speed_scale=policy.finer * numeric.settings.speed_scale)
+    finer = replace(numeric.settings, speed_scale=VERIFICATION.finer * numeric.settings.speed_scale)
     return VerificationRun(u, x0, native(numeric, u, x0), input_text, native(numeric, u, x0, finer))
 
 
-def verification_of(
-    numeric: NumericModel, recording: Recording | None = None, policy: VerificationPolicy = DEFAULT_POLICY
-) -> VerificationRun:
+def verification_of(numeric: NumericModel, recording: Recording | None = None) -> VerificationRun:
     """Native response to the input of `recording`, or to a test input that brings the model to its usual speed.
 
     Raises
@@ -193,7 +174,7 @@ def verification_of(
         input, so that there is nothing to compare with.
     """
     if recording is None:
-        run = _test_run(numeric, policy)
+        run = _test_run(numeric)
     else:
         if not np.isclose(recording.dt, numeric.dt, rtol=1e-6):
             raise SettingsError(
@@ -202,22 +183,22 @@ def verification_of(
             )
         x0 = initial_state(recording, numeric.system)
         u = recording.u / numeric.input_factor
-        run = verification_run(numeric, u, x0, f"the input of {recording.name}", policy)
+        run = verification_run(numeric, u, x0, f"the input of {recording.name}")
     if not np.isfinite(run.y).all():
         raise SettingsError(
             f"the native simulation diverges on {run.input_text}: there is nothing to compare an export with"
         )
-    nudged = native(numeric, run.u * (1.0 + policy.nudge), run.x0)
+    nudged = native(numeric, run.u * (1.0 + VERIFICATION.nudge), run.x0)
     return replace(run, input_sensitivity=deviation(run.y, nudged))
 
 
-def _test_run(numeric: NumericModel, policy: VerificationPolicy) -> VerificationRun:
+def _test_run(numeric: NumericModel) -> VerificationRun:
     """Run with a reversing input: up, hold, down, pause and back, with a faster shake.
 
     The motion slides, stops, reverses and rattles within two periods. The amplitude is doubled until the model reaches
     half of its usual speed.
     """
-    t = np.arange(policy.samples) / policy.samples
+    t = np.arange(VERIFICATION.samples) / VERIFICATION.samples
     shape = np.sin(2.0 * np.pi * 2.0 * t) * np.where(t % 0.5 < 0.4, 1.0, 0.0) + 0.3 * np.sin(2.0 * np.pi * 17.0 * t)
     shape *= np.minimum(1.0, 20.0 * t)
     row = np.eye(numeric.n)[[numeric.system.state_names.index("v1")]]
@@ -225,9 +206,9 @@ def _test_run(numeric: NumericModel, policy: VerificationPolicy) -> Verification
     x0 = numeric.system.rest()
     size = 1e-9 * numeric.settings.speed_scale
     alone = response(speed, 0.0 * shape, numeric.dt, x0, numeric.settings).y[0, :, 0]
-    for _ in range(policy.max_doublings):
+    for _ in range(VERIFICATION.max_doublings):
         reached = response(speed, size * shape, numeric.dt, x0, numeric.settings).y[0, :, 0]
         if not np.nanmax(np.abs(reached - alone)) < 0.5 * numeric.settings.speed_scale:
             break
         size *= 2.0
-    return verification_run(numeric, size * shape / numeric.input_factor, x0, "a test input", policy)
+    return verification_run(numeric, size * shape / numeric.input_factor, x0, "a test input")
