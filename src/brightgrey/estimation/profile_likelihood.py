@@ -128,7 +128,7 @@ def profile(
     low, high, middle = (float(v[k]) for v in (*space.box, space.to_scaled(best.values)))
     curve = _CostCurve(problem, space, found.settings, k, best.cost + rise, {middle: (best.cost, best.values)})
     step = half if np.isfinite(half) and half > 0.0 else options.unknown_step * (high - low)
-    ends = [_interval_end(curve, middle, side * step, bound, options) for side, bound in ((-1.0, low), (1.0, high))]
+    ends = [_profile_end(curve, middle, side * step, bound, options) for side, bound in ((-1.0, low), (1.0, high))]
     opened = tuple(side for side, (_, closed) in zip(_SIDES, ends, strict=True) if not closed)
     tolerance = options.quadratic_tolerance * half
     quadratic = not opened and all(abs(abs(t - middle) - half) <= tolerance for t, _ in ends)
@@ -178,7 +178,7 @@ def _calibration(problem: SimulationErrorProblem, best: OptimumWithJacobian, k: 
     return half, half**2 / curvature if curvature > 0.0 else 0.0
 
 
-def _interval_end(
+def _profile_end(
     cost: Callable[[float], float], middle: float, step: float, bound: float, options: ProfileOptions
 ) -> tuple[float, bool]:
     """Point on one side where the cost crosses zero, and True; or the bound and False."""

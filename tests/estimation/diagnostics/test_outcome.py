@@ -143,7 +143,7 @@ def test_fit__parameter_at_its_bound__is_named():
     assert found.outcome.text == "M_C at its lower bound"
 
 
-def test_fit__one_torque_level__names_the_friction_that_may_stand_for_both():
+def test_fit__one_torque_level__either_friction_may_stand_for_both():
     """A square wave: in both directions the drive settles at one speed, which either friction explains."""
     u = np.where(np.arange(SAMPLES) // 450 % 2, -2.0, 2.0)
     slow = {"J1": 0.004, "f_v": 0.05}  # time constant 80 ms
@@ -244,7 +244,7 @@ def test_cautions__lags_below_a_sample__are_sampling_and_give_their_sum():
     assert "sampling explains it, so it is no evidence of a lag" in text
 
 
-def test_cautions__held_input_or_differenced_velocity__look_like_half_a_sample():
+def test_cautions__zoh_or_differenced__look_like_half_a_sample():
     held = fitted("one_mass+coulomb+delay", measured_from("one_mass+coulomb", RIGID, hold="zoh"))
     assert held.estimates["T_d"].value == pytest.approx(0.5 * DT, abs=0.05 * DT)
     assert "half a sample" in texts_of(held, "sampling")
@@ -256,7 +256,7 @@ def test_cautions__held_input_or_differenced_velocity__look_like_half_a_sample()
     assert not texts_of(long, "sampling")
 
 
-def test_cautions__gravity__is_confounded_with_offset_and_without_reversal_with_friction():
+def test_cautions__gravity__confounded_with_offset_or_friction():
     values = {"J1": 0.02, "M_C": 0.3, "M_G": 0.1}
     both = fitted("one_mass+coulomb+gravity", measured_from("one_mass+coulomb+gravity", values))
     assert "offset of the input" in texts_of(both, "confounded")
@@ -292,7 +292,7 @@ def test_cautions__unknown_gain__leaves_ratios(unit, given, says):
 
 
 @pytest.mark.parametrize(("d1", "says"), [(3e-3, "times in 0.6 s: intervals"), (3.0, None)])
-def test_chaos_findings__freely_rattling_load__makes_intervals_unreliable(d1, says):
+def test_chaos_findings__free_rattling__intervals_unreliable(d1, says):
     """One whose damper ends every bounce does not."""
     structure = PAPER.parse("two_mass+viscous+backlash")
     values = {"J1": 4.5e-3, "J2": 1e-4, "c1": 1e4, "d1": d1, "f_v": 2e-2, "alpha": 1e-3}

@@ -110,7 +110,7 @@ def test_symptoms__friction_by_direction__is_named():
     assert "Friction depends on the direction" in found
 
 
-def test_symptoms__held_input_or_differenced_velocity__are_late_by_less_than_a_sample():
+def test_symptoms__zoh_or_differenced__late_by_less_than_a_sample():
     held = symptoms_of(
         "one_mass+coulomb+viscous", measured_from("one_mass+coulomb+viscous", RIGID, hold="zoh", noise=1e-4)
     )
@@ -149,7 +149,7 @@ def context(text, values, at):
     )
 
 
-def test_symptoms__damping_at_its_bound_with_a_large_delay__suggest_another_mass():
+def test_symptoms__damping_at_bound_and_delay__another_mass():
     known = scales([measured_from("one_mass+coulomb+viscous", RIGID)])
     values = {"J1": 0.01, "J2": 0.01, "c1": 100.0, "d1": 1e-5, "T_d": 0.01}
     (symptom,) = symptoms(context("two_mass+delay", values, {"d1": "low"}), known)

@@ -26,14 +26,14 @@ def test_residual_analysis__white_residuals__are_accepted_at_the_level():
     assert outside == pytest.approx(0.05, abs=0.015)
 
 
-def test_residual_analysis__coloured_residuals__stay_within_bartletts_band():
+def test_residual_analysis__coloured__stay_within_bartletts_band():
     found = [residual_analysis(*draws(0.9, seed)) for seed in range(200)]
     outside = np.mean([np.abs(r.cross_correlation) > r.cross_band for r in found])
     assert outside == pytest.approx(0.05, abs=0.025)
     assert not any(r.white for r in found)
 
 
-def test_residual_analysis__coloured_residuals__have_fewer_effective_samples():
+def test_residual_analysis__coloured__fewer_effective_samples():
     found = np.median([residual_analysis(*draws(0.9, seed)).effective_samples for seed in range(20)])
     assert found == pytest.approx(SAMPLES * 0.1 / 1.9, rel=0.15)
 

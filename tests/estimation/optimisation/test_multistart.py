@@ -174,7 +174,7 @@ def test_truncated__share_of_the_excitation__is_kept(demo):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_multistart__white_residual_and_agreement__ends_after_the_first_batch(demo, seed):
+def test_multistart__white_and_agreeing__ends_after_one_batch(demo, seed):
     structure = PAPER.parse("two_mass+coulomb+viscous+stribeck")
     space = parameter_space(structure, scales(demo), {}, {})
     problem, settings = (

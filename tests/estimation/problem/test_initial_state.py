@@ -103,7 +103,7 @@ def test_initial_estimated__oscillating_shafts__are_estimated(structure):
             assert abs(e.value - values[name]) <= 5.0 * e.std, name
 
 
-def test_predict__recording_begins_in_motion__estimates_its_initial_state():
+def test_predict__begins_in_motion__estimates_initial_state():
     structure = PAPER.parse("two_mass+coulomb+viscous")
     values = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "f_v": 0.05, "M_C": 0.4}
     whole = drive(0.0, 0.0, structure=structure, values=values, x0=np.zeros(4), samples=1000)

@@ -140,7 +140,7 @@ def test_scales__load_behind_a_soft_shaft__is_within_its_range(structure):
     assert_within_ranges(structure, SOFT[structure], u, 1e-3, np.random.default_rng(3))
 
 
-def test_scales__load_oscillates_slower_than_the_windows__is_within_its_range():
+def test_scales__slow_oscillation__load_within_its_range():
     """A chirp from 1 to 100 Hz, three masses, nearly all of the inertia at the end: no window's balance holds."""
     masses, shafts = {"J1": 4.1e-4, "J2": 1.5e-3, "J3": 0.0203}, {"c1": 3.45, "c2": 60.0, "d1": 3e-3, "d2": 0.03}
     values = masses | shafts | {"alpha": 4e-3, "T_1": 1e-3}

@@ -105,7 +105,7 @@ def test_residuals__diverged_simulation__are_large_and_finite():
     assert bad > at_rest  # worse than a model that never moves
 
 
-def test_residuals__several_recordings_and_outputs__are_stacked_and_weighted():
+def test_residuals__recordings_and_outputs__stacked_and_weighted():
     one, two = recording("position", "velocity"), recording("position", "velocity")
     y = predict(STRUCTURE, VALUES, one, SETTINGS)
     one, two = recording("position", "velocity", y=y), recording("position", "velocity", y=2 * y)

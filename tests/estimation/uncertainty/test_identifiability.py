@@ -13,7 +13,7 @@ SPACE = parameter_space(PAPER.parse("one_mass+coulomb+viscous"), SCALES, {}, {})
 INSIDE = np.arange(3)
 
 
-def test_unidentifiable_directions__parallel_columns__are_blind_in_one_direction():
+def test_unidentifiable_directions__parallel_columns__are_blind():
     a, b = np.random.default_rng(2).standard_normal((2, 1500))
     (found,) = unidentifiable_directions(np.stack([a, b, -1e3 * a], axis=1), np.eye(3), SPACE, INSIDE)
     assert found.blind

@@ -8,7 +8,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.finding import Finding
-from brightgrey.estimation.diagnostics.options import ExchangeOptions
+from brightgrey.estimation.diagnostics.options import EXCHANGE_DEFAULTS, ExchangeOptions
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_to_convergence
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
@@ -19,15 +19,13 @@ from brightgrey.simulation import Settings
 
 __all__ = ["resolve_lag_pole_exchange"]
 
-_DEFAULTS = ExchangeOptions()
-
 
 def resolve_lag_pole_exchange(
     problem: SimulationErrorProblem,
     space: ParameterSpace,
     settings: Settings,
     best: OptimumWithJacobian,
-    options: ExchangeOptions = _DEFAULTS,
+    options: ExchangeOptions = EXCHANGE_DEFAULTS,
 ) -> tuple[OptimumWithJacobian, list[Finding]]:
     """Choose the shorter lag of two parameter sets with the same response, and report the other one.
 
@@ -78,7 +76,7 @@ def _exchange(
         product = power_product(taking_part, [float(by_name[n]) for n in taking_part])
         inside = np.all((other.values >= space.low) & (other.values <= space.high))
         keep, alternative = (best, other) if values[name] <= constant or not inside else (other, best)
-        values_of_other = _differences(space, keep, alternative, options)
+        values_of_other = _differing_values(space, keep, alternative, options)
         text = f"{name} and {product} can be exchanged: {values_of_other} (SI) fits as well"
         if keep is other:
             found = fit_to_convergence(problem, space, settings, other.values)
@@ -87,7 +85,7 @@ def _exchange(
     return best, []
 
 
-def _differences(
+def _differing_values(
     space: ParameterSpace, kept: OptimumWithJacobian, alternative: OptimumWithJacobian, options: ExchangeOptions
 ) -> str:
     """List the values of the alternative that differ from those that are kept."""

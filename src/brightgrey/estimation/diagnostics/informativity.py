@@ -8,18 +8,16 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.finding import Finding
-from brightgrey.estimation.diagnostics.options import InformativityOptions
+from brightgrey.estimation.diagnostics.options import INFORMATIVITY_DEFAULTS, InformativityOptions
 from brightgrey.numerics.distributions import f as f_distribution
 from brightgrey.numerics.distributions import norm
 from brightgrey.recordings import Recording
 
 __all__ = ["recording_findings", "uninformative_reason"]
 
-_DEFAULTS = InformativityOptions()
-
 
 def recording_findings(
-    recordings: Sequence[Recording], options: InformativityOptions = _DEFAULTS
+    recordings: Sequence[Recording], options: InformativityOptions = INFORMATIVITY_DEFAULTS
 ) -> tuple[Finding, ...]:
     """Findings on recordings that show nothing or too little.
 
@@ -41,7 +39,7 @@ def recording_findings(
     return tuple(found)
 
 
-def uninformative_reason(recording: Recording, options: InformativityOptions = _DEFAULTS) -> str | None:
+def uninformative_reason(recording: Recording, options: InformativityOptions = INFORMATIVITY_DEFAULTS) -> str | None:
     """Reason, in words, why nothing can be identified from a recording; None if something may be."""
     u = recording.u
     small = np.std(u) <= options.constant_input * abs(np.mean(u))

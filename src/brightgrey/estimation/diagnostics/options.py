@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 __all__ = [
     "DIAGNOSTIC_DEFAULTS",
+    "EXCHANGE_DEFAULTS",
+    "INFORMATIVITY_DEFAULTS",
+    "PEAK_DEFAULTS",
     "REGRESSOR_DEFAULTS",
     "DiagnosticOptions",
     "ExchangeOptions",
@@ -186,4 +189,7 @@ class DiagnosticOptions:
 
 
 DIAGNOSTIC_DEFAULTS = DiagnosticOptions()
+EXCHANGE_DEFAULTS = ExchangeOptions()
+INFORMATIVITY_DEFAULTS = InformativityOptions()
+PEAK_DEFAULTS = PeakOptions()
 REGRESSOR_DEFAULTS = RegressorOptions()

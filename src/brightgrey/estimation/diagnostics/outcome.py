@@ -165,7 +165,7 @@ def _bounds_and_limits(context: FitContext, options: DiagnosticOptions) -> list[
     found = []
     if at:
         text = ", ".join(
-            f"{name} at its {'lower' if side == 'low' else 'upper'} bound{_substitute(context, name, options)}"
+            f"{name} at its {'lower' if side == 'low' else 'upper'} bound{_possible_substitute(context, name, options)}"
             for name, side in at.items()
         )
         found.append(Finding("at bound", text, tuple(at)))
@@ -175,7 +175,7 @@ def _bounds_and_limits(context: FitContext, options: DiagnosticOptions) -> list[
     return found
 
 
-def _substitute(context: FitContext, name: str, options: DiagnosticOptions) -> str:
+def _possible_substitute(context: FitContext, name: str, options: DiagnosticOptions) -> str:
     """Words on the parameter that may take the place of one at its low bound."""
     limit = context.estimates.upper_limits.get(name)
     if limit is None or abs(limit.correlation) < options.exchangeable_correlation:

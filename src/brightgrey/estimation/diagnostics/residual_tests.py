@@ -11,7 +11,7 @@ import numpy as np
 from brightgrey.arrays import Array, log_ratio, positive
 from brightgrey.estimation.diagnostics.options import REGRESSOR_DEFAULTS, RegressorOptions
 from brightgrey.estimation.noise.autoregression import Autoregression, autoregression, noise_models
-from brightgrey.estimation.noise.orthonormal_basis import RANK_TOLERANCE, orthonormal_basis
+from brightgrey.estimation.noise.orthonormal_basis import BASIS_RANK_TOLERANCE, orthonormal_basis
 from brightgrey.estimation.noise.whitening import whiten
 from brightgrey.estimation.problem.segments import split_segments
 from brightgrey.numerics.digital_filter import lfilter
@@ -161,7 +161,7 @@ class _ScoreTest:
         white = whiten(np.column_stack([self.residual, columns / size, self.known]), models, self.lengths)
         K = orthonormal_basis(white[:, 1 + count :])
         e, X = (part - K @ (K.T @ part) for part in (white[:, 0], white[:, 1 : 1 + count]))
-        coefficients, *_ = np.linalg.lstsq(X, e, rcond=RANK_TOLERANCE)
+        coefficients, *_ = np.linalg.lstsq(X, e, rcond=BASIS_RANK_TOLERANCE)
         statistic = len(X) * log_ratio(float(e @ e), float(np.square(e - X @ coefficients).sum()))
         if statistic <= chi2.isf(self.level, count):
             return 0.0, coefficients / size

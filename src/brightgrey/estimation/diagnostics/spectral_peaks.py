@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
 from brightgrey.arrays import Array
-from brightgrey.estimation.diagnostics.options import PeakOptions
+from brightgrey.estimation.diagnostics.options import PEAK_DEFAULTS, PeakOptions
 from brightgrey.numerics.distributions import chi2
 from brightgrey.numerics.distributions import f as fisher
 
 __all__ = ["Peak", "highest_peak"]
-
-_DEFAULTS = PeakOptions()
 
 
 class Peak(NamedTuple):
@@ -38,7 +36,7 @@ class Peak(NamedTuple):
 
 
 def highest_peak(
-    residual: Array, u: Array, known: Sequence[Array], dt: float, level: float, options: PeakOptions = _DEFAULTS
+    residual: Array, u: Array, known: Sequence[Array], dt: float, level: float, options: PeakOptions = PEAK_DEFAULTS
 ) -> Peak | None:
     """Highest peak of a residual's spectrum that chance and `known` signals do not explain.
 

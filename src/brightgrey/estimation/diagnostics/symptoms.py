@@ -10,7 +10,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import DAMPING, Effect, Scales, registry
-from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS, DiagnosticOptions, PeakOptions
+from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS, PEAK_DEFAULTS, DiagnosticOptions
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.residual_regressors import (
     DRIFT,
@@ -140,7 +140,7 @@ def _peaks(context: FitContext, values: Mapping[str, Array], options: Diagnostic
     kept: list[Symptom] = []
     reported: list[float] = []
     for peak, name in found:
-        if not any(abs(peak.frequency / f - 1.0) < PeakOptions().same_frequency for f in reported):
+        if not any(abs(peak.frequency / f - 1.0) < PEAK_DEFAULTS.same_frequency for f in reported):
             reported.append(peak.frequency)
             kept.append(_peak_symptom(peak, name, problem.structure))
     return kept

@@ -6,13 +6,13 @@ import numpy as np
 
 from brightgrey.arrays import Array
 
-__all__ = ["RANK_TOLERANCE", "orthonormal_basis"]
+__all__ = ["BASIS_RANK_TOLERANCE", "orthonormal_basis"]
 
-RANK_TOLERANCE = 1e-9
+BASIS_RANK_TOLERANCE = 1e-9
 """Singular values of normed columns below this part of the largest count as zero."""
 
 
-def orthonormal_basis(columns: Array, rank_tolerance: float = RANK_TOLERANCE) -> Array:
+def orthonormal_basis(columns: Array, rank_tolerance: float = BASIS_RANK_TOLERANCE) -> Array:
     """Orthonormal basis of the space of the columns, shape (rows, rank), by a singular value decomposition.
 
     Parameters

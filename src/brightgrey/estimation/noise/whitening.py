@@ -15,7 +15,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.noise.autoregression import Autoregression, levinson, noise_models
-from brightgrey.estimation.noise.orthonormal_basis import RANK_TOLERANCE, orthonormal_basis
+from brightgrey.estimation.noise.orthonormal_basis import BASIS_RANK_TOLERANCE, orthonormal_basis
 from brightgrey.estimation.problem.segments import split_segments
 from brightgrey.numerics.digital_filter import lfilter
 
@@ -132,7 +132,7 @@ class Whitening:
         c, J = self.whiten(change), self.whiten(jacobian)
         size = np.linalg.norm(J, axis=0)
         size[size == 0.0] = np.inf
-        steps, *_ = np.linalg.lstsq(J / size, c, rcond=RANK_TOLERANCE)
+        steps, *_ = np.linalg.lstsq(J / size, c, rcond=BASIS_RANK_TOLERANCE)
         unexplained = c - (J / size) @ steps
         return float(unexplained @ unexplained), steps / size
 

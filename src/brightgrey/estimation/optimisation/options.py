@@ -8,6 +8,7 @@ __all__ = [
     "LM_DEFAULTS",
     "MULTISTART_DEFAULTS",
     "PATTERN_SEARCH_DEFAULTS",
+    "START_POINT_DEFAULTS",
     "LMOptions",
     "MultistartOptions",
     "PatternSearchOptions",
@@ -238,3 +239,4 @@ class PatternSearchOptions:
 LM_DEFAULTS = LMOptions()
 MULTISTART_DEFAULTS = MultistartOptions()
 PATTERN_SEARCH_DEFAULTS = PatternSearchOptions()
+START_POINT_DEFAULTS = StartPointOptions()

@@ -109,7 +109,7 @@ def pattern_search(
     unlimited = np.full(points.shape[1], np.inf)
     first = _nan_to_inf(cost_many(points, unlimited)) if points.shape[1] else np.zeros(0)
     mesh = options.first_mesh if np.any(low < high) else 0.0
-    searches = [_Search(x, cost, mesh, options) for x, cost in zip(points.T, first.tolist(), strict=True)]
+    searches = [_PatternSearchState(x, cost, mesh, options) for x, cost in zip(points.T, first.tolist(), strict=True)]
     basis = np.hstack([np.eye(len(low)), -np.eye(len(low))]) * (high - low)[:, None]
     active = searches
     while active:
@@ -135,7 +135,7 @@ class _Limits:
     patience: int | None
 
 
-class _Search:
+class _PatternSearchState:
     """State of one search: its best point, its mesh, its last successes, and the blocks of its poll."""
 
     def __init__(self, start: Array, cost: float, mesh: float, options: PatternSearchOptions) -> None:

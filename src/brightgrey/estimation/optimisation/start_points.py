@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 from scipy.fft import rfft, rfftfreq
 
 from brightgrey.arrays import Array
-from brightgrey.estimation.optimisation.options import StartPointOptions
+from brightgrey.estimation.optimisation.options import START_POINT_DEFAULTS, StartPointOptions
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.segments import split_recordings
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.simulation import Settings
 
 __all__ = ["best_diverse", "given_starts", "perturbed_starts", "resonance_scan", "starts_at_residual_peaks"]
-
-_DEFAULTS = StartPointOptions()
 
 
 def given_starts(space: ParameterSpace, given: Sequence[Mapping[str, float]]) -> list[Array]:
@@ -32,7 +30,7 @@ def best_diverse(
     settings: Settings,
     candidates: Array,
     count: int,
-    options: StartPointOptions = _DEFAULTS,
+    options: StartPointOptions = START_POINT_DEFAULTS,
 ) -> list[Array]:
     """Choose the best `count` of the candidates, shape (P, K) in SI, each at some distance from all better ones."""
     cost = problem.costs(space.named(candidates), settings)
@@ -91,7 +89,7 @@ def resonance_scan(
     settings: Settings,
     parent: Array,
     count: int,
-    options: StartPointOptions = _DEFAULTS,
+    options: StartPointOptions = START_POINT_DEFAULTS,
 ) -> tuple[Array, int]:
     """Scan the frequencies of a resonance of `parent` for those that explain most of the residual.
 
@@ -180,7 +178,7 @@ def perturbed_starts(
     parents: Sequence[Array],
     fresh: Array,
     rng: np.random.Generator,
-    options: StartPointOptions = _DEFAULTS,
+    options: StartPointOptions = START_POINT_DEFAULTS,
 ) -> Array:
     """Perturb optima: sample some parameters anew, or exchange the roles of parts, and shift all others a little.
 
