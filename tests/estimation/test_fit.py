@@ -10,8 +10,9 @@ from brightgrey.estimation import fit, predict
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal, read_recording
+from brightgrey.recordings import read_recording
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 RIGID = PAPER.parse("one_mass+coulomb+viscous+gravity")
 
@@ -29,9 +30,7 @@ def demo_fit(demo):
 
 
 def still(u):
-    t = 1e-3 * np.arange(300)
-    outputs = (Signal("v", "velocity", "rad/s"),)
-    return Recording("still", t, u * np.ones(300), np.zeros((1, 300)), Signal("u", "input", "N m"), outputs)
+    return make_recording(u * np.ones(300), np.zeros(300), name="still")
 
 
 def test_fit__demo__is_recovered(demo, demo_fit):
@@ -135,8 +134,7 @@ def test_fit__given_start_with_a_gap__is_not_left_for_a_worse_optimum(seed):
     truth = {"J1": 0.012, "J2": 0.008, "c1": 40.0, "d1": 5e-3, "M_C": 0.1, "alpha": 0.3, "T_d": 3e-3}
     (y,) = reference(str(structure), truth, e.torque(), e.dt, f_tanh=e.f_tanh)
     y += 0.03 * np.abs(y).max() * np.random.default_rng(1).standard_normal(y.size)
-    torque, velocity = Signal("torque", "input", "N m"), Signal("velocity", "velocity", "rad/s")
-    r = Recording("loose", e.dt * np.arange(e.samples), e.torque(), y[None], torque, (velocity,))
+    r = make_recording(e.torque(), y, dt=e.dt, names=("torque", "velocity"), name="loose")
     found = fit(structure, [r], f_tanh=e.f_tanh, start=truth, starts=1, patience=0, seed=seed)
     exact = {name: np.array([value]) for name, value in truth.items()}
     assert found.cost <= SimulationErrorProblem.of(structure, [r]).costs(exact, found.settings)[0]

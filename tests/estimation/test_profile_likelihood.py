@@ -8,8 +8,8 @@ from brightgrey.estimation import fit
 from brightgrey.estimation.profile_likelihood import profile
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 F_TANH = 2.5
 
@@ -18,8 +18,7 @@ def drawn(text, values, noise, seed=0):
     u, dt = PAPER_EXPERIMENT.torque(), PAPER_EXPERIMENT.dt
     y = reference(text, values, u, dt, f_tanh=F_TANH).reshape(-1)
     y = y + noise * np.abs(y).max() * np.random.default_rng(seed).standard_normal(y.shape)
-    outputs = (Signal("v", "velocity", "rad/s"),)
-    return Recording("drawn", dt * np.arange(len(u)), u, y, Signal("torque", "input", "N m"), outputs)
+    return make_recording(u, y, dt=dt, names=("torque", "v"), name="drawn")
 
 
 def test_profile__parabolic_cost__confirms_the_interval():

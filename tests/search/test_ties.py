@@ -8,8 +8,8 @@ import pytest
 
 from brightgrey import identify
 from brightgrey.cli.terminal.results import result as show
-from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 DT, F_TANH = 0.002, 5.0
 VALUES = {"J1": 0.02, "M_C": 0.4, "f_v": 0.03}
@@ -22,8 +22,7 @@ def found():
     u = 2.0 * np.minimum(1.0, 10.0 * t) + 1.2 * np.sin(2.0 * np.pi * 3.0 * t) * (t > 0.4)
     (v,) = reference("one_mass+coulomb+viscous", VALUES, u, DT, f_tanh=F_TANH)
     y = v + 0.1 * np.random.default_rng(1).normal(size=v.size)
-    outputs = (Signal("v", "velocity", "rpm"),)
-    recording = Recording("made", t[:500], u[200:], y[None, 200:], Signal("u", "input", "N m"), outputs)
+    recording = make_recording(u[200:], y[200:], dt=DT, unit="rpm")
     few = ("two_mass", "current_control", "delay", "stribeck")
     return identify(recording, search="exhaustive", exclude=few, f_tanh=F_TANH)
 

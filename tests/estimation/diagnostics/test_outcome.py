@@ -16,9 +16,9 @@ from brightgrey.estimation.problem.simulation_error import SimulationErrorProble
 from brightgrey.estimation.uncertainty.identifiability import power_product
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 DT, SAMPLES = 1e-3, 1800
 F_TANH = 2.5
@@ -27,9 +27,9 @@ FORWARD = 1.0 + 0.5 * np.abs(TORQUE)  # never lets the drive turn back
 
 
 def recording(y, u=TORQUE, *, unit="N m", given=True, kind="velocity", hold="linear", name="made"):
-    t = DT * np.arange(len(u))
-    outputs = (Signal("velocity", kind, "rad/s"),)
-    return Recording(name, t, u, np.atleast_2d(y), Signal("torque", "input", unit, 1.0, given), outputs, hold)
+    names = ("torque", "velocity")
+    options = {"kind": kind, "unit": "rad/s", "input_unit": unit, "input_unit_given": given, "hold": hold}
+    return make_recording(u, y, dt=DT, names=names, name=name, **options)
 
 
 def measured_from(text, values, u=TORQUE, *, seed=0, hold="linear", **settings):

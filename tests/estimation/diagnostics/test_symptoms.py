@@ -15,16 +15,15 @@ from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.uncertainty.estimates import Estimate
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 TORQUE = E.torque()
 RIGID = {"J1": 0.02, "M_C": 0.9, "f_v": 0.02}
 
 
 def recording(y, u=TORQUE, kind="velocity"):
-    t = E.dt * np.arange(len(u))
-    return Recording("made", t, u, np.atleast_2d(y), Signal("u", "input", "N m"), (Signal("v", kind, "rad/s"),))
+    return make_recording(u, y, dt=E.dt, kind=kind, unit="rad/s")
 
 
 def measured_from(text, values, *, u=TORQUE, pole=0.0, noise=1e-3, hold="linear", beside=0.0):

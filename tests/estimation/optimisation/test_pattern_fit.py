@@ -11,9 +11,9 @@ from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 TEXT = "one_mass+coulomb+viscous"
 VALUES = {"J1": 0.02, "M_C": 0.9, "f_v": 0.02}
@@ -25,8 +25,7 @@ def drawn():
     u, dt = PAPER_EXPERIMENT.torque(), PAPER_EXPERIMENT.dt
     y = reference(TEXT, VALUES, u, dt, f_tanh=2.5).reshape(-1)
     y = y + 1e-3 * np.abs(y).max() * np.random.default_rng(0).standard_normal(y.shape)
-    outputs = (Signal("v", "velocity", "rad/s"),)
-    return Recording("drawn", dt * np.arange(len(u)), u, y, Signal("torque", "input", "N m"), outputs)
+    return make_recording(u, y, dt=dt, names=("torque", "v"), name="drawn")
 
 
 def test_fit__by_pattern_search__finds_the_optimum_of_least_squares(drawn):

@@ -11,9 +11,9 @@ from brightgrey.estimation import fit, predict
 from brightgrey.estimation.problem.initial_state import INITIALS, InitialState, output_noise
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 DT = 1e-3
 SETTINGS = Settings(f_tanh=2.5, speed_scale=40.0, level="accurate")
@@ -27,8 +27,7 @@ def drive(speed, noise, seed=0, structure=STRUCTURE, values=TRUE, x0=None, sampl
     x0 = np.array([0.0, speed]) if x0 is None else x0
     (v,) = reference(structure, values, u, DT, f_tanh=2.5, x0=x0)
     y = v + noise * np.random.default_rng(seed).standard_normal(samples)
-    outputs = (Signal("v", "velocity", "rad/s"),)
-    return Recording("made", t, u, y[None], Signal("u", "input", "N m"), outputs)
+    return make_recording(u, y, dt=DT)
 
 
 def test_initial_auto__standstill_or_clear_motion__is_recognised():

@@ -12,9 +12,10 @@ from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many, system_for
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
+from brightgrey.recordings import Signal
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 TRUTH = {"J1": 0.008, "J2": 0.012, "c1": 250.0, "d1": 0.1, "M_C": 0.4, "f_v": 0.02, "alpha": 0.02, "T_1": 1e-3}
 STRUCTURE = "two_mass+coulomb+viscous+backlash+current_control"
@@ -26,8 +27,7 @@ def recording(structure, values, noise=0.0, seed=0, u=None):
     u = e.torque() if u is None else u
     y = reference(structure, values, u, e.dt, f_tanh=e.f_tanh)[0]
     y = y + noise * np.abs(y).max() * np.random.default_rng(seed).standard_normal(y.shape)
-    t = e.dt * np.arange(u.size)
-    return Recording("made", t, u, y[None], Signal("torque", "input", "N m"), (Signal("v", "velocity", "rad/s"),))
+    return make_recording(u, y, dt=e.dt, names=("torque", "v"))
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,9 @@ from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.scales import speed_of
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal, read_recording
+from brightgrey.recordings import read_recording
 from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
 
 INERTIA, FRICTION, VISCOUS, OFFSET = 0.02, 0.8, 0.03, 0.5
 DT = 1e-3
@@ -29,8 +30,7 @@ def motion(samples=4000):
 
 
 def record(t, u, y, kind):
-    unit = {"position": "rad", "acceleration": "rad/s²"}.get(kind, "rad/s")
-    return Recording("made", t, u, y, Signal("u", "input", "N m"), (Signal("y", kind, unit),))
+    return make_recording(u, y, dt=t[1] - t[0], kind=kind, names=("u", "y"))
 
 
 @pytest.mark.parametrize("kind", ["position", "velocity"])

@@ -10,8 +10,8 @@ from brightgrey.estimation.optimisation.least_squares import evaluate
 from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many, systems
 from brightgrey.kit import PAPER
-from brightgrey.recordings import Recording, Signal
 from brightgrey.simulation import Settings, response
+from support.recordings import make_recording
 
 STRUCTURE = PAPER.parse("two_mass+coulomb+viscous+gravity")
 VALUES = {"J1": 0.012, "J2": 0.008, "c1": 75.0, "d1": 0.036, "M_C": 0.9, "f_v": 0.015, "M_G": 0.2}
@@ -24,8 +24,7 @@ def recording(*kinds, y=None):
     t = DT * np.arange(SAMPLES)
     u = 6.0 * np.sign(np.sin(2 * np.pi * 4 * t)) * np.minimum(1.0, t / 0.05)
     y = np.zeros((len(kinds), SAMPLES)) if y is None else y
-    outputs = tuple(Signal(f"y{i}", kind, UNITS.get(kind, "rad/s")) for i, kind in enumerate(kinds))
-    return Recording("made", t, u, y, Signal("u", "input", "N m"), outputs)
+    return make_recording(u, y, dt=DT, kind=kinds, names=("u", "y"))
 
 
 def test_differenced_velocity__is_the_backward_difference_of_position():
