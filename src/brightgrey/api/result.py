@@ -32,14 +32,14 @@ __all__ = ["Result"]
 
 @dataclass(frozen=True)
 class Result:
-    """What :func:`identify` found out.
+    """Result of :func:`identify`.
 
     Attributes
     ----------
     model : Model
         Structure, parameters with uncertainty, fit, outcome.
     traces : tuple of Trace
-        The recordings with what the model makes of them, the test recording last.
+        The recordings beside the simulated outputs, the test recording last.
     ranking : tuple of Row
         Structures that were tried, best first.
     notes : tuple of str
@@ -47,7 +47,7 @@ class Result:
     fit : Fit
         The estimation in detail: start points and where they ended, all in SI.
     evidence : Evidence or None
-        After an exhaustive search: what the recording says about every effect, in words and numbers.
+        After an exhaustive search: the verdict on every effect, in words and numbers.
     files : mapping of str to bytes
         Further files that :meth:`write` puts beside the results.
     profiles : tuple of Profile
@@ -57,9 +57,9 @@ class Result:
     request : str
         Command that gives this result again; without one the report makes it from the model.
     differences : tuple of Difference
-        Where the search found ties: what differs for control between them, the best structure first.
+        If the search found equivalent structures: their differences for control, the best structure first.
     stopped : bool
-        The search was ended before its time: this is the best so far.
+        The search was stopped before its end; the result is the best one so far.
     """
 
     model: Model
@@ -77,7 +77,7 @@ class Result:
 
     @property
     def symptoms(self) -> tuple[Symptom, ...]:
-        """What speaks for something that the structure has not, and what to try."""
+        """Signs of effects that the structure lacks, each with advice."""
         return self.fit.symptoms
 
     @property
@@ -99,7 +99,7 @@ class Result:
 
     @cached_property
     def content(self) -> Content:
-        """What report and figures are made of."""
+        """Everything that the report and the figures show."""
         from brightgrey.report.content import Content
 
         return Content(

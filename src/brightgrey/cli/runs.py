@@ -25,7 +25,7 @@ def runs(
 
     found = list_runs(folder)
     if json:
-        as_json([_plain(where, run) for where, run in found])
+        as_json([_run_as_json(where, run) for where, run in found])
         return
     console = screen()
     table = plain_table("folder", "state", "evaluations >", "seconds >", "stage", "best so far")
@@ -55,7 +55,7 @@ def _stage(run: Any) -> str:
     return f"{run.stage['name']} {run.stage['done']}{of}"
 
 
-def _plain(where: Path, run: Any) -> dict[str, Any]:
+def _run_as_json(where: Path, run: Any) -> dict[str, Any]:
     from dataclasses import asdict
 
     from brightgrey.runs import RunStatus

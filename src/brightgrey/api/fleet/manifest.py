@@ -72,7 +72,7 @@ def read_manifest(file: str | Path) -> tuple[Axis, ...]:
     return axes
 
 
-def _text(path: Path) -> str:
+def _read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -84,7 +84,7 @@ def _text(path: Path) -> str:
 
 
 def _csv(path: Path) -> list[dict[str, Any]]:
-    lines = [line for line in _text(path).splitlines() if line.strip() and not line.startswith("#")]
+    lines = [line for line in _read_text(path).splitlines() if line.strip() and not line.startswith("#")]
     reader = csv.DictReader(lines, skipinitialspace=True)
     rows = []
     for number, row in enumerate(reader, 2):
@@ -98,7 +98,7 @@ def _csv(path: Path) -> list[dict[str, Any]]:
 
 def _toml(path: Path) -> list[dict[str, Any]]:
     try:
-        content = tomllib.loads(_text(path))
+        content = tomllib.loads(_read_text(path))
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(f"manifest '{path}' is not TOML: {error}") from None
     rows = content.pop("axis", [])

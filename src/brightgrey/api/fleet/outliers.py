@@ -1,4 +1,4 @@
-"""Which of several equal machines differs from its siblings, by more than chance and their own spread explain."""
+"""Outliers among equal machines, beyond chance and the scatter of the machines themselves."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ CHANCE = 0.05  # that any sibling of a healthy family is called different
 FEWEST = 4  # siblings that can be compared
 _DRAWS = 4_000
 _SPREADS = (0.0, 0.5, 1.0, 2.0, 4.0, 1e3)  # of the siblings, over their median error
-_NORMAL = 1.4826  # standard deviation of normal numbers over their median absolute deviation
+_MAD_TO_STD = 1.4826  # standard deviation of normal numbers over their median absolute deviation
 
 
 @dataclass(frozen=True)
 class Compared:
-    """One quantity of all siblings.
+    """Comparison of one quantity of all siblings.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Compared:
 
     @property
     def different(self) -> NDArray[np.bool_]:
-        """Whether each sibling differs."""
+        """True for every sibling that differs from the others, shape (siblings,)."""
         return np.abs(self.deviation) > self.threshold
 
 
@@ -103,7 +103,7 @@ def _deviations(x: Array, s: Array) -> tuple[Array, Array]:
     """Deviations, shape (families, siblings), and medians, shape (families,), of estimates with errors `s`."""
     median = np.median(x, axis=1)
     apart = x - median[:, None]
-    seen = np.square(_NORMAL * np.median(np.abs(apart), axis=1))
+    seen = np.square(_MAD_TO_STD * np.median(np.abs(apart), axis=1))
     spread = np.sqrt(np.maximum(seen - np.median(np.square(s)), 0.0))
     tiny = 1e-12 * np.maximum(np.abs(median), 1e-300)
     return apart / np.maximum(np.hypot(spread[:, None], s), tiny[:, None]), median

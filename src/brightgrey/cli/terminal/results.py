@@ -85,9 +85,9 @@ def stored(found: StoredRun, folder: Path, *, quiet: bool, json: bool) -> None:
 
 
 def text(found: Result, folder: Path) -> str:
-    """What :func:`result` prints where nobody's terminal is."""
+    """Text that :func:`result` prints if the output is not a terminal."""
     out = io.StringIO()
-    _result(Console(file=out, width=PIPED_WIDTH, markup=False, emoji=False, highlight=False), found, folder)
+    _print_result(Console(file=out, width=PIPED_WIDTH, markup=False, emoji=False, highlight=False), found, folder)
     return out.getvalue()
 
 
@@ -98,10 +98,10 @@ def result(found: Result, folder: Path, *, quiet: bool, json: bool) -> None:
     if json:
         print(found.model.text(), end="")
         return
-    _result(screen(), found, folder)
+    _print_result(screen(), found, folder)
 
 
-def _result(console: Console, found: Result, folder: Path) -> None:
+def _print_result(console: Console, found: Result, folder: Path) -> None:
     from brightgrey.report.text.tables import FIXED, fit_rows, parameter_rows, remarks, sentence
 
     console.print(Text(str(found.model.structure), style="bold"))
@@ -119,7 +119,7 @@ def _result(console: Console, found: Result, folder: Path) -> None:
     if found.evidence is not None:
         _evidence(console, found.evidence)
         _top(console, found.ranking, found.front)
-    _differences(console, found.differences)
+    _print_differences(console, found.differences)
     for symptom in found.symptoms:
         _bullet(console, f"{symptom.title}: {symptom.observation}; {symptom.advice}.")
     for text in (sentence(found.model.outcome.text), *remarks(found.model), *found.notes):
@@ -225,7 +225,7 @@ def _evidence(console: Console, evidence: Evidence) -> None:
         console.print()
 
 
-def _differences(console: Console, tied: Sequence[ControlDifference]) -> None:
+def _print_differences(console: Console, tied: Sequence[ControlDifference]) -> None:
     """What differs for control between minimal structures."""
     shown = [d for d in tied if d.minimal][:_COMPARED]
     if len(shown) < 2:
