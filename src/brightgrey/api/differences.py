@@ -56,25 +56,27 @@ def compare_for_control(
     tied = _tied_structures(evidence)
     kinds = [s.kind for s in recordings[0].outputs]
     outputs = ["velocity" if kind == "velocity-differenced" else kind for kind in kinds]
-    over = excited_band([r.u for r in recordings], min(r.dt for r in recordings))
-    made: list[tuple[Judged, StateSpace]] = []
+    band = excited_band([r.u for r in recordings], min(r.dt for r in recordings))
+    comparable: list[tuple[Judged, StateSpace]] = []
     for judged in tied:
         own = {name: judged.values[name] for name in judged.structure.parameters}
         system = assemble(judged.structure, own, settings.f_tanh, outputs)
         try:
-            model_figures([system], HALF_SPEED * settings.speed_scale, settings.f_tanh, over)
+            model_figures([system], HALF_SPEED * settings.speed_scale, settings.f_tanh, band)
         except SettingsError:
             continue
-        made.append((judged, system))
-    if len(made) < 2:
+        comparable.append((judged, system))
+    if len(comparable) < 2:
         return ()
-    found = model_figures([system for _, system in made], HALF_SPEED * settings.speed_scale, settings.f_tanh, over)
-    least = {j.structure for j in evidence.minimal}
+    found = model_figures(
+        [system for _, system in comparable], HALF_SPEED * settings.speed_scale, settings.f_tanh, band
+    )
+    minimal = {j.structure for j in evidence.minimal}
     return tuple(
         ControlDifference(
-            judged.structure, judged.structure in least, _table_rows(n, over, recordings[0], first=k == 0), n
+            judged.structure, judged.structure in minimal, _table_rows(n, band, recordings[0], first=k == 0), n
         )
-        for k, ((judged, _), n) in enumerate(zip(made, found, strict=True))
+        for k, ((judged, _), n) in enumerate(zip(comparable, found, strict=True))
     )
 
 
@@ -91,14 +93,14 @@ def _tied_structures(evidence: Evidence) -> list[Judged]:
 
 
 def _table_rows(
-    n: ModelFigures, over: FrequencyBand, recording: Recording, *, first: bool
+    n: ModelFigures, band: FrequencyBand, recording: Recording, *, first: bool
 ) -> tuple[tuple[str, str], ...]:
     unit, factor = recording.units.of(TORQUE)
-    least = ZERO_TORQUE * float(np.abs(recording.u).max())
+    smallest = ZERO_TORQUE * float(np.abs(recording.u).max())
     friction, constant = (
-        factor * value if abs(value) > least else 0.0 for value in (n.standstill_friction, n.constant_input)
+        factor * value if abs(value) > smallest else 0.0 for value in (n.standstill_friction, n.constant_input)
     )
-    within = f"{over.low:.2g} to {over.high:.3g} Hz"
+    within = f"{band.low:.2g} to {band.high:.3g} Hz"
     ratio = "0 dB (reference)" if first else f"{round(n.gain_difference, 2) + 0.0:+.2f} dB at {n.frequency:.3g} Hz"
     resonances = ", ".join(f"{s.frequency:.3g} Hz (damping {s.damping:.2g})" for s in n.resonances)
     return (

@@ -95,28 +95,28 @@ class StateFeedback:
     @cached_property
     def _state_map(self) -> Array:
         """Map from all states x to the states of the gains, shape (n, N)."""
-        on = self.design.analysis.operating_point.contact_mode
-        W, keep, frozen = on.model.W, list(on.free_states), list(on.fixed_states)
-        if not frozen:
+        mode = self.design.analysis.operating_point.contact_mode
+        W, keep, fixed = mode.model.W, list(mode.free_states), list(mode.fixed_states)
+        if not fixed:
             return W
-        A = on.system.A
-        positions = [i for i in keep if on.system.states[i].dimension == on.system.states[frozen[0]].dimension]
-        fold = np.linalg.lstsq(A[:, positions], A[:, frozen], rcond=None)[0]
-        read = W[keep].copy()
+        A = mode.system.A
+        positions = [i for i in keep if mode.system.states[i].dimension == mode.system.states[fixed[0]].dimension]
+        gap_to_twist = np.linalg.lstsq(A[:, positions], A[:, fixed], rcond=None)[0]
+        state_map = W[keep].copy()
         for row, i in enumerate(positions):
-            read[keep.index(i)] += fold[row] @ W[frozen]
-        return np.asarray(read)
+            state_map[keep.index(i)] += gap_to_twist[row] @ W[fixed]
+        return np.asarray(state_map)
 
     @cached_property
     def _reference_states(self) -> Array:
         """Reference of the states of the gains, shape (samples, n)."""
-        on = self.design.analysis.operating_point.contact_mode
+        mode = self.design.analysis.operating_point.contact_mode
         r = self.reference
-        z = np.array([trim_point(on, v, a).z for v, a in zip(r.velocity, r.acceleration, strict=True)])
-        x = z @ on.model.V.T
-        moves = np.array([1.0 if state.at_rest == "position" else 0.0 for state in on.system.states])
-        carried = on.model.V @ moves
-        x += np.outer(r.position, carried) if moves.any() else 0.0
+        z = np.array([trim_point(mode, v, a).z for v, a in zip(r.velocity, r.acceleration, strict=True)])
+        x = z @ mode.model.V.T
+        is_position = np.array([1.0 if state.at_rest == "position" else 0.0 for state in mode.system.states])
+        per_position = mode.model.V @ is_position
+        x += np.outer(r.position, per_position) if is_position.any() else 0.0
         return x @ self._state_map.T
 
     @property

@@ -16,7 +16,7 @@ from brightgrey.arrays import Array
 from brightgrey.control.design.controllers import StateFeedback
 from brightgrey.control.design.state_feedback import StateFeedbackDesign, lqr
 from brightgrey.control.filters.discretisation import DelayedInput
-from brightgrey.control.filters.extended_kalman import Noise, initial_estimate, predict, update
+from brightgrey.control.filters.extended_kalman import Noise, initial_estimate, predict_state, update_state
 from brightgrey.control.filters.setup import initial_distribution
 from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 from brightgrey.control.linear.margins import Compensator
@@ -145,7 +145,7 @@ class ObserverFeedback:
         process = self._process_with_input(
             memory.applied[-1 - self._delay_samples], memory.applied[-1 - self._delay_samples]
         )
-        found = update(process, 0, memory.x, memory.P, y[None], self.noise.measurement_covariance(1))
+        found = update_state(process, 0, memory.x, memory.P, y[None], self.noise.measurement_covariance(1))
         states = self._twist_model.V @ found.x[0, : process.n_states]
         commanded, inner = self.feedback.command(memory.inner, k, states, y)
         return commanded, _ControllerMemory(inner, found.x, found.P, memory.applied)
@@ -155,5 +155,7 @@ class ObserverFeedback:
         history = (*memory.applied[1:], applied)
         late = history[-1 - max(self._delay_samples - 1, 0)] if self._delay_samples else applied
         early = history[-1 - self._delay_samples]
-        x, P = predict(self._process_with_input(early, late), 0, memory.x, memory.P, self.noise.disturbance_std(1))
+        x, P = predict_state(
+            self._process_with_input(early, late), 0, memory.x, memory.P, self.noise.disturbance_std(1)
+        )
         return _ControllerMemory(self.feedback.anti_windup(memory.inner, commanded, applied), x, P, history)

@@ -38,8 +38,6 @@ from brightgrey.simulation import Settings
 
 __all__ = ["FaultCase", "FaultDetectionOptions", "FaultFinding", "detect_faults", "fault_groups"]
 
-Z95 = 1.96  # quantile of the normal distribution for an interval of 95 %
-
 
 @dataclass(frozen=True)
 class FaultDetectionOptions:
@@ -255,7 +253,7 @@ def _finding(
     above = float(ndtr((log_factor - limit) / std)) if std > 0.0 else float(log_factor > limit)
     below = float(ndtr((-limit - log_factor) / std)) if std > 0.0 else float(log_factor < -limit)
     probability = above if fault.grows else max(above, below)
-    low, high = (math.exp(min(max(log_factor + s * Z95 * std, -50.0), 50.0)) for s in (-1.0, 1.0))
+    low, high = (math.exp(min(max(log_factor + s * 1.96 * std, -50.0), 50.0)) for s in (-1.0, 1.0))
     factor = math.exp(log_factor)
     estimate = f"{factor:.2f} times the model's value (95 % interval {low:.2f} to {high:.2f})"
     verdict: Literal["changed", "as before", "not decidable"]

@@ -119,7 +119,7 @@ class _Evaluation(NamedTuple):
     log_determinants: Array
 
 
-_Search = Generator[Array, _Evaluation, PosteriorPoint]
+_Scoring = Generator[Array, _Evaluation, PosteriorPoint]
 
 
 def maximise_posteriors(
@@ -188,7 +188,7 @@ def _evaluate(
     return evaluations
 
 
-def _differentiate(problem: ChangeProblem, log_factors: Array, difference: float) -> _Search:
+def _differentiate(problem: ChangeProblem, log_factors: Array, difference: float) -> _Scoring:
     """Evaluate a point with its derivatives, by central differences."""
     m = len(log_factors)
     evaluation = yield log_factors + difference * np.vstack([np.zeros((1, m)), np.eye(m), -np.eye(m)])
@@ -202,7 +202,7 @@ def _differentiate(problem: ChangeProblem, log_factors: Array, difference: float
     return PosteriorPoint(log_factors, posterior, scores, information, evaluation.normalised_innovations[0].ravel())
 
 
-def _fisher_scoring(problem: ChangeProblem, options: ScoringOptions) -> _Search:
+def _fisher_scoring(problem: ChangeProblem, options: ScoringOptions) -> _Scoring:
     """Maximise the posterior: a coarse grid along each free group, then Fisher's scoring."""
     m, prior = len(problem.groups), problem.prior_information
     starts = [np.zeros(m)]

@@ -23,9 +23,9 @@ __all__ = [
     "Noise",
     "extended_kalman_filter",
     "initial_estimate",
-    "predict",
+    "predict_state",
     "run_filter",
-    "update",
+    "update_state",
 ]
 
 
@@ -100,14 +100,14 @@ class MeasurementUpdate(NamedTuple):
     S: Array
 
 
-def predict(process: ProcessModel, k: int, x: Array, P: Array, torque: Array) -> tuple[Array, Array]:
+def predict_state(process: ProcessModel, k: int, x: Array, P: Array, torque: Array) -> tuple[Array, Array]:
     """Predict state and covariance at sample k + 1; `torque` (K,) is the disturbance's standard deviation."""
     step = process.transition(k, x)
     F, disturbed = step.by_state, step.by_disturbance * torque[:, None]
     return step.x, F @ P @ F.transpose(0, 2, 1) + disturbed[:, :, None] * disturbed[:, None, :]
 
 
-def update(process: ProcessModel, k: int, x: Array, P: Array, y: Array, R: Array) -> MeasurementUpdate:
+def update_state(process: ProcessModel, k: int, x: Array, P: Array, y: Array, R: Array) -> MeasurementUpdate:
     """Update state and covariance with the measurement `y` (K, outputs) of sample k, in Joseph's form."""
     predicted, H = process.predict_outputs(k, x)
     S = H @ P @ H.transpose(0, 2, 1) + R
@@ -128,7 +128,7 @@ def initial_estimate(filter_input: FilterInput, process: ProcessModel, torque: A
 def run_filter(
     filter_input: FilterInput,
     noise: Noise,
-    predict_state: Callable[[ProcessModel, int, Array, Array, Array], tuple[Array, Array]],
+    prediction: Callable[[ProcessModel, int, Array, Array, Array], tuple[Array, Array]],
 ) -> FilterResult:
     """Run a Gaussian filter: the linearised update after the given prediction.
 
@@ -136,8 +136,8 @@ def run_filter(
     ----------
     filter_input : FilterInput
     noise : Noise
-    predict_state : callable
-        Called as :func:`predict`.
+    prediction : callable
+        Called as :func:`predict_state`.
     """
     samples, K = filter_input.u.shape
     process = ProcessModel.of(filter_input)
@@ -146,8 +146,8 @@ def run_filter(
     record = FilterRecord.empty(samples, K, process.n_states, len(filter_input.differenced))
     for k in range(samples):
         if k:
-            x, P = predict_state(process, k - 1, x, P, torque)
-        x, P, innovation, S = update(process, k, x, P, filter_input.y[k], R)
+            x, P = prediction(process, k - 1, x, P, torque)
+        x, P, innovation, S = update_state(process, k, x, P, filter_input.y[k], R)
         record.store(k, x, P, innovation, S)
     return record.gaussian_result()
 
@@ -171,7 +171,7 @@ def extended_kalman_filter(filter_input: FilterInput, noise: Noise) -> FilterRes
     deviation, use :func:`brightgrey.control.filters.gaussian_sum.gaussian_sum_filter`. If friction changes sharply
     within it, compare with :func:`brightgrey.control.filters.unscented_kalman.unscented_kalman_filter`.
     """
-    return run_filter(filter_input, noise, predict)
+    return run_filter(filter_input, noise, predict_state)
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from brightgrey.control.filters.extended_kalman import (
     Noise,
     extended_kalman_filter,
     initial_estimate,
-    predict,
-    update,
+    predict_state,
+    update_state,
 )
 from brightgrey.control.filters.state_transition import FilterInput, ProcessModel
 
@@ -118,8 +118,8 @@ def gaussian_sum_filter(
             mixture = _merge_components(mixture, process, options)
             for _ in range(options.passes):
                 mixture = _split_components(mixture, process, k - 1, options)
-            mixture = _Mixture(mixture.weights, *predict(process, k - 1, mixture.x, mixture.P, torque))
-        updated = update(process, k, mixture.x, mixture.P, np.repeat(filter_input.y[k], M, axis=0), R)
+            mixture = _Mixture(mixture.weights, *predict_state(process, k - 1, mixture.x, mixture.P, torque))
+        updated = update_state(process, k, mixture.x, mixture.P, np.repeat(filter_input.y[k], M, axis=0), R)
         innovation, S = _moments(mixture.weights, updated.innovation, updated.S)
         weights, likelihood, white[k] = _update_weights(mixture.weights, updated.innovation, updated.S)
         mixture = _Mixture(weights, updated.x, updated.P)

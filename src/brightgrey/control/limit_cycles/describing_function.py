@@ -178,11 +178,11 @@ class _HarmonicLoop:
         size = np.full(len(omega), level)
         if self.gap is not None:
             half, port, feedback = _gap_parameters(self.gap)
-            carried = 1j * omega * gap_describing_function(half, feedback, omega, size, self.options.period_steps)
-            start = start - carried[:, None, None] * np.outer(self.gap.G, port)
+            gap_rate = 1j * omega * gap_describing_function(half, feedback, omega, size, self.options.period_steps)
+            start = start - gap_rate[:, None, None] * np.outer(self.gap.G, port)
         smooth = [e for e in s.elements if e.limits is None and e.law.ports]
         gains = [np.zeros(len(omega)) for _ in smooth]
-        for turn in range(self.options.max_iterations):
+        for iteration in range(self.options.max_iterations):
             M = start - sum(
                 (gain[:, None, None] * np.outer(e.G, e.H[0]) for e, gain in zip(smooth, gains, strict=True)),
                 start=np.zeros((1, n, n)),
@@ -193,7 +193,7 @@ class _HarmonicLoop:
             change = 0.0
             for i, e in enumerate(smooth):
                 new = describing_function(e, np.maximum(np.abs(X @ e.H[0]), 1e-300))
-                mixed = new if turn == 0 else 0.5 * (new + gains[i])
+                mixed = new if iteration == 0 else 0.5 * (new + gains[i])
                 change = max(change, float(np.max(np.abs(mixed - gains[i]) / (np.abs(mixed) + 1e-300))))
                 gains[i] = mixed
             if change < self.options.gain_tolerance:
@@ -300,9 +300,9 @@ def predict_limit_cycles(
     loop = _HarmonicLoop(transformed, compensator, output, total, limit, options)
     grid = np.geomspace(*omega, options.frequencies)
     levels = loop.amplitudes(torque)
-    map_of: Complex = np.array([loop.gain(grid, a)[0] for a in levels], complex)
+    loop_gains: Complex = np.array([loop.gain(grid, a)[0] for a in levels], complex)
     found: list[LimitCycle] = []
-    for i, k in _cells_around_zero(np.asarray(1.0 + map_of, complex)):
+    for i, k in _cells_around_zero(np.asarray(1.0 + loop_gains, complex)):
         cycle = _refine(loop, np.log([levels[i], grid[k]]))
         if (
             cycle
@@ -338,7 +338,7 @@ def _refine(loop: _HarmonicLoop, start: Array) -> LimitCycle | None:
     # Loeb's criterion: a growing oscillation must move the locus past the critical point to the stable side.
     step = 1e-3
     by_a, by_w = ((miss(solution.x + d) - miss(solution.x - d)) / (2.0 * step) for d in step * np.eye(2))
-    turn = float(by_a[0] * by_w[1] - by_a[1] * by_w[0])
+    determinant = float(by_a[0] * by_w[1] - by_a[1] * by_w[0])
     if loop.gap is not None:
         half, port, feedback = _gap_parameters(loop.gap)
         gap = GapLoop(half, feedback, port, loop.states_per_gap_position)
@@ -346,7 +346,7 @@ def _refine(loop: _HarmonicLoop, start: Array) -> LimitCycle | None:
         if refined is not None:
             w, X = refined.omega, refined.states[None]
             commanded = np.abs(loop.compensator.response(np.array([w])) * (X @ loop.system.C[loop.output]))
-    return LimitCycle(w / (2.0 * np.pi), float(commanded[0]), np.abs(loop.system.C @ X[0]), turn > 0.0)
+    return LimitCycle(w / (2.0 * np.pi), float(commanded[0]), np.abs(loop.system.C @ X[0]), determinant > 0.0)
 
 
 def _is_same_cycle(a: LimitCycle, b: LimitCycle, options: LimitCycleOptions) -> bool:

@@ -18,7 +18,7 @@ from brightgrey.kit import Linear
 
 __all__ = ["Controllability", "controllability", "minimal_realisation", "observability"]
 
-RANK_TOLERANCE = 1e-10  # remainder of a Krylov direction, relative to A, that counts as zero
+KRYLOV_TOLERANCE = 1e-10  # remainder of a Krylov direction, relative to A, that counts as zero
 
 
 class Controllability(NamedTuple):
@@ -113,7 +113,7 @@ def _krylov_basis(A: Array, B: Array) -> Array:
         for _ in range(2):  # twice, against cancellation
             block = block - basis @ (basis.T @ block)
         U, s, _ = np.linalg.svd(block, full_matrices=False)
-        new = U[:, s > RANK_TOLERANCE]
+        new = U[:, s > KRYLOV_TOLERANCE]
         if not new.shape[1]:
             break
         basis = np.hstack([basis, new])
