@@ -86,7 +86,7 @@ def tally(counts: dict, text: str, truth: dict[str, float], r: Recording, pole: 
     problem = SimulationErrorProblem.of(structure, [r])
     found = fit_to_convergence(problem, search, settings, np.array([truth[n] for n in search.names]))
     estimates = estimates_of(problem, search, settings, found)
-    hidden = {search.names[i] for h in estimates.hidden for i in h.indices}
+    hidden = {search.names[i] for direction in estimates.unidentifiable for i in direction.indices}
     for family, names in FAMILIES.items():
         for name in names:
             if name not in truth:
