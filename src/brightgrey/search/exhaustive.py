@@ -1,4 +1,4 @@
-"""Every structure of a grammar on the same recordings, ranked, with the evidence for every effect."""
+"""Search of all structures of a grammar: fits, ranking, and the verdict on every effect."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["ExhaustiveResult", "Ranked", "SearchProgress", "candidates", "fit_al
 
 @dataclass(frozen=True)
 class SearchProgress:
-    """Where a survey stands: what is done, how much of it, and the best structure so far."""
+    """Progress of a search: the name of its stage, how much of it is done, and the best structure so far."""
 
     name: str
     done: int
@@ -37,7 +37,7 @@ class SearchProgress:
 
 @dataclass(frozen=True)
 class Ranked:
-    """A structure in its place.
+    """Structure in the ranking.
 
     Attributes
     ----------
@@ -45,10 +45,10 @@ class Ranked:
     free : int
         Number of estimated parameters.
     misfit : Misfit
-        At the level of the search; of those that were refitted, at the accurate one.
+        At the level of the search; of a refitted structure at level ``accurate``.
     criterion : float
         Bayesian information criterion with the number of independent samples; less is better.
-    tied : bool
+    equivalent : bool
         Minimal, or minimal with one optional effect.
     """
 
@@ -61,14 +61,14 @@ class Ranked:
 
 @dataclass(frozen=True)
 class ExhaustiveResult:
-    """Result of :func:`survey`.
+    """Result of :func:`search_exhaustively`.
 
     Attributes
     ----------
     ranking : tuple of Ranked
         Minimal structures first, then by the criterion.
     evidence : Evidence or None
-        None if the survey was stopped before its end.
+        None if the search was stopped before its end.
     fitted : mapping of Structure to Fitted
     """
 
@@ -90,14 +90,14 @@ def candidates(
     Parameters
     ----------
     require, exclude : sequence of str
-        Placed effects. Masses count cumulatively: with two masses required there are at least two, with three
-        excluded at most two.
+        Placed effects. Masses count cumulatively: ``two_mass`` required means at least two, ``three_mass`` excluded
+        at most two.
     grammar : Grammar
 
     Raises
     ------
     SettingsError
-        For an effect that the grammar has not, or if nothing is left.
+        For an effect that the grammar lacks, or if no structure is left.
     """
     known = {str(Placed(name, place)) for name, places in grammar.places.items() for place in places}
     for name in (*require, *exclude):
@@ -133,12 +133,11 @@ def fit_all(
     options : Options, optional
     seed : int
     executor : concurrent.futures.Executor, optional
-        Fits structures at a time that do not contain each other; the result does not depend on it. One thread by
-        default.
+        Makes the fits; the result does not depend on it. One thread by default.
     progress : callable, optional
-        Called with every structure that has been fitted for the first time, in the order of the result.
+        Called after the first fit of every structure, in the order of the result.
     seeking : callable, optional
-        Called with every structure that is searched from everywhere afterwards, before that is done.
+        Called with every structure before it is fitted by multistart again.
 
     Returns
     -------
@@ -161,7 +160,7 @@ def search_exhaustively(
     executor: Executor | None = None,
     progress: Callable[[SearchProgress], None] | None = None,
 ) -> ExhaustiveResult:
-    """Fit all `structures` and weigh them.
+    """Fit all `structures`, rank them, and assess every effect.
 
     Parameters
     ----------
@@ -173,19 +172,19 @@ def search_exhaustively(
     executor : concurrent.futures.Executor, optional
         The result does not depend on it.
     progress : callable, optional
-        Called whenever a structure is done.
+        Called after every structure.
 
     Returns
     -------
     ExhaustiveResult
-        If it is stopped (Ctrl-C, or the executor says so) with what was fitted until then.
+        With the fits so far, if it is stopped by Ctrl-C or the executor.
 
     Raises
     ------
     SettingsError
         If no structure could be simulated.
     KeyboardInterrupt, Stopped
-        If it is stopped before there is anything.
+        If it is stopped before the first fit.
     """
     least, leader = np.inf, structures[0]
     fitted: dict[Structure, Fitted] = {}
@@ -235,7 +234,7 @@ def search_exhaustively(
 def _misfits_ahead(
     executor: Executor, task: IdentificationTask, fitted: Mapping[Structure, Fitted]
 ) -> list[tuple[Sequence[Structure], Future[list[Misfit]]]]:
-    """Misfits of all structures at their own values, some dozens in a call."""
+    """Misfits of all structures without redundant effects, several in a call."""
     own = [s for s, f in fitted.items() if not f.idle]
     parts = [own[i : i + BUDGET.misfits_per_call] for i in range(0, len(own), BUDGET.misfits_per_call)]
     declared = _declared(fitted)
@@ -266,7 +265,7 @@ def _ranking(
     evidence: Evidence | None,
     known: Mapping[Structure, Misfit],
 ) -> tuple[Ranked, ...]:
-    """All structures in their places; `known` are misfits at the values of `fitted`."""
+    """Ranking of all structures; `known` are misfits at the values of `fitted`."""
     minimal, optional = ([j.structure for j in evidence.minimal], evidence.optional) if evidence else ([], ())
     tied = set(minimal)
     for s in minimal:

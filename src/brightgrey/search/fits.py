@@ -1,10 +1,9 @@
-"""Fits of many structures, each begun where relatives have ended.
+"""Table of the best fit of each structure; every fit starts at the optima of neighbouring structures.
 
-A structure contains others: those with an effect or a mass less. Descending from their optima, with the further effect
-drawn anew, costs little, and no structure ends worse than one it contains, since it could do without the effect. Then
-the other way: an optimum that a larger structure has found without need for its further effect is handed down. Optima
-that only show with all friction in the model, or with all that delays the torque, are found in *hubs*, two for each
-number of masses.
+Upwards, a structure starts at the optima of its submodels, with the added effect's parameters sampled. No structure
+ends worse than a submodel, since it could do without the effect. Downwards, the optimum of a supermodel is projected
+onto its submodels. Some optima show only with all friction in the model, or with everything that delays the torque.
+They are found in *anchors*, two structures for each number of masses.
 """
 
 from __future__ import annotations
@@ -35,24 +34,25 @@ from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 
 __all__ = ["Fits"]
 
-_Item = tuple[bool, Structure]  # whether it is a hub that is sought from everywhere
+_Item = tuple[bool, Structure]
+"""A structure; True marks an anchor, which is fitted by multistart."""
 
 
 class Fits:
-    """Fits of structures of one set, made as they are asked for, each begun where relatives have ended.
+    """Best fit of each structure of a set, made when it is asked for.
 
     Attributes
     ----------
     task : IdentificationTask
     structures : tuple of Structure
-        All that may be asked for, fitted or not.
+        Structures that may be asked for, fitted or not.
     done : dict of Structure to Fitted
         In the order in which they were fitted for the first time.
     hubs : dict of Structure to Fitted
     log : list of (bool, Fitted)
-        All fits in their order, whether each is a hub's; those made once more, from a relative's optimum, too.
+        All fits in their order, refits included; True marks those of anchors.
     spent : list of SimulationCount
-        What they have simulated, with looks at a relative's optimum that promised nothing.
+        Simulations of the fits, and of offers that were not followed.
 
     Parameters
     ----------
@@ -88,12 +88,12 @@ class Fits:
     def add(
         self, structures: Sequence[Structure], workers: Executor, progress: Callable[[Fitted], None] | None = None
     ) -> set[Structure]:
-        """Fit those of `structures` that have not been; then relatives of them once more where that helps.
+        """Fit those of `structures` that are new; then refit their neighbours where that helps.
 
         Returns
         -------
         set of Structure
-            Those of which there was a fit already, and now is a better one.
+            Structures that were fitted before and now have a better fit.
         """
         before = tuple(self.done)
         rising = sorted((s for s in structures if s not in self.done), key=complexity)
@@ -101,15 +101,14 @@ class Fits:
         return self._settled(before, rising, workers) & set(before)
 
     def seek(self, structure: Structure, workers: Executor) -> set[Structure]:
-        """Fit a structure once more, from everywhere, if that has not been done, and what it contains from its optimum.
+        """Fit a structure by multistart, once, refit its submodels from its optimum, and then its other neighbours.
 
-        What lacks an effect may have its own optimum near, though it is worse without the effect at first; from
-        elsewhere it may never be found. Then relatives are fitted once more where that helps.
+        A submodel may have its own optimum nearby, although it is worse there at first.
 
         Returns
         -------
         set of Structure
-            Those of which there is a better fit now.
+            Structures that now have a better fit.
         """
         if structure in self._sought:
             return set()
@@ -127,14 +126,14 @@ class Fits:
         return self._settled(before, sorted(better, key=complexity), workers) | better if better else better
 
     def anew(self, structures: Sequence[Structure], patience: int, workers: Executor) -> set[Structure]:
-        """Fit structures from everywhere, from where they have ended and from where a larger one did much better.
+        """Fit structures by multistart, with their own optimum and that of a much better supermodel among the starts.
 
-        From everywhere means other starts in every call.
+        Every call takes other random starts.
 
         Returns
         -------
         set of Structure
-            Those that got much better, by more than digits, which others need not follow.
+            Structures that got clearly better.
         """
         how, self._fields = replace(self._how, patience=patience), self._fields + 1
         known = [self.done[s] for s in structures]
@@ -143,7 +142,7 @@ class Fits:
         return {f.structure for f, new in zip(known, found, strict=True) if self._much_better(f, new)}
 
     def up(self, before: Sequence[Structure], rising: Sequence[Structure], workers: Executor) -> list[Structure]:
-        """Fit structures once more that are worse than new ones that they contain; returns those that got better."""
+        """Refit structures that are worse than a new fit of a submodel; returns those that got better."""
         better = []
         larger = [s for s in before if any(contains(s, t) for t in rising)]
         within = {s: maximal_submodels(s, self.done) for s in larger}
@@ -166,28 +165,28 @@ class Fits:
         return better
 
     def spread(self, better: Collection[Structure], workers: Executor) -> None:
-        """Fit relatives of `better` fits once more where that helps, smaller ones on growing beginnings, too."""
+        """Refit neighbours of `better` fits where that helps, and continue hard-limit optima to submodels."""
         if better:
             everything = tuple(self.done)
             self._settled(everything, sorted(better, key=complexity), workers)
             self.follow(workers)
 
     def follow(self, workers: Executor) -> set[Structure]:
-        """Hand optima with laws of two ports down on growing beginnings, each one once; returns what got better."""
+        """Continue each optimum with a hard limit to its submodels once; returns the structures that got better."""
         better = self._follow(workers)
         return {*better, *self._settled(tuple(self.done), better, workers)}
 
     def leader(self) -> Fitted:
-        """Best fit of a structure that needs all its effects for it."""
+        """Best fit without redundant effects."""
         return min((f for f in self.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
 
     def near(self) -> float:
-        """Cost from which on a structure is far behind the best one."""
+        """Cost above which a structure is far behind the best one."""
         best = self.leader()
         return REFIT.cutoff * (best.cost + self.doubt(best))
 
     def doubt(self, fitted: Fitted) -> float:
-        """Cost that the simulation's own error may leave."""
+        """Cost of the simulation's own error at the level of the search."""
         return float(self.task.error_floor(self.task.problem(fitted.structure).weights, FAST_LEVEL_ACCURACY).sum())
 
     def effort(self) -> int:
@@ -195,20 +194,20 @@ class Fits:
         return sum(spent.samples for spent in self.spent)
 
     def _ahead(self, fitted: Fitted) -> list[Fitted]:
-        """Best fit of those around that do much better with what they have beyond it."""
+        """Best of the smallest supermodels that fit much better, as a list of at most one."""
         around = [self.done[t] for t in minimal_supermodels(fitted.structure, self.done)]
         ahead = [f for f in around if not f.idle and f.cost < REFIT.clear_gain * fitted.cost]
         return sorted(ahead, key=lambda f: f.cost)[:1]
 
     def _much_better(self, known: Fitted, new: Fitted) -> bool:
-        """Keep a further fit if it is better by more than digits; whether it is."""
+        """Keep a further fit if it is clearly better; returns True if it is."""
         if new.cost < REFIT.improved * known.cost:
             return self._taken(known.structure, new)
         self._noted(False, new)
         return False
 
     def _settled(self, before: Sequence[Structure], latest: Sequence[Structure], workers: Executor) -> set[Structure]:
-        """Fit relatives of the `latest` fits once more where that helps; returns those that got better."""
+        """Refit neighbours of the `latest` fits where that helps; returns those that got better."""
         hopeful = [s for s in before if self._should_refit(s, 0.0)]
         better = {*self.up(hopeful, latest, workers), *self._down(workers)}
         for s in sorted(self.done, key=complexity):
@@ -217,7 +216,7 @@ class Fits:
         return better
 
     def _new(self, rising: Sequence[Structure], workers: Executor, progress: Callable[[Fitted], None] | None) -> None:
-        """Fit structures for the first time, with the hubs that they need."""
+        """Fit structures for the first time, with the anchors that they need."""
         known = [*self.done, *rising]
         near = {s: [h for h in self._first if mass_chain_of(h) == mass_chain_of(s)] for s in rising}
         hubs = [h for h in self._first if h not in self.hubs and any(h in n for n in near.values())]
@@ -225,7 +224,7 @@ class Fits:
         around = {s: minimal_supermodels(s, self.done) for s in rising}
 
         def needs(item: _Item) -> list[_Item]:
-            """Hubs of its ladder, and what it contains."""
+            """Anchors with as many masses, and submodels."""
             hub, s = item
             wanted = [] if hub else [(True, h) for h in near[s]] + [(False, t) for t in within[s]]
             return [w for w in wanted if w in position]
@@ -253,10 +252,10 @@ class Fits:
         in_dependency_order(workers, items, needs, call, take)
 
     def _down(self, workers: Executor) -> list[Structure]:
-        """Hand optima down to smaller structures, the largest first; returns those that got better.
+        """Refit submodels from the optima of their supermodels, the largest first; returns those that got better.
 
-        Without laws of two ports a descent is cheap, and made even if it begins badly, where the larger one comes near
-        the best: what is taken away may have left its share to others, as a lag does to a dead time.
+        Without a hard limit a descent is cheap. It is made even from a bad start if the supermodel comes near the best
+        fit, because other effects may take the removed one's part, as a dead time does of a lag.
         """
         near = self.near() if self.done else np.inf
 
@@ -272,9 +271,9 @@ class Fits:
         return self._falling(list(self.done), call, workers)
 
     def _follow(self, workers: Executor) -> list[Structure]:
-        """Hand optima with laws of two ports down on growing beginnings, the largest first; returns what got better.
+        """Continue optima with a hard limit to submodels, the largest first; returns those that got better.
 
-        Only those that come near the best one: what is far behind with an effect does not win without it.
+        Supermodels far behind the best fit are left out: their submodels are no better.
         """
         near = self.near()
 
@@ -296,7 +295,7 @@ class Fits:
         call: Callable[[Structure, Sequence[Structure]], tuple[Any, ...] | None],
         workers: Executor,
     ) -> list[Structure]:
-        """Make the calls of structures, given the smallest ones around each, the largest first; returns the better."""
+        """Make calls of structures with their smallest supermodels, largest first; returns those that got better."""
         better = []
         around = {s: minimal_supermodels(s, self.done) for s in sorted(structures, key=complexity, reverse=True)}
 
@@ -308,14 +307,14 @@ class Fits:
         return better
 
     def _fresh(self, s: Structure, relatives: Sequence[Structure]) -> list[Structure]:
-        """Those whose present optimum has not been offered to `s` yet."""
+        """Neighbours whose present optimum has not been offered to `s` yet."""
         offers = {t: (s, t, self.done[t].cost) for t in relatives}
         fresh = [t for t, offer in offers.items() if offer not in self._offered]
         self._offered.update(offers.values())
         return fresh
 
     def _handed(self, s: Structure, fitted: Fitted | None, spent: SimulationCount) -> bool:
-        """Keep what was found at a larger structure's optimum if it is better; whether it is."""
+        """Keep a refit from a supermodel if it is better; returns True if it is."""
         if fitted is None:
             self.spent.append(spent)
             return False
@@ -326,7 +325,7 @@ class Fits:
         self.spent.append(fitted.spent)
 
     def _taken(self, s: Structure, fitted: Fitted) -> bool:
-        """Keep a further fit if it is better than the one there is; whether it is."""
+        """Keep a further fit if it is better; returns True if it is."""
         self._noted(False, fitted)
         if not fitted.cost < self.done[s].cost:
             return False
@@ -335,10 +334,10 @@ class Fits:
 
 
 def _hubs(structures: Sequence[Structure]) -> list[Structure]:
-    """For every ladder the structures that find what simpler ones cannot.
+    """Two anchors for every number of masses, which find optima that simpler structures cannot.
 
-    One has the most laws of one port at most, and nothing else if possible: resonances show with the friction that
-    hides them. The other has all effects but laws of two ports: resonances show with what delays the torque.
+    One has the most friction, and nothing else if possible: resonances show beside the friction that hides them. The
+    other has all effects without a hard limit: resonances show beside the effects that delay the torque.
     """
 
     def laws(structure: Structure) -> list[int]:

@@ -1,4 +1,4 @@
-"""Refits of single structures at the level that counts, each begun from all that is known of its relatives."""
+"""Refits of single structures at level ``accurate``, each from the optima of all neighbouring structures."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _refit(
     wanted: Sequence[Mapping[str, float]],
     seed: Sequence[int],
 ) -> Optimum:
-    """Descend from what relatives have found, `wanted`, best first."""
+    """Descend from the optima of neighbours, `wanted`, best first."""
     problem, space = task.problem_and_space(structure)
     begins = _starts(task, structure, wanted, seed)
     ends = fit_many(
@@ -42,7 +42,7 @@ def _refit(
 def _starts(
     task: IdentificationTask, structure: Structure, wanted: Sequence[Mapping[str, float]], seed: Sequence[int]
 ) -> Array:
-    """Best starts from the values `wanted`, what they lack drawn, shape (P, S), SI."""
+    """Best starts from the values `wanted`, missing ones sampled, shape (P, S), SI."""
     problem, space = task.problem_and_space(structure)
     drawn = space.sample(REFIT.random_starts, np.random.default_rng(list(seed)))
     drawn = np.concatenate([space.start[:, None], drawn], axis=1)
@@ -61,18 +61,16 @@ def _starts(
 def _refit_from(
     task: IdentificationTask, structure: Structure, larger: Sequence[Mapping[str, float]], rival: float
 ) -> Optimum:
-    """Descend from the best of some values of larger structures; to the end if it may lead below the cost `rival`."""
+    """Descend from the best values of supermodels; to convergence if that may lead below the cost `rival`."""
     end = _descent_from_best(task, structure, larger, rival)
-    off = float(
-        task.error_floor(task.problem(structure).weights, FAST_LEVEL_ACCURACY).sum()
-    )  # what this level may be off by
+    off = float(task.error_floor(task.problem(structure).weights, FAST_LEVEL_ACCURACY).sum())
     return last_descent(task, structure, end.values) if end.cost < REFIT.polish_below * rival + off else end
 
 
 def _refit_from_everywhere(
     task: IdentificationTask, structure: Structure, seed: int, known: Sequence[Fitted]
 ) -> Optimum:
-    """Search anew, from `known` optima and everywhere else, and descend to the end from what is found."""
+    """Fit by multistart with `known` optima among the starts, and polish the result."""
     found = from_everywhere(task, structure, Options(), seed, known)
     return last_descent(
         task, structure, np.array([found.values[n] for n in task.problem_and_space(structure)[1].names])
@@ -84,8 +82,8 @@ def _refit_held(
 ) -> Optimum:
     """Descend from `values` with some held and others moved, as long as that may lead to the cost `rival`.
 
-    And from what makes up for those held. Where gaps make all rugged, from there no descent comes to an optimum that
-    moves with the size: it is walked to in steps, too.
+    Starts in which another effect compensates for a held one are tried, too. With a hard limit the cost is rugged, and
+    the optimum moves with the size. So the size is also approached in steps (continuation).
     """
     begin = {**values, **moved, **held}
     fixed = replace(task, fixed={**task.fixed, **held})
@@ -106,7 +104,7 @@ def _walk(
     steps: int,
     rival: float,
 ) -> Optimum:
-    """Let what is held grow step by step; each descent begins where the one before has ended."""
+    """Approach the held values step by step; each descent starts at the optimum of the one before."""
     growing, now = growing_from_zero(structure), dict(values)
     for k in range(1, steps + 1):
         now |= {name: now[name] + (value - values[name]) / steps for name, value in moved.items()}
@@ -133,13 +131,13 @@ def _descent_from_best(
 
 
 def last_descent(task: IdentificationTask, structure: Structure, begin: Array) -> Optimum:
-    """Last descent of `structure` from `begin`, shape (P,), SI, at the level ``accurate``."""
+    """Descend from `begin`, shape (P,), SI, to convergence at level ``accurate``."""
     problem, space = task.problem_and_space(structure)
     return polish(problem, space, replace(task.settings, level="accurate"), begin, tolerance=REFIT.polish_tolerance)
 
 
 def _judged(task: IdentificationTask, structure: Structure, end: Optimum) -> Judged:
-    """All that is compared of a structure; residual and Jacobian are too large to be sent or kept."""
+    """Refined fit with residual and Jacobian, which are too large to be sent or stored."""
     problem, space = task.problem_and_space(structure)
     settings = replace(task.settings, level="accurate")
     residual, jacobian = evaluate(problem, space, settings, space.to_scaled(end.values))
@@ -151,23 +149,23 @@ def _judged(task: IdentificationTask, structure: Structure, end: Optimum) -> Jud
 
 @dataclass
 class Bench:
-    """Keeps what has been refitted.
+    """Refined fits of structures, made when they are asked for.
 
     Attributes
     ----------
     task : IdentificationTask
-        Its level is that of the search.
+        Task at the level of the search.
     fitted : mapping of Structure to Fitted
     executor : concurrent.futures.Executor
         Makes the refits.
     seed : int
     judged : dict of Structure to Judged
     tried : set of (Structure, Structure, float)
-        What was refitted from which larger structure, with the cost of that.
+        Refits from a supermodel: structure, supermodel and the cost of that.
     sought : dict of Structure to int
-        What was refitted from everywhere, and in how many fields of starts.
+        Multistarts of each structure.
     vain : int
-        Such fields since one has helped.
+        Multistarts since the last that has helped.
     """
 
     task: IdentificationTask
@@ -185,7 +183,7 @@ class Bench:
         return judged
 
     def judge_all(self, structures: Sequence[Structure]) -> list[Judged]:
-        """Refit `structures` side by side: none begins from what another one of them finds."""
+        """Refit `structures` in parallel: none starts at the result of another one of them."""
         asked = []
         for s in structures:
             if s not in self.judged:
@@ -196,7 +194,7 @@ class Bench:
         return [self.judged[s] for s in structures]
 
     def improve(self, structure: Structure) -> bool:
-        """Refit from larger structures that have meanwhile come to fit better; whether that has helped."""
+        """Refit from supermodels that meanwhile fit better; returns True if that has helped."""
         own, space = self.judged[structure], self.task.space(structure, initial=True)
         better = [
             j
@@ -219,10 +217,7 @@ class Bench:
         return True
 
     def seek(self, structure: Structure, fields: int) -> bool:
-        """Refit from everywhere in `fields` fields of starts that neither the search nor a call before had.
-
-        Returns whether it has helped.
-        """
+        """Refit by `fields` multistarts, with starts that no earlier one had; returns True if that has helped."""
         own, known, had = self.judged[structure], [self.fitted[structure]], self.sought.get(structure, 0)
         self.sought[structure] = had + fields
         self.vain += fields
@@ -238,16 +233,16 @@ class Bench:
     def held(
         self, structure: Structure, values: Values, moved: Values, held: Values, rival: float
     ) -> Callable[[], Judged]:
-        """Refit from `values` with some held and others moved; what comes back waits for it, and nothing is kept.
+        """Refit from `values` with some held and others moved; returns a function that waits for the fit.
 
-        Nothing is asked but whether the cost comes near `rival`.
+        The fit is made only as exact as needed to compare its cost with `rival`, and it is not stored.
         """
         end = self.executor.submit(_refit_held, self.task, structure, values, moved, held, rival)
         task = replace(self.task, fixed={**self.task.fixed, **held})
         return lambda: _judged(task, structure, end.result())
 
     def cost(self, structure: Structure) -> float:
-        """Least cost known of `structure`: its own, or that of a refitted one that it contains."""
+        """Least known cost of `structure`: its own, or that of a refined submodel."""
         own = self.judged[structure].cost if structure in self.judged else self.fitted[structure].cost
         return min([own, *(j.cost for s, j in self.judged.items() if contains(structure, s))])
 
@@ -257,7 +252,7 @@ class Bench:
         return information(judged.descent.jacobian.T @ judged.descent.jacobian, pace)
 
     def _wanted(self, structure: Structure) -> list[Mapping[str, float]]:
-        """Values of the structure's own fit and of its best relatives."""
+        """Values of the structure's own fit and of its best neighbours."""
         own: list[Mapping[str, float]] = [self.fitted[structure].values] if structure in self.fitted else []
         kin: list[tuple[float, Mapping[str, float]]] = []
         for s, j in self.judged.items():

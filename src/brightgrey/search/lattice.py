@@ -1,4 +1,4 @@
-"""Which structure is contained in which: fewer effects, or fewer masses."""
+"""Lattice of structures: one contains another that has fewer effects or fewer masses."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def mass_chain_of(structure: Structure) -> Placed:
 
 
 def contains(big: Structure, small: Structure) -> bool:
-    """Whether `small` is `big` without some effects or masses; masses count cumulatively. Equal ones do, too."""
+    """Return True if `small` is `big` without some effects or masses, or equals it; masses count cumulatively."""
     return small.masses <= big.masses and small.beside <= big.beside
 
 
@@ -65,7 +65,7 @@ def minimal_supermodels(structure: Structure, among: Iterable[Structure]) -> lis
 
 
 def minimal_elements(structures: Collection[Structure]) -> list[Structure]:
-    """Those that contain none of the others, in the order given."""
+    """Structures that contain none of the others, in the order given."""
     return [s for s in structures if not any(t != s and contains(s, t) for t in structures)]
 
 

@@ -1,4 +1,4 @@
-"""Minimal structures: nothing can be removed and nothing has to be added, neither without a significant loss."""
+"""Minimal structures: nothing can be removed and nothing has to be added without a significant loss."""
 
 from __future__ import annotations
 
@@ -21,15 +21,13 @@ Rivals = dict[Structure, dict[Structure, int]]
 
 
 def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], None] | None) -> list[Judged]:
-    """Adequate structures that contain no other adequate one: hopeful ones first, until none is left to be examined.
+    """Adequate structures that contain no other adequate one, fewest masses first, then by BIC.
 
-    They fit equally well, so that the fewest masses come first, and of these the best criterion.
-
-    A refit may show that what was accepted is not adequate, or what was rejected is: all is asked again then, and what
-    contains a structure that was driven out is looked at.
+    Candidates are examined in the order of their promise until none is left. A refit may show that an accepted
+    structure is not adequate, or that a rejected one is. Then all are tested again.
     """
     bench = yardstick.bench
-    looked: list[Structure] = []  # at, be it as a smaller one of those accepted
+    looked: list[Structure] = []  # examined, or submodels of accepted ones
     rivals: Rivals = {}
     examined = 0
     while True:
@@ -58,25 +56,25 @@ def minimal_structures(yardstick: Yardstick, progress: Callable[[Structure], Non
 def _accepted(
     yardstick: Yardstick, accepted: Sequence[Structure], structure: Structure, rivals: Rivals
 ) -> list[Structure]:
-    """Those accepted and, if it is adequate and none of them fits better, the structure; without what it beats."""
+    """Accepted structures with the new one, if it is adequate and none rejects it, without those that it rejects."""
     if _beaten(yardstick, structure, accepted) or not _adequate(yardstick, structure, rivals):
         return list(accepted)
     return [*(s for s in accepted if not _beaten(yardstick, s, [structure])), structure]
 
 
 def _beaten(yardstick: Yardstick, structure: Structure, others: Iterable[Structure]) -> bool:
-    """Whether one of the others fits significantly better, though it need not contain the structure.
+    """Return True if one of the others fits significantly better, though it need not contain the structure.
 
-    By more than chance would give the best of all known ones if they did: for others no distribution is known.
+    No distribution is known for models that are not nested. So the level is that of the best of all known structures.
     """
     own, tests = yardstick.bench.judge(structure), len(yardstick.known)
     return any(yardstick.better(yardstick.bench.judge(s), own, tests) for s in others)
 
 
 def _without_loss(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> list[Structure]:
-    """Adequate structures that lack one effect, or one mass, of an adequate one; they are refitted from there.
+    """Adequate structures among the submodels that lack one effect or one mass; they are refitted from the structure.
 
-    Of one that could do without what it lacks, but not without another effect, the one that has that.
+    If a submodel is rejected because it lacks another effect, the structure with that effect takes its place.
     """
     found, bench = [], yardstick.bench
     smaller = one_smaller(structure, yardstick.known)
@@ -89,7 +87,7 @@ def _without_loss(yardstick: Yardstick, structure: Structure, rivals: Rivals) ->
 
 
 def _adequate_beside(yardstick: Yardstick, small: Structure, big: Structure, rivals: Rivals) -> list[Structure]:
-    """`small` if it is adequate; else what it is beaten by, and that is adequate and does not contain `big`, if any."""
+    """`small` if it is adequate; else an adequate structure that rejects it and does not contain `big`, if any."""
     while True:
         beaten = False
         for s in _better_than(yardstick, small, rivals):
@@ -102,12 +100,11 @@ def _adequate_beside(yardstick: Yardstick, small: Structure, big: Structure, riv
 
 
 def _loses(yardstick: Yardstick, small: Structure, big: Structure) -> bool:
-    """Whether a structure fits significantly worse than one that has an effect, or a mass, more.
+    """Return True if `small` fits significantly worse than `big`, which has one effect or mass more.
 
-    Its optimum may be elsewhere, as with a light mass between two others: before what it lacks is called for, that is
-    sought from everywhere.
+    `small` may have missed its optimum, as with a light mass between two others. So it is first fitted by multistart.
     """
-    bench, tests = yardstick.bench, len(one_larger(small, yardstick.known))  # a short cut: more are compared later
+    bench, tests = yardstick.bench, len(one_larger(small, yardstick.known))  # a first test: more are compared later
     while yardstick.better(bench.judge(big), bench.judge(small), tests):
         fields = _fields(yardstick, small, big) - bench.sought.get(small, 0)
         if fields <= 0 or bench.vain >= BUDGET.max_fruitless_restarts:
@@ -117,7 +114,7 @@ def _loses(yardstick: Yardstick, small: Structure, big: Structure) -> bool:
 
 
 def _fields(yardstick: Yardstick, small: Structure, big: Structure) -> int:
-    """From how many fields of starts an optimum is sought; if much is between the two, only for masses without gaps."""
+    """Multistarts of `small` before `big` may reject it: many for a small difference, few or none for a large one."""
     left, least = (yardstick.left(yardstick.bench.judge(s)) for s in (small, big))
     if left <= BUDGET.small_difference * least:
         return BUDGET.restarts_costly if small.has_hard_limit else BUDGET.restarts
@@ -125,10 +122,9 @@ def _fields(yardstick: Yardstick, small: Structure, big: Structure) -> int:
 
 
 def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collection[Structure]) -> Structure | None:
-    """Structure that may be adequate by all that is known now and contains none of those accepted.
+    """Candidate that may be adequate and contains no accepted structure: the one with the least BIC.
 
-    Of several the one with the least Bayesian information criterion, by the number of independent samples. The level of
-    the search may be off by all that some leave: a refit decides.
+    BIC counts independent samples. A cost within the error of the search's level says nothing: a refit decides.
     """
     n = yardstick.independent
     rough = yardstick.doubt * (FAST_LEVEL_ACCURACY / TRUSTED_ACCURACY) ** 2
@@ -158,15 +154,15 @@ def _next(yardstick: Yardstick, accepted: Sequence[Structure], looked: Collectio
 
 
 def _adequate(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> bool:
-    """Whether nothing that contains the structure fits significantly better."""
+    """Return True if no supermodel fits significantly better."""
     return next(_better_than(yardstick, structure, rivals), None) is None
 
 
 def _better_than(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> Iterator[Structure]:
-    """What contains the structure and fits significantly better, the best first, refitted as it is asked for.
+    """Yield supermodels that fit significantly better, the best first; they are refitted when they are needed.
 
-    Whom it was compared with stays the same when it is asked again: that takes no further refits. What else has been
-    refitted meanwhile counts, too.
+    The supermodels that are compared stay the same from call to call, so that no further refits are made. The best of
+    those that were refitted meanwhile is added.
     """
     if structure not in rivals:
         rivals[structure] = _compared(yardstick, structure)
@@ -183,7 +179,7 @@ def _better_than(yardstick: Yardstick, structure: Structure, rivals: Rivals) -> 
 
 
 def _compared(yardstick: Yardstick, structure: Structure) -> dict[Structure, int]:
-    """What contains the structure and is compared with it, and among how many others each counts for its chance."""
+    """Supermodels that are compared with the structure, each with the number of tests that its level is divided by."""
     more = one_larger(structure, yardstick.known)
     larger = [s for s in yardstick.known if s != structure and contains(s, structure)]
     if not larger:
@@ -193,10 +189,10 @@ def _compared(yardstick: Yardstick, structure: Structure) -> dict[Structure, int
 
 
 def _chances(yardstick: Yardstick, structure: Structure) -> int:
-    """Among how many tests that counts with what contains the structure and is the best of all beyond one effect more.
+    """Bonferroni factor for comparing a structure with the best of all supermodels that are more than one step larger.
 
-    It has the share of the chance of any of them. The largest alone needs no such division if its ratio is distributed
-    as Wilks says; with resonances and gaps, which have a place of their own, more comes by chance.
+    By Wilks's theorem the largest supermodel alone would need no correction. But resonances and gaps have a place of
+    their own, so that chance brings more.
     """
     more = len(one_larger(structure, yardstick.known))
     larger = sum(s != structure and contains(s, structure) for s in yardstick.known)

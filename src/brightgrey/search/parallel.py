@@ -1,8 +1,8 @@
-"""How a search hands out its work: pure functions of arguments that can be sent anywhere, results in order.
+"""Parallel calls of pure functions, with results in order.
 
-Any :class:`concurrent.futures.Executor` does: threads, processes, a cluster, or one that remembers what has been done.
-What is submitted is a function of a module (or a frozen object that can be called) with all that its result depends on,
-so that it does not matter where and how often it is called.
+Any :class:`concurrent.futures.Executor` makes the calls: threads, processes, a cluster, or one that memoises. A call is
+a function of a module, or a frozen object, with all arguments that its result depends on. So it does not matter where
+and how often it is made.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ Returned = TypeVar("Returned")
 
 
 class Stopped(Exception):  # noqa: N818 - no error: the user or a budget has ended a search before its time
-    """Raised instead of a result by an executor that has been told to stop."""
+    """Raised instead of a result by an executor that has been stopped."""
 
 
 def in_order(
     executor: Executor, function: Callable[..., Returned], calls: Iterable[tuple[Any, ...]]
 ) -> Iterator[Returned]:
-    """Results of ``function(*call)`` for all calls, in their order; what waits is cancelled if the caller leaves."""
+    """Yield results of ``function(*call)`` in the order of `calls`; waiting calls are cancelled if the caller stops."""
     futures = [executor.submit(function, *call) for call in calls]
     try:
         for future in futures:
@@ -42,7 +42,7 @@ def in_dependency_order(
     call: Callable[[Item], tuple[Any, ...] | None],
     take: Callable[[Item, Any], None],
 ) -> None:
-    """Hand out calls that need each other's results, always in the same order, without waiting for what none needs.
+    """Make calls that depend on each other's results, always in the same order, and wait only where a result is needed.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ def in_dependency_order(
     items : sequence
         In the order of the calls.
     needs : callable
-        Earlier items that have to be taken before an item's call can be made.
+        Earlier items whose results have to be taken before the call of an item.
     call : callable
-        Function and arguments of an item, None if there is nothing to do.
+        Function and arguments of an item, or None if there is nothing to call.
     take : callable
         Called with every item and its result, in the order of the items.
     """
@@ -77,7 +77,7 @@ def in_dependency_order(
 
 @contextmanager
 def thread_pool(executor: Executor | None, workers: int = 1) -> Iterator[Executor]:
-    """Give `executor`, or threads of our own."""
+    """Yield `executor`, or a pool of threads that ends with the context."""
     if executor is not None:
         yield executor
         return

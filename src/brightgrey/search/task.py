@@ -1,4 +1,4 @@
-"""Recordings with ranges of all parameters: whatever structure a search comes up with can be identified on them."""
+"""Task of a search: recordings, and ranges of the parameters of all structures."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from brightgrey.simulation import Settings
 __all__ = ["FAST_LEVEL_ACCURACY", "TRUSTED_ACCURACY", "IdentificationTask"]
 
 TRUSTED_ACCURACY = 1e-4
-"""Of an output's standard deviation: what neither simulation nor sensor is trusted in."""
+"""Trusted accuracy of simulation and sensor, as part of an output's standard deviation."""
 FAST_LEVEL_ACCURACY = 3e-4
-"""The same at level ``fast``, that of searches; it is worse than that in few of a hundred drives."""
+"""Accuracy of the simulation at level ``fast``, that of searches; few of a hundred drives are worse."""
 
 
 @dataclass(frozen=True)
 class IdentificationTask:
-    """What is the same for all structures of a search.
+    """Recordings, scales and limits that all structures of a search share.
 
     Attributes
     ----------
     recordings : tuple of Recording
         Of one drive, with the same outputs.
     scales : Scales
-        Of the recordings; ranges that `bounds` does not name come from them.
+        Scales of the recordings; they give the ranges that `bounds` does not name.
     settings : Settings
         Of the simulation.
     bounds : mapping of str to (low, high)
@@ -118,12 +118,12 @@ class IdentificationTask:
         return low + share * (high - low)
 
     def weights(self, structure: Structure) -> Array:
-        """Weights of the outputs' residuals in a misfit, shape (outputs,): 1 over their noise if there are several."""
+        """Weights of the outputs' residuals in a misfit, shape (outputs,): 1 over the noise if there are several."""
         several = len(self.recordings[0].outputs) > 1
         return self.problem(structure).weights if several else np.ones(1)
 
     def error_floor(self, weights: Array, share: float) -> Array:
-        """Weighted sum of squares that errors of `share` of its standard deviation leave in each output.
+        """Weighted sum of squares of errors whose RMS is `share` of the output's standard deviation.
 
         Shapes (outputs,) of the weights and (recordings, outputs) of the result.
         """
@@ -132,7 +132,7 @@ class IdentificationTask:
     def misfits(self, structure: Structure, values: Mapping[str, Array]) -> list[Misfit]:
         """Misfit of each of K parameter sets; `values` holds arrays of shape (K,), SI.
 
-        Unknown parts of initial states that are not among the values count as the first samples say.
+        Unknown parts of initial states that `values` lack are taken from the first samples.
         """
         outputs = len(self.recordings[0].outputs)
         rss: Array = np.zeros((outputs, 1))

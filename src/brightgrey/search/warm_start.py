@@ -1,4 +1,4 @@
-"""What the optimum of one structure says to another."""
+"""Start values for one structure from the optimum of another."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from brightgrey.search.lattice import mass_chain_of
 __all__ = ["exchanged", "growing_from_zero", "handed_down", "information"]
 
 Values = Mapping[str, float]
-_SEEN = 1e-6  # of the largest: derivatives are good to a thousandth, and what lies below its square is their error
+_SEEN = 1e-6  # of the largest eigenvalue: the square of the derivatives' relative error
 
 
 def information(curvature: Array, pace: Array) -> Array:
-    """J' J by SI values, shape (P, P), from that by the searched scale: `pace` is the change of values in it."""
+    """J' J by SI values, shape (P, P), from that by scaled values; `pace` is the derivative of values by scaled ones."""
     scale = np.outer(pace, pace)
     return np.divide(curvature, scale, out=np.zeros_like(curvature), where=scale > 0.0)
 
@@ -26,9 +26,10 @@ def information(curvature: Array, pace: Array) -> Array:
 def handed_down(
     values: Values, known: Array | None, larger: Structure, structure: Structure, space: ParameterSpace
 ) -> list[Values]:
-    """Values of a larger structure for a smaller one.
+    """Project the optimum of a larger structure onto a smaller one.
 
-    What is not in it is left out; or its masses are joined if they are more; or other effects make up for it.
+    Parameters that the smaller one lacks are left out. Further candidates join the masses, if there are fewer, and let
+    the remaining effects compensate for those that are removed.
 
     Parameters
     ----------
@@ -53,12 +54,11 @@ def handed_down(
 
 
 def _made_up(values: Values, known: Array, larger: Structure, space: ParameterSpace) -> Values:
-    """Sizes of effects beside the masses that make up for those left out, as far as small changes tell.
+    """Sizes of the remaining effects that compensate for those removed: an Optimal Brain Surgeon step.
 
-    Coulomb friction may have grown with the gravity that it cancels as long as the motion does not turn, or a lag have
-    taken its part of the dead time: descents from what is left would go elsewhere. The surgeon's step (Hassibi and
-    Stork 1993, eq. 5) within the ranges, with masses, springs and gaps held: they are not in doubt, and bent by it to
-    no good.
+    Coulomb friction may have grown with the gravity that it cancels while the motion does not reverse, and a lag takes
+    its part of the dead time. Without this step a descent would lead elsewhere. It is the step of Hassibi and Stork
+    (1993, eq. 5) within the ranges. Masses, springs and gaps are held: the step is not valid so far from the optimum.
     """
     row = {name: i for i, name in enumerate(list(values)[: len(known)])}
     sizes = [name for name in _sizes(larger) if name in row and known[row[name], row[name]] > 0.0]
@@ -78,7 +78,7 @@ def _made_up(values: Values, known: Array, larger: Structure, space: ParameterSp
 
 
 def _lowest(H: Array, push: Array, low: Array, high: Array) -> Array:
-    """Where ``x' H x / 2 - push' x`` is least between `low` and `high`, shape (P,)."""
+    """Minimum of ``x' H x / 2 - push' x`` between `low` and `high`, shape (P,)."""
     turning, V = np.linalg.eigh(H)
     followed = turning > _SEEN * turning[-1]
     root = np.sqrt(turning[followed])
@@ -90,10 +90,10 @@ def _lowest(H: Array, push: Array, low: Array, high: Array) -> Array:
 
 
 def exchanged(values: Values, structure: Structure, held: Collection[str]) -> list[Values]:
-    """`values`, SI, with one other size each grown or shrunk by as much as is held of the same unit.
+    """Start values, SI, in which one other effect of the same unit compensates for each fixed size.
 
-    Coulomb friction cancels gravity exactly while the motion does not turn, and a lag is nearly a dead time. Where a
-    gap rattles, no derivative tells that: it holds for changes of a ten-thousandth only.
+    Coulomb friction cancels gravity exactly while the motion does not reverse, and a lag is nearly a dead time. With a
+    rattling gap, derivatives do not show that, since they hold for changes of a ten-thousandth only.
     """
     unit = {p.parameter(q.symbol): q.dimension for p in structure.placed for q in p.effect.parameters}
     sizes = _sizes(structure)
@@ -114,5 +114,5 @@ def _sizes(structure: Structure) -> list[str]:
 
 
 def growing_from_zero(structure: Structure) -> set[str]:
-    """Parameters that are zero where their effect is not there: its size, or all of the last mass and its shaft."""
+    """Parameters that are zero while their effect is absent: its size, or those of the last mass and its shaft."""
     return {p.parameter(q.symbol) for p in structure.placed for q in p.effect.parameters if q.size or p.effect.masses}
