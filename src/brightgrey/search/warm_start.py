@@ -18,7 +18,7 @@ _SEEN = 1e-6  # of the largest eigenvalue: the square of the derivatives' relati
 
 
 def information(curvature: Array, pace: Array) -> Array:
-    """J' J by SI values, shape (P, P), from that by scaled values; `pace` is the derivative of values by scaled ones."""
+    """J' J by SI values, shape (P, P), from that by scaled values; `pace` is the derivative of SI by scaled values."""
     scale = np.outer(pace, pace)
     return np.divide(curvature, scale, out=np.zeros_like(curvature), where=scale > 0.0)
 
