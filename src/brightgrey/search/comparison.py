@@ -57,7 +57,7 @@ def significance(small: float, big: float, samples: int) -> float:
 
 
 def threshold(parameters: int, level: float) -> float:
-    """What twice the log-likelihood ratio exceeds by chance with probability `level` (Wilks)."""
+    """Critical value of twice the log-likelihood ratio at `level`, by Wilks's theorem."""
     return float(chi2.isf(level, max(parameters, 1)))
 
 

@@ -1,4 +1,4 @@
-"""What structures are compared by in a search, and how chances of having offspring follow from it."""
+"""Criteria by which a search compares structures, and the chances of having offspring that follow from them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TINY = 1e-300  # keeps the logarithm of a perfect fit finite
 
 @dataclass(frozen=True)
 class Misfit:
-    """What is left of the outputs after an identification.
+    """Misfit of the outputs after an identification.
 
     Attributes
     ----------

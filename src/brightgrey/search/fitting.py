@@ -36,7 +36,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Options:
-    """How thoroughly each structure is searched.
+    """Effort of the fit of one structure.
 
     Attributes
     ----------
@@ -196,7 +196,7 @@ def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
 
 
 def is_narrow(space: ParameterSpace) -> bool:
-    """Whether all ranges of positive parameters are within a decade, as those that a user gives."""
+    """Return True if all ranges of positive parameters are within a decade, as a user gives them."""
     return bool(space.log.any() and np.all(space.high[space.log] <= REFIT.narrow_range * space.low[space.log]))
 
 

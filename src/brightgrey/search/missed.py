@@ -1,11 +1,9 @@
-"""What descents from relatives' optima have missed: sought from everywhere where something is left to be explained.
+"""Restarts: optima that descents from neighbours have missed are looked for by multistart.
 
-A gap that is passed often makes another motion, nowhere near the optima without it. Without a gap, too, a structure
-may have ended elsewhere because those around it had, where it began; from everywhere it is often found at once.
-Where the best residual is neither white in the end nor as small as what simulation and sensor are trusted in, the
-leading structures without gaps are searched first, since that costs little. Then gaps are sought with all other effects
-beside them and few masses first, then in the structures that lead, again and again until that has been in vain for more
-than half of all effort before.
+A structure may have missed its optimum because all its neighbours had. If the best residual is neither white nor within
+the trusted accuracy, the leading structures without a hard limit are restarted first, since that costs little. Then the
+largest structures with a hard limit are, fewest masses first, and then the leading ones, until it has cost more than
+half of all effort before without a gain.
 """
 
 from __future__ import annotations
@@ -113,10 +111,9 @@ def _anew(fits: Fits, leaders: Sequence[Structure], workers: Executor, seeking: 
 
 
 def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
-    """Structures that lead among those with as many masses, or come at the `place` after; with `gaps` or without.
+    """Leading structures for each number of masses, or those `place` ranks below; with a hard limit if `gaps`.
 
-    They have no more effects than they need, which makes the search from everywhere easier. None is far behind, but
-    after those what lacks one effect of the first comes all the same: it may have ended elsewhere.
+    Structures with redundant effects and those far behind come last, if they lack one effect of the leader.
     """
     near, doubt = fits.near(), fits.doubt(fits.leader())
     n = sum(r.y.size for r in fits.task.recordings)
@@ -134,7 +131,7 @@ def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
 
 
 def _tells(fits: Fits, top: Structure) -> bool:
-    """Whether laws of two ports take off a good part of what is left without them, with as many masses."""
+    """Return True if a hard limit takes off a good part of the cost, with as many masses."""
     without = (f.cost for s, f in fits.done.items() if mass_chain_of(s) == mass_chain_of(top) and not s.has_hard_limit)
     return fits.done[top].cost < REFIT.clear_gain * min(without, default=np.inf)
 
@@ -146,7 +143,7 @@ def _without_gaps(fits: Fits, top: Structure) -> list[Structure]:
 
 
 def _explained(fits: Fits) -> bool:
-    """Whether the residual of the best fit is white, or no larger than what sensor and this simulation are off by."""
+    """Return True if the residual of the best fit is white, or within the trusted accuracy and the simulation error."""
     best, task = fits.leader(), fits.task
     problem = task.problem(best.structure)
     values = {name: np.array([value]) for name, value in best.values.items()}

@@ -1,6 +1,6 @@
-"""What fits are compared by: refits in white noise's terms, and what would have shown in them.
+"""Comparison of nested structures by refined fits in whitened residuals, and the power to detect an effect.
 
-A difference counts that is more than chance, and more than simulation and sensor are trusted in.
+A difference counts if it is more than chance, and more than the trusted accuracy of simulation and sensor.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Obstacle:
 
 @dataclass
 class Yardstick:
-    """Refits and the yardstick that they are compared by."""
+    """Tests of nested structures by their refined fits, with one whitening filter for all."""
 
     bench: Bench
     whitening: Whitening
@@ -50,7 +50,7 @@ class Yardstick:
     def of(
         cls, task: IdentificationTask, fitted: Mapping[Structure, Fitted], executor: Executor, seed: int
     ) -> Yardstick:
-        """Yardstick from the noise of the structure that fits best."""
+        """Comparison with the noise model of the structure that fits best."""
         bench = Bench(task, fitted, executor, seed)
         best = min(fitted.values(), key=lambda f: (f.cost, f.free))
         reference = bench.judge(best.structure)
@@ -72,7 +72,7 @@ class Yardstick:
         return sum(max(float(p @ p), n * d) for p, n, d in zip(pieces, w.lengths, w.error_floor, strict=True))
 
     def trusted(self, judged: Judged) -> bool:
-        """Whether all that is left, of every output, is less than simulation and sensor are trusted in."""
+        """Return True if the residual of every output is within the trusted accuracy."""
         return self.left(judged) <= self.doubt * (1.0 + 1e-12)
 
     def misfit(self, judged: Judged) -> float:
@@ -93,10 +93,10 @@ class Yardstick:
         return self.whitening.effective_samples
 
     def better(self, big: Judged, small: Judged, tests: int) -> bool:
-        """Whether `big` fits significantly and materially better; `tests` structures are compared with `small`.
+        """Return True if `big` fits significantly and materially better; `tests` structures are compared with `small`.
 
-        What swings or hangs loose can follow any drift. Where residuals are slow, a noise model takes their quick part
-        for evidence, and a drift has none: a further mass or gap has to show in the independent samples, too.
+        A further mass or gap can absorb any drift. With slow residuals the whitened test takes their fast part
+        for evidence, which a drift does not have. So a further mass or gap also has to pass the F test.
         """
         if self.left(small) <= SELECTION.min_rss_ratio * self.left(big):
             return False
@@ -105,10 +105,10 @@ class Yardstick:
         return not _has_own_motion(big.structure, small.structure) or self.shows_in_few(big, small)
 
     def shows_in_few(self, big: Judged, small: Judged) -> bool:
-        """Whether `big` fits significantly better by no more samples than are independent.
+        """Reject `small` in favour of `big` by an F test with the effective number of independent samples.
 
-        In what `big` leaves; nor than in what `small` leaves, which is the noise if `small` is right, where `big` fits
-        whatever is slow.
+        The samples are those of the residual of `big`. If its further mass or gap can absorb a drift, the smaller
+        number of the residual of `small` is used: under the null hypothesis that residual is the noise.
         """
         ratio, more = self.left(small) / self.left(big), big.free - small.free
         samples = self.independent_in(big)
@@ -117,17 +117,16 @@ class Yardstick:
         return chance_of(ratio, more, samples - big.free) <= SELECTION.false_alarm_level
 
     def follows_drifts(self, big: Judged, small: Judged) -> bool:
-        """Whether `big` has a mass or gap more that has run to a bound of ours, or swings less than once.
+        """Return True if `big` has a further mass or gap at a bound of the tool, or oscillating less than once.
 
-        Without damping, as a wall, or on a shaft so soft that it does not come back while it is recorded. What `small`
-        has like that as well does not count.
+        Undamped, as a wall, or on a very soft shaft it can follow any drift. Such parameters of `small` do not count.
         """
         if not _has_own_motion(big.structure, small.structure):
             return False
         return bool(self.ran(big) - self.ran(small)) or self.swings(big) < 1.0 <= self.swings(small)
 
     def swings(self, judged: Judged) -> float:
-        """How often the masses swing against each other in the longest recording, undamped, the slowest ones."""
+        """Undamped oscillations of the slowest mode of the masses in the longest recording."""
         task, structure = self.bench.task, judged.structure
         n = structure.masses
         if n < 2:
@@ -164,7 +163,7 @@ class Yardstick:
         return found
 
     def surely(self, big: Judged, small: Judged, tests: int) -> bool:
-        """Whether `big` fits significantly better, be it ever so little."""
+        """Return True if `big` fits significantly better by the likelihood-ratio test, however little."""
         found = significance(self.misfit(small), self.misfit(big), self.whitening.samples)
         level = _level(tests, big.structure.masses > small.structure.masses)
         return found > threshold(big.free - small.free, level)
@@ -220,9 +219,9 @@ class Yardstick:
         return [sizes]
 
     def hidden(self, structure: Structure, effect: str, least: Mapping[str, float]) -> tuple[str, ...] | None:
-        """What hides `effect` of a size beside `structure`: another effect, or none but what the structure has.
+        """Obstacle to detecting `effect` of a size beside `structure`.
 
-        None if it would be found.
+        Returns the other effect that masks it, an empty tuple if its power is too small, or None if it is detectable.
         """
         big, judged = self.with_effect(structure, effect), self.bench.judge(structure)
         if big is None:
@@ -254,7 +253,7 @@ class Yardstick:
         return None
 
     def visible(self, structure: Structure, effect: str, size: float) -> bool:
-        """Whether a change of that squared size, made by `effect`, would be found beside `structure`."""
+        """Return True if a change of that squared size, made by `effect`, would be detected beside `structure`."""
         big = self.with_effect(structure, effect)
         if big is None:
             return False
@@ -277,9 +276,9 @@ class Yardstick:
         return None
 
     def allowed(self, structure: Structure, judged: Judged, steps: Array) -> bool:
-        """Whether small `steps`, shape (P,), leave what is `judged` beyond `structure` within its bounds.
+        """Return True if small `steps`, shape (P,), keep the effects beyond `structure` within their bounds.
 
-        Initial states that both estimate are the structure's own.
+        Initial states that both structures estimate are not tested.
         """
         space = self.bench.task.space(judged.structure, initial=True)
         value = np.array([judged.values[name] for name in space.names])
@@ -289,9 +288,9 @@ class Yardstick:
         return bool(np.all(inside | np.isin(space.names, list(self.bench.judge(structure).values))))
 
     def fits_as_large(self, structure: Structure, effect: str) -> bool:
-        """Whether the fit with `effect` beside `structure` has it at a size that matters and is no worse.
+        """Return True if the fit with `effect` beside `structure` has it at a size that matters and is no worse.
 
-        Only of effects whose size is a single number.
+        Only effects whose size is a single number are tested.
         """
         big = self.with_effect(structure, effect)
         if big is None:
@@ -303,7 +302,7 @@ class Yardstick:
         return abs(free.values[name]) >= abs(value) and not self.worse(free, self.bench.judge(structure))
 
     def worse(self, one: Judged, other: Judged) -> bool:
-        """Whether `one` fits significantly worse than `other`, by one parameter's worth, and leaves what counts."""
+        """Return True if `one` fits significantly worse than `other`, and not within the error floor."""
         if self.trusted(one):
             return False
         return significance(self.misfit(one), self.misfit(other), self.whitening.samples) > threshold(
@@ -333,7 +332,7 @@ class Yardstick:
         return float(1.0 - np.sqrt(min(self.left(self.bench.judge(more)) / here, 1.0)))
 
     def tells(self, structure: Structure, effect: str) -> bool:
-        """Whether `effect` explains more beside `structure` than chance does, be it ever so little."""
+        """Return True if `effect` explains more beside `structure` than chance does, however little."""
         more = self.with_effect(structure, effect)
         tests = len(one_larger(structure, self.known))
         return more is not None and self.surely(self.bench.judge(more), self.bench.judge(structure), tests)
@@ -348,7 +347,7 @@ class Yardstick:
 
 
 def _has_own_motion(big: Structure, small: Structure) -> bool:
-    """Whether `big` has more masses than `small`, or a gap that `small` does not have."""
+    """Return True if `big` has more masses than `small`, or a hard limit that `small` lacks."""
     return big.masses > small.masses or (big.has_hard_limit and not small.has_hard_limit)
 
 

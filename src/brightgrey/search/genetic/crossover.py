@@ -37,7 +37,7 @@ def recombine_at(first: Node, cut: int, branch: Node, rules: Rules, draw: Draw, 
 
 
 def _legal(branch: Node, present: tuple[Placed, ...], rules: Rules) -> tuple[tuple[Node, ...], tuple[Placed, ...]]:
-    """What is left of `branch` where `present` is there already, and the types that are there then."""
+    """Legal part of `branch` beside the types `present`, and all types then."""
     keep = branch.type in rules.allowed(present)
     present = (*present, branch.type) if keep else present
     children: tuple[Node, ...] = ()

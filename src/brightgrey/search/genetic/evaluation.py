@@ -1,4 +1,4 @@
-"""What a search asks of an estimator: identify a structure from one or several starts."""
+"""Jobs that a genetic search gives to an estimator, and their results."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Evaluated:
     spent : SimulationCount
         What was simulated.
     idle : tuple of str
-        Effects that are known to make the fit only worse; the misfit is that without them.
+        Effects that only make the fit worse; the misfit is that without them.
     """
 
     values: NamedValues

@@ -1,4 +1,4 @@
-"""What a search leaves behind: every evaluation, and the best of them."""
+"""History of a genetic search: every evaluation, and the best of them."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a search stands after a generation.
+    """Progress of a search after a generation.
 
     Attributes
     ----------
@@ -132,7 +132,7 @@ class Run:
 
     @property
     def spent(self) -> SimulationCount:
-        """What was simulated in all."""
+        """Simulations in all."""
         return sum((e.result.spent for e in self.evaluations), SimulationCount())
 
     @property

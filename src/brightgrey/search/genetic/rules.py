@@ -15,7 +15,7 @@ Types = frozenset[Placed]
 
 @dataclass(frozen=True)
 class Rules:
-    """What `grammar` says of trees that are not finished.
+    """Construction rules for unfinished trees, by `grammar`.
 
     Each type stands at most once in a tree. A set of types is *open* if some legal structure holds all of them,
     and *complete* if it is one.
@@ -44,7 +44,7 @@ class Rules:
         return max(len(structure.placed) for structure in self.grammar.structures())
 
     def complete(self, types: Iterable[Placed]) -> bool:
-        """Whether `types` are a legal structure as they are."""
+        """Return True if `types` are a legal structure as they are."""
         listed = tuple(types)
         if not listed or len(set(listed)) != len(listed):
             return False

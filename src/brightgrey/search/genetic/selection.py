@@ -1,4 +1,4 @@
-"""Who has offspring: roulette wheel and number of clones (paper section 3.2)."""
+"""Selection of parents: roulette wheel, and number of clones (paper section 3.2)."""
 
 from __future__ import annotations
 
