@@ -25,11 +25,12 @@ test: setup  ## all tests that take less than minutes
 test-long: setup  ## the tests that take minutes
 	$(BIN)/python -m pytest -q -n 2 -m long
 
-check: setup  ## lint, types, import contract
+check: setup  ## lint, types, import contracts, form of the house
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python tools/house.py
 
 format: setup  ## mend what the linter can mend
 	$(BIN)/ruff check --fix .

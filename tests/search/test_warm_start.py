@@ -140,8 +140,8 @@ def test_fit_all__each_fit__has_information_matrix(friction):
         problem, space = task.posed(f.structure)
         value = np.array(list(f.values.values()))
         assert tuple(f.values) == space.names
-        curvature = normal_equations(problem, space, task.settings, space.inward(value)[None]).curvature[0]
-        assert f.information == pytest.approx(information(curvature, space.pace(value)), rel=1e-6)
+        curvature = normal_equations(problem, space, task.settings, space.to_scaled(value)[None]).curvature[0]
+        assert f.information == pytest.approx(information(curvature, space.scale_derivative(value)), rel=1e-6)
 
 
 class Noted(Executor):
@@ -165,7 +165,7 @@ def test_refine_from_supermodels__friction_compensates__lower_cost(friction):
     def judged(structure, **values):
         problem, space = task.posed(structure)
         value = np.array([values[name] for name in space.names])
-        residual, jacobian = evaluate(problem, space, task.settings, space.inward(value))
+        residual, jacobian = evaluate(problem, space, task.settings, space.to_scaled(value))
         descent = OptimumWithJacobian(value, float(residual @ residual), True, 1, 1, residual, jacobian)
         return Judged(structure, values, descent, len(values), tuple(range(len(values))))
 
@@ -212,9 +212,9 @@ def test_fit_all__friction_and_gravity_cancel__submodel_is_found(friction):
 
     def fitted(structure, **values):
         problem, space = task.posed(structure)
-        theta = space.inward(np.array([values[name] for name in space.names]))
+        theta = space.to_scaled(np.array([values[name] for name in space.names]))
         there = normal_equations(problem, space, task.settings, theta[None])
-        pace = space.pace(space.outward(theta))
+        pace = space.scale_derivative(space.from_scaled(theta))
         return Fitted(
             structure, values, float(there.cost[0]), len(values), information=information(there.curvature[0], pace)
         )

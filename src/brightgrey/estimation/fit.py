@@ -42,27 +42,14 @@ __all__ = ["Estimate", "Fit", "FitOptions", "Outcome", "OutputFit", "Start", "fi
 
 @dataclass(frozen=True)
 class FitOptions:
-    """Heuristics of a fit.
+    """Heuristics of a fit."""
 
-    Attributes
-    ----------
-    sharpness : float
-        Default of f_tanh times the largest speed.
-    finalists : int
-        Largest number of optima that are fitted again at the final level.
-    finalist_cost : float
-        Largest cost of these, relative to the least one; the ``fast`` level is off by about so much.
-    finalist_distance : float
-        Least distance between these in the scaled space.
-    initial_state_rounds : int
-        Rounds that estimate the initial state of a recording for known parameters.
-    """
-
-    sharpness: float = 100.0
-    finalists: int = 2
+    sharpness: float = 100.0  #: Default of f_tanh times the largest speed.
+    finalists: int = 2  #: Largest number of optima that are fitted again at the final level.
+    #: Largest cost of these, relative to the least one; the ``fast`` level is off by about so much.
     finalist_cost: float = 1.01
-    finalist_distance: float = 0.1
-    initial_state_rounds: int = 30
+    finalist_distance: float = 0.1  #: Least distance between these in the scaled space.
+    initial_state_rounds: int = 30  #: Rounds that estimate the initial state of a recording for known parameters.
 
 
 FIT_DEFAULTS = FitOptions()

@@ -26,30 +26,15 @@ _SIDES: tuple[Literal["low", "high"], ...] = ("low", "high")
 
 @dataclass(frozen=True)
 class ProfileOptions:
-    """Steps of a profile, all relative to the half width of the quadratic interval.
+    """Steps of a profile, all relative to the half width of the quadratic interval."""
 
-    Attributes
-    ----------
-    first_step : float
-        First step away from the optimum.
-    step_growth : float
-        Factor from step to step.
-    max_steps : int
-        Largest number of steps to each side; they reach 280 half widths.
-    end_tolerance : float
-        Accuracy of the ends of the interval.
-    quadratic_tolerance : float
-        Difference of an end from the quadratic one up to which the quadratic interval counts as confirmed.
-    unknown_step : float
-        First step where the half width is unknown, as part of the range.
-    """
-
-    first_step: float = 1.0
-    step_growth: float = 1.6
-    max_steps: int = 12
-    end_tolerance: float = 0.02
+    first_step: float = 1.0  #: First step away from the optimum.
+    step_growth: float = 1.6  #: Factor from step to step.
+    max_steps: int = 12  #: Largest number of steps to each side; they reach 280 half widths.
+    end_tolerance: float = 0.02  #: Accuracy of the ends of the interval.
+    #: Difference of an end from the quadratic one up to which the quadratic interval counts as confirmed.
     quadratic_tolerance: float = 0.25
-    unknown_step: float = 0.05
+    unknown_step: float = 0.05  #: First step where the half width is unknown, as part of the range.
 
 
 PROFILE_DEFAULTS = ProfileOptions()
@@ -57,33 +42,17 @@ PROFILE_DEFAULTS = ProfileOptions()
 
 @dataclass(frozen=True)
 class Profile:
-    """Profile of one parameter, SI.
-
-    Attributes
-    ----------
-    name : str
-    values, costs : tuple of float
-        Values at which the parameter was fixed, ascending, and the least cost there.
-    threshold : float
-        Cost at the ends of the interval.
-    ci95 : (low, high)
-        95 % interval; the bound where the cost stays below the threshold up to it.
-    open : tuple of {'low', 'high'}
-        Sides on which the interval has no end within the bounds.
-    quadratic : bool
-        True if the interval from the curvature at the optimum agrees with this one.
-    text : str
-        One sentence on the result.
-    """
+    """Profile of one parameter, SI."""
 
     name: str
+    #: Values at which the parameter was fixed, ascending, and the least cost there.
     values: tuple[float, ...]
     costs: tuple[float, ...]
-    threshold: float
-    ci95: tuple[float, float]
-    open: tuple[Literal["low", "high"], ...]
-    quadratic: bool
-    text: str
+    threshold: float  #: Cost at the ends of the interval.
+    ci95: tuple[float, float]  #: 95 % interval; the bound where the cost stays below the threshold up to it.
+    open: tuple[Literal["low", "high"], ...]  #: Sides on which the interval has no end within the bounds.
+    quadratic: bool  #: True if the interval from the curvature at the optimum agrees with this one.
+    text: str  #: One sentence on the result.
 
 
 def profile(

@@ -40,39 +40,19 @@ __all__ = ["PAPER_EXPERIMENT", "Experiment", "driving_torque"]
 
 @dataclass(frozen=True)
 class Experiment:
-    """A known drive, and the reversing motion that it is commanded.
+    """A known drive, and the reversing motion that it is commanded."""
 
-    Attributes
-    ----------
-    structure : str
-        The true structure.
-    values : mapping of str to float
-        Its parameter values, SI.
-    f_tanh : float
-        Gain of eq. (2) in s/rad.
-    dt : float
-        Sampling interval in s.
-    samples : int
-    limits : MotionLimits
-        Of the commanded motion.
-    distance : float
-        Distance of the move and of the move back in rad.
-    before, between : float
-        Rest before the first and between the two moves in s.
-    speed : float
-        Largest speed that the drive reaches in rad/s, rounded.
-    """
-
-    structure: str
-    values: Mapping[str, float]
-    f_tanh: float
-    dt: float
+    structure: str  #: The true structure.
+    values: Mapping[str, float]  #: Its parameter values, SI.
+    f_tanh: float  #: Gain of eq. (2) in s/rad.
+    dt: float  #: Sampling interval in s.
     samples: int
-    limits: MotionLimits
-    distance: float
+    limits: MotionLimits  #: Of the commanded motion.
+    distance: float  #: Distance of the move and of the move back in rad.
+    #: Rest before the first and between the two moves in s.
     before: float
     between: float
-    speed: float
+    speed: float  #: Largest speed that the drive reaches in rad/s, rounded.
 
     @property
     def inertia(self) -> float:

@@ -38,17 +38,10 @@ class MotionLimits:
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion sampled at equal intervals.
+    """A motion sampled at equal intervals."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (samples,)
-        Time in s from 0.
-    position, velocity, acceleration : ndarray, shape (samples,)
-        rad, rad/s, rad/s² (m in a linear axis).
-    """
-
-    t: Array
+    t: Array  #: Time in s from 0, shape (samples,).
+    #: rad, rad/s, rad/s² (m in a linear axis), shape (samples,).
     position: Array
     velocity: Array
     acceleration: Array

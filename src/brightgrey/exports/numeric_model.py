@@ -32,59 +32,29 @@ _COHERENT_INPUTS = ("N m", "N", "V", "A")
 
 @dataclass(frozen=True)
 class ModelOutput:
-    """One output of the exported model.
+    """One output of the exported model."""
 
-    Attributes
-    ----------
-    name, kind, unit : str
-        As in the recording.
-    row : int
-        Row of x, or n + row of x' for an acceleration.
-    differenced : bool
-        Difference of this and the sample before, over the sampling interval.
-    factor : float
-        Shown value over SI value.
-    """
-
+    #: As in the recording.
     name: str
     kind: str
     unit: str
-    row: int
-    differenced: bool
-    factor: float
+    row: int  #: Row of x, or n + row of x' for an acceleration.
+    differenced: bool  #: Difference of this and the sample before, over the sampling interval.
+    factor: float  #: Shown value over SI value.
 
 
 @dataclass(frozen=True)
 class NumericModel:
-    """A model lowered to numbers; SI inside, inputs and outputs in the recording's units.
-
-    Attributes
-    ----------
-    model : Model
-    system : StateSpace
-        As assembled.
-    low : Lowered
-        With one parameter set on the last axes.
-    dt : float
-        Sampling interval in s.
-    settings : Settings
-        Level ``accurate``.
-    tolerance : Tolerances
-    base_steps : int
-        Base steps per sample.
-    input_factor : float
-        SI value over shown value.
-    outputs : tuple of ModelOutput
-    """
+    """A model lowered to numbers; SI inside, inputs and outputs in the recording's units."""
 
     model: Model
-    system: StateSpace
-    low: Lowered
-    dt: float
-    settings: Settings
+    system: StateSpace  #: As assembled.
+    low: Lowered  #: With one parameter set on the last axes.
+    dt: float  #: Sampling interval in s.
+    settings: Settings  #: Level ``accurate``.
     tolerance: Tolerances
-    base_steps: int
-    input_factor: float
+    base_steps: int  #: Base steps per sample.
+    input_factor: float  #: SI value over shown value.
     outputs: tuple[ModelOutput, ...]
 
     @property
@@ -212,20 +182,14 @@ class NumericModel:
 
 @dataclass(frozen=True)
 class PropagatorTables:
-    """Weights of a step over 2^level ticks, by mode (bit b: limited state b is free) and level.
+    """Weights of a step over 2^level ticks, by mode (bit b: limited state b is free) and level."""
 
-    Attributes
-    ----------
-    end, third : ndarray, shape (modes, levels, n, n + 5 + 2 m)
-        Weights of the state at the end and at a third of the step. The columns belong to x, the input, its slope, 1,
-        F at a third, F at the end, and the jump and change of slope of the input at its knot.
-    coupling : ndarray, shape (modes, levels, 2 m, 2 m)
-        Ports at both stages from F at both stages.
-    """
-
+    #: Weights of the state at the end and at a third of the step. The columns belong to x, the input, its slope, 1, F
+    #: at a third, F at the end, and the jump and change of slope of the input at its knot. Shape (modes, levels, n, n
+    #: + 5 + 2 m).
     end: Array
     third: Array
-    coupling: Array
+    coupling: Array  #: Ports at both stages from F at both stages, shape (modes, levels, 2 m, 2 m).
 
 
 def numeric_model(model: Model) -> NumericModel:

@@ -32,25 +32,14 @@ __all__ = [
 
 @dataclass(frozen=True)
 class VerificationPolicy:
-    """Settings of the verification.
+    """Settings of the verification."""
 
-    Attributes
-    ----------
-    samples : int
-        Length of the test input.
-    max_doublings : int
-        Number of times that the amplitude of the test input is doubled at most, until the model reaches half of its
-        usual speed.
-    finer : float
-        Factor on the speed scale, and so on all tolerances, of the finer native simulation.
-    nudge : float
-        Relative change of the input that shows how much the motion amplifies rounding errors.
-    """
-
-    samples: int = 600
+    samples: int = 600  #: Length of the test input.
+    #: Number of times that the amplitude of the test input is doubled at most, until the model reaches half of its
+    #: usual speed.
     max_doublings: int = 80
-    finer: float = 1e-2
-    nudge: float = 1e-10
+    finer: float = 1e-2  #: Factor on the speed scale, and so on all tolerances, of the finer native simulation.
+    nudge: float = 1e-10  #: Relative change of the input that shows how much the motion amplifies rounding errors.
 
 
 VERIFICATION = VerificationPolicy()
@@ -58,27 +47,17 @@ VERIFICATION = VerificationPolicy()
 
 @dataclass(frozen=True)
 class VerificationRun:
-    """An input and the native response to it, in the recording's units; the initial state in SI.
+    """An input and the native response to it, in the recording's units; the initial state in SI."""
 
-    Attributes
-    ----------
-    u : ndarray, shape (samples,)
-    x0 : ndarray, shape (n,)
-    y : ndarray, shape (outputs, samples)
-    input_text : str
-        The input in words.
-    y_fine : ndarray, shape (outputs, samples)
-        The same response with a hundredth of the tolerances. A solver that is more exact than ours comes to this.
-    input_sensitivity : float
-        Deviation (of range) of the same simulation when the input is changed by 1e-10 of itself. Where the motion
-        amplifies rounding errors, no export can come closer than this.
-    """
-
-    u: Array
-    x0: Array
-    y: Array
-    input_text: str
+    u: Array  #: Shape (samples,).
+    x0: Array  #: Shape (n,).
+    y: Array  #: Shape (outputs, samples).
+    input_text: str  #: The input in words.
+    #: The same response with a hundredth of the tolerances. A solver that is more exact than ours comes to this. Shape
+    #: (outputs, samples).
     y_fine: Array
+    #: Deviation (of range) of the same simulation when the input is changed by 1e-10 of itself. Where the motion
+    #: amplifies rounding errors, no export can come closer than this.
     input_sensitivity: float = 0.0
 
 

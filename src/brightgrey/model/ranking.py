@@ -16,30 +16,14 @@ RANKING_COLUMNS = ("rank", "structure", "n_parameters", "rss", "fit_percent", "c
 
 @dataclass(frozen=True)
 class Row:
-    """A structure that was tried.
+    """A structure that was tried."""
 
-    Attributes
-    ----------
-    structure : str
-        As it is written, ``two_mass+coulomb``.
-    n_parameters : int
-        Number of parameters that were estimated.
-    rss : float
-        Residual sum of squares over all samples and outputs, in the outputs' units.
-    fit_percent : float
-        Mean over the outputs.
-    criterion : float or None
-        Value that the rows are sorted by.
-    tied : bool
-        The recording does not distinguish it from the best.
-    """
-
-    structure: str
-    n_parameters: int
-    rss: float
-    fit_percent: float
-    criterion: float | None
-    tied: bool = False
+    structure: str  #: As it is written, ``two_mass+coulomb``.
+    n_parameters: int  #: Number of parameters that were estimated.
+    rss: float  #: Residual sum of squares over all samples and outputs, in the outputs' units.
+    fit_percent: float  #: Mean over the outputs.
+    criterion: float | None  #: Value that the rows are sorted by.
+    tied: bool = False  #: The recording does not distinguish it from the best.
 
 
 def front(rows: Iterable[Row]) -> tuple[Row, ...]:

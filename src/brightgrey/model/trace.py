@@ -19,32 +19,18 @@ __all__ = ["Trace", "pooled_fit"]
 
 @dataclass(frozen=True)
 class Trace:
-    """One recording with the simulation of a model under its input.
+    """One recording with the simulation of a model under its input."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the recording.
-    t : ndarray, shape (samples,)
-        Time in s.
-    u : ndarray, shape (samples,)
-        Input in `input.unit`.
-    measured, simulated : ndarray, shape (outputs, samples)
-        Outputs in their own units. Simulated values are NaN from where the simulation diverged.
-    input : Signal
-    outputs : tuple of Signal
-    test : bool
-        The recording was not used to identify the model.
-    """
-
-    name: str
-    t: Array
-    u: Array
+    name: str  #: Name of the recording.
+    t: Array  #: Time in s, shape (samples,).
+    u: Array  #: Input in `input.unit`, shape (samples,).
+    #: Outputs in their own units. Simulated values are NaN from where the simulation diverged. Shape (outputs,
+    #: samples).
     measured: Array
     simulated: Array
     input: Signal
     outputs: tuple[Signal, ...]
-    test: bool = False
+    test: bool = False  #: The recording was not used to identify the model.
 
     @classmethod
     def of(cls, recording: Recording, simulated: Array, *, test: bool = False) -> Trace:

@@ -18,65 +18,40 @@ __all__ = ["RunSummary", "Summary", "repetitions_csv", "summarise_run", "summary
 
 @dataclass(frozen=True)
 class RunSummary:
-    """Result of one search whose true structure is known.
-
-    Attributes
-    ----------
-    seed : int
-    best, last : str
-        Best structure of all generations, and of the last one.
-    best_verdict, last_verdict : str
-        See :func:`brightgrey.paper.experiment.recovery_verdict`.
-    first : int or None
-        Generation in which the true structure first is in the population.
-    simulations, passes, identifications : int
-        Parameter sets that were simulated; the same, each counted by its share of the recordings' samples;
-        structures that were identified.
-    generations : str
-        Best structure of each generation, separated by spaces.
-    """
+    """Result of one search whose true structure is known."""
 
     seed: int
+    #: Best structure of all generations, and of the last one.
     best: str
     last: str
+    #: See :func:`brightgrey.paper.experiment.recovery_verdict`.
     best_verdict: RecoveryVerdict
     last_verdict: RecoveryVerdict
-    first: int | None
+    first: int | None  #: Generation in which the true structure first is in the population.
+    #: Parameter sets that were simulated; the same, each counted by its share of the recordings' samples; structures
+    #: that were identified.
     simulations: int
     passes: int
     identifications: int
-    generations: str
+    generations: str  #: Best structure of each generation, separated by spaces.
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Rates and medians over several repetitions.
-
-    Attributes
-    ----------
-    count : int
-    true, extras : int
-        Best individual of all generations has the true structure; the true one with redundant extras.
-    interval, lenient : (float, float)
-        Wilson intervals (95 %) of the rates of `true`, and of `true` or `extras`.
-    last_true : int
-        Best individual of the last generation has the true structure.
-    seen : int
-        Runs in which the true structure was identified in any generation.
-    first : float or None
-        Median of the generation in which it first appeared; None if it did in fewer than half of the runs.
-    simulations, passes : float
-        Medians.
-    """
+    """Rates and medians over several repetitions."""
 
     count: int
+    #: Best individual of all generations has the true structure; the true one with redundant extras.
     true: int
     extras: int
+    #: Wilson intervals (95 %) of the rates of `true`, and of `true` or `extras`.
     interval: tuple[float, float]
     lenient: tuple[float, float]
-    last_true: int
-    seen: int
+    last_true: int  #: Best individual of the last generation has the true structure.
+    seen: int  #: Runs in which the true structure was identified in any generation.
+    #: Median of the generation in which it first appeared; None if it did in fewer than half of the runs.
     first: float | None
+    #: Medians.
     simulations: float
     passes: float
 

@@ -50,30 +50,14 @@ class ReadingOptions:
 
 @dataclass(frozen=True)
 class ColumnChoice:
-    """Columns of a table and their meaning.
+    """Columns of a table and their meaning."""
 
-    Attributes
-    ----------
-    input : int
-        Column of the input.
-    outputs : tuple of int
-        Columns of the outputs.
-    time : int or None
-        Column of the time; None if the sampling interval is given.
-    time_factor : float
-        Seconds per unit of the time's column.
-    signals : tuple of Signal
-        Input first.
-    notes : tuple of str
-        Assumptions.
-    """
-
-    input: int
-    outputs: tuple[int, ...]
-    time: int | None
-    time_factor: float
-    signals: tuple[Signal, ...]
-    notes: tuple[str, ...]
+    input: int  #: Column of the input.
+    outputs: tuple[int, ...]  #: Columns of the outputs.
+    time: int | None  #: Column of the time; None if the sampling interval is given.
+    time_factor: float  #: Seconds per unit of the time's column.
+    signals: tuple[Signal, ...]  #: Input first.
+    notes: tuple[str, ...]  #: Assumptions.
 
 
 def choose_columns(table: Table, options: ReadingOptions) -> ColumnChoice:

@@ -19,24 +19,12 @@ __all__ = ["Samples", "sample"]
 
 @dataclass(frozen=True)
 class Samples:
-    """Channels on a uniform time, in the units of the file.
+    """Channels on a uniform time, in the units of the file."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (samples,)
-        In s.
-    values : ndarray, shape (channels, samples)
-        Input first.
-    resolution : ndarray, shape (channels,)
-        Smallest steps, see `checks.resolution`.
-    notes : tuple of str
-        Repairs.
-    """
-
-    t: Array
-    values: Array
-    resolution: Array
-    notes: tuple[str, ...]
+    t: Array  #: In s, shape (samples,).
+    values: Array  #: Input first, shape (channels, samples).
+    resolution: Array  #: Smallest steps, see `checks.resolution`, shape (channels,).
+    notes: tuple[str, ...]  #: Repairs.
 
 
 def sample(table: Table, choice: ColumnChoice, dt: float | None, limits: TimeWindow | None) -> Samples:

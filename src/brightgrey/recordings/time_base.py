@@ -19,26 +19,15 @@ __all__ = ["Stamps", "UniformGrid", "repairs_allowed", "uniform_grid"]
 
 @dataclass(frozen=True)
 class Stamps:
-    """Time stamps of a file.
+    """Time stamps of a file."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (samples,)
-        In s, finite.
-    repeated : ndarray of bool, shape (samples - 1,)
-        True for every sample, from the second on, whose values all equal those of the sample before.
-    rows : ndarray of int, shape (samples,)
-        Row of the file of every sample.
-    table : Table
-    column : str
-        Name of the time's column.
-    """
-
-    t: Array
+    t: Array  #: In s, finite, shape (samples,).
+    #: True for every sample, from the second on, whose values all equal those of the sample before, shape (samples -
+    #: 1,).
     repeated: NDArray[np.bool_]
-    rows: Indices
+    rows: Indices  #: Row of the file of every sample, shape (samples,).
     table: Table
-    column: str
+    column: str  #: Name of the time's column.
 
     def fault(self, text: str, sample: int) -> RecordingError:
         """Return the error for a sample."""
@@ -47,20 +36,12 @@ class Stamps:
 
 @dataclass(frozen=True)
 class UniformGrid:
-    """Uniform time of the samples of a file.
+    """Uniform time of the samples of a file."""
 
-    Attributes
-    ----------
-    start, dt : float
-        First time and interval in s.
-    index : ndarray of int, shape (samples,)
-        Grid point of every sample. A point without a sample is a lost sample.
-    notes : tuple of str
-    """
-
+    #: First time and interval in s.
     start: float
     dt: float
-    index: Indices
+    index: Indices  #: Grid point of every sample. A point without a sample is a lost sample. Shape (samples,).
     notes: tuple[str, ...] = ()
 
 

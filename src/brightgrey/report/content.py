@@ -25,42 +25,21 @@ __all__ = ["Content"]
 
 @dataclass(frozen=True)
 class Content:
-    """Content of a report. Only the model is needed; sections that do not apply are left out.
+    """Content of a report. Only the model is needed; sections that do not apply are left out."""
 
-    Attributes
-    ----------
-    model : Model
-        Every number of the report is one of the model's, or follows from them.
-    traces : sequence of Trace
-        Recordings with their simulation by the model.
-    notes : sequence of str
-        Repairs of the recordings and assumptions about them.
-    evidence : Evidence or None
-        Of a search: a verdict on every effect.
-    ranking : sequence of Row
-        Structures that were tried, best first.
-    correlation : mapping of (str, str) to float
-        Of the errors of the estimates; positive parameters count by their logarithm.
-    run : Run or None
-        Of a genetic search.
-    request : str
-        Command that gives this result again.
-    symptoms : sequence
-        Symptoms in the residuals, with advice: objects with texts ``title``, ``seen`` and ``advice``.
-    differences : sequence
-        Quantities for control that differ between tied structures: objects with ``structure`` and ``rows`` of
-        (name, value).
-    """
-
-    model: Model
-    traces: Sequence[Trace] = ()
-    notes: Sequence[str] = ()
-    evidence: Evidence | None = None
-    ranking: Sequence[Row] = ()
+    model: Model  #: Every number of the report is one of the model's, or follows from them.
+    traces: Sequence[Trace] = ()  #: Recordings with their simulation by the model.
+    notes: Sequence[str] = ()  #: Repairs of the recordings and assumptions about them.
+    evidence: Evidence | None = None  #: Of a search: a verdict on every effect.
+    ranking: Sequence[Row] = ()  #: Structures that were tried, best first.
+    #: Of the errors of the estimates; positive parameters count by their logarithm.
     correlation: Mapping[tuple[str, str], float] = field(default_factory=dict)
-    run: Run | None = None
-    request: str = ""
+    run: Run | None = None  #: Of a genetic search.
+    request: str = ""  #: Command that gives this result again.
+    #: Symptoms in the residuals, with advice: objects with texts ``title``, ``seen`` and ``advice``.
     symptoms: Sequence[Any] = ()
+    #: Quantities for control that differ between tied structures: objects with ``structure`` and ``rows`` of (name,
+    #: value).
     differences: Sequence[Any] = ()
 
     @cached_property

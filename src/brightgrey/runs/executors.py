@@ -24,27 +24,17 @@ __all__ = ["Workforce"]
 class Workforce:
     """Workers that make the evaluations; the results do not depend on them.
 
-    Attributes
-    ----------
-    workers : int
-        Number of threads, or of processes.
-    processes : bool
-        Use processes.
-    dask : str or None
-        Address of a Dask scheduler, ``host:port``; its workers need the same version of brightgrey.
-    connect_timeout : float
-        Seconds after which a cluster counts as unreachable.
-
     Raises
     ------
     SettingsError
         For less than one worker, or both processes and Dask.
     """
 
-    workers: int = 1
-    processes: bool = False
+    workers: int = 1  #: Number of threads, or of processes.
+    processes: bool = False  #: Use processes.
+    #: Address of a Dask scheduler, ``host:port``; its workers need the same version of brightgrey.
     dask: str | None = None
-    connect_timeout: float = 10.0
+    connect_timeout: float = 10.0  #: Seconds after which a cluster counts as unreachable.
 
     def __post_init__(self) -> None:
         if self.workers < 1:

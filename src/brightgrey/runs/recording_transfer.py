@@ -19,15 +19,9 @@ __all__ = ["RECORDINGS", "RecordingCache", "RecordingTransferExecutor"]
 
 @dataclass
 class RecordingCache:
-    """Recordings that a worker process holds, by fingerprint. No result depends on it.
+    """Recordings that a worker process holds, by fingerprint. No result depends on it."""
 
-    Attributes
-    ----------
-    capacity : int
-        Recordings that are held; the oldest one makes place for the next.
-    """
-
-    capacity: int = 32
+    capacity: int = 32  #: Recordings that are held; the oldest one makes place for the next.
     _recordings: OrderedDict[str, Recording] = field(default_factory=OrderedDict)
 
     def add(self, recordings: Mapping[str, Recording]) -> None:

@@ -19,26 +19,13 @@ __all__ = ["Judged", "chance_of", "power", "significance", "threshold"]
 
 @dataclass(frozen=True)
 class Judged:
-    """A structure at the level that counts.
-
-    Attributes
-    ----------
-    structure : Structure
-    values : mapping of str to float
-        SI, fixed ones included.
-    descent : OptimumWithJacobian
-        With residual and Jacobian.
-    free : int
-        Number of estimated parameters.
-    inside : tuple of int
-        Parameters, by column of the Jacobian, that are not at a bound.
-    """
+    """A structure at the level that counts."""
 
     structure: Structure
-    values: Mapping[str, float]
-    descent: OptimumWithJacobian
-    free: int
-    inside: tuple[int, ...]
+    values: Mapping[str, float]  #: SI, fixed ones included.
+    descent: OptimumWithJacobian  #: With residual and Jacobian.
+    free: int  #: Number of estimated parameters.
+    inside: tuple[int, ...]  #: Parameters, by column of the Jacobian, that are not at a bound.
 
     @property
     def cost(self) -> float:

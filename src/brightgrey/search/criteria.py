@@ -19,27 +19,15 @@ _TINY = 1e-300  # keeps the logarithm of a perfect fit finite
 
 @dataclass(frozen=True)
 class Misfit:
-    """Misfit of the outputs after an identification.
+    """Misfit of the outputs after an identification."""
 
-    Attributes
-    ----------
-    rss : tuple of float
-        Residual sum of squares of each output, over its noise squared if there are several; inf if the
-        simulation diverged.
-    least : tuple of float
-        What rounding to the sensor's resolution leaves on the average: the floor.
-    samples : int
-        Of each output.
-    spread : tuple of float
-        Sum of squares of each output about its mean, in the unit of `rss`.
-    share : float
-        Of the samples, how many are independent; less than 1 where residuals are known to hang together.
-    """
-
+    #: Residual sum of squares of each output, over its noise squared if there are several; inf if the simulation
+    #: diverged.
     rss: tuple[float, ...]
-    least: tuple[float, ...]
-    samples: int
-    spread: tuple[float, ...]
+    least: tuple[float, ...]  #: What rounding to the sensor's resolution leaves on the average: the floor.
+    samples: int  #: Of each output.
+    spread: tuple[float, ...]  #: Sum of squares of each output about its mean, in the unit of `rss`.
+    #: Of the samples, how many are independent; less than 1 where residuals are known to hang together.
     share: float = 1.0
 
     @property
@@ -65,20 +53,13 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Criterion:
-    """A criterion.
-
-    Attributes
-    ----------
-    name : str
-    value : callable
-        ``value(misfit, d)`` for d estimated parameters; the larger, the better; -inf or 0 if nothing is good.
-    chances : callable
-        ``chances(values, samples)``: weights, shape (individuals,), not negative, for the roulette wheel; so many
-        samples are independent.
-    """
+    """A criterion."""
 
     name: str
+    #: ``value(misfit, d)`` for d estimated parameters; the larger, the better; -inf or 0 if nothing is good.
     value: Callable[[Misfit, int], float]
+    #: ``chances(values, samples)``: weights, shape (individuals,), not negative, for the roulette wheel; so many
+    #: samples are independent.
     chances: Callable[[Sequence[float], float], Array]
 
 

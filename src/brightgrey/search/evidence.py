@@ -28,30 +28,16 @@ __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
 
 @dataclass(frozen=True)
 class Evidence:
-    """Result of :func:`assess_effects`.
+    """Result of :func:`assess_effects`."""
 
-    Attributes
-    ----------
-    minimal : tuple of Judged
-        Fewest masses first, then best criterion.
-    optional : tuple of str
-        Effects that beside one of the minimal structures would not have shown at a size that matters, or that explain
-        too little to matter but more than chance.
-    cards : tuple of EffectVerdict
-    judged : mapping of Structure to Judged
-        All structures that were refitted.
-    criterion : mapping of Structure to float
-        Bayesian information criterion of their whitened residuals; less is better.
-    independent : float
-        Independent samples that the residuals are worth.
-    """
-
-    minimal: tuple[Judged, ...]
+    minimal: tuple[Judged, ...]  #: Fewest masses first, then best criterion.
+    #: Effects that beside one of the minimal structures would not have shown at a size that matters, or that explain
+    #: too little to matter but more than chance.
     optional: tuple[str, ...]
     cards: tuple[EffectVerdict, ...]
-    judged: Mapping[Structure, Judged]
-    criterion: Mapping[Structure, float]
-    independent: float
+    judged: Mapping[Structure, Judged]  #: All structures that were refitted.
+    criterion: Mapping[Structure, float]  #: Bayesian information criterion of their whitened residuals; less is better.
+    independent: float  #: Independent samples that the residuals are worth.
 
 
 def assess_effects(

@@ -37,43 +37,21 @@ class SearchProgress:
 
 @dataclass(frozen=True)
 class Ranked:
-    """Structure in the ranking.
-
-    Attributes
-    ----------
-    structure : Structure
-    free : int
-        Number of estimated parameters.
-    misfit : Misfit
-        At the level of the search; of a refitted structure at level ``accurate``.
-    criterion : float
-        Bayesian information criterion with the number of independent samples; less is better.
-    equivalent : bool
-        Minimal, or minimal with one optional effect.
-    """
+    """Structure in the ranking."""
 
     structure: Structure
-    free: int
-    misfit: Misfit
-    criterion: float
-    equivalent: bool
+    free: int  #: Number of estimated parameters.
+    misfit: Misfit  #: At the level of the search; of a refitted structure at level ``accurate``.
+    criterion: float  #: Bayesian information criterion with the number of independent samples; less is better.
+    equivalent: bool  #: Minimal, or minimal with one optional effect.
 
 
 @dataclass(frozen=True)
 class ExhaustiveResult:
-    """Result of :func:`search_exhaustively`.
+    """Result of :func:`search_exhaustively`."""
 
-    Attributes
-    ----------
-    ranking : tuple of Ranked
-        Minimal structures first, then by the criterion.
-    evidence : Evidence or None
-        None if the search was stopped before its end.
-    fitted : mapping of Structure to Fitted
-    """
-
-    ranking: tuple[Ranked, ...]
-    evidence: Evidence | None
+    ranking: tuple[Ranked, ...]  #: Minimal structures first, then by the criterion.
+    evidence: Evidence | None  #: None if the search was stopped before its end.
     fitted: Mapping[Structure, Fitted]
 
     @property

@@ -36,69 +36,36 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Options:
-    """Effort of the fit of one structure.
+    """Effort of the fit of one structure."""
 
-    Attributes
-    ----------
-    parents : int
-        Simpler structures whose optima are looked at, beside those of the hubs.
-    starts : int
-        Descents: from the best of these optima.
-    fresh, patience : int
-        Starts of a field and fields without improvement, in the search for a hub.
-    narrow : int
-        Starts of a field where all ranges of positive parameters are within a decade, as those that a user gives.
-    drawn : int
-        Values of the further effect that are tried at each of these optima.
-    rounds : int
-        Of each descent.
-    tolerance : float
-        Relative to the cost.
-    """
-
-    parents: int = 2
-    starts: int = 2
+    parents: int = 2  #: Simpler structures whose optima are looked at, beside those of the hubs.
+    starts: int = 2  #: Descents: from the best of these optima.
+    #: Starts of a field and fields without improvement, in the search for a hub.
     fresh: int = 8
     patience: int = 1
+    #: Starts of a field where all ranges of positive parameters are within a decade, as those that a user gives.
     narrow: int = 8
-    drawn: int = 15
-    rounds: int = 25
-    tolerance: float = 1e-3
+    drawn: int = 15  #: Values of the further effect that are tried at each of these optima.
+    rounds: int = 25  #: Of each descent.
+    tolerance: float = 1e-3  #: Relative to the cost.
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """One structure with its best parameters so far.
-
-    Attributes
-    ----------
-    structure : Structure
-    values : mapping of str to float
-        SI, those that were estimated first, with unknown parts of initial states; then the fixed ones.
-    cost : float
-        Weighted sum of squared residuals at the level of the search.
-    free : int
-        Number of estimated parameters.
-    idle : tuple of str
-        Redundant effects: without them the structure fits better, and their values are meaningless.
-    equals : Structure or None
-        The structure without these effects, whose fit this one is; None if there are none.
-    batches : int
-        Batches of simulations.
-    spent : SimulationCount
-        What the latest fit has simulated.
-    information : ndarray, shape (free, free), optional
-        J' J by the estimated values, SI.
-    """
+    """One structure with its best parameters so far."""
 
     structure: Structure
+    #: SI, those that were estimated first, with unknown parts of initial states; then the fixed ones.
     values: Mapping[str, float]
-    cost: float
-    free: int
+    cost: float  #: Weighted sum of squared residuals at the level of the search.
+    free: int  #: Number of estimated parameters.
+    #: Redundant effects: without them the structure fits better, and their values are meaningless.
     idle: tuple[str, ...] = ()
-    batches: int = 0
-    spent: SimulationCount = field(default_factory=SimulationCount)
+    batches: int = 0  #: Batches of simulations.
+    spent: SimulationCount = field(default_factory=SimulationCount)  #: What the latest fit has simulated.
+    #: J' J by the estimated values, SI, shape (free, free).
     information: Array | None = field(default=None, compare=False)
+    #: The structure without these effects, whose fit this one is; None if there are none.
     equals: Structure | None = None
 
 

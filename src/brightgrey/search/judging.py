@@ -149,33 +149,17 @@ def _judged(task: IdentificationTask, structure: Structure, end: Optimum) -> Jud
 
 @dataclass
 class Bench:
-    """Refined fits of structures, made when they are asked for.
+    """Refined fits of structures, made when they are asked for."""
 
-    Attributes
-    ----------
-    task : IdentificationTask
-        Task at the level of the search.
-    fitted : mapping of Structure to Fitted
-    executor : concurrent.futures.Executor
-        Makes the refits.
-    seed : int
-    judged : dict of Structure to Judged
-    tried : set of (Structure, Structure, float)
-        Refits from a supermodel: structure, supermodel and the cost of that.
-    sought : dict of Structure to int
-        Multistarts of each structure.
-    vain : int
-        Multistarts since the last that has helped.
-    """
-
-    task: IdentificationTask
+    task: IdentificationTask  #: Task at the level of the search.
     fitted: Mapping[Structure, Fitted]
-    executor: Executor
+    executor: Executor  #: Makes the refits.
     seed: int = 0
     judged: dict[Structure, Judged] = field(default_factory=dict)
+    #: Refits from a supermodel: structure, supermodel and the cost of that.
     tried: set[tuple[Structure, Structure, float]] = field(default_factory=set)
-    sought: dict[Structure, int] = field(default_factory=dict)
-    vain: int = 0
+    sought: dict[Structure, int] = field(default_factory=dict)  #: Multistarts of each structure.
+    vain: int = 0  #: Multistarts since the last that has helped.
 
     def judge(self, structure: Structure) -> Judged:
         """Refit `structure`."""

@@ -30,29 +30,14 @@ FAST_LEVEL_ACCURACY = 3e-4
 
 @dataclass(frozen=True)
 class IdentificationTask:
-    """Recordings, scales and limits that all structures of a search share.
+    """Recordings, scales and limits that all structures of a search share."""
 
-    Attributes
-    ----------
-    recordings : tuple of Recording
-        Of one drive, with the same outputs.
-    scales : Scales
-        Scales of the recordings; they give the ranges that `bounds` does not name.
-    settings : Settings
-        Of the simulation.
-    bounds : mapping of str to (low, high)
-        SI, by parameter name.
-    fixed : mapping of str to float
-        SI; these are not estimated.
-    start : mapping of str to float
-        SI; standard start of parameters, instead of the one found in the recordings.
-    """
-
-    recordings: tuple[Recording, ...]
-    scales: Scales
-    settings: Settings
-    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    fixed: Mapping[str, float] = field(default_factory=dict)
+    recordings: tuple[Recording, ...]  #: Of one drive, with the same outputs.
+    scales: Scales  #: Scales of the recordings; they give the ranges that `bounds` does not name.
+    settings: Settings  #: Of the simulation.
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  #: SI, by parameter name.
+    fixed: Mapping[str, float] = field(default_factory=dict)  #: SI; these are not estimated.
+    #: SI; standard start of parameters, instead of the one found in the recordings.
     start: Mapping[str, float] = field(default_factory=dict)
 
     def check(self, grammar: Grammar) -> None:

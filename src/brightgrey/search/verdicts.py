@@ -77,21 +77,12 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Size:
-    """One parameter of an effect's size, in the units of the recording.
-
-    Attributes
-    ----------
-    name : str
-    value : float
-    unit : str
-    either_sign : bool
-        The value stands for both signs.
-    """
+    """One parameter of an effect's size, in the units of the recording."""
 
     name: str
     value: float
     unit: str
-    either_sign: bool = False
+    either_sign: bool = False  #: The value stands for both signs.
 
     def __str__(self) -> str:
         return f"{self.name} of {'±' if self.either_sign else ''}{self.amount}"
@@ -104,30 +95,18 @@ class Size:
 
 @dataclass(frozen=True)
 class Reason:
-    """Reason of a verdict: a kind, and the numbers and names that belong to it.
+    """Reason of a verdict: a kind, and the numbers and names that belong to it."""
 
-    Attributes
-    ----------
-    kind : str
-        Key of the table of sentences.
-    numbers : mapping of str to float
-        Of ``ratio`` (residual without over with the effect), ``gain`` (part of the residual's RMS, in percent),
-        ``lag`` and ``interval`` (s).
-    size, limit, estimate : tuple of Size
-        Size that matters, the smallest size that would have shown, and the estimate; empty where there is none.
-    names : tuple of str
-        Structures, or the title of another effect.
-    further : tuple of Reason
-        Reservations.
-    """
-
-    kind: ReasonKind
+    kind: ReasonKind  #: Key of the table of sentences.
+    #: Of ``ratio`` (residual without over with the effect), ``gain`` (part of the residual's RMS, in percent), ``lag``
+    #: and ``interval`` (s).
     numbers: Mapping[str, float] = field(default_factory=dict)
+    #: Size that matters, the smallest size that would have shown, and the estimate; empty where there is none.
     size: tuple[Size, ...] = ()
     limit: tuple[Size, ...] = ()
     estimate: tuple[Size, ...] = ()
-    names: tuple[str, ...] = ()
-    further: tuple[Reason, ...] = ()
+    names: tuple[str, ...] = ()  #: Structures, or the title of another effect.
+    further: tuple[Reason, ...] = ()  #: Reservations.
 
     def __str__(self) -> str:
         words = {name: _three_digits(v) if name == "ratio" else _two_digits(v) for name, v in self.numbers.items()}
@@ -141,25 +120,14 @@ class Reason:
 
 @dataclass(frozen=True)
 class EffectVerdict:
-    """Verdict on one effect.
+    """Verdict on one effect."""
 
-    Attributes
-    ----------
-    effect : str
-        Name of the placed effect; the name of a multiple-mass system stands for "at least so many masses".
-    verdict : {'needed', 'not needed', 'not decidable'}
-    loss : float or None
-        Relative growth of the residual's RMS when the effect is removed from the best structure. An RMS counts as no
-        less than the trusted accuracy.
-    gain : float or None
-        Relative decrease when the effect is added.
-    why : Reason
-    """
-
-    effect: str
-    verdict: Verdict
+    effect: str  #: Name of the placed effect; the name of a multiple-mass system stands for "at least so many masses".
+    verdict: Verdict  #: one of 'needed', 'not needed', 'not decidable'.
+    #: Relative growth of the residual's RMS when the effect is removed from the best structure. An RMS counts as no
+    #: less than the trusted accuracy.
     loss: float | None
-    gain: float | None
+    gain: float | None  #: Relative decrease when the effect is added.
     why: Reason
 
     @property

@@ -40,21 +40,14 @@ __all__ = ["Response", "parts_per_sample", "response", "squares"]
 
 @dataclass(frozen=True)
 class Response:
-    """Outputs of K simulations.
+    """Outputs of K simulations."""
 
-    Attributes
-    ----------
-    y : ndarray, shape (outputs, samples, K)
-        In SI units. From the sample on at which a simulation diverged it is not a number.
-    diverged : int ndarray, shape (K,)
-        First sample at which the state is not finite or exceeds `Tolerances.diverged`; -1 if there is none. It is
-        sample 0 for all sets of a group if a number of one of its systems or initial states is not finite.
-    rejoined : int ndarray, shape (R, 2)
-        Samples at which sets continued from the state of the set that leads their group, and which sets.
-    """
-
+    #: In SI units. From the sample on at which a simulation diverged it is not a number. Shape (outputs, samples, K).
     y: Array
+    #: First sample at which the state is not finite or exceeds `Tolerances.diverged`; -1 if there is none. It is
+    #: sample 0 for all sets of a group if a number of one of its systems or initial states is not finite. Shape (K,).
     diverged: NDArray[np.int64]
+    #: Samples at which sets continued from the state of the set that leads their group, and which sets, shape (R, 2).
     rejoined: NDArray[np.int64]
 
 
@@ -324,27 +317,13 @@ def _run_batches(shape: Shape, plants: PlantBuffers, call: Call, batches: int, t
 
 
 class _LaneAssignment(NamedTuple):
-    """Assignment of parameter sets to rows of lanes.
+    """Assignment of parameter sets to rows of lanes."""
 
-    Attributes
-    ----------
-    pick : int ndarray, shape (rows, LANES)
-        Number of the set in each lane.
-    width : int
-        Lanes of a group; the first one leads.
-    place : int ndarray, shape (sets,)
-        Lane, counted through all rows, of each set in the order of the sets.
-    idle : int ndarray, shape (rows,)
-        Bits of the lanes whose results are not needed.
-    in_order : bool
-        The first set is in the first lane and so on.
-    """
-
-    pick: NDArray[np.int64]
-    width: int
-    place: NDArray[np.int64]
-    idle: NDArray[np.int64]
-    in_order: bool
+    pick: NDArray[np.int64]  #: Number of the set in each lane, shape (rows, LANES).
+    width: int  #: Lanes of a group; the first one leads.
+    place: NDArray[np.int64]  #: Lane, counted through all rows, of each set in the order of the sets, shape (sets,).
+    idle: NDArray[np.int64]  #: Bits of the lanes whose results are not needed, shape (rows,).
+    in_order: bool  #: The first set is in the first lane and so on.
 
 
 @lru_cache(maxsize=256)

@@ -49,38 +49,20 @@ class Settings:
 
 
 class Tolerances(NamedTuple):
-    """Accuracy of a level, and the steps that it takes.
+    """Accuracy of a level, and the steps that it takes."""
 
-    Attributes
-    ----------
-    error : float
-        Tolerated estimate of a step's error, relative to the speed scale.
-    newton : int
-        Iterations of Newton's method per step.
-    change : float
-        Tolerated last change of Newton's method, relative to the speed scale.
-    ticks : int
-        A part of a sample may be cut into 2^ticks pieces.
-    max_angle : float
-        With limits, largest angle in rad by which the fastest oscillation may advance in a part of a sample.
-    max_parts : int
-        A sample is cut into no more parts than this.
-    long_steps : bool
-        A base step may cover all parts of a sample, with limits watched at points within, and a failed step may be
-        followed by a much shorter one. Otherwise every part is a step, and a failed step is halved, as the exported
-        programs do.
-    diverged : float
-        A simulation has diverged when its states are this many times larger than input and speed.
-    """
-
-    error: float
-    newton: int
-    change: float
-    ticks: int
+    error: float  #: Tolerated estimate of a step's error, relative to the speed scale.
+    newton: int  #: Iterations of Newton's method per step.
+    change: float  #: Tolerated last change of Newton's method, relative to the speed scale.
+    ticks: int  #: A part of a sample may be cut into 2^ticks pieces.
+    #: With limits, largest angle in rad by which the fastest oscillation may advance in a part of a sample.
     max_angle: float
-    max_parts: int
+    max_parts: int  #: A sample is cut into no more parts than this.
+    #: A base step may cover all parts of a sample, with limits watched at points within, and a failed step may be
+    #: followed by a much shorter one. Otherwise every part is a step, and a failed step is halved, as the exported
+    #: programs do.
     long_steps: bool
-    diverged: float = 1e9
+    diverged: float = 1e9  #: A simulation has diverged when its states are this many times larger than input and speed.
 
 
 _ACCURATE = Tolerances(error=5e-7, newton=2, change=1e-4, ticks=7, max_angle=0.5, max_parts=64, long_steps=False)

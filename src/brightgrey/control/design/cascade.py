@@ -25,33 +25,16 @@ __all__ = ["Cascade", "CascadeGoal", "design_cascade", "position_loop_margins", 
 
 @dataclass(frozen=True)
 class CascadeGoal:
-    """Requirements on the loops of a cascade, and resolution of the search for the largest gains that meet them.
+    """Requirements on the loops of a cascade, and resolution of the search for the largest gains that meet them."""
 
-    Attributes
-    ----------
-    gain : float
-        Smallest gain margin, a factor.
-    phase : float
-        Smallest phase margin, degrees.
-    sensitivity : float
-        Largest peak of the sensitivity.
-    overshoot : float
-        Largest peak of the response from reference position to position.
-    reset_crossover : float
-        Reset time of the PI controller times the crossover frequency; 4 costs 14 degrees of phase.
-    gain_step : float
-        Ratio of neighbouring gains in the search.
-    bisections : int
-        Bisections of the last step of the search.
-    """
-
-    gain: float = 2.0
-    phase: float = 45.0
-    sensitivity: float = 2.0
-    overshoot: float = 1.05
+    gain: float = 2.0  #: Smallest gain margin, a factor.
+    phase: float = 45.0  #: Smallest phase margin, degrees.
+    sensitivity: float = 2.0  #: Largest peak of the sensitivity.
+    overshoot: float = 1.05  #: Largest peak of the response from reference position to position.
+    #: Reset time of the PI controller times the crossover frequency; 4 costs 14 degrees of phase.
     reset_crossover: float = 4.0
-    gain_step: float = 1.5
-    bisections: int = 4
+    gain_step: float = 1.5  #: Ratio of neighbouring gains in the search.
+    bisections: int = 4  #: Bisections of the last step of the search.
 
 
 CASCADE_GOAL = CascadeGoal()
@@ -63,22 +46,12 @@ class Cascade:
 
     ``v_ref = position_gain (q_ref - q) + q_ref'`` and ``u = speed_gain (e + integral of e / reset_time)`` with the
     control error ``e = v_ref - v``.
-
-    Attributes
-    ----------
-    position_gain : float
-        1/s.
-    speed_gain : float
-        N m s/rad (N s/m).
-    reset_time : float
-        s.
-    speed_margins, position_margins : tuple of Margins
-        Of the speed loop alone, and of the whole cascade opened at the drive's input, for each model of the design.
     """
 
-    position_gain: float
-    speed_gain: float
-    reset_time: float
+    position_gain: float  #: 1/s.
+    speed_gain: float  #: N m s/rad (N s/m).
+    reset_time: float  #: s.
+    #: Of the speed loop alone, and of the whole cascade opened at the drive's input, for each model of the design.
     speed_margins: tuple[Margins, ...]
     position_margins: tuple[Margins, ...]
 

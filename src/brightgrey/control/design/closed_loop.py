@@ -17,20 +17,13 @@ __all__ = ["ClosedLoopRun", "Controller", "Reference", "closed_loop", "standstil
 
 @dataclass(frozen=True)
 class Reference:
-    """Reference motion, and the feedforward torque for it.
+    """Reference motion, and the feedforward torque for it."""
 
-    Attributes
-    ----------
-    position, velocity, acceleration : ndarray, shape (samples,)
-        rad, rad/s and rad/s² (m).
-    torque : ndarray, shape (samples,)
-        Feedforward; 0 without one.
-    """
-
+    #: rad, rad/s and rad/s² (m), shape (samples,).
     position: Array
     velocity: Array
     acceleration: Array
-    torque: Array
+    torque: Array  #: Feedforward; 0 without one, shape (samples,).
 
 
 class Controller(Protocol):
@@ -48,23 +41,12 @@ class Controller(Protocol):
 
 @dataclass(frozen=True)
 class ClosedLoopRun:
-    """Simulation of a closed loop, SI.
+    """Simulation of a closed loop, SI."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (samples,)
-    u : ndarray, shape (samples,)
-        Torque after the limit, held until the next sample.
-    x : ndarray, shape (samples, n)
-        States of the model, with their ``names``.
-    y : ndarray, shape (samples, outputs)
-    names : tuple of str
-    """
-
-    t: Array
-    u: Array
-    x: Array
-    y: Array
+    t: Array  #: Shape (samples,).
+    u: Array  #: Torque after the limit, held until the next sample, shape (samples,).
+    x: Array  #: States of the model, with their ``names``, shape (samples, n).
+    y: Array  #: Shape (samples, outputs).
     names: tuple[str, ...]
 
     def state(self, name: str) -> Array:

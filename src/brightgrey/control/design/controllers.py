@@ -37,24 +37,12 @@ def feedforward(mode: ContactMode, motion: Motion, *, torque: bool = True) -> Re
 
 @dataclass(frozen=True)
 class OutputFeedback:
-    """Linear controller on one output.
+    """Linear controller on one output."""
 
-    Attributes
-    ----------
-    compensator : Compensator
-        Continuous controller; it is discretised by the trapezoidal rule.
-    dt : float
-        Sampling interval, s.
-    reference : ndarray, shape (samples,)
-        Reference of the output.
-    output : int
-        Index of the output.
-    """
-
-    compensator: Compensator
-    dt: float
-    reference: Array
-    output: int = 0
+    compensator: Compensator  #: Continuous controller; it is discretised by the trapezoidal rule.
+    dt: float  #: Sampling interval, s.
+    reference: Array  #: Reference of the output, shape (samples,).
+    output: int = 0  #: Index of the output.
 
     @cached_property
     def _sampled(self) -> Compensator:
@@ -79,18 +67,11 @@ class StateFeedback:
     """State feedback with integral action on the states of the model.
 
     The twist of a shaft with a gap is taken relative to the position in the gap, on whichever side it is closed.
-
-    Attributes
-    ----------
-    design : StateFeedbackDesign
-    reference : Reference
-    dt : float
-        Sampling interval, s.
     """
 
     design: StateFeedbackDesign
     reference: Reference
-    dt: float
+    dt: float  #: Sampling interval, s.
 
     @cached_property
     def _state_map(self) -> Array:
@@ -143,20 +124,12 @@ class StateFeedback:
 
 @dataclass(frozen=True)
 class CascadeController:
-    """P control of position around PI control of speed, both of mass 1.
-
-    Attributes
-    ----------
-    cascade : Cascade
-    reference : Reference
-    dt : float
-    position, speed : int
-        Indices of position and speed of mass 1 among the states.
-    """
+    """P control of position around PI control of speed, both of mass 1."""
 
     cascade: Cascade
     reference: Reference
     dt: float
+    #: Indices of position and speed of mass 1 among the states.
     position: int
     speed: int
 

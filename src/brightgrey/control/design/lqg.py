@@ -84,25 +84,13 @@ class _ControllerMemory(NamedTuple):
 
 @dataclass(frozen=True)
 class ObserverFeedback:
-    """State feedback on the states that an extended Kalman filter estimates.
-
-    Attributes
-    ----------
-    feedback : StateFeedback
-    system : StateSpace
-        The model with the measured outputs; one parameter set, all states.
-    noise : Noise
-        Of the filter.
-    speed_scale : float
-        Largest speed, rad/s (m/s).
-    step_tolerance : float
-        Error of the filter's steps over the largest speed, and standard deviation of the first speed over it.
-    """
+    """State feedback on the states that an extended Kalman filter estimates."""
 
     feedback: StateFeedback
-    system: StateSpace
-    noise: Noise
-    speed_scale: float
+    system: StateSpace  #: The model with the measured outputs; one parameter set, all states.
+    noise: Noise  #: Of the filter.
+    speed_scale: float  #: Largest speed, rad/s (m/s).
+    #: Error of the filter's steps over the largest speed, and standard deviation of the first speed over it.
     step_tolerance: float = 1e-4
 
     @cached_property

@@ -33,27 +33,13 @@ class FeedbackGain(NamedTuple):
 
 @dataclass(frozen=True)
 class StateFeedbackDesign:
-    """Feedback ``u = u_ref - K (z - z_ref) - integral * (integral of y - y_ref)``.
+    """Feedback ``u = u_ref - K (z - z_ref) - integral * (integral of y - y_ref)``."""
 
-    Attributes
-    ----------
-    analysis : Analysis
-        Linear model of the design.
-    output : int
-        Index of the controlled output.
-    K : ndarray, shape (n,)
-        Gains of ``analysis.states``.
-    integral : float
-        Gain of the integrated control error.
-    poles : ndarray, shape (n + 1,)
-        Of the closed loop, without dead time.
-    """
-
-    analysis: Analysis
-    output: int
-    K: Array
-    integral: float
-    poles: NDArray[np.complex128]
+    analysis: Analysis  #: Linear model of the design.
+    output: int  #: Index of the controlled output.
+    K: Array  #: Gains of ``analysis.states``, shape (n,).
+    integral: float  #: Gain of the integrated control error.
+    poles: NDArray[np.complex128]  #: Of the closed loop, without dead time, shape (n + 1,).
 
     def margins(self, delay: float = 0.0) -> Margins:
         """Stability margins of the loop opened at the drive's input; `delay` in s is added to the dead time."""

@@ -41,27 +41,14 @@ __all__ = ["FaultCase", "FaultDetectionOptions", "FaultFinding", "detect_faults"
 
 @dataclass(frozen=True)
 class FaultDetectionOptions:
-    """Limits of the decision, and options of the two estimators.
+    """Limits of the decision, and options of the two estimators."""
 
-    Attributes
-    ----------
-    max_prior_std : float
-        Largest relative standard deviation of a parameter that is used as prior knowledge.
-    max_condition : float
-        Condition of the scaled information above which a recording says nothing about the changes.
-    decidable_change : float
-        Relative change that a recording must be able to show, or it does not decide.
-    scoring : ScoringOptions
-        Without a gap.
-    simulation : SimulatedChangeOptions
-        With a gap.
-    """
-
-    max_prior_std: float = 0.5
+    max_prior_std: float = 0.5  #: Largest relative standard deviation of a parameter that is used as prior knowledge.
+    #: Condition of the scaled information above which a recording says nothing about the changes.
     max_condition: float = 1e10
-    decidable_change: float = 0.5
-    scoring: ScoringOptions = field(default_factory=ScoringOptions)
-    simulation: SimulatedChangeOptions = field(default_factory=SimulatedChangeOptions)
+    decidable_change: float = 0.5  #: Relative change that a recording must be able to show, or it does not decide.
+    scoring: ScoringOptions = field(default_factory=ScoringOptions)  #: Without a gap.
+    simulation: SimulatedChangeOptions = field(default_factory=SimulatedChangeOptions)  #: With a gap.
 
 
 FAULT_DETECTION = FaultDetectionOptions()
@@ -69,32 +56,15 @@ FAULT_DETECTION = FaultDetectionOptions()
 
 @dataclass(frozen=True)
 class FaultFinding:
-    """Result of fault detection for one kind of fault.
+    """Result of fault detection for one kind of fault."""
 
-    Attributes
-    ----------
-    subject : str
-        E.g. ``friction``.
-    parameters : tuple of str
-        Changed by a common factor.
-    verdict : {'changed', 'as before', 'not decidable'}
-    factor : float
-        Estimated value now over the value in the model.
-    ci95 : (low, high)
-        Confidence interval of the factor.
-    probability : float
-        That the change exceeds the smallest one of interest, from 0 to 1.
-    text : str
-        The finding in words, values in the recording's units.
-    """
-
-    subject: str
-    parameters: tuple[str, ...]
-    verdict: Literal["changed", "as before", "not decidable"]
-    factor: float
-    ci95: tuple[float, float]
-    probability: float
-    text: str
+    subject: str  #: E.g. ``friction``.
+    parameters: tuple[str, ...]  #: Changed by a common factor.
+    verdict: Literal["changed", "as before", "not decidable"]  #: one of 'changed', 'as before', 'not decidable'.
+    factor: float  #: Estimated value now over the value in the model.
+    ci95: tuple[float, float]  #: Confidence interval of the factor.
+    probability: float  #: That the change exceeds the smallest one of interest, from 0 to 1.
+    text: str  #: The finding in words, values in the recording's units.
 
 
 def fault_groups(structure: Structure) -> Mapping[Fault, tuple[str, ...]]:

@@ -25,29 +25,16 @@ __all__ = ["ChangeProblem", "FaultCase", "PosteriorPoint", "ScoringOptions", "ma
 
 @dataclass(frozen=True)
 class ScoringOptions:
-    """Search for the largest posterior by Fisher's scoring.
+    """Search for the largest posterior by Fisher's scoring."""
 
-    Attributes
-    ----------
-    difference : float
-        Step of the central differences in the logarithm of a factor. Contacts make the likelihood rough below it.
-    start_factors : tuple of float
-        Factors tried first for each free group, because contacts give the likelihood several maxima.
-    step_fractions : tuple of float
-        Parts of a scoring step that are tried side by side.
-    max_steps : int
-    tolerance : float
-        The search ends at a step below it, in standard deviations.
-    max_sets : int
-        Parameter sets in one filter run, limited by memory.
-    """
-
+    #: Step of the central differences in the logarithm of a factor. Contacts make the likelihood rough below it.
     difference: float = 0.01
+    #: Factors tried first for each free group, because contacts give the likelihood several maxima.
     start_factors: tuple[float, ...] = (0.6, 0.8, 1.25, 1.6, 2.2, 3.0)
-    step_fractions: tuple[float, ...] = (1.0, 0.5, 0.2)
+    step_fractions: tuple[float, ...] = (1.0, 0.5, 0.2)  #: Parts of a scoring step that are tried side by side.
     max_steps: int = 8
-    tolerance: float = 0.3
-    max_sets: int = 600
+    tolerance: float = 0.3  #: The search ends at a step below it, in standard deviations.
+    max_sets: int = 600  #: Parameter sets in one filter run, limited by memory.
 
 
 SCORING = ScoringOptions()
@@ -55,22 +42,12 @@ SCORING = ScoringOptions()
 
 @dataclass(frozen=True)
 class FaultCase:
-    """A recording and the model that it is compared with.
+    """A recording and the model that it is compared with."""
 
-    Attributes
-    ----------
-    values : mapping of str to float
-        The model's parameters, SI.
-    recording : Recording
-    noise : Noise
-        From a recording without fault, :func:`brightgrey.control.filters.setup.estimate_noise`.
-    std : mapping of str to float
-        Standard deviations of the model's parameters, SI. A fault must exceed them, too.
-    """
-
-    values: Mapping[str, float]
+    values: Mapping[str, float]  #: The model's parameters, SI.
     recording: Recording
-    noise: Noise
+    noise: Noise  #: From a recording without fault, :func:`brightgrey.control.filters.setup.estimate_noise`.
+    #: Standard deviations of the model's parameters, SI. A fault must exceed them, too.
     std: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -87,25 +64,13 @@ class ChangeProblem(NamedTuple):
 
 
 class PosteriorPoint(NamedTuple):
-    """Logarithms of the factors, and the posterior with its derivatives there.
+    """Logarithms of the factors, and the posterior with its derivatives there."""
 
-    Attributes
-    ----------
-    log_factors : ndarray, shape (groups,)
-    posterior : float
-        -inf where the filter diverges.
-    scores : ndarray, shape (samples, groups)
-        Derivatives of each sample's log-likelihood.
-    information : ndarray, shape (groups, groups)
-        Fisher's information with that of the prior.
-    normalised_innovations : ndarray, shape (samples x outputs,)
-    """
-
-    log_factors: Array
-    posterior: float
-    scores: Array
-    information: Array
-    normalised_innovations: Array
+    log_factors: Array  #: Shape (groups,).
+    posterior: float  #: -inf where the filter diverges.
+    scores: Array  #: Derivatives of each sample's log-likelihood, shape (samples, groups).
+    information: Array  #: Fisher's information with that of the prior, shape (groups, groups).
+    normalised_innovations: Array  #: Shape (samples x outputs,).
 
 
 class _Evaluation(NamedTuple):

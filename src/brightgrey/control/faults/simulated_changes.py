@@ -30,28 +30,15 @@ __all__ = ["ChangeEstimate", "ParameterGroup", "SimulatedChangeOptions", "estima
 
 @dataclass(frozen=True)
 class SimulatedChangeOptions:
-    """Range and effort of the search.
+    """Range and effort of the search."""
 
-    Attributes
-    ----------
-    max_factor : float
-        Largest factor on a free group; its inverse is the smallest.
-    max_prior_std : float
-        Range of the other factors, in standard deviations of their prior.
-    starts, patience : int
-        Of the multistart.
-    restarts : int
-        Optima from which a fit with one fixed factor starts.
-    min_eigenvalue : float
-        Of the scaled information, over the largest one; smaller ones are raised to it.
-    """
-
-    max_factor: float = 5.0
-    max_prior_std: float = 5.0
+    max_factor: float = 5.0  #: Largest factor on a free group; its inverse is the smallest.
+    max_prior_std: float = 5.0  #: Range of the other factors, in standard deviations of their prior.
+    #: Of the multistart.
     starts: int = 8
     patience: int = 2
-    restarts: int = 4
-    min_eigenvalue: float = 1e-10
+    restarts: int = 4  #: Optima from which a fit with one fixed factor starts.
+    min_eigenvalue: float = 1e-10  #: Of the scaled information, over the largest one; smaller ones are raised to it.
 
 
 SIMULATED_CHANGES = SimulatedChangeOptions()
@@ -75,16 +62,11 @@ class ParameterGroup(NamedTuple):
 
 
 class ChangeEstimate(NamedTuple):
-    """Estimated changes of the groups.
+    """Estimated changes of the groups."""
 
-    Attributes
-    ----------
-    log_factors : ndarray, shape (groups,)
-    std : ndarray, shape (groups,)
-        Standard deviations of the logarithms; very large where the recording does not determine a factor.
-    """
-
-    log_factors: Array
+    log_factors: Array  #: Shape (groups,).
+    #: Standard deviations of the logarithms; very large where the recording does not determine a factor, shape
+    #: (groups,).
     std: Array
 
 

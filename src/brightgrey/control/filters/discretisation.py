@@ -34,21 +34,13 @@ TAYLOR_MAX_NORM = 0.3  # of the scaled matrix: the remainder is below 1e-10
 
 @dataclass(frozen=True)
 class StepOptions:
-    """Refinement of the steps.
+    """Refinement of the steps."""
 
-    Attributes
-    ----------
-    substeps : tuple of int
-        Numbers of equal steps of an interval that are tried where one step is too coarse.
-    contact_substeps : int
-        From this number of steps on the making or breaking of a contact asks for no smaller ones.
-    contact_lookahead : float
-        Part of a step within which a contact that is about to close is taken as closed.
-    """
-
+    #: Numbers of equal steps of an interval that are tried where one step is too coarse.
     substeps: tuple[int, ...] = (4, 16, 64)
+    #: From this number of steps on the making or breaking of a contact asks for no smaller ones.
     contact_substeps: int = 16
-    contact_lookahead: float = 0.1
+    contact_lookahead: float = 0.1  #: Part of a step within which a contact that is about to close is taken as closed.
 
 
 STEPS = StepOptions()
@@ -81,26 +73,14 @@ class _BatchElement:
 
 @dataclass(frozen=True)
 class ElementBatch:
-    """A system with the parameter sets on the first axis, as batched matrix products need it.
+    """A system with the parameter sets on the first axis, as batched matrix products need it."""
 
-    Attributes
-    ----------
-    A : ndarray, shape (K, n, n)
-    B : ndarray, shape (K, n)
-    C : ndarray, shape (K, outputs, n)
-    elements : tuple
-    derivative_rows : tuple of int
-        As in ``StateSpace``.
-    speeds : ndarray of int
-        Indices of the states that are speeds.
-    """
-
-    A: Array
-    B: Array
-    C: Array
+    A: Array  #: Shape (K, n, n).
+    B: Array  #: Shape (K, n).
+    C: Array  #: Shape (K, outputs, n).
     elements: tuple[_BatchElement, ...]
-    derivative_rows: tuple[int, ...]
-    speeds: NDArray[np.int64]
+    derivative_rows: tuple[int, ...]  #: As in ``StateSpace``.
+    speeds: NDArray[np.int64]  #: Indices of the states that are speeds.
 
     @classmethod
     def of(cls, system: StateSpace, sets: int = 1) -> ElementBatch:
@@ -300,22 +280,15 @@ def matrix_exponential(M: Array) -> Array:
 
 
 class DelayedInput(NamedTuple):
-    """Delayed input. Within every interval it switches once, when the next sample of the input arrives.
+    """Delayed input. Within every interval it switches once, when the next sample of the input arrives."""
 
-    Attributes
-    ----------
-    start, before_switch : ndarray, shape (samples, K)
-        At the sample and just before the switch, a straight line between.
-    after_switch, end : ndarray, shape (samples, K)
-        Just after the switch and at the end of the interval, a straight line between.
-    switch_fraction : ndarray, shape (K,)
-        Part of the interval before the switch, above 0; 1 for delays of whole samples.
-    """
-
+    #: At the sample and just before the switch, a straight line between, shape (samples, K).
     start: Array
     before_switch: Array
+    #: Just after the switch and at the end of the interval, a straight line between, shape (samples, K).
     after_switch: Array
     end: Array
+    #: Part of the interval before the switch, above 0; 1 for delays of whole samples, shape (K,).
     switch_fraction: Array
 
     def select(self, which: NDArray[np.int64]) -> DelayedInput:

@@ -31,18 +31,11 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of the disturbance and of the measurement noise.
+    """Standard deviations of the disturbance and of the measurement noise."""
 
-    Attributes
-    ----------
-    torque : float or ndarray, shape (K,)
-        Of the disturbing torque beside the input, held over each sampling interval, N m (N).
-    outputs : ndarray, shape (outputs,) or (K, outputs)
-        Of each measured output, SI.
-    """
-
+    #: Of the disturbing torque beside the input, held over each sampling interval, N m (N), shape (K,).
     torque: float | Array
-    outputs: Array
+    outputs: Array  #: Of each measured output, SI, shape (outputs,) or (K, outputs).
 
     def measurement_covariance(self, sets: int) -> Array:
         """Covariance R of the measurement noise, shape (K, outputs, outputs)."""
@@ -56,34 +49,21 @@ class Noise:
 
 @dataclass(frozen=True)
 class FilterResult:
-    """Estimated states and innovations of a filter run.
+    """Estimated states and innovations of a filter run."""
 
-    Attributes
-    ----------
-    z : ndarray, shape (samples, K, n)
-        Filtered states: each is estimated from the samples up to its own.
-    std : ndarray, shape (samples, K, n)
-        Standard deviations of the states.
-    most_likely : ndarray, shape (samples, K, n)
-        States of the most likely component of a Gaussian sum; the estimated states for the other filters.
-    innovations : ndarray, shape (samples, K, outputs)
-        Measured minus predicted outputs.
-    covariances : ndarray, shape (samples, K, outputs, outputs)
-        Covariances that the filter predicts for the innovations.
-    normalised_innovations : ndarray, shape (samples, K, outputs)
-        Innovations transformed to white noise of variance 1, output after output by the Cholesky factor of the
-        covariance. Of a Gaussian sum they are normal quantiles of its predictive distribution.
-    log_likelihood : ndarray, shape (K,)
-        Logarithm of the likelihood of each recording.
-    """
-
-    z: Array
-    std: Array
+    z: Array  #: Filtered states: each is estimated from the samples up to its own, shape (samples, K, n).
+    std: Array  #: Standard deviations of the states, shape (samples, K, n).
+    #: States of the most likely component of a Gaussian sum; the estimated states for the other filters, shape
+    #: (samples, K, n).
     most_likely: Array
-    innovations: Array
+    innovations: Array  #: Measured minus predicted outputs, shape (samples, K, outputs).
+    #: Covariances that the filter predicts for the innovations, shape (samples, K, outputs, outputs).
     covariances: Array
+    #: Innovations transformed to white noise of variance 1, output after output by the Cholesky factor of the
+    #: covariance. Of a Gaussian sum they are normal quantiles of its predictive distribution. Shape (samples, K,
+    #: outputs).
     normalised_innovations: Array
-    log_likelihood: Array
+    log_likelihood: Array  #: Logarithm of the likelihood of each recording, shape (K,).
 
     @property
     def nis(self) -> Array:

@@ -31,44 +31,24 @@ __all__ = ["GaussianSumOptions", "gaussian_sum_filter"]
 
 @dataclass(frozen=True)
 class GaussianSumOptions:
-    """Number of components, and when they are split and merged.
+    """Number of components, and when they are split and merged."""
 
-    Attributes
-    ----------
-    components : int
-        Extended filters for each recording.
-    components_per_initial : int
-        One component in so many is used at the start; the others are kept for splits.
-    split_distance : float
-        From the mean to each half, in standard deviations. Larger ones lose the tails when a half is split again.
-    ambiguity_std : float
-        Standard deviations within which a contact counts as uncertain.
-    min_influence, max_influence : float
-        Effect of an uncertain contact on a speed within a sample, over the speed's standard deviation. Below the first
-        a component is not split; above the second its weight alone decides.
-    negligible_weight : float
-        Part of the largest weight below which a component may be given up for a split.
-    merge_distance : float
-        Squared distance of two components over their common variance below which they are merged.
-    light_component : float
-        A component of less than one part in so many of the weight is merged from a larger distance.
-    passes : int
-        Rounds of splits within a sample.
-    splits_per_pass : int
-        Largest number of splits in a round.
-    """
-
-    components: int = 40
-    components_per_initial: int = 3
+    components: int = 40  #: Extended filters for each recording.
+    components_per_initial: int = 3  #: One component in so many is used at the start; the others are kept for splits.
+    #: From the mean to each half, in standard deviations. Larger ones lose the tails when a half is split again.
     split_distance: float = 0.7
-    ambiguity_std: float = 3.0
+    ambiguity_std: float = 3.0  #: Standard deviations within which a contact counts as uncertain.
+    #: Effect of an uncertain contact on a speed within a sample, over the speed's standard deviation. Below the first
+    #: a component is not split; above the second its weight alone decides.
     min_influence: float = 0.1
     max_influence: float = 10.0
-    negligible_weight: float = 1e-4
+    negligible_weight: float = 1e-4  #: Part of the largest weight below which a component may be given up for a split.
+    #: Squared distance of two components over their common variance below which they are merged.
     merge_distance: float = 0.2
+    #: A component of less than one part in so many of the weight is merged from a larger distance.
     light_component: float = 20.0
-    passes: int = 3
-    splits_per_pass: int = 8
+    passes: int = 3  #: Rounds of splits within a sample.
+    splits_per_pass: int = 8  #: Largest number of splits in a round.
 
 
 GAUSSIAN_SUM = GaussianSumOptions()

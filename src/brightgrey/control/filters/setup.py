@@ -32,44 +32,26 @@ __all__ = [
 
 @dataclass(frozen=True)
 class FilterSetup:
-    """Uncertainty of the first state, and accuracy of the filter's steps.
+    """Uncertainty of the first state, and accuracy of the filter's steps."""
 
-    Attributes
-    ----------
-    initial_std : float
-        Standard deviation of the first speed over the largest speed, and of a lagging input over the largest input.
-    step_tolerance : float
-        Error of a step over the noise of the speed.
-    min_speed_noise, max_speed_noise : float
-        Limits of that noise, over the largest speed.
-    """
-
+    #: Standard deviation of the first speed over the largest speed, and of a lagging input over the largest input.
     initial_std: float = 0.02
-    step_tolerance: float = 0.1
+    step_tolerance: float = 0.1  #: Error of a step over the noise of the speed.
+    #: Limits of that noise, over the largest speed.
     min_speed_noise: float = 1e-4
     max_speed_noise: float = 1e-2
 
 
 @dataclass(frozen=True)
 class NoiseGrid:
-    """Candidates of the maximum-likelihood search for the noise.
+    """Candidates of the maximum-likelihood search for the noise."""
 
-    Attributes
-    ----------
-    torques : tuple of float
-        Standard deviations of the disturbance over the largest input.
-    sensors : tuple of float
-        Factors on the measurement noise that the recording shows.
-    refinement : tuple of float
-        Factors on both for the second grid, around the best point of the first.
-    max_samples : int
-        Of a longer recording only the middle part is used.
-    """
-
+    #: Standard deviations of the disturbance over the largest input.
     torques: tuple[float, ...] = tuple(10.0 ** (0.5 * k) for k in range(-8, 1))
-    sensors: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
+    sensors: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)  #: Factors on the measurement noise that the recording shows.
+    #: Factors on both for the second grid, around the best point of the first.
     refinement: tuple[float, ...] = tuple(10.0 ** (k / 8.0) for k in range(-2, 3))
-    max_samples: int = 6000
+    max_samples: int = 6000  #: Of a longer recording only the middle part is used.
 
 
 FILTER_SETUP = FilterSetup()
@@ -78,19 +60,11 @@ NOISE_GRID = NoiseGrid()
 
 @dataclass(frozen=True)
 class PreparedRecording:
-    """Input of the filters for a recording, and its coordinates.
-
-    Attributes
-    ----------
-    filter_input : FilterInput
-    twist_model : TwistModel
-        Transformation from the filter's states to all states.
-    sensor_noise : ndarray, shape (K, outputs)
-        Standard deviation of the noise that the recording shows in each output, SI.
-    """
+    """Input of the filters for a recording, and its coordinates."""
 
     filter_input: FilterInput
-    twist_model: TwistModel
+    twist_model: TwistModel  #: Transformation from the filter's states to all states.
+    #: Standard deviation of the noise that the recording shows in each output, SI, shape (K, outputs).
     sensor_noise: Array
 
 

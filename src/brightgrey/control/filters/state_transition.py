@@ -22,35 +22,18 @@ __all__ = ["FilterInput", "ProcessModel", "Transition"]
 
 @dataclass(frozen=True)
 class FilterInput:
-    """Recordings of K drives of one structure, or one recording for K parameter sets.
+    """Recordings of K drives of one structure, or one recording for K parameter sets."""
 
-    Attributes
-    ----------
-    system : StateSpace
-        In twist coordinates; one parameter set or K.
-    u : ndarray, shape (samples, K)
-    y : ndarray, shape (samples, K, outputs)
-    dt : float
-        Sampling interval, s.
-    hold : {'linear', 'zoh'}
-    z0 : ndarray, shape (K, n)
-        Expected state at the first sample.
-    P0 : ndarray, shape (K, n, n)
-        Its covariance.
-    differenced : tuple of bool
-        True for an output that is a position's difference over the last interval; the system's output is that position.
-    tolerance : ndarray, shape (K,)
-        Error of a step in any speed, rad/s (m/s). A tenth of the speed's noise is small enough.
-    """
-
-    system: StateSpace
-    u: Array
-    y: Array
-    dt: float
-    hold: str
-    z0: Array
-    P0: Array
+    system: StateSpace  #: In twist coordinates; one parameter set or K.
+    u: Array  #: Shape (samples, K).
+    y: Array  #: Shape (samples, K, outputs).
+    dt: float  #: Sampling interval, s.
+    hold: str  #: one of 'linear', 'zoh'.
+    z0: Array  #: Expected state at the first sample, shape (K, n).
+    P0: Array  #: Its covariance, shape (K, n, n).
+    #: True for an output that is a position's difference over the last interval; the system's output is that position.
     differenced: tuple[bool, ...]
+    #: Error of a step in any speed, rad/s (m/s). A tenth of the speed's noise is small enough. Shape (K,).
     tolerance: Array
 
 
@@ -64,28 +47,14 @@ class Transition(NamedTuple):
 
 @dataclass(frozen=True)
 class ProcessModel:
-    """Discrete-time model of a filter. Its states are the model's n, the last position and the disturbance.
+    """Discrete-time model of a filter. Its states are the model's n, the last position and the disturbance."""
 
-    Attributes
-    ----------
-    batch : ElementBatch
-        The model with its K parameter sets.
-    delayed_input : DelayedInput
-    dt : float
-        Sampling interval, s.
-    tolerance : ndarray, shape (K,)
-        Error of a step in any speed, rad/s (m/s).
-    differenced : ndarray of bool, shape (outputs,)
-    has_disturbance_state : bool
-        The disturbance is the last state.
-    """
-
-    batch: ElementBatch
+    batch: ElementBatch  #: The model with its K parameter sets.
     delayed_input: DelayedInput
-    dt: float
-    tolerance: Array
-    differenced: NDArray[np.bool_]
-    has_disturbance_state: bool
+    dt: float  #: Sampling interval, s.
+    tolerance: Array  #: Error of a step in any speed, rad/s (m/s), shape (K,).
+    differenced: NDArray[np.bool_]  #: Shape (outputs,).
+    has_disturbance_state: bool  #: The disturbance is the last state.
 
     @classmethod
     def of(cls, filter_input: FilterInput, copies: int = 1) -> ProcessModel:

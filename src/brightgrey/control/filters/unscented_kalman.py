@@ -20,20 +20,13 @@ __all__ = ["UnscentedOptions", "unscented_kalman_filter"]
 
 @dataclass(frozen=True)
 class UnscentedOptions:
-    """Scaling of the sigma points.
+    """Scaling of the sigma points."""
 
-    Attributes
-    ----------
-    alpha, beta, kappa : float
-        Spread, weight of the mean in the covariance (2 for a normal distribution), and secondary scaling.
-    variance_floor : float
-        Added to each normalised variance, so that the covariance keeps a square root.
-    """
-
+    #: Spread, weight of the mean in the covariance (2 for a normal distribution), and secondary scaling.
     alpha: float = 1.0
     beta: float = 2.0
     kappa: float = 0.0
-    variance_floor: float = 1e-12
+    variance_floor: float = 1e-12  #: Added to each normalised variance, so that the covariance keeps a square root.
 
 
 UNSCENTED = UnscentedOptions()

@@ -30,41 +30,23 @@ __all__ = ["LimitCycle", "LimitCycleOptions", "describing_function", "predict_li
 
 @dataclass(frozen=True)
 class LimitCycleOptions:
-    """Resolution and tolerances of the prediction.
+    """Resolution and tolerances of the prediction."""
 
-    Attributes
-    ----------
-    amplitudes, frequencies : int
-        Points of the grid; twice as many amplitudes with a gap.
-    gap_amplitudes : (low, high)
-        Range of amplitudes with a gap, over the amplitude at which the gap is just crossed.
-    period_steps : int
-        Steps in which a gap is followed over a period.
-    max_iterations : int
-        For the gains of the elements, which depend on the amplitudes they are fed with.
-    gain_tolerance : float
-        Relative change at which these iterations end.
-    max_shift : float
-        Largest distance of a solution from its grid cell, in the logarithms of amplitude and frequency.
-    tolerance : float
-        Largest absolute value of ``1 + L`` of a solution.
-    same_frequency, same_torque : float
-        Solutions nearer than both, in the logarithm, are the same.
-    balance : HarmonicBalanceOptions
-        Of the refinement with a gap.
-    """
-
+    #: Points of the grid; twice as many amplitudes with a gap.
     amplitudes: int = 36
     frequencies: int = 120
+    #: Range of amplitudes with a gap, over the amplitude at which the gap is just crossed.
     gap_amplitudes: tuple[float, float] = (1e-3, 1e4)
-    period_steps: int = 128
-    max_iterations: int = 40
-    gain_tolerance: float = 1e-5
+    period_steps: int = 128  #: Steps in which a gap is followed over a period.
+    max_iterations: int = 40  #: For the gains of the elements, which depend on the amplitudes they are fed with.
+    gain_tolerance: float = 1e-5  #: Relative change at which these iterations end.
+    #: Largest distance of a solution from its grid cell, in the logarithms of amplitude and frequency.
     max_shift: float = 0.5
-    tolerance: float = 1e-3
+    tolerance: float = 1e-3  #: Largest absolute value of ``1 + L`` of a solution.
+    #: Solutions nearer than both, in the logarithm, are the same.
     same_frequency: float = 0.02
     same_torque: float = 0.05
-    balance: HarmonicBalanceOptions = field(default_factory=HarmonicBalanceOptions)
+    balance: HarmonicBalanceOptions = field(default_factory=HarmonicBalanceOptions)  #: Of the refinement with a gap.
 
 
 LIMIT_CYCLES = LimitCycleOptions()
@@ -73,24 +55,13 @@ QUADRATURE_POINTS = 128  # over a quarter of a period
 
 @dataclass(frozen=True)
 class LimitCycle:
-    """A predicted self-sustained oscillation.
+    """A predicted self-sustained oscillation."""
 
-    Attributes
-    ----------
-    frequency : float
-        Hz.
-    torque : float
-        Amplitude of the commanded torque, before the limit, N m (N).
-    outputs : ndarray, shape (outputs,)
-        Amplitude of each output, SI.
-    stable : bool
-        True if neighbouring oscillations converge to it. An unstable one separates those that decay from those that
-        grow.
-    """
-
-    frequency: float
-    torque: float
-    outputs: Array
+    frequency: float  #: Hz.
+    torque: float  #: Amplitude of the commanded torque, before the limit, N m (N).
+    outputs: Array  #: Amplitude of each output, SI, shape (outputs,).
+    #: True if neighbouring oscillations converge to it. An unstable one separates those that decay from those that
+    #: grow.
     stable: bool
 
 

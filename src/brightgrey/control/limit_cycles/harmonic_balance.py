@@ -21,32 +21,15 @@ __all__ = ["GapLoop", "HarmonicBalance", "HarmonicBalanceOptions", "gap_harmonic
 
 @dataclass(frozen=True)
 class HarmonicBalanceOptions:
-    """Resolution and tolerances of the harmonic balance.
+    """Resolution and tolerances of the harmonic balance."""
 
-    Attributes
-    ----------
-    harmonics : tuple of int
-        Odd ones only, because the loop is odd.
-    period_steps : int
-        Steps in which the gap is followed over a period.
-    transient_periods : int
-        Periods before the one that is evaluated.
-    gain_updates : int
-        Solutions, each with the friction gain of the fundamental before it.
-    max_evaluations : int
-        Of the loop in each solution.
-    tolerance : float
-        Largest residual over half the gap.
-    max_shift : float
-        Largest change of frequency and amplitude against the describing function, in the logarithm.
-    """
-
-    harmonics: tuple[int, ...] = (1, 3, 5, 7, 9)
-    period_steps: int = 360
-    transient_periods: int = 2
-    gain_updates: int = 3
-    max_evaluations: int = 40
-    tolerance: float = 1e-3
+    harmonics: tuple[int, ...] = (1, 3, 5, 7, 9)  #: Odd ones only, because the loop is odd.
+    period_steps: int = 360  #: Steps in which the gap is followed over a period.
+    transient_periods: int = 2  #: Periods before the one that is evaluated.
+    gain_updates: int = 3  #: Solutions, each with the friction gain of the fundamental before it.
+    max_evaluations: int = 40  #: Of the loop in each solution.
+    tolerance: float = 1e-3  #: Largest residual over half the gap.
+    #: Largest change of frequency and amplitude against the describing function, in the logarithm.
     max_shift: float = 0.5
 
 
@@ -55,22 +38,14 @@ HARMONIC_BALANCE = HarmonicBalanceOptions()
 
 @dataclass(frozen=True)
 class GapLoop:
-    """A gap and the closed loop around it.
+    """A gap and the closed loop around it."""
 
-    Attributes
-    ----------
-    half_width, feedback : float
-        Half the width of the gap, and the feedback of the position in it to its rate, 1/s.
-    port : ndarray, shape (n,)
-        Row that gives the rate of the position from the other states.
-    states_per_position : callable
-        From angular frequencies (h,) and the fundamental of the states (n,) to the states (h, n) for a position of
-        amplitude 1 in the gap.
-    """
-
+    #: Half the width of the gap, and the feedback of the position in it to its rate, 1/s.
     half_width: float
     feedback: float
-    port: Array
+    port: Array  #: Row that gives the rate of the position from the other states, shape (n,).
+    #: From angular frequencies (h,) and the fundamental of the states (n,) to the states (h, n) for a position of
+    #: amplitude 1 in the gap.
     states_per_position: Callable[[Array, Complex], Complex]
 
 

@@ -22,22 +22,14 @@ KRYLOV_TOLERANCE = 1e-10  # remainder of a Krylov direction, relative to A, that
 
 
 class Controllability(NamedTuple):
-    """Rank of the controllable (observable) part, and the distance to a lower rank.
+    """Rank of the controllable (observable) part, and the distance to a lower rank."""
 
-    Attributes
-    ----------
-    rank, order : int
-        Dimension of the controllable (observable) part, and of the whole system.
-    distance : float
-        Relative distance to the nearest uncontrollable (unobservable) pair; 0 where the rank is below the order.
-    nearest_mode : complex
-        Mode in 1/s that is uncontrollable (unobservable) first.
-    """
-
+    #: Dimension of the controllable (observable) part, and of the whole system.
     rank: int
     order: int
+    #: Relative distance to the nearest uncontrollable (unobservable) pair; 0 where the rank is below the order.
     distance: float
-    nearest_mode: complex
+    nearest_mode: complex  #: Mode in 1/s that is uncontrollable (unobservable) first.
 
     @property
     def complete(self) -> bool:

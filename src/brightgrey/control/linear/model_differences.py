@@ -20,20 +20,11 @@ __all__ = ["FrequencyBand", "ModelFigures", "excited_band", "model_figures"]
 
 @dataclass(frozen=True)
 class ComparisonOptions:
-    """Options of the comparison of models.
+    """Options of the comparison of models."""
 
-    Attributes
-    ----------
-    energy : float
-        Part of the inputs' energy that the band holds.
-    points : int
-        Frequencies of the band.
-    creep : float
-        Speed near standstill, over the speed scale of the smoothed sign of speed. The sign is 0.995 there.
-    """
-
-    energy: float = 0.99
-    points: int = 400
+    energy: float = 0.99  #: Part of the inputs' energy that the band holds.
+    points: int = 400  #: Frequencies of the band.
+    #: Speed near standstill, over the speed scale of the smoothed sign of speed. The sign is 0.995 there.
     creep: float = 3.0
 
 
@@ -68,32 +59,18 @@ def excited_band(inputs: Sequence[Array], dt: float, options: ComparisonOptions 
 
 @dataclass(frozen=True)
 class ModelFigures:
-    """Properties of one model that matter for control, SI.
+    """Properties of one model that matter for control, SI."""
 
-    Attributes
-    ----------
-    response : ndarray, shape (m,)
-        From the input to the first output, over the band, at half of the largest speed, dead time included.
-    gain_difference, phase_difference : float
-        Largest differences from the first model over the band, dB and degrees.
-    frequency : float
-        Of the largest difference of the gain, Hz.
-    poles : tuple of complex
-        In 1/s, slowest first.
-    resonances : tuple of OscillatoryMode
-    dead_time : float
-        Of the input, s; other lags are among the poles.
-    standstill_friction, constant_input : float
-        Input against friction near standstill, and the constant part of the input there, N m (N).
-    """
-
+    #: From the input to the first output, over the band, at half of the largest speed, dead time included, shape (m,).
     response: Complex
+    #: Largest differences from the first model over the band, dB and degrees.
     gain_difference: float
     phase_difference: float
-    frequency: float
-    poles: tuple[complex, ...]
+    frequency: float  #: Of the largest difference of the gain, Hz.
+    poles: tuple[complex, ...]  #: In 1/s, slowest first.
     resonances: tuple[OscillatoryMode, ...]
-    dead_time: float
+    dead_time: float  #: Of the input, s; other lags are among the poles.
+    #: Input against friction near standstill, and the constant part of the input there, N m (N).
     standstill_friction: float
     constant_input: float
 

@@ -30,16 +30,11 @@ BALANCE_TOLERANCE = 1e-8  # residual of a steady motion, relative to the largest
 
 @dataclass(frozen=True)
 class ContactMode:
-    """A system with all its gaps closed on one side, or open.
-
-    Attributes
-    ----------
-    model : TwistModel
-    contact : {'forward', 'backward', 'gap'}
-        Gap closed so that the motor pushes the load forward or backward, or open. Without a gap it has no effect.
-    """
+    """A system with all its gaps closed on one side, or open."""
 
     model: TwistModel
+    #: Gap closed so that the motor pushes the load forward or backward, or open. Without a gap it has no effect, one
+    #: of 'forward', 'backward', 'gap'.
     contact: Contact
 
     @property
@@ -113,22 +108,12 @@ class ContactMode:
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Steady motion in one contact mode.
-
-    Attributes
-    ----------
-    contact_mode : ContactMode
-    z : ndarray, shape (m,)
-        State in twist coordinates.
-    u : float
-        Input that maintains the motion, N m (N).
-    speed, acceleration : float
-        Of all masses, rad/s and rad/s² (m).
-    """
+    """Steady motion in one contact mode."""
 
     contact_mode: ContactMode
-    z: Array
-    u: float
+    z: Array  #: State in twist coordinates, shape (m,).
+    u: float  #: Input that maintains the motion, N m (N).
+    #: Of all masses, rad/s and rad/s² (m).
     speed: float
     acceleration: float
 

@@ -20,20 +20,12 @@ __all__ = ["TwistModel", "to_twist_coordinates"]
 
 @dataclass(frozen=True)
 class TwistModel:
-    """A system in twist coordinates ``z = W x``, with the inverse transformation ``x = V z``.
+    """A system in twist coordinates ``z = W x``, with the inverse transformation ``x = V z``."""
 
-    Attributes
-    ----------
-    system : StateSpace
-        Transformed system; states ``q1`` (if it is kept), ``twist1``.., ``v1``.., and the others unchanged.
-    W : ndarray, shape (m, n)
-    V : ndarray, shape (n, m)
-        Without the absolute position mass 1 is at 0.
-    """
-
+    #: Transformed system; states ``q1`` (if it is kept), ``twist1``.., ``v1``.., and the others unchanged.
     system: StateSpace
-    W: Array
-    V: Array
+    W: Array  #: Shape (m, n).
+    V: Array  #: Without the absolute position mass 1 is at 0, shape (n, m).
 
 
 def to_twist_coordinates(system: StateSpace, *, keep_position: bool = False) -> TwistModel:

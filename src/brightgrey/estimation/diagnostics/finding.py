@@ -28,17 +28,8 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class Finding:
-    """A statement about a fit.
-
-    Attributes
-    ----------
-    kind : str
-    text : str
-        One sentence without its full stop.
-    parameters : tuple of str
-        Parameters that it is about.
-    """
+    """A statement about a fit."""
 
     kind: Kind
-    text: str
-    parameters: tuple[str, ...] = ()
+    text: str  #: One sentence without its full stop.
+    parameters: tuple[str, ...] = ()  #: Parameters that it is about.

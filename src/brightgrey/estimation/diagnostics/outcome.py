@@ -28,19 +28,12 @@ _CONVERGED = _SEVERITY.index("converged")
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a fit; numerical failure is a value, with its text as the message.
+    """Outcome of a fit; numerical failure is a value, with its text as the message."""
 
-    Attributes
-    ----------
-    kind, text : str
-        The gravest of all findings; ``converged`` if there is none that may be the outcome.
-    findings : tuple of Finding
-        All others, the gravest first.
-    """
-
+    #: The gravest of all findings; ``converged`` if there is none that may be the outcome.
     kind: Kind
     text: str
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  #: All others, the gravest first.
 
     @classmethod
     def of(cls, findings: Sequence[Finding]) -> Outcome:

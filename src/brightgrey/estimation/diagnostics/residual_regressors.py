@@ -45,24 +45,12 @@ RESONANCE = "resonance"
 
 @dataclass(frozen=True)
 class ResidualRegressor:
-    """Candidate regressor of a residual.
+    """Candidate regressor of a residual."""
 
-    Attributes
-    ----------
-    kind : str
-        Name of an effect, or of a torque that no effect describes.
-    columns : ndarray, shape (residuals, k)
-        Derivatives of the weighted residuals by its coefficients.
-    described : bool
-        True if an effect describes it.
-    frequency : float
-        Frequency of a resonance in Hz.
-    """
-
-    kind: str
-    columns: Array
-    described: bool = True
-    frequency: float = 0.0
+    kind: str  #: Name of an effect, or of a torque that no effect describes.
+    columns: Array  #: Derivatives of the weighted residuals by its coefficients, shape (residuals, k).
+    described: bool = True  #: True if an effect describes it.
+    frequency: float = 0.0  #: Frequency of a resonance in Hz.
 
 
 def motions(problem: SimulationErrorProblem, values: Mapping[str, Array], settings: Settings) -> list[SimulatedMotion]:

@@ -22,42 +22,21 @@ __all__ = ["Candidate", "Detected", "detect_regressors"]
 
 
 class Detected(NamedTuple):
-    """A regressor that a residual follows.
+    """A regressor that a residual follows."""
 
-    Attributes
-    ----------
-    number : int
-        Index of the candidate.
-    coefficients : ndarray, shape (k,)
-        Coefficients of its columns.
-    share : float
-        Part of the residual's sum of squares that it explains.
-    margin : float
-        Twice the logarithm of the likelihood ratio over its critical value.
-    """
-
-    number: int
-    coefficients: Array
-    share: float
-    margin: float
+    number: int  #: Index of the candidate.
+    coefficients: Array  #: Coefficients of its columns, shape (k,).
+    share: float  #: Part of the residual's sum of squares that it explains.
+    margin: float  #: Twice the logarithm of the likelihood ratio over its critical value.
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A candidate regressor.
+    """A candidate regressor."""
 
-    Attributes
-    ----------
-    columns : ndarray, shape (residuals, k)
-    kind : str
-        Of several candidates of one kind, only the one with the largest margin is detected.
-    later : bool
-        True if it is tested only when the residual follows no other any more.
-    """
-
-    columns: Array
-    kind: str
-    later: bool = False
+    columns: Array  #: Shape (residuals, k).
+    kind: str  #: Of several candidates of one kind, only the one with the largest margin is detected.
+    later: bool = False  #: True if it is tested only when the residual follows no other any more.
 
 
 def detect_regressors(

@@ -18,21 +18,11 @@ __all__ = ["Peak", "highest_peak"]
 
 
 class Peak(NamedTuple):
-    """A peak of a residual's spectrum.
+    """A peak of a residual's spectrum."""
 
-    Attributes
-    ----------
-    frequency : float
-        In Hz.
-    ratio : float
-        Power over that of the neighbouring frequencies.
-    coherent : bool
-        True if the residual is coherent with the input at this frequency (1 %).
-    """
-
-    frequency: float
-    ratio: float
-    coherent: bool
+    frequency: float  #: In Hz.
+    ratio: float  #: Power over that of the neighbouring frequencies.
+    coherent: bool  #: True if the residual is coherent with the input at this frequency (1 %).
 
 
 def highest_peak(

@@ -31,21 +31,11 @@ __all__ = ["Symptom", "symptoms"]
 
 @dataclass(frozen=True)
 class Symptom:
-    """One symptom.
+    """One symptom."""
 
-    Attributes
-    ----------
-    title : str
-        A few words.
-    observation : str
-        What the recording shows; one sentence without its full stop.
-    advice : str
-        What to try; one sentence without its full stop.
-    """
-
-    title: str
-    observation: str
-    advice: str
+    title: str  #: A few words.
+    observation: str  #: What the recording shows; one sentence without its full stop.
+    advice: str  #: What to try; one sentence without its full stop.
 
 
 def symptoms(

@@ -31,18 +31,11 @@ _SPECTRUM_LENGTH = 8  # times the lags of an autocovariance: what wraps around h
 
 @dataclass(frozen=True)
 class NoiseModelOptions:
-    """Options of :func:`noise_models`.
+    """Options of :func:`noise_models`."""
 
-    Attributes
-    ----------
-    corrections : int
-        Rounds that correct the autocovariance for what the fit has absorbed; the fourth changes it by less than 1 %.
-    rank_tolerance : float
-        Singular values of the Jacobian below this part of the largest count as zero.
-    """
-
+    #: Rounds that correct the autocovariance for what the fit has absorbed; the fourth changes it by less than 1 %.
     corrections: int = 5
-    rank_tolerance: float = 1e-10
+    rank_tolerance: float = 1e-10  #: Singular values of the Jacobian below this part of the largest count as zero.
 
 
 NOISE_MODEL_DEFAULTS = NoiseModelOptions()
@@ -50,18 +43,10 @@ NOISE_MODEL_DEFAULTS = NoiseModelOptions()
 
 @dataclass(frozen=True)
 class Autoregression:
-    """Noise model ``e[t] + a[1] e[t-1] + ... + a[p] e[t-p] = w[t]`` with white w.
+    """Noise model ``e[t] + a[1] e[t-1] + ... + a[p] e[t-p] = w[t]`` with white w."""
 
-    Attributes
-    ----------
-    a : tuple of float
-        The number 1 and the p coefficients.
-    variance : float
-        Variance of w, in the squared unit of e.
-    """
-
-    a: tuple[float, ...]
-    variance: float
+    a: tuple[float, ...]  #: The number 1 and the p coefficients.
+    variance: float  #: Variance of w, in the squared unit of e.
 
     @property
     def order(self) -> int:

@@ -34,17 +34,10 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class WhitenessTest:
-    """Test that ends a search when nothing is left to explain.
+    """Test that ends a search when nothing is left to explain."""
 
-    Attributes
-    ----------
-    lags : int
-        Largest lag of the autocorrelation, in samples.
-    critical_value : float
-        Ljung-Box statistic that white residuals exceed once in 500 (chi-squared with 25 degrees of freedom).
-    """
-
-    lags: int = 25
+    lags: int = 25  #: Largest lag of the autocorrelation, in samples.
+    #: Ljung-Box statistic that white residuals exceed once in 500 (chi-squared with 25 degrees of freedom).
     critical_value: float = 50.0
 
 

@@ -42,21 +42,12 @@ def whiten(x: Array, models: Sequence[Autoregression], lengths: Sequence[int]) -
 
 @dataclass(frozen=True)
 class Whitening:
-    """Filters that make the noise of every segment white with variance 1.
+    """Filters that make the noise of every segment white with variance 1."""
 
-    Attributes
-    ----------
-    models : tuple of Autoregression
-        Noise of each segment, the error floor included.
-    lengths : tuple of int
-        Samples of each segment.
-    error_floor : tuple of float
-        Variance of the errors of simulation and sensor in each segment. They count as white and as independent of the
-        noise.
-    """
-
-    models: tuple[Autoregression, ...]
-    lengths: tuple[int, ...]
+    models: tuple[Autoregression, ...]  #: Noise of each segment, the error floor included.
+    lengths: tuple[int, ...]  #: Samples of each segment.
+    #: Variance of the errors of simulation and sensor in each segment. They count as white and as independent of the
+    #: noise.
     error_floor: tuple[float, ...]
 
     @classmethod

@@ -33,57 +33,26 @@ SAME_OPTIMUM_RTOL = 5e-3
 
 
 class OptimumWithJacobian(NamedTuple):
-    """Result of one fit, with residual and Jacobian.
+    """Result of one fit, with residual and Jacobian."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (P,)
-        Free parameters, SI.
-    cost : float
-        Sum of squared weighted residuals.
-    converged : bool
-    evaluations : int
-        Batches of simulations.
-    simulations : int
-        Simulated parameter sets.
-    residual : ndarray, shape (residuals,)
-    jacobian : ndarray, shape (residuals, P)
-        Derivatives of the residuals by the scaled parameters.
-    """
-
-    values: Array
-    cost: float
+    values: Array  #: Free parameters, SI, shape (P,).
+    cost: float  #: Sum of squared weighted residuals.
     converged: bool
-    evaluations: int
-    simulations: int
-    residual: Array
-    jacobian: Array
+    evaluations: int  #: Batches of simulations.
+    simulations: int  #: Simulated parameter sets.
+    residual: Array  #: Shape (residuals,).
+    jacobian: Array  #: Derivatives of the residuals by the scaled parameters, shape (residuals, P).
 
 
 class Optimum(NamedTuple):
-    """Result of one of many fits.
+    """Result of one of many fits."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (P,)
-        Free parameters, SI.
-    cost : float
-        Sum of squared weighted residuals.
-    converged : bool
-    evaluations : int
-        Batches of simulations.
-    simulations : int
-        Simulated parameter sets.
-    curvature : ndarray, shape (P, P)
-        J' J by the scaled parameters.
-    """
-
-    values: Array
-    cost: float
+    values: Array  #: Free parameters, SI, shape (P,).
+    cost: float  #: Sum of squared weighted residuals.
     converged: bool
-    evaluations: int
-    simulations: int
-    curvature: Array
+    evaluations: int  #: Batches of simulations.
+    simulations: int  #: Simulated parameter sets.
+    curvature: Array  #: J' J by the scaled parameters, shape (P, P).
 
 
 def neighbours(theta: Array, space: ParameterSpace, step: float = LM_DEFAULTS.difference_step) -> tuple[Array, Array]:

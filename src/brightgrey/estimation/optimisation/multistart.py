@@ -53,45 +53,21 @@ __all__ = [
 
 @dataclass(frozen=True)
 class MultistartResult:
-    """Result of a multistart search.
+    """Result of a multistart search."""
 
-    Attributes
-    ----------
-    starts : ndarray, shape (P, S)
-        SI.
-    optima : tuple of Optimum
-        In the order of the starts.
-    evaluations : int
-        Batches of simulations.
-    simulations : SimulationCount
-    """
-
-    starts: Array
-    optima: tuple[Optimum, ...]
-    evaluations: int
+    starts: Array  #: SI, shape (P, S).
+    optima: tuple[Optimum, ...]  #: In the order of the starts.
+    evaluations: int  #: Batches of simulations.
     simulations: SimulationCount
 
 
 class DescentBatch(NamedTuple):
-    """A batch of starts and the optima that they led to.
+    """A batch of starts and the optima that they led to."""
 
-    Attributes
-    ----------
-    starts : list of ndarray, shape (P,)
-        SI.
-    optima : list of Optimum
-        In the order of the starts.
-    independent : list of bool
-        True for starts that do not derive from earlier optima.
-    evaluations : int
-        Batches of simulations.
-    simulations : SimulationCount
-    """
-
-    starts: list[Array]
-    optima: list[Optimum]
-    independent: list[bool]
-    evaluations: int
+    starts: list[Array]  #: SI, shape (P,).
+    optima: list[Optimum]  #: In the order of the starts.
+    independent: list[bool]  #: True for starts that do not derive from earlier optima.
+    evaluations: int  #: Batches of simulations.
     simulations: SimulationCount
 
     @property

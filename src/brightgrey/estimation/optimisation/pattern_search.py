@@ -26,28 +26,16 @@ Reason = Literal["mesh", "stalled", "iterations", "evaluations"]
 
 @dataclass(frozen=True)
 class PatternSearchResult:
-    """Result of one pattern search.
+    """Result of one pattern search."""
 
-    Attributes
-    ----------
-    values : tuple of float
-        Best point, in the scale of the search.
-    cost : float
-        Infinite if no point had a finite one.
-    mesh : float
-        Last mesh, as part of the range.
-    iterations, evaluations : int
-        Polls, and evaluated points.
-    reason : {'mesh', 'stalled', 'iterations', 'evaluations'}
-        ``mesh``: converged, the mesh has shrunk to its smallest. ``stalled``: hardly anything was gained any more. The
-        others are limits.
-    """
-
-    values: tuple[float, ...]
-    cost: float
-    mesh: float
+    values: tuple[float, ...]  #: Best point, in the scale of the search.
+    cost: float  #: Infinite if no point had a finite one.
+    mesh: float  #: Last mesh, as part of the range.
+    #: Polls, and evaluated points.
     iterations: int
     evaluations: int
+    #: ``mesh``: converged, the mesh has shrunk to its smallest. ``stalled``: hardly anything was gained any more. The
+    #: others are limits, one of 'mesh', 'stalled', 'iterations', 'evaluations'.
     reason: Reason
 
 

@@ -34,36 +34,19 @@ _CACHED_RECORDINGS = 8
 
 @dataclass(frozen=True)
 class InitialStateOptions:
-    """Limits of the initial state.
+    """Limits of the initial state."""
 
-    Attributes
-    ----------
-    rest_speed : float
-        A drive whose first speed is below this part of the largest one is at rest.
-    first_samples : int
-        Samples from which position and speed at the start are determined.
-    intercept_std : float
-        Standard deviation of the first value of a line through these samples, relative to that of their mean.
-    sensor_std : float
-        Standard deviations of the sensor's noise by which position and speed may be off.
-    max_twist : float
-        Largest twist of a shaft, relative to that of even acceleration by the largest input; oscillations add to it.
-    max_speed_difference : float
-        Largest speed difference of neighbouring masses, relative to the largest speed.
-    mean_lengths : tuple of int
-        Samples whose means show slow noise.
-    mean_differences : int
-        Order of the difference of such means in which hardly any motion remains.
-    """
-
-    rest_speed: float = 0.1
-    first_samples: int = 10
+    rest_speed: float = 0.1  #: A drive whose first speed is below this part of the largest one is at rest.
+    first_samples: int = 10  #: Samples from which position and speed at the start are determined.
+    #: Standard deviation of the first value of a line through these samples, relative to that of their mean.
     intercept_std: float = 2.0
-    sensor_std: float = 3.0
+    sensor_std: float = 3.0  #: Standard deviations of the sensor's noise by which position and speed may be off.
+    #: Largest twist of a shaft, relative to that of even acceleration by the largest input; oscillations add to it.
     max_twist: float = 3.0
+    #: Largest speed difference of neighbouring masses, relative to the largest speed.
     max_speed_difference: float = 0.5
-    mean_lengths: tuple[int, ...] = (10, 20, 40)
-    mean_differences: int = 6
+    mean_lengths: tuple[int, ...] = (10, 20, 40)  #: Samples whose means show slow noise.
+    mean_differences: int = 6  #: Order of the difference of such means in which hardly any motion remains.
 
 
 INITIAL_STATE_DEFAULTS = InitialStateOptions()
@@ -71,22 +54,14 @@ INITIAL_STATE_DEFAULTS = InitialStateOptions()
 
 @dataclass(frozen=True)
 class InitialStateParameter:
-    """A part of the initial state that is estimated, in SI, on a linear scale.
-
-    Attributes
-    ----------
-    name : str
-    low, high, start : float
-        Bounds and start value.
-    sampled : bool
-        False if all samples of a search have the start value.
-    """
+    """A part of the initial state that is estimated, in SI, on a linear scale."""
 
     name: str
+    #: Bounds and start value.
     low: float
     high: float
     start: float
-    sampled: bool = True
+    sampled: bool = True  #: False if all samples of a search have the start value.
 
 
 @lru_cache(maxsize=_CACHED_RECORDINGS)
@@ -120,25 +95,14 @@ def initial_state(recording: Recording, system: StateSpace) -> Array:
 
 @dataclass(frozen=True)
 class InitialState:
-    """Position and speed before the first sample, and the parts that are estimated; T is the first input.
+    """Position and speed before the first sample, and the parts that are estimated; T is the first input."""
 
-    Attributes
-    ----------
-    position, speed : float
-        Of all masses in SI, apart from the estimated parts.
-    torque : float
-        Largest input in SI. Twists are relative to those of even acceleration by it.
-    unknown : tuple of InitialStateParameter
-        Parts that are estimated. Their names end in `tag`.
-    tag : str
-        Distinguishes recordings.
-    """
-
+    #: Of all masses in SI, apart from the estimated parts.
     position: float
     speed: float
-    torque: float = 0.0
-    unknown: tuple[InitialStateParameter, ...] = ()
-    tag: str = ""
+    torque: float = 0.0  #: Largest input in SI. Twists are relative to those of even acceleration by it.
+    unknown: tuple[InitialStateParameter, ...] = ()  #: Parts that are estimated. Their names end in `tag`.
+    tag: str = ""  #: Distinguishes recordings.
 
     @classmethod
     def of(

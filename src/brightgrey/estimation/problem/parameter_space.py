@@ -25,21 +25,12 @@ __all__ = ["Block", "ParameterSpace", "SpaceOptions", "parameter_space"]
 
 @dataclass(frozen=True)
 class SpaceOptions:
-    """Tolerance and sampling of a parameter space.
+    """Tolerance and sampling of a parameter space."""
 
-    Attributes
-    ----------
-    bound_tolerance : float
-        A parameter closer to a bound than this part of its range counts as being at the bound.
-    near_factor : float
-        Samples near the declared start value are within this factor of it.
-    near_share : float
-        Share of the samples, in each parameter, that are near the declared start value.
-    """
-
+    #: A parameter closer to a bound than this part of its range counts as being at the bound.
     bound_tolerance: float = 1e-4
-    near_factor: float = 3.0
-    near_share: float = 0.6
+    near_factor: float = 3.0  #: Samples near the declared start value are within this factor of it.
+    near_share: float = 0.6  #: Share of the samples, in each parameter, that are near the declared start value.
 
 
 class Block(NamedTuple):
@@ -52,36 +43,18 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """Free parameters and their transform to a scaled space: logarithm, or value over the width of the range.
+    """Free parameters and their transform to a scaled space: logarithm, or value over the width of the range."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Free parameters.
-    low, high, start : ndarray, shape (P,)
-        Bounds and start values, SI.
-    log : bool ndarray, shape (P,)
-        True for parameters whose scaled value is a logarithm.
-    fixed : mapping of str to float
-        Parameters that are not estimated, SI.
-    scales : Scales
-        Scales of the recordings.
-    blocks : tuple of Block
-        Parameters that are sampled together.
-    not_sampled : bool ndarray, shape (P,)
-        True for parameters that have their start value in all samples.
-    options : SpaceOptions
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  #: Free parameters.
+    #: Bounds and start values, SI, shape (P,).
     low: Array
     high: Array
     start: Array
-    log: NDArray[np.bool_]
-    fixed: Mapping[str, float]
-    scales: Scales
-    blocks: tuple[Block, ...]
-    not_sampled: NDArray[np.bool_]
+    log: NDArray[np.bool_]  #: True for parameters whose scaled value is a logarithm, shape (P,).
+    fixed: Mapping[str, float]  #: Parameters that are not estimated, SI.
+    scales: Scales  #: Scales of the recordings.
+    blocks: tuple[Block, ...]  #: Parameters that are sampled together.
+    not_sampled: NDArray[np.bool_]  #: True for parameters that have their start value in all samples, shape (P,).
     options: SpaceOptions = field(default_factory=SpaceOptions)
 
     @cached_property

@@ -29,48 +29,25 @@ _FILTER_PASSES = 3
 
 @dataclass(frozen=True)
 class ScalesOptions:
-    """Windows, limits and robustness of the regression that gives the scales.
+    """Windows, limits and robustness of the regression that gives the scales."""
 
-    Attributes
-    ----------
-    shortest_window : int
-        Samples.
-    longest_smoothing : float
-        Longest window that smooths the speed, as part of the recording.
-    longest_window : float
-        Longest window of the torque balance, as part of the recording: it averages over oscillations of the drive.
-    windows : int
-        Number of windows that are tried, between the shortest and the longest.
-    smoothing_change : float
-        Smoothing of the speed ends when it changes the speed by less than this part of its standard deviation.
-    reversal_speed : float
-        Part of the largest speed at which the sign of the speed has changed.
-    rows : int
-        Rows of the regression that are enough.
-    reweightings : int
-        Rounds of Huber's weights.
-    similar_uncertainty : float
-        The longest window is taken whose standard error of the inertia is within this factor of the least one.
-    unexplained_torque : float
-        Part of the torque's variance; a balance that leaves more does not hold. An oscillating drive leaves half of it.
-    driven_torque : float
-        Part of the torque's standard deviation that a window has to leave.
-    plausible_low, plausible_high : float
-        Limits of the inertia, relative to the largest torque over the largest acceleration, and the lower limit of
-        friction and damping, relative to the largest torque.
-    """
-
-    shortest_window: int = 3
-    longest_smoothing: float = 1.0 / 20.0
+    shortest_window: int = 3  #: Samples.
+    longest_smoothing: float = 1.0 / 20.0  #: Longest window that smooths the speed, as part of the recording.
+    #: Longest window of the torque balance, as part of the recording: it averages over oscillations of the drive.
     longest_window: float = 1.0 / 4.0
-    windows: int = 8
+    windows: int = 8  #: Number of windows that are tried, between the shortest and the longest.
+    #: Smoothing of the speed ends when it changes the speed by less than this part of its standard deviation.
     smoothing_change: float = 0.03
-    reversal_speed: float = 0.02
-    rows: int = 4000
-    reweightings: int = 4
+    reversal_speed: float = 0.02  #: Part of the largest speed at which the sign of the speed has changed.
+    rows: int = 4000  #: Rows of the regression that are enough.
+    reweightings: int = 4  #: Rounds of Huber's weights.
+    #: The longest window is taken whose standard error of the inertia is within this factor of the least one.
     similar_uncertainty: float = 1.5
+    #: Part of the torque's variance; a balance that leaves more does not hold. An oscillating drive leaves half of it.
     unexplained_torque: float = 0.2
-    driven_torque: float = 0.05
+    driven_torque: float = 0.05  #: Part of the torque's standard deviation that a window has to leave.
+    #: Limits of the inertia, relative to the largest torque over the largest acceleration, and the lower limit of
+    #: friction and damping, relative to the largest torque.
     plausible_low: float = 1e-4
     plausible_high: float = 1e4
 

@@ -18,20 +18,11 @@ __all__ = ["Segment", "segment_lengths", "segments", "split_recordings", "split_
 
 
 class Segment(NamedTuple):
-    """One output of one recording.
+    """One output of one recording."""
 
-    Attributes
-    ----------
-    rows : slice
-        Its part of the residual vector.
-    recording : Recording
-    output : int
-        Index of the output in the recording.
-    """
-
-    rows: slice
+    rows: slice  #: Its part of the residual vector.
     recording: Recording
-    output: int
+    output: int  #: Index of the output in the recording.
 
 
 def segments(recordings: Sequence[Recording]) -> Iterator[Segment]:

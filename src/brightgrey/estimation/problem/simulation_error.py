@@ -119,28 +119,16 @@ def _limited_states(structure: Structure) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class SimulationErrorProblem:
-    """Weighted residuals of `structure` on `recordings`.
-
-    Attributes
-    ----------
-    structure : Structure
-    recordings : tuple of Recording
-    weights : ndarray, shape (outputs,)
-        Inverse of the noise of each output; at least a thousandth of the output's standard deviation counts as noise.
-    initial_states : tuple of InitialState
-        One per recording.
-    threads : int
-        Threads to simulate on.
-    gain : float
-        Output feedback in torque per speed, N m s/rad (N s/m).
-    """
+    """Weighted residuals of `structure` on `recordings`."""
 
     structure: Structure
     recordings: tuple[Recording, ...]
+    #: Inverse of the noise of each output; at least a thousandth of the output's standard deviation counts as noise,
+    #: shape (outputs,).
     weights: Array
-    initial_states: tuple[InitialState, ...]
-    threads: int = 1
-    gain: float = 0.0
+    initial_states: tuple[InitialState, ...]  #: One per recording.
+    threads: int = 1  #: Threads to simulate on.
+    gain: float = 0.0  #: Output feedback in torque per speed, N m s/rad (N s/m).
 
     @classmethod
     def of(

@@ -22,17 +22,11 @@ __all__ = ["CovarianceEstimate", "gradient_covariance", "sandwich_covariance"]
 
 
 class CovarianceEstimate(NamedTuple):
-    """Covariance of an estimate.
+    """Covariance of an estimate."""
 
-    Attributes
-    ----------
-    covariance : ndarray, shape (P, P)
-    degrees : ndarray, shape (P,)
-        Degrees of freedom of the standard deviations. The spectrum of the noise is uncertain at the frequencies to
-        which a parameter is sensitive.
-    """
-
-    covariance: Array
+    covariance: Array  #: Shape (P, P).
+    #: Degrees of freedom of the standard deviations. The spectrum of the noise is uncertain at the frequencies to
+    #: which a parameter is sensitive. Shape (P,).
     degrees: Array
 
     @property

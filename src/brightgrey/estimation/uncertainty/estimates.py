@@ -26,64 +26,34 @@ _BOUND_SIDES: dict[int, BoundSide | None] = {-1: "low", 0: None, 1: "high"}
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter in SI.
+    """One parameter in SI."""
 
-    Attributes
-    ----------
-    value, std : float
-        The standard deviation is 0 if the parameter is fixed and not a number where it is unknown.
-    ci95 : (low, high)
-        95 % interval.
-    at_bound : {'low', 'high'} or None
-    between : float or None
-        Standard deviation between the estimates of single recordings; None with one recording or where it is unknown.
-    """
-
+    #: The standard deviation is 0 if the parameter is fixed and not a number where it is unknown.
     value: float
     std: float
-    ci95: tuple[float, float]
-    at_bound: BoundSide | None
+    ci95: tuple[float, float]  #: 95 % interval.
+    at_bound: BoundSide | None  #: one of 'low', 'high'} or None.
+    #: Standard deviation between the estimates of single recordings; None with one recording or where it is unknown.
     between: float | None = None
 
 
 class UpperLimit(NamedTuple):
-    """Upper limit of a parameter at its low bound.
+    """Upper limit of a parameter at its low bound."""
 
-    Attributes
-    ----------
-    high : float
-        Upper end of its 95 % interval, SI.
-    partner : str
-        Parameter whose errors correlate most with its own.
-    correlation : float
-        Their correlation.
-    """
-
-    high: float
-    partner: str
-    correlation: float
+    high: float  #: Upper end of its 95 % interval, SI.
+    partner: str  #: Parameter whose errors correlate most with its own.
+    correlation: float  #: Their correlation.
 
 
 class Estimates(NamedTuple):
-    """All estimates of a fit.
-
-    Attributes
-    ----------
-    by_name : dict of str to Estimate
-    unidentifiable : tuple of UnidentifiableDirection
-        Directions that the recordings do not identify.
-    differing : tuple of str
-        Parameters that differ between the recordings.
-    correlation : dict of (str, str) to float
-        Of the estimation errors in the scaled space, for pairs of parameters that have an interval.
-    upper_limits : dict of str to UpperLimit
-        Of parameters at a low bound that stands for zero, although others could take their place.
-    """
+    """All estimates of a fit."""
 
     by_name: dict[str, Estimate]
-    unidentifiable: tuple[UnidentifiableDirection, ...]
-    differing: tuple[str, ...]
+    unidentifiable: tuple[UnidentifiableDirection, ...]  #: Directions that the recordings do not identify.
+    differing: tuple[str, ...]  #: Parameters that differ between the recordings.
+    #: Of the estimation errors in the scaled space, for pairs of parameters that have an interval.
     correlation: dict[tuple[str, str], float]
+    #: Of parameters at a low bound that stands for zero, although others could take their place.
     upper_limits: dict[str, UpperLimit]
 
 

@@ -22,18 +22,12 @@ __all__ = ["Heterogeneity", "heterogeneity"]
 
 
 class Heterogeneity(NamedTuple):
-    """Differences of the parameters between recordings, in the scaled space.
+    """Differences of the parameters between recordings, in the scaled space."""
 
-    Attributes
-    ----------
-    std_between : ndarray, shape (P,)
-        Standard deviation between recordings; not a number where less than two recordings identify the parameter.
-    differs : bool ndarray, shape (P,)
-        True where the recordings differ by more than chance explains.
-    """
-
+    #: Standard deviation between recordings; not a number where less than two recordings identify the parameter, shape
+    #: (P,).
     std_between: Array
-    differs: NDArray[np.bool_]
+    differs: NDArray[np.bool_]  #: True where the recordings differ by more than chance explains, shape (P,).
 
 
 def heterogeneity(

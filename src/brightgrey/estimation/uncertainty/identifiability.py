@@ -18,20 +18,11 @@ __all__ = ["UnidentifiableDirection", "describe", "power_product", "unidentifiab
 
 @dataclass(frozen=True)
 class UnidentifiableDirection:
-    """A direction in the scaled parameter space that the recording does not identify.
+    """A direction in the scaled parameter space that the recording does not identify."""
 
-    Attributes
-    ----------
-    indices : tuple of int
-        Parameters that take part, in the order of the space.
-    direction : tuple of float
-        Their components.
-    blind : bool
-        True if nothing of it is seen; otherwise its interval is wider than a factor of 50 or than its range.
-    """
-
-    indices: tuple[int, ...]
-    direction: tuple[float, ...]
+    indices: tuple[int, ...]  #: Parameters that take part, in the order of the space.
+    direction: tuple[float, ...]  #: Their components.
+    #: True if nothing of it is seen; otherwise its interval is wider than a factor of 50 or than its range.
     blind: bool
 
 

@@ -35,23 +35,12 @@ _ATOM = max(_BINDING.values()) + 1
 
 @dataclass(frozen=True)
 class Language:
-    """Spelling of operations: format strings with one ``{}`` per operand.
+    """Spelling of operations: format strings with one ``{}`` per operand."""
 
-    Attributes
-    ----------
-    calls : mapping of str to str
-        Of functions and operators; an infix operator that is not here is written as ``a + b``.
-    definition : str
-        Statement that defines a name, with ``{name}`` and ``{value}``.
-    end : str
-        End of a statement.
-    name, number : callable
-        Spelling of a symbol and of a number.
-    """
-
-    calls: Mapping[str, str]
-    definition: str
-    end: str
+    calls: Mapping[str, str]  #: Of functions and operators; an infix operator that is not here is written as ``a + b``.
+    definition: str  #: Statement that defines a name, with ``{name}`` and ``{value}``.
+    end: str  #: End of a statement.
+    #: Spelling of a symbol and of a number.
     name: Callable[[str], str]
     number: Callable[[float], str]
 

@@ -87,24 +87,12 @@ Factors = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True)
 class Unit:
-    """A parsed unit.
+    """A parsed unit."""
 
-    Attributes
-    ----------
-    text : str
-        Normal spelling, e.g. ``N m``, ``mm/s``; ``1`` without a dimension.
-    factors : tuple of (symbol, power)
-        In the order given.
-    si : float
-        Value of one unit in coherent SI (rad, m, kg, s, A).
-    dimension : tuple of (name, power)
-        Sorted, e.g. ``(("[angle]", 1), ("[time]", -1))``.
-    """
-
-    text: str
-    factors: Factors
-    si: float
-    dimension: tuple[tuple[str, int], ...]
+    text: str  #: Normal spelling, e.g. ``N m``, ``mm/s``; ``1`` without a dimension.
+    factors: Factors  #: In the order given.
+    si: float  #: Value of one unit in coherent SI (rad, m, kg, s, A).
+    dimension: tuple[tuple[str, int], ...]  #: Sorted, e.g. ``(("[angle]", 1), ("[time]", -1))``.
 
 
 @cache

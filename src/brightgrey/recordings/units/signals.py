@@ -66,21 +66,14 @@ def motion_unit(unit: Unit) -> str:
 class Units:
     """Units that parameters, states and signals are shown in.
 
-    Attributes
-    ----------
-    input : str
-        Unit of the input, e.g. ``N m``, ``V``.
-    motion : str
-        Angle or length in the unit of the first output, e.g. ``rad``, ``mm``.
-
     Raises
     ------
     RecordingError
         For unknown units and for a motion that is neither angle nor length.
     """
 
-    input: str = "N m"
-    motion: str = "rad"
+    input: str = "N m"  #: Unit of the input, e.g. ``N m``, ``V``.
+    motion: str = "rad"  #: Angle or length in the unit of the first output, e.g. ``rad``, ``mm``.
 
     def __post_init__(self) -> None:
         motion = parse_unit(self.motion)

@@ -23,21 +23,11 @@ __all__ = ["MeasuredResponse", "measured_response", "response_chart"]
 
 @dataclass(frozen=True, eq=False)
 class MeasuredResponse:
-    """Frequency response estimated from recordings.
+    """Frequency response estimated from recordings."""
 
-    Attributes
-    ----------
-    frequency : ndarray, shape (m,)
-        Hz.
-    response : ndarray, shape (m,)
-        Output over input, complex, in the recording's units.
-    coherence : ndarray, shape (m,)
-        Share of the output's power that follows the input linearly, from 0 to 1.
-    """
-
-    frequency: Array
-    response: Complex
-    coherence: Array
+    frequency: Array  #: Hz, shape (m,).
+    response: Complex  #: Output over input, complex, in the recording's units, shape (m,).
+    coherence: Array  #: Share of the output's power that follows the input linearly, from 0 to 1, shape (m,).
 
 
 def measured_response(traces: Sequence[Trace], row: int) -> MeasuredResponse | None:

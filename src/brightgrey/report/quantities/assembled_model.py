@@ -21,12 +21,7 @@ __all__ = ["AssembledModel"]
 
 @dataclass(frozen=True)
 class AssembledModel:
-    """A model with everything that the report calculates from it.
-
-    Attributes
-    ----------
-    model : Model
-    """
+    """A model with everything that the report calculates from it."""
 
     model: Model
 

@@ -10,20 +10,11 @@ __all__ = ["is_drowned", "significant", "with_uncertainty"]
 
 @dataclass(frozen=True)
 class NumberStyle:
-    """Digits of the numbers in report, terminal and notebook.
+    """Digits of the numbers in report, terminal and notebook."""
 
-    Attributes
-    ----------
-    plain : (float, float)
-        Magnitudes that are written without an exponent.
-    drowned : float
-        Half width over value beyond which the cut may leave no digit of the value.
-    max_digits : int
-        Most significant digits of a value; beyond them only the end of double precision would show.
-    """
-
-    plain: tuple[float, float] = (1e-3, 1e6)
-    drowned: float = 10.0
+    plain: tuple[float, float] = (1e-3, 1e6)  #: Magnitudes that are written without an exponent.
+    drowned: float = 10.0  #: Half width over value beyond which the cut may leave no digit of the value.
+    #: Most significant digits of a value; beyond them only the end of double precision would show.
     max_digits: int = 10
 
 

@@ -22,25 +22,13 @@ __all__ = ["SheetEntry", "commissioning_sheet"]
 
 @dataclass(frozen=True)
 class SheetEntry:
-    """One line of the sheet.
-
-    Attributes
-    ----------
-    name : str
-    value : float
-        In `unit`.
-    unit : str
-    interval : (low, high) or None
-        95 %, where it is known.
-    note : str
-        Its origin: parameters, or the conditions it holds under.
-    """
+    """One line of the sheet."""
 
     name: str
-    value: float
+    value: float  #: In `unit`.
     unit: str
-    interval: tuple[float, float] | None = None
-    note: str = ""
+    interval: tuple[float, float] | None = None  #: 95 %, where it is known.
+    note: str = ""  #: Its origin: parameters, or the conditions it holds under.
 
     @property
     def shown(self) -> str:

@@ -21,20 +21,11 @@ __all__ = ["LeastSquares", "PatternSearch", "estimator"]
 
 @dataclass(frozen=True)
 class PatternSearch:
-    """Pattern search from every start, as in the paper (section 3.1, step 4), all starts in one batch.
-
-    Attributes
-    ----------
-    task : IdentificationTask
-    iterations : int
-        Limit for each start (paper: 500).
-    patience : int
-        Polls that have to be worth a hundredth of the cost; 0 if they need not.
-    """
+    """Pattern search from every start, as in the paper (section 3.1, step 4), all starts in one batch."""
 
     task: IdentificationTask
-    iterations: int = 500
-    patience: int = 0
+    iterations: int = 500  #: Limit for each start (paper: 500).
+    patience: int = 0  #: Polls that have to be worth a hundredth of the cost; 0 if they need not.
 
     def __call__(self, structure: Structure, starts: Sequence[NamedValues]) -> Sequence[Evaluated]:
         """Identify `structure` from each of `starts`."""
@@ -51,17 +42,10 @@ class PatternSearch:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Bounded least squares from every start.
-
-    Attributes
-    ----------
-    task : IdentificationTask
-    iterations : int
-        Limit for each start.
-    """
+    """Bounded least squares from every start."""
 
     task: IdentificationTask
-    iterations: int = 50
+    iterations: int = 50  #: Limit for each start.
 
     def __call__(self, structure: Structure, starts: Sequence[NamedValues]) -> Sequence[Evaluated]:
         """Identify `structure` from each of `starts`."""

@@ -18,17 +18,10 @@ NamedValues = tuple[tuple[str, float], ...]
 
 @dataclass(frozen=True)
 class Job:
-    """One identification. Equal jobs have equal results: nothing in it is random.
-
-    Attributes
-    ----------
-    structure : Structure
-    start : tuple of (str, float)
-        Start values, SI, of the parameters by name, in the structure's order.
-    """
+    """One identification. Equal jobs have equal results: nothing in it is random."""
 
     structure: Structure
-    start: NamedValues
+    start: NamedValues  #: Start values, SI, of the parameters by name, in the structure's order.
 
     @classmethod
     def of(cls, structure: Structure, values: Mapping[str, float]) -> Job:
@@ -38,26 +31,13 @@ class Job:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """Result of an identification.
+    """Result of an identification."""
 
-    Attributes
-    ----------
-    values : tuple of (str, float)
-        Estimates, SI, in the order of the job's start.
-    misfit : Misfit
-    n_parameters : int
-        Number of parameters that were estimated, d.
-    spent : SimulationCount
-        What was simulated.
-    idle : tuple of str
-        Effects that only make the fit worse; the misfit is that without them.
-    """
-
-    values: NamedValues
+    values: NamedValues  #: Estimates, SI, in the order of the job's start.
     misfit: Misfit
-    n_parameters: int
-    spent: SimulationCount
-    idle: tuple[str, ...] = ()
+    n_parameters: int  #: Number of parameters that were estimated, d.
+    spent: SimulationCount  #: What was simulated.
+    idle: tuple[str, ...] = ()  #: Effects that only make the fit worse; the misfit is that without them.
 
     @property
     def simulations(self) -> int:

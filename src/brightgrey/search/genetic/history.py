@@ -19,36 +19,18 @@ __all__ = ["HISTORY_COLUMNS", "Evaluation", "Progress", "Run", "history_csv"]
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One individual of one generation.
+    """One individual of one generation."""
 
-    Attributes
-    ----------
-    generation, individual : int
-        Both from 0; generation 0 is the initial population.
-    parents : tuple of int
-        Individuals of the generation before.
-    operator : str
-        Such as ``initial``, ``clone``, ``recombination+point``.
-    tree : Node
-        With the estimates as parameter values.
-    job : Job
-        Structure and start.
-    result : Evaluated
-    value : float
-        Criterion; the larger, the better.
-    repeated : bool
-        Taken from an earlier identification of the same job.
-    """
-
+    #: Both from 0; generation 0 is the initial population.
     generation: int
     individual: int
-    parents: tuple[int, ...]
-    operator: str
-    tree: Node
-    job: Job
+    parents: tuple[int, ...]  #: Individuals of the generation before.
+    operator: str  #: Such as ``initial``, ``clone``, ``recombination+point``.
+    tree: Node  #: With the estimates as parameter values.
+    job: Job  #: Structure and start.
     result: Evaluated
-    value: float
-    repeated: bool
+    value: float  #: Criterion; the larger, the better.
+    repeated: bool  #: Taken from an earlier identification of the same job.
 
     @classmethod
     def of(
@@ -78,26 +60,14 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a search after a generation.
-
-    Attributes
-    ----------
-    generation, generations : int
-    best : Evaluation
-    seconds_left : float
-        A guess from the time so far.
-    random : mapping
-        State of the random generator that the next generation is drawn with.
-    population : sequence of Evaluation
-        This generation.
-    """
+    """Progress of a search after a generation."""
 
     generation: int
     generations: int
     best: Evaluation
-    seconds_left: float
-    random: Mapping[str, Any]
-    population: Sequence[Evaluation]
+    seconds_left: float  #: A guess from the time so far.
+    random: Mapping[str, Any]  #: State of the random generator that the next generation is drawn with.
+    population: Sequence[Evaluation]  #: This generation.
 
     @property
     def fit_percent(self) -> float:
@@ -107,18 +77,10 @@ class Progress:
 
 @dataclass(frozen=True)
 class Run:
-    """A search.
+    """A search."""
 
-    Attributes
-    ----------
-    evaluations : tuple of Evaluation
-        In the order of generations and individuals.
-    interrupted : bool
-        Ended by the user before its last generation.
-    """
-
-    evaluations: tuple[Evaluation, ...]
-    interrupted: bool = False
+    evaluations: tuple[Evaluation, ...]  #: In the order of generations and individuals.
+    interrupted: bool = False  #: Ended by the user before its last generation.
 
     @property
     def best(self) -> Evaluation:

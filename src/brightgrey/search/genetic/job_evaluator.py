@@ -22,22 +22,13 @@ __all__ = ["JobEvaluator"]
 
 @dataclass
 class JobEvaluator:
-    """Evaluator that identifies each job once; jobs of one structure run side by side.
-
-    Attributes
-    ----------
-    estimator : Estimator
-    executor : concurrent.futures.Executor
-        Calls the estimator.
-    criterion : Criterion
-    default_start : callable, optional
-        Start values of a structure by name, SI. By default an individual starts at the values of its nodes, inherited
-        or random.
-    """
+    """Evaluator that identifies each job once; jobs of one structure run side by side."""
 
     estimator: Estimator
-    executor: Executor
+    executor: Executor  #: Calls the estimator.
     criterion: Criterion
+    #: Start values of a structure by name, SI. By default an individual starts at the values of its nodes, inherited
+    #: or random.
     default_start: Callable[[Structure], Mapping[str, float]] | None = None
     _known: dict[Job, Evaluated] = field(default_factory=dict, repr=False)
 

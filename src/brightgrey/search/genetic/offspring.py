@@ -24,19 +24,11 @@ _ONE_NODE_MUTATIONS = ("point", "insertion", "deletion")  # mutations that chang
 
 @dataclass(frozen=True)
 class Offspring:
-    """An individual before its identification.
-
-    Attributes
-    ----------
-    tree : Node
-    parents : tuple of int
-        Numbers of the parents within the population before; none for the initial one.
-    operator : str
-        How it came about, such as ``recombination+insertion``. Only mutations that changed the tree are named.
-    """
+    """An individual before its identification."""
 
     tree: Node
-    parents: tuple[int, ...]
+    parents: tuple[int, ...]  #: Numbers of the parents within the population before; none for the initial one.
+    #: How it came about, such as ``recombination+insertion``. Only mutations that changed the tree are named.
     operator: str
 
 

@@ -19,10 +19,6 @@ class Rules:
 
     Each type stands at most once in a tree. A set of types is *open* if some legal structure holds all of them,
     and *complete* if it is one.
-
-    Attributes
-    ----------
-    grammar : Grammar
     """
 
     grammar: Grammar

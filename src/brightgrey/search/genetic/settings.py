@@ -43,20 +43,12 @@ the runs. Twice the probabilities give 40 %, half give 34 %, no mutation 6 %; p_
 
 @dataclass(frozen=True)
 class GeneticHeuristics:
-    """Tuned numbers of the genetic search that no user sets.
+    """Tuned numbers of the genetic search that no user sets."""
 
-    Attributes
-    ----------
-    neighbour_draws : int
-        Random mutations of a parent, after which all its neighbours count as tried.
-    hard_limit_cost : int
-        Simulation time of a structure with a hard limit over that of one without; it only orders the work.
-    early_restarts : tuple of int
-        Missed optima are looked for after the last generation, and after this fraction of the generations.
-    """
-
-    neighbour_draws: int = 30
+    neighbour_draws: int = 30  #: Random mutations of a parent, after which all its neighbours count as tried.
+    #: Simulation time of a structure with a hard limit over that of one without; it only orders the work.
     hard_limit_cost: int = 5
+    #: Missed optima are looked for after the last generation, and after this fraction of the generations.
     early_restarts: tuple[int, ...] = (8, 3)
 
 

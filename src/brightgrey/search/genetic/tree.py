@@ -20,18 +20,10 @@ class Node:
 
     The number of nodes of one type is the multiplicity of that submodel; how they hang together is of no meaning
     for the model, only for what recombination and mutation move together.
-
-    Attributes
-    ----------
-    type : Placed
-        Submodel, and where it stands.
-    values : tuple of (str, float)
-        Its parameter values by symbol, SI: a random draw, or the latest estimate.
-    children : tuple of Node
     """
 
-    type: Placed
-    values: NodeValues = ()
+    type: Placed  #: Submodel, and where it stands.
+    values: NodeValues = ()  #: Its parameter values by symbol, SI: a random draw, or the latest estimate.
     children: tuple[Node, ...] = ()
 
     def nodes(self) -> Iterator[Node]:

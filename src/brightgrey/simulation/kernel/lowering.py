@@ -28,34 +28,20 @@ class Lowered(NamedTuple):
     """System in the kernel's form, with K parameter sets on the last axis of every matrix.
 
     ``x' = A x + B u + c + sum_k G_k F_k(H_k x + K_k u)`` with channels k, and integrators with saturation.
-
-    Attributes
-    ----------
-    A : ndarray, shape (n, n, K)
-    B, c : ndarray, shape (n, K)
-    G, H : ndarray, shape (channels, n, K)
-    through : ndarray, shape (channels, K)
-        K_k of the channels.
-    smooth : tuple of (Element, int)
-        Elements that are solved for implicitly, each with its channel.
-    limited : tuple of Element
-        Integrators with saturation.
-    outputs : tuple of int
-        i for state i, n + i for its derivative.
-    delay : ndarray, shape (K,)
-        Dead time in samples.
     """
 
-    A: Array
+    A: Array  #: Shape (n, n, K).
+    #: Shape (n, K).
     B: Array
     c: Array
+    #: Shape (channels, n, K).
     G: Array
     H: Array
-    through: Array
-    smooth: tuple[tuple[Element, int], ...]
-    limited: tuple[Element, ...]
-    outputs: tuple[int, ...]
-    delay: Array
+    through: Array  #: K_k of the channels, shape (channels, K).
+    smooth: tuple[tuple[Element, int], ...]  #: Elements that are solved for implicitly, each with its channel.
+    limited: tuple[Element, ...]  #: Integrators with saturation.
+    outputs: tuple[int, ...]  #: i for state i, n + i for its derivative.
+    delay: Array  #: Dead time in samples, shape (K,).
 
 
 def lower(system: StateSpace, dt: float) -> Lowered:

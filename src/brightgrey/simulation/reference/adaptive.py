@@ -25,21 +25,13 @@ __all__ = ["DriveEquations", "ShaftPhase", "solve_adaptive"]
 
 @dataclass(frozen=True)
 class ShaftPhase:
-    """Contact of shaft 1.
+    """Contact of shaft 1."""
 
-    Attributes
-    ----------
-    side : {1, -1, 0, None}
-        The shaft presses at lambda = 0 (1) or at lambda = -2 alpha (-1), or is open (0); None without a gap.
-    gap : float
-        lambda while it presses, or at the moment when it opened.
-    twist : float
-        Twist at the moment when it opened, so that tau = `twist` - `gap` then.
-    """
-
+    #: The shaft presses at lambda = 0 (1) or at lambda = -2 alpha (-1), or is open (0); None without a gap, one of 1,
+    #: -1, 0, None.
     side: int | None
-    gap: float = 0.0
-    twist: float = 0.0
+    gap: float = 0.0  #: lambda while it presses, or at the moment when it opened.
+    twist: float = 0.0  #: Twist at the moment when it opened, so that tau = `twist` - `gap` then.
 
 
 @dataclass(frozen=True)

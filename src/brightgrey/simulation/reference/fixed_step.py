@@ -37,20 +37,11 @@ def _compile_cached(function: F) -> F:
 
 @dataclass(frozen=True)
 class FixedStepSolution:
-    """Solution at the finest step.
-
-    Attributes
-    ----------
-    trajectory : Trajectory
-    change : float
-        Largest change by the last halving of the step, relative to the peak of position or velocity.
-    step : float
-        The finest step in s.
-    """
+    """Solution at the finest step."""
 
     trajectory: Trajectory
-    change: float
-    step: float
+    change: float  #: Largest change by the last halving of the step, relative to the peak of position or velocity.
+    step: float  #: The finest step in s.
 
 
 def _pack(plant: Plant) -> Array:

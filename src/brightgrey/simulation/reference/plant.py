@@ -35,38 +35,22 @@ _NOT_NEGATIVE = ("c", "d", "alpha", "T_d")
 
 @dataclass(frozen=True)
 class Plant:
-    """Numbers of a drive train in SI units. An effect that is absent has its neutral value.
+    """Numbers of a drive train in SI units. An effect that is absent has its neutral value."""
 
-    Attributes
-    ----------
-    J : tuple of float
-        Moments of inertia, motor first, kg m² (kg).
-    c, d : tuple of float
-        Spring (N m/rad) and damper constants (N m s/rad) of the shafts.
-    f_v, M_C, M_S, fading, M_G : float
-        Friction of eq. (2), `fading` being omega_S, and constant torque, at mass 1.
-    f_tanh : float
-        Gain of eq. (2), s/rad.
-    alpha : float or None
-        Half the gap between mass 1 and 2 in rad; None without backlash.
-    T_1 : float or None
-        Reset time of the current loop in s; None without it.
-    T_d : float
-        Dead time of the input in s.
-    """
-
-    J: tuple[float, ...]
+    J: tuple[float, ...]  #: Moments of inertia, motor first, kg m² (kg).
+    #: Spring (N m/rad) and damper constants (N m s/rad) of the shafts.
     c: tuple[float, ...]
     d: tuple[float, ...]
+    #: Friction of eq. (2), `fading` being omega_S, and constant torque, at mass 1.
     f_v: float
     M_C: float
     M_S: float
     fading: float
     M_G: float
-    f_tanh: float
-    alpha: float | None
-    T_1: float | None
-    T_d: float
+    f_tanh: float  #: Gain of eq. (2), s/rad.
+    alpha: float | None  #: Half the gap between mass 1 and 2 in rad; None without backlash.
+    T_1: float | None  #: Reset time of the current loop in s; None without it.
+    T_d: float  #: Dead time of the input in s.
 
     @property
     def masses(self) -> int:
@@ -174,24 +158,14 @@ def _check_values(structure: str, symbols: list[str], values: Mapping[str, float
 
 @dataclass(frozen=True)
 class Segments:
-    """The delayed input as straight pieces, cut at the samples and where the delayed samples fall.
+    """The delayed input as straight pieces, cut at the samples and where the delayed samples fall."""
 
-    Attributes
-    ----------
-    length : ndarray, shape (pieces,)
-        Duration of each piece in s.
-    start, end : ndarray, shape (pieces,)
-        Input at the beginning of the piece (right limit) and at its end (left limit).
-    sample : ndarray of int, shape (pieces,)
-        Index of the sample at which the piece ends, or -1.
-    at_sample : ndarray, shape (samples,)
-        Delayed input at the samples (right limit), as an acceleration output sees it.
-    """
-
-    length: Array
+    length: Array  #: Duration of each piece in s, shape (pieces,).
+    #: Input at the beginning of the piece (right limit) and at its end (left limit), shape (pieces,).
     start: Array
     end: Array
-    sample: NDArray[np.int64]
+    sample: NDArray[np.int64]  #: Index of the sample at which the piece ends, or -1, shape (pieces,).
+    #: Delayed input at the samples (right limit), as an acceleration output sees it, shape (samples,).
     at_sample: Array
 
 
@@ -243,20 +217,11 @@ def cut(u: Array, dt: float, T_d: float, hold: Hold) -> Segments:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Motion at the samples.
+    """Motion at the samples."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Names of the states.
-    states : ndarray, shape (states, samples)
-    acceleration : ndarray, shape (samples,)
-        Of mass 1.
-    """
-
-    names: tuple[str, ...]
-    states: Array
-    acceleration: Array
+    names: tuple[str, ...]  #: Names of the states.
+    states: Array  #: Shape (states, samples).
+    acceleration: Array  #: Of mass 1, shape (samples,).
 
     def output(self, kind: str) -> Array:
         """``position``, ``velocity``, ``acceleration`` of mass 1, or any state by name; shape (samples,), SI.

@@ -28,30 +28,20 @@ class UnsettledError(BrightgreyError):
 
 @dataclass(frozen=True)
 class SolverAgreement:
-    """Reference solution and measures of its accuracy.
+    """Reference solution and measures of its accuracy."""
 
-    Attributes
-    ----------
-    y : ndarray, shape (outputs, samples)
-        Solution of the method 'fixed' at its finest step.
-    difference : ndarray, shape (outputs,)
-        Largest distance between the two methods relative to the output's peak (acceleration: RMS of the
-        distance relative to RMS). NaN where only one method was run.
-    growth : ndarray, shape (outputs,)
-        The same measure for the response to an input that is changed by 1e-9 of its peak: once shifted, once with a
-        random sign at every sample. The larger of the two counts, as a shift hardly moves the times of fast contacts.
-    chaotic : bool
-        Position or velocity has grown apart by more than 1e-5 of its peak. No step rule is accurate then, so that
-        such a system has to be listed separately.
-    step : float
-        Step of the method 'fixed' in s.
-    """
-
-    y: Array
+    y: Array  #: Solution of the method 'fixed' at its finest step, shape (outputs, samples).
+    #: Largest distance between the two methods relative to the output's peak (acceleration: RMS of the distance
+    #: relative to RMS). NaN where only one method was run. Shape (outputs,).
     difference: Array
+    #: The same measure for the response to an input that is changed by 1e-9 of its peak: once shifted, once with a
+    #: random sign at every sample. The larger of the two counts, as a shift hardly moves the times of fast contacts.
+    #: Shape (outputs,).
     growth: Array
+    #: Position or velocity has grown apart by more than 1e-5 of its peak. No step rule is accurate then, so that such
+    #: a system has to be listed separately.
     chaotic: bool
-    step: float
+    step: float  #: Step of the method 'fixed' in s.
 
 
 def reference(

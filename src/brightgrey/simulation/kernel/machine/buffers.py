@@ -31,21 +31,11 @@ _FIELDS_BY_LANE = tuple(name for name in PlantRows._fields if name not in _SHARE
 
 
 class PlantBuffers(NamedTuple):
-    """Systems in lanes for all batches of a call.
+    """Systems in lanes for all batches of a call."""
 
-    Attributes
-    ----------
-    first : PlantRows
-        Addresses for batch 0.
-    stride : int
-        Bytes from one batch to the next, of everything that differs by lane.
-    memory : tuple of ndarray
-        Arrays to which the addresses point.
-    """
-
-    first: PlantRows
-    stride: int
-    memory: tuple[NDArray[Any], ...]
+    first: PlantRows  #: Addresses for batch 0.
+    stride: int  #: Bytes from one batch to the next, of everything that differs by lane.
+    memory: tuple[NDArray[Any], ...]  #: Arrays to which the addresses point.
 
 
 def plants_for(

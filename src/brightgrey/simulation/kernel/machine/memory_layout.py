@@ -29,139 +29,64 @@ __all__ = [
 
 
 class Shape(NamedTuple):
-    """Sizes and options that hold for all lanes of a call.
+    """Sizes and options that hold for all lanes of a call."""
 
-    Attributes
-    ----------
-    n, channels, limits, elements, outputs : int
-        Numbers of states, channels (distinct port and column of smooth laws), limited states, laws, outputs.
-    ticks : int
-        Exponent: a base step is cut into at most 2^ticks pieces.
-    base_steps : int
-        Base steps per sampling interval.
-    jump : int
-        1 if the step after a failed one may be much shorter, 0 if it is always half as long.
-    points : int
-        Points within a base step at which limited states are watched: one, at a third of it, or 2^i - 1 that are
-        evenly spaced.
-    newton : int
-        Newton iterations per step.
-    hold : int
-        1 if the input is linear between samples, 0 if it is held.
-    group : int
-        Lanes in a group: the first one leads, and the others use its sequence of steps. 1 if each lane is alone.
-    samples : int
-        Length of the input.
-    euler : int
-        1 for the paper's explicit Euler method, where a base step is one step.
-    """
-
+    #: Numbers of states, channels (distinct port and column of smooth laws), limited states, laws, outputs.
     n: int
     channels: int
     limits: int
     elements: int
     outputs: int
-    ticks: int
-    base_steps: int
-    jump: int
+    ticks: int  #: Exponent: a base step is cut into at most 2^ticks pieces.
+    base_steps: int  #: Base steps per sampling interval.
+    jump: int  #: 1 if the step after a failed one may be much shorter, 0 if it is always half as long.
+    #: Points within a base step at which limited states are watched: one, at a third of it, or 2^i - 1 that are evenly
+    #: spaced.
     points: int
-    newton: int
-    hold: int
+    newton: int  #: Newton iterations per step.
+    hold: int  #: 1 if the input is linear between samples, 0 if it is held.
+    #: Lanes in a group: the first one leads, and the others use its sequence of steps. 1 if each lane is alone.
     group: int
-    samples: int
-    euler: int
+    samples: int  #: Length of the input.
+    euler: int  #: 1 for the paper's explicit Euler method, where a base step is one step.
 
 
 class PlantRows(NamedTuple):
-    """Systems in lanes: ``x' = A x + B u + c + sum_k G_k F_k(H_k x + K_k u)``, and limited states.
-
-    Attributes
-    ----------
-    A : n * n rows; B, c : n rows
-    G, H : channels * n rows; K, gain : channels rows
-        `gain` is the largest |G| of a channel: the acceleration that a unit of F causes.
-    law, channel, first : int arrays (elements,)
-        Law number of each element, its channel and the row of its first parameter in `p`.
-    p : parameters of all laws
-    turning : int array (channels,)
-        Row of f_tanh in `p` where a channel has friction that reverses with the motion, else -1.
-    rate, column : limits * n rows
-        Row that gives the rate of a limited state between its limits, and the column through which that acts on x'.
-    low, high : limits rows
-    limited : int array (limits,)
-        Index of the limited state.
-    outputs : int array (outputs,)
-        State number i for a row of x, n + i for a row of x'.
-    delay : 2 rows
-        Dead time in whole samples, and the rest in samples.
-    x0 : n rows
-    """
+    """Systems in lanes: ``x' = A x + B u + c + sum_k G_k F_k(H_k x + K_k u)``, and limited states."""
 
     A: Any
     B: Any
     c: Any
+    #: `gain` is the largest |G| of a channel: the acceleration that a unit of F causes.
     G: Any
     H: Any
     K: Any
     gain: Any
+    #: Law number of each element, its channel and the row of its first parameter in `p`.
     law: Any
     channel: Any
     first: Any
     p: Any
-    turning: Any
+    turning: Any  #: Row of f_tanh in `p` where a channel has friction that reverses with the motion, else -1.
+    #: Row that gives the rate of a limited state between its limits, and the column through which that acts on x'.
     rate: Any
     column: Any
     low: Any
     high: Any
-    limited: Any
-    outputs: Any
-    delay: Any
+    limited: Any  #: Index of the limited state.
+    outputs: Any  #: State number i for a row of x, n + i for a row of x'.
+    delay: Any  #: Dead time in whole samples, and the rest in samples.
     x0: Any
 
 
 class Work(NamedTuple):
-    """Memory of one thread.
-
-    Attributes
-    ----------
-    tables : of every mode and level, a step table; see `table_rows`
-    current : the step table of each lane's mode at the base step
-    mode : int array (limits, lanes): 0 free, 1 at the upper limit, -1 at the lower, 2 closed (no width)
-    free : limits rows: 1 where the mode is 0, else 0
-    low, high : limits rows: interval in which the watched quantity has to stay; it is the limited state itself where
-        that is free, otherwise its rate
-    x, end : n rows: state before and after a step
-    force, slope : channels rows: F at the start of a step, and its rate of change in the step before
-    F1, F2 : channels rows: F at the stages h/3 and h
-    a1, a2 : channels rows: ports at the stages without the effect of F
-    z1, z2 : channels rows: ports at the stages
-    M, rhs : Newton's equations
-    watched : limits rows: watched quantity at the start of a step
-    inner_watched : limits * points rows: watched quantity within an attempted step
-    error : error estimate of the last step, in units of speed
-    squares : weighted sum of squared deviations of the outputs from their targets so far
-    drive : 3 rows: input at the start of a step, its slope, and the change of slope (or jump) inside
-    plan : int array: level of the leader's step at each tick
-    first_level : int array (lanes,): level at which a lane goes on after a full step that was not accepted
-    point : state of one lane, its entries side by side, as in the next four
-    system : n + 2 rows: columns of the lane's matrix, its constant and its slope
-    series : Taylor coefficients of the lane's state
-    course : Taylor coefficients of a watched quantity
-    fading : 2 rows, limited states side by side: distance of each from its quasi-steady course at first, and the rate
-        per reach at which that fades
-    scratch : 5 n + 3 rows
-    build : matrices from which step tables are made
-    watched_weights : weights of a watched quantity, twice
-    lane_columns : of every mode, level and lane, the lane's step table in columns of `column_rows` rows
-    columns_current : int array: 1 where these columns are up to date
-    column : one such column
-    coupled : effect of F1 and F2 on the ports of one lane
-    """
+    """Memory of one thread."""
 
     tables: Any
     current: Any
     mode: Any
     free: Any
+    #: that is free, otherwise its rate
     low: Any
     high: Any
     x: Any
@@ -187,7 +112,7 @@ class Work(NamedTuple):
     system: Any
     series: Any
     course: Any
-    fading: Any
+    fading: Any  #: per reach at which that fades
     scratch: Any
     build: Any
     watched_weights: Any
@@ -198,50 +123,26 @@ class Work(NamedTuple):
 
 
 class Call(NamedTuple):
-    """Inputs, outputs and options of a call, beside plants and sizes.
+    """Inputs, outputs and options of a call, beside plants and sizes."""
 
-    Attributes
-    ----------
-    numbers : float array (4,)
-        Sampling interval in s; tolerated error estimate of a step and tolerated last change of Newton's method, in
-        units of speed; sum of all states from which a simulation counts as diverged.
-    u : float array (samples,)
-    y : float array (outputs, samples, stride)
-        Outputs, one column per lane of every batch; written by the kernel.
-    stride : int
-        Columns of `y`.
-    diverged : int array (batches, LANES)
-        First sample at which a lane's state is not finite or its squares are not below their limit; -1 if there is
-        none. Written by the kernel.
-    rejoined : int array (batches, samples)
-        Bits of the lanes that continue from their leader's state at that sample; written by the kernel.
-    idle : int array (batches,)
-        Bits of the lanes that only fill a batch; their exceptional steps are not refined.
-    target : float array (outputs, samples)
-        Desired outputs. If there are any, squares are summed and `y` is not written; 0 if there are none.
-    weights : float array (outputs,)
-        Weights of the squares.
-    squares, square_limits : float array (batches, LANES)
-        Sum of the weighted squares, before the call and after it, and the sum at which a lane is given up.
-    delayed : int
-        1 if any lane of the batch at work has dead time.
-    fill_propagator_tables, input_knot_weights, set_initial_state : int
-        Addresses of the entries of these names, as in the fields that follow; 0 where a call does not need them.
-    accept_or_refine, refine_lane, refine_group, locate_events, euler_step : int
-    """
-
+    #: Sampling interval in s; tolerated error estimate of a step and tolerated last change of Newton's method, in
+    #: units of speed; sum of all states from which a simulation counts as diverged.
     numbers: Any
     u: Any
-    y: Any
-    stride: Any
+    y: Any  #: Outputs, one column per lane of every batch; written by the kernel.
+    stride: Any  #: Columns of `y`.
+    #: First sample at which a lane's state is not finite or its squares are not below their limit; -1 if there is
+    #: none. Written by the kernel.
     diverged: Any
-    rejoined: Any
-    idle: Any
-    target: Any
-    weights: Any
+    rejoined: Any  #: Bits of the lanes that continue from their leader's state at that sample; written by the kernel.
+    idle: Any  #: Bits of the lanes that only fill a batch; their exceptional steps are not refined.
+    target: Any  #: Desired outputs. If there are any, squares are summed and `y` is not written; 0 if there are none.
+    weights: Any  #: Weights of the squares.
+    #: Sum of the weighted squares, before the call and after it, and the sum at which a lane is given up.
     squares: Any
     square_limits: Any
-    delayed: Any
+    delayed: Any  #: 1 if any lane of the batch at work has dead time.
+    #: Addresses of the entries of these names, as in the fields that follow; 0 where a call does not need them.
     fill_propagator_tables: Any
     input_knot_weights: Any
     set_initial_state: Any
