@@ -20,7 +20,7 @@ demo: setup  ## identify the drive of the recording that ships with the package,
 	$(BIN)/brightgrey demo --out demo
 
 test: setup  ## all tests that take less than minutes
-	$(BIN)/python -m pytest -q -n 2
+	$(BIN)/python -m pytest -q -n 2 --dist loadgroup
 
 test-long: setup  ## the tests that take minutes
 	$(BIN)/python -m pytest -q -n 2 -m long

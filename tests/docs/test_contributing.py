@@ -8,6 +8,8 @@ from scipy.integrate import solve_ivp
 
 J, FRICTION, VISCOUS, IMBALANCE, F_TANH, NOISE, DT = 0.02, 0.1, 0.01, 0.05, 4.0, 0.02, 0.004
 
+pytestmark = pytest.mark.xdist_group("extended package")  # one copy, compiled once
+
 
 @pytest.fixture(scope="module")
 def archive(extended):

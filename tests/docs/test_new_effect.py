@@ -12,6 +12,8 @@ ROOT = Path(__file__).parents[2]
 TRUTH = {"J1": 0.02, "M_C": 0.3, "k_D": 0.004}
 F_TANH, NOISE, DT = 4.0, 0.02, 0.004
 
+pytestmark = pytest.mark.xdist_group("extended package")  # one copy, compiled once
+
 
 def recorded():
     """J v' = u - tanh(f_tanh v) (M_C + k_D v^2), solved by scipy, with white noise; CSV with units."""

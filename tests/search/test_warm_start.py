@@ -137,7 +137,7 @@ def test_fit_all__each_fit__has_information_matrix(friction):
     told = [f for f in fitted.values() if f.information is not None]
     assert len(told) >= 12
     for f in told:
-        problem, space = task.posed(f.structure)
+        problem, space = task.problem_and_space(f.structure)
         value = np.array(list(f.values.values()))
         assert tuple(f.values) == space.names
         curvature = normal_equations(problem, space, task.settings, space.to_scaled(value)[None]).curvature[0]
@@ -163,7 +163,7 @@ def test_refine_from_supermodels__friction_compensates__lower_cost(friction):
     larger, structure = parse("one_mass+coulomb+gravity", "one_mass+coulomb")
 
     def judged(structure, **values):
-        problem, space = task.posed(structure)
+        problem, space = task.problem_and_space(structure)
         value = np.array([values[name] for name in space.names])
         residual, jacobian = evaluate(problem, space, task.settings, space.to_scaled(value))
         descent = OptimumWithJacobian(value, float(residual @ residual), True, 1, 1, residual, jacobian)
@@ -211,7 +211,7 @@ def test_fit_all__friction_and_gravity_cancel__submodel_is_found(friction):
     larger, structure = parse("one_mass+coulomb+gravity", "one_mass+coulomb")
 
     def fitted(structure, **values):
-        problem, space = task.posed(structure)
+        problem, space = task.problem_and_space(structure)
         theta = space.to_scaled(np.array([values[name] for name in space.names]))
         there = normal_equations(problem, space, task.settings, theta[None])
         pace = space.scale_derivative(space.from_scaled(theta))

@@ -100,12 +100,13 @@ def identify(
 @contextmanager
 def _progress(structure: str | None, *, silent: bool) -> Iterator[Callable[[SearchProgress | Progress], None] | None]:
     """Show on the terminal what is being done; yields the callback for the steps of a search."""
-    from brightgrey.cli.terminal import progress as live
     from brightgrey.cli.terminal import results as show
 
     if structure is not None:
         with show.working(f"estimating the parameters of {structure}", silent=silent):
             yield None
         return
+    from brightgrey.cli.terminal import progress as live  # with the search, which a given structure does not need
+
     with live.steps("structure search", silent=silent) as display:
         yield lambda step: display(step, "structure search")

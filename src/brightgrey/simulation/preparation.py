@@ -2,6 +2,7 @@
 
 numba compiles under a lock, so threads do not help. The entries of the kernel call each other by address, and each is
 compiled and cached on its own. A second process therefore takes some of them, and both write to the same disk cache.
+Programs that start at the same time wait for the one that compiles.
 """
 
 from __future__ import annotations
@@ -9,10 +10,11 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import sqlite3
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from threading import Lock, Thread
@@ -46,6 +48,7 @@ ENTRIES: Mapping[str, Callable[[], object]] = MappingProxyType(
 """Functions that compile one entry each, those that take longest first."""
 _PROGRAM = "from brightgrey.simulation.preparation import compile_unclaimed; compile_unclaimed({folder!r})"
 _LOCK = Lock()
+_PATIENCE = 600.0  # s; another program that compiles takes a minute on a slow machine
 
 
 def is_kernel_ready() -> bool:
@@ -68,7 +71,13 @@ def prepare_kernel(report: Callable[[int, int, str], None] | None = None) -> Non
     with _LOCK:
         if is_kernel_ready():
             return
-        with contextlib.suppress(OSError), tempfile.TemporaryDirectory(prefix="brightgrey-") as claims:
+        with (
+            contextlib.suppress(OSError, sqlite3.OperationalError),
+            _one_program_at_a_time(),
+            tempfile.TemporaryDirectory(prefix="brightgrey-") as claims,
+        ):
+            if is_kernel_ready():
+                return
             done: list[str] = []
 
             def compiled(name: str) -> None:
@@ -95,6 +104,17 @@ def compile_unclaimed(folder: str, compiled: Callable[[str], None] = lambda name
             continue
         compile_entry()
         compiled(name)
+
+
+@contextlib.contextmanager
+def _one_program_at_a_time() -> Iterator[None]:
+    """Hold the lock of the cache folder; it is SQLite's, which ends with its process however that dies."""
+    cache_folder().mkdir(parents=True, exist_ok=True)
+    with contextlib.closing(
+        sqlite3.connect(cache_folder() / "compiling.lock", timeout=_PATIENCE, isolation_level=None)
+    ) as lock:
+        lock.execute("BEGIN EXCLUSIVE")
+        yield
 
 
 def _second_process(folder: str) -> subprocess.Popen[str]:

@@ -77,12 +77,12 @@ def test_clone_counts_are_binomial(rng):
 def test_initial_trees_are_legal_and_of_all_sizes(rules, draw, rng):
     trees = initial_population(3000, rules, draw, rng)
     assert {t.structure for t in trees} <= LEGAL
-    assert {t.size for t in trees} == set(range(1, rules.most + 1))
+    assert {t.size for t in trees} == set(range(1, rules.largest_size + 1))
 
 
 def test_small_trees_are_as_likely_as_asked(rules, draw, rng):
     sizes = Counter(random_tree(rules, draw, rng).size for _ in range(8000))
-    wanted = range(1, rules.most - 1)  # the largest sizes end early beside a one-mass system
+    wanted = range(1, rules.largest_size - 1)  # the largest sizes end early beside a one-mass system
     assert fits([sizes[n] for n in wanted], np.ones(len(wanted)))
 
 
@@ -184,7 +184,7 @@ def test_chromosome_mutation_replaces_a_branch(rules, draw, rng):
         new = chromosome(old, rules, draw, rng)
         assert new.structure in LEGAL
         sizes.add(new.size)
-    assert sizes == set(range(1, rules.most + 1))
+    assert sizes == set(range(1, rules.largest_size + 1))
 
 
 def test_chromosome__tree_without_branch__is_smallest_size(rules, draw):

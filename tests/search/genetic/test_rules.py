@@ -35,7 +35,7 @@ def test_complete__types__legal_structures_only(rules):
 
 
 def test_largest_tree(rules):
-    assert rules.most == max(len(s) for s in LEGAL)
+    assert rules.largest_size == max(len(s) for s in LEGAL)
 
 
 def test_another_grammar_is_data():
