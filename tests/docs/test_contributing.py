@@ -53,13 +53,13 @@ def test_new_file_format__archive__is_identified(extended, printed):
     assert model["initial_state"][0]["recording"] == "run.npz"
 
 
-def test_new_file_format__unknown_array__is_named(extended, archive):
+def test_new_file_format__unknown_array__nearest_is_named(extended, archive):
     code = (
         "from brightgrey import RecordingError, read_recording\n"
         f"try: read_recording('{archive}', input='torqe', outputs='speed')\n"
         "except RecordingError as error: print(error)"
     )
-    assert "there is no array 'torqe'. Arrays: t, torque, speed, gain" in extended("-c", code)
+    assert "unknown column 'torqe'. Did you mean 'torque'?" in extended("-c", code)
 
 
 def test_new_symptom__residual_of_an_imbalance__is_reported(printed):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
@@ -312,8 +313,12 @@ def _run_batches(shape: Shape, plants: PlantBuffers, call: Call, batches: int, t
         part(0, batches)
         return
     cuts = np.linspace(0, batches, min(threads, batches) + 1).astype(int)
-    with ThreadPoolExecutor(len(cuts) - 1) as pool:
-        list(pool.map(part, cuts[:-1], cuts[1:]))
+    own, *others = itertools.pairwise(cuts)
+    with ThreadPoolExecutor(max(len(others), 1)) as pool:
+        futures = [pool.submit(part, *share) for share in others]
+        part(*own)  # in this thread: starting one costs as much as a short simulation
+        for future in futures:
+            future.result()
 
 
 class _LaneAssignment(NamedTuple):

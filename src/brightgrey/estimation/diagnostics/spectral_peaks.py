@@ -97,6 +97,7 @@ def _ratio(
     """Power over the median of its neighbourhood, which is corrected to a mean."""
     steps = np.maximum(around // options.max_bins, 1)
     ends = zip(bins, around - around % steps, steps, strict=True)
-    middle = np.array([np.median(power[k - w : k + w + 1 : step]) for k, w, step in ends])
+    # A neighbourhood has an odd length, so that its median is one of its values; np.median takes ten times as long.
+    middle = np.array([np.partition(power[k - w : k + w + 1 : step], w // step)[w // step] for k, w, step in ends])
     mean = middle * 2.0 * tapers / chi2.median(2.0 * tapers)
     return np.asarray(power[bins] / np.maximum(mean, np.finfo(float).tiny))

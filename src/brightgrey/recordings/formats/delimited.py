@@ -96,7 +96,10 @@ def _decode(data: bytes, name: str) -> str:
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         encodings = ["utf-16"]
     elif b"\x00" in data[:4096]:
-        raise RecordingError(f"{name}: this is no text file; recordings are read from CSV and MAT (v5) files")
+        from brightgrey.recordings.formats import file_formats  # the list of all formats stands above this one
+
+        known = ", ".join(file_format.title for file_format in file_formats())
+        raise RecordingError(f"{name}: this is no text file, and no format that is known: delimited text, {known}")
     else:
         encodings = ["utf-8-sig", "cp1252"]
     for encoding in encodings:

@@ -1,4 +1,4 @@
-"""Declaration of a binary file format that recordings may have."""
+"""Declaration of a file format that recordings may have; what no format recognises is read as delimited text."""
 
 from __future__ import annotations
 
