@@ -115,7 +115,7 @@ def test_budget_of_evaluations__any_workers__same_bytes(small, tmp_path):
 def test_budget_of_time__stops__resumable(small, tmp_path):
     for _ in range(100):
         done = call(*small.searches["genetic"], "--max-seconds", 1, "--out", tmp_path)
-        if "continues" not in done.out + done.err:
+        if "the same command" not in done.out + done.err:
             break
     assert done.code == 0, done.err
     assert results(tmp_path) == small.whole["genetic"]
