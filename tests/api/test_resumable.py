@@ -35,7 +35,7 @@ def test_another_request_is_refused_with_what_differs(small, tmp_path):
     done = call(*small.searches["exhaustive"], "--seed", 7, "--exclude", "delay", "--out", folder)
     assert done.code == 2
     assert "seed was 0 and is 7" in done.err
-    assert "exclude was" in done.err
+    assert 'exclude was ["current_control", "two_mass"] and is ["current_control", "delay", "two_mass"]' in done.err
     assert "--restart" in done.err
     assert results(folder) == before
     other = tmp_path / "a.csv"
@@ -43,7 +43,7 @@ def test_another_request_is_refused_with_what_differs(small, tmp_path):
     other.write_text(text[:-2] + "9\n")
     done = call("identify", other, *small.searches["exhaustive"][2:], "--out", folder)
     assert done.code == 2
-    assert "recording 1 was a.csv (" in done.err
+    assert "recording 1 has other samples, units or columns" in done.err
     assert "seed" not in done.err
 
 
@@ -75,6 +75,8 @@ def test_runs_are_listed(small, monkeypatch):
     shown = call("runs", "genetic")
     assert "generations 3 of 3" in shown.out
     assert "genetic population: 6" in shown.out
+    assert "versions: brightgrey " in shown.out
+    assert not any(line.endswith((": None", ": []", ": {}")) for line in shown.out.splitlines())
     assert call("runs", small.folder / "nowhere").code == 2
 
 
@@ -103,7 +105,7 @@ def test_a_given_structure_keeps_its_result_too(small, tmp_path):
     assert other.code == 0, other.err
     assert json.loads((tmp_path / "model.json").read_text())["seed"] == 3
     assert call(*small.searches["exhaustive"], "--out", tmp_path, "--max-evaluations", 4).code == 0
-    assert "structure was null" in call(*arguments).err  # but those of a search are
+    assert "structure was not given" in call(*arguments).err  # but those of a search are
     refused = call(*arguments[:-2], "--max-evaluations", 3, "--out", tmp_path)
     assert refused.code == 2
     assert "belong to a search" in refused.err

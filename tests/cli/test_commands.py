@@ -276,7 +276,7 @@ def test_no_verdict_on_what_was_not_asked(drive, call, tmp_path):
     ("options", "message"),
     [
         (("--search", "genetics"), "Did you mean 'genetic'"),
-        (("--search", "genetic", "--structure", STRUCTURE), "--structure excludes --search"),
+        (("--search", "genetic", "--structure", STRUCTURE), "--structure cannot be combined with --search"),
         (("--structure", STRUCTURE, "--k-p", 1), "--k-p belongs to a search"),
         (("--search", "genetic", "--mutation", "points=0.1"), "Did you mean 'point'"),
         (("--search", "genetic", "--mutation", "point"), "NAME=PROBABILITY"),

@@ -143,7 +143,8 @@ def test_recording_from__wrong_option__is_refused_in_one_line(options: dict[str,
 
 def test_recording_from__unused_unit_or_motion_as_input__is_noted() -> None:
     assert any("unit of 'w' is not used" in note for note in record(units={"w": "mm"}).notes)
-    assert any("is a motion" in note for note in record(units={"u": "rad/s"}).notes)
+    note = "input 'u' in rad/s is a motion; models expect a torque, force, voltage or current"
+    assert note in record(units={"u": "rad/s"}).notes
 
 
 def test_recording_from__constant_channels__are_noted() -> None:

@@ -146,6 +146,38 @@ def test_store__other_request__refused(kept):
     assert read(folder) == content
 
 
+@pytest.mark.parametrize(
+    ("before", "now", "difference"),
+    [
+        (
+            {"versions": {"numpy": "1", "scipy": "2"}},
+            {"versions": {"numpy": "3", "scipy": "2"}},
+            "version of numpy was 1 and is 3",
+        ),
+        ({"exclude": []}, {"exclude": ["delay"]}, 'exclude was not given and is ["delay"]'),
+        ({"bounds": {"J1": [1, 2]}}, {"bounds": {}}, 'bounds was {"J1": [1, 2]} and is not given'),
+        ({"level": 0}, {"level": None}, "level was 0 and is not given"),
+        (
+            {"recording 1": "a.csv (12)"},
+            {"recording 1": "a.csv (34)"},
+            "recording 1 has other samples, units or columns",
+        ),
+        (
+            {"test recording": "a.csv (12)"},
+            {"test recording": "a.csv (34)"},
+            "test recording has other samples, units or columns",
+        ),
+        ({"recording 1": "a.csv (12)"}, {"recording 1": "b.csv (34)"}, "recording 1 was a.csv (12) and is b.csv (34)"),
+        ({}, {"recording 2": "b.csv (34)"}, "recording 2 was not given and is b.csv (34)"),
+    ],
+)
+def test_store__other_request__only_what_differs_is_named(tmp_path, before, now, difference):
+    Store.open(tmp_path, {**REQUEST, **before}).close()
+    with pytest.raises(RunError) as refused:
+        Store.open(tmp_path, {**REQUEST, **now})
+    assert f"a run of another request: {difference}. Use another folder" in str(refused.value)
+
+
 def test_store__different_generation__refused(tmp_path):
     with Store.open(tmp_path, REQUEST) as store:
         store.save_generation(0, {"random": 1})

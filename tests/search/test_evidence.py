@@ -1,5 +1,6 @@
 """What small recordings say about the effects of a restricted set of structures."""
 
+import re
 from dataclasses import replace
 from itertools import combinations
 
@@ -86,6 +87,8 @@ def test_reason__not_needed__size_and_estimate(friction):
     reasons = {c.effect: c.reason for c in friction.cards}
     assert reasons["gravity"].startswith("M_G of ±0.03 N m or more would have shown; the fit puts it at ")
     assert reasons["delay"].startswith("T_d of 0.0004 s or more would have shown; the fit puts it at ")
+    for effect in ("gravity", "delay"):
+        assert re.search(r", which explains \S+ % of the residual\.$", reasons[effect])
 
 
 def test_reason__not_detectable__detection_limit_grows_with_noise():

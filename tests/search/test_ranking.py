@@ -54,8 +54,10 @@ def test_candidates__unknown_effect__refused_with_suggestion():
         candidates(require=("colomb",))
     with pytest.raises(SettingsError, match="one mass at least"):
         candidates(exclude=("one_mass",))
-    with pytest.raises(SettingsError, match="no structure"):
+    with pytest.raises(SettingsError, match=r"^'coulomb' is both required and excluded$"):
         candidates(require=("coulomb",), exclude=("coulomb",))
+    with pytest.raises(SettingsError, match=r"^no structure has three_mass and lacks two_mass$"):
+        candidates(require=("three_mass",), exclude=("two_mass",))
 
 
 def test_search_exhaustively__any_number_of_threads__finds_truth(task):

@@ -137,7 +137,8 @@ def _exhaustive(task: IdentificationTask, structures: Sequence[Structure], reque
 def _note_on_exhaustive(done: ExhaustiveResult, structures: int) -> str:
     if done.evidence is None:
         count = len(done.fitted)
-        return f"stopped: {count} of {structures} structures fitted, the simple ones first; the best so far, unweighed"
+        fitted = f"{count} of {structures} structures fitted, the simple ones first"
+        return f"stopped: {fitted}; the best so far; no verdict on effects yet"
     if structures == 1:
         return "one structure tried"
     count = len(done.evidence.minimal)

@@ -118,7 +118,7 @@ def _f_tanh_si(f_tanh: float, units: Units) -> float:
     """Gain of the smoothed sign in s/rad (s/m); refuses what is not positive."""
     text, factor = units.of(PER_SPEED)
     if not 0.0 < f_tanh < math.inf:
-        raise SettingsError(f"f_tanh is {f_tanh:g}; wanted is a positive number in {text}")
+        raise SettingsError(f"f_tanh is {f_tanh:g}; expected a positive number in {text}")
     return f_tanh / factor
 
 

@@ -43,9 +43,15 @@ def runs(
             console.print()
             console.print(Text(f"request in {where}", style="bold"))
             for name, value in run.request.items():
-                console.print(f"  {name}: {value}", soft_wrap=True)
+                if value not in (None, [], {}):
+                    console.print(f"  {name}: {_shown(value)}", soft_wrap=True)
     if any(not isinstance(run, RunStatus) for _, run in found):
         raise typer.Exit(2)
+
+
+def _shown(value: Any) -> str:
+    """Text of an entry of a request; versions by name in one line."""
+    return ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else str(value)
 
 
 def _stage(run: Any) -> str:

@@ -30,7 +30,7 @@ KIND_NAMES = {
     "acceleration": re.compile(r"acc|beschl", re.IGNORECASE),
 }
 UNIT_IN_NAME = re.compile(r".*?_(?:in_)?([A-Za-zµ%]+(?:_per_[A-Za-z]+2?)?)")
-DRIVING = {"N m": "a torque", "N": "a force", "V": "a voltage", "A": "a current"}
+DRIVING = ("N m", "N", "V", "A")
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ def _motion_as_input(signal: Signal) -> list[str]:
     """Return a note if the input is a motion."""
     if kind_of(parse_unit(signal.unit)) is None:
         return []
-    return [f"input '{signal.name}' in {signal.unit} is a motion; models expect {', '.join(DRIVING.values())}"]
+    return [f"input '{signal.name}' in {signal.unit} is a motion; models expect a torque, force, voltage or current"]
 
 
 def _unit_in_name(signal: Signal) -> str:

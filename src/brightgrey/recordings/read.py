@@ -198,11 +198,13 @@ def _first_bytes(path: Path) -> bytes:
     try:
         if path.is_dir():
             raise RecordingError(f"{name}: this is a folder, not a recording")
-        if not path.is_file():
+        if not path.exists():
             folder = path.parent
             files = [p.name for p in folder.iterdir() if p.is_file()] if folder.is_dir() else []
             guess = nearest(name, files)
-            raise RecordingError(f"{name}: there is no such file." + (f" Did you mean '{guess}'?" if guess else ""))
+            raise RecordingError(f"{path}: there is no such file" + (f". Did you mean '{guess}'?" if guess else ""))
+        if not path.is_file():
+            raise RecordingError(f"{path}: this is a device or a pipe, not a file")
         with path.open("rb") as file:
             return file.read(FIRST_BYTES)
     except OSError as error:

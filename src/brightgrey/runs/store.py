@@ -8,6 +8,7 @@ process, however that dies.
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,6 +25,7 @@ FILE, LOCK = "run.sqlite", "run.lock"
 _FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm")
 FORMAT = "brightgrey/run/1"
 RunState = Literal["unfinished", "finished"]
+_RECORDING = re.compile(r"recording \d+|test recording")
 _LOCK_TIMEOUT = 0.5  # s; `brightgrey runs` holds the lock for an instant
 _COLUMNS = {
     "facts": "name TEXT PRIMARY KEY, text TEXT NOT NULL",
@@ -332,14 +334,33 @@ def checked_facts(folder: Path, database: sqlite3.Connection) -> dict[str, Any]:
 
 def _request_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """Differences between the request that a run was started with and another one."""
-    now = json.loads(canonical(now))
+    before, now = _flat(before), _flat(json.loads(canonical(now)))
     return [
-        f"{name} was {_shortened(before.get(name))} and is {_shortened(now.get(name))}"
+        _difference(name, before.get(name), now.get(name))
         for name in sorted({*before, *now})
         if before.get(name) != now.get(name)
     ]
 
 
+def _flat(request: Mapping[str, Any]) -> dict[str, Any]:
+    """Request with every version as an entry of its own."""
+    versions = {f"version of {name}": value for name, value in (request.get("versions") or {}).items()}
+    return {name: value for name, value in request.items() if name != "versions"} | versions
+
+
+def _difference(name: str, before: Any, now: Any) -> str:
+    if _RECORDING.fullmatch(name) and _without_hash(before) == _without_hash(now):
+        return f"{name} has other samples, units or columns"
+    return f"{name} was {_shortened(before)} and is {_shortened(now)}"
+
+
+def _without_hash(identity: str | None) -> str | None:
+    """Name of a recording, of `name (hash)`."""
+    return identity and identity.rpartition(" (")[0]
+
+
 def _shortened(value: Any) -> str:
+    if value in (None, [], {}):
+        return "not given"
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:28]}…{text[-28:]}"

@@ -75,7 +75,7 @@ def candidates(
     Raises
     ------
     SettingsError
-        For an effect that the grammar lacks, or if no structure is left.
+        For an effect that the grammar lacks or that is both required and excluded, or if no structure is left.
     """
     known = {str(Placed(name, place)) for name, places in grammar.places.items() for place in places}
     for name in (*require, *exclude):
@@ -84,6 +84,9 @@ def candidates(
     for name in exclude:
         if Placed.parse(name).effect.masses == 1:
             raise SettingsError(f"'{name}' cannot be excluded: every structure has one mass at least")
+    for name in require:
+        if name in exclude:
+            raise SettingsError(f"'{name}' is both required and excluded")
     left = tuple(
         s for s in grammar.structures() if all(has(s, r) for r in require) and not any(has(s, e) for e in exclude)
     )

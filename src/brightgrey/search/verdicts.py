@@ -66,8 +66,12 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "not detectable": "At a size that matters{size} this recording would not have shown it{limit}.",
         "fits with fixed size": "Held at a size that matters{size}, it makes the fit no worse.",
         "no relevant size": "It was not tested, because no size that matters is declared for it.",
-        "needs further effects": "It was not tested, because it takes a further effect as well.",
-        "refuted": "{size} or more would have shown; the fit puts it at {estimate} and gains {gain} %.",
+        "needs further effects": (
+            "It was not tested: it cannot be added to the best structure alone, only together with another effect."
+        ),
+        "refuted": (
+            "{size} or more would have shown; the fit puts it at {estimate}, which explains {gain} % of the residual."
+        ),
         "refuted as fixed": "{size}, as it is fixed, makes the fit worse.",
         "refuted without size": "At a size that matters it would have shown, but it explains {gain} % of the residual.",
     }

@@ -20,3 +20,16 @@ def test_result_text__interval_drowns_the_estimate__not_identifiable():
     assert row.split() == ["M_C", "32", "±", "9100", "N", "m", "not", "identifiable"]
     plain = results.text(Result(model, (), (), (), fit), Path("out"))
     assert "not identifiable" not in plain
+
+
+def test_result_text__long_note__folded_without_trailing_spaces():
+    note = " ".join(["the file /measured/on-the-axis/run-1.csv has 3 rows too many"] * 4)
+    fit = SimpleNamespace(correlation={}, symptoms=())
+    model = model_with_intervals("one_mass+coulomb+viscous")
+    lines = results.text(Result(model, (), (), (note,), fit), Path("out")).splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("- the file"))
+    folded = lines[first : next(k for k in range(first + 1, len(lines)) if not lines[k].startswith("  "))]
+    assert len(folded) > 1
+    assert all(line == line.rstrip() for line in folded)
+    assert max(map(len, folded)) <= results.PIPED_WIDTH
+    assert " ".join(line[2:] for line in folded) == note

@@ -1,5 +1,7 @@
 """Outcomes of fits, and cautions on what a recording does not identify."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -116,6 +118,8 @@ def test_fit__clipped_output__is_saturated():
     y = measured_from("one_mass+coulomb", RIGID).y[0]
     found = fitted("one_mass+coulomb", recording(np.clip(y, -30, 30)))
     assert found.outcome.kind == "saturated"
+    pattern = r"in made, velocity is cut off at its limits in \d+ % of the samples"
+    assert re.fullmatch(pattern, texts_of(found, "saturated"))
     assert "saturated" not in [f.kind for f in fitted("one_mass+coulomb", recording(y)).outcome.findings]
 
 

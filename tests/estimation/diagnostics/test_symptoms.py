@@ -203,3 +203,21 @@ def test_detect_regressors__have_their_size__once_per_kind():
     assert (first.number, second.number) == (1, 0)
     assert first.coefficients[0] == pytest.approx(0.5, rel=0.1)
     assert second.coefficients[0] == pytest.approx(0.3, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("title", "torque"),
+    [
+        ("Friction grows with the square of speed", lambda v, q: np.sign(v) * (v / np.abs(v).max()) ** 2),
+        (
+            "Torque or friction depends on the position",
+            lambda v, q: (q - 0.5 * (q.max() + q.min())) / (0.5 * np.ptp(q)),
+        ),
+    ],
+)
+def test_symptoms__pattern_that_no_effect_describes__is_named(title, torque):
+    text = "one_mass+coulomb+viscous"
+    clean = reference(text, RIGID, TORQUE, E.dt, f_tanh=E.f_tanh).reshape(-1)
+    y = reference(text, RIGID, TORQUE - 0.3 * torque(clean, np.cumsum(clean) * E.dt), E.dt, f_tanh=E.f_tanh).reshape(-1)
+    y = y + 0.03 * np.random.default_rng(0).standard_normal(y.size)
+    assert title in symptoms_of(text, recording(y))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 
@@ -330,10 +331,23 @@ def test_read_recording__file_that_is_no_text__is_refused(tmp_path: Path, conten
 
 def test_read_recording__missing_file__is_refused_with_the_nearest(tmp_path: Path) -> None:
     write(tmp_path, rows())
-    with pytest.raises(RecordingError, match=r"^rum\.csv: there is no such file\. Did you mean 'run\.csv'\?$"):
+    with pytest.raises(RecordingError, match=r"rum\.csv: there is no such file\. Did you mean 'run\.csv'\?$"):
         read(tmp_path / "rum.csv")
+    missing = tmp_path / "nowhere" / "run.csv"
+    with pytest.raises(RecordingError) as refused:
+        read(missing)
+    assert str(refused.value) == f"{missing}: there is no such file"
     with pytest.raises(RecordingError, match="this is a folder"):
         read(tmp_path)
+
+
+def test_read_recording__device_or_pipe__is_refused(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    for path in (pipe, Path(os.devnull)):
+        with pytest.raises(RecordingError) as refused:
+            read(path)
+        assert str(refused.value) == f"{path}: this is a device or a pipe, not a file"
 
 
 def test_read_recording__hundred_thousand_rows__is_fast(tmp_path: Path) -> None:

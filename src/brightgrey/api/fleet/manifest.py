@@ -103,7 +103,7 @@ def _toml(path: Path) -> list[dict[str, Any]]:
         raise SettingsError(f"manifest '{path}' is not TOML: {error}") from None
     rows = content.pop("axis", [])
     if content or not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise SettingsError(f"manifest '{path}': wanted is one table [[axis]] for each axis, and nothing else")
+        raise SettingsError(f"manifest '{path}': expected one table [[axis]] for each axis, and nothing else")
     return [{k: [v] if k in _LISTS and isinstance(v, str) else v for k, v in row.items()} for row in rows]
 
 

@@ -70,7 +70,7 @@ def number(option: str, text: str, wanted: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise SettingsError(f"{option}: '{text}' is not a number; wanted is {wanted}")
+        raise SettingsError(f"{option}: '{text}' is not a number; expected {wanted}")
     return value
 
 
@@ -80,7 +80,7 @@ def pairs(option: str, texts: Iterable[str], wanted: str) -> dict[str, str]:
     for text in texts:
         name, equals, value = (part.strip() for part in text.rpartition("="))
         if not (equals and name and value):
-            raise SettingsError(f"{option} '{text}': wanted is {wanted}")
+            raise SettingsError(f"{option} '{text}': expected {wanted}")
         if name in pairs:
             raise SettingsError(f"{option} names '{name}' more than once")
         pairs[name] = value
@@ -96,7 +96,7 @@ def bounds(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
         low, colon, high = (part.strip() for part in ends.partition(":"))
         relative = low.endswith("%") and high.endswith("%")
         if not colon or bool(of) != relative or "%" in (low + high).replace("%", "", 2 * relative):
-            raise SettingsError(f"--bound '{name}={value}': wanted is {BOUND}")
+            raise SettingsError(f"--bound '{name}={value}': expected {BOUND}")
         if relative:
             unit = number(where, assumed, BOUND) / 100.0
             pair = [number(where, end.removesuffix("%"), BOUND) * unit for end in (low, high)]
@@ -122,7 +122,7 @@ def window(text: str | None) -> tuple[float | None, float | None] | None:
         return None
     start, colon, end = (part.strip() for part in text.partition(":"))
     if not colon or not (start or end):
-        raise SettingsError(f"--window '{text}': wanted is {WINDOW}")
+        raise SettingsError(f"--window '{text}': expected {WINDOW}")
     return (
         number("--window", start, WINDOW) if start else None,
         number("--window", end, WINDOW) if end else None,

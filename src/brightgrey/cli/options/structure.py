@@ -70,7 +70,7 @@ class StructureOptions:
         effects = (*(self.require or ()), *(self.exclude or ()))
         if self.structure is not None:
             if self.search is not None or effects:
-                raise SettingsError("--structure excludes --search, --require and --exclude")
+                raise SettingsError("--structure cannot be combined with --search, --require or --exclude")
             return str(function_set().parse(self.structure))
         if self.search is not None:
             one_of("search", self.search, searches)

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from rich import box
@@ -256,6 +257,5 @@ def _top(console: Console, ranking: Sequence[Row], front: Sequence[Row]) -> None
 
 
 def _bullet(console: Console, text: str) -> None:
-    grid = Table.grid(padding=(0, 1))
-    grid.add_row("-", text)
-    console.print(grid)
+    lines = wrap(text, max(console.width - 2, 1), break_long_words=False, break_on_hyphens=False)
+    console.print("- " + "\n  ".join(lines), soft_wrap=True)

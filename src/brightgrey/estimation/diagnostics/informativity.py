@@ -34,7 +34,7 @@ def recording_findings(
         for signal, y, step in zip(r.outputs, r.y, r.resolution, strict=True):
             share = 0.0 if reason else _saturated_share(y, float(step), options)
             if share > options.partly_saturated:
-                text = f"{r.name}: {signal.name} is cut off at its limits in {share:.0%} of the samples"
+                text = f"in {r.name}, {signal.name} is cut off at its limits in {100.0 * share:.0f} % of the samples"
                 found.append(Finding("saturated", text))
     return tuple(found)
 
