@@ -84,7 +84,7 @@ def compare(
 
 
 def _threshold(s: Array, chance: float, rng: np.random.Generator) -> float:
-    """What the largest deviation of siblings with errors `s` exceeds with probability `chance` at most."""
+    """Threshold that the largest deviation of siblings with errors `s` exceeds with probability `chance` at most."""
     normal = rng.standard_normal((_DRAWS, s.size))
     errors = rng.standard_normal((_DRAWS, s.size)) * s
     size = float(np.median(s)) or 1.0

@@ -227,7 +227,7 @@ def _evidence(console: Console, evidence: Evidence) -> None:
 
 
 def _print_differences(console: Console, tied: Sequence[ControlDifference]) -> None:
-    """What differs for control between minimal structures."""
+    """Print the differences for control between minimal structures."""
     shown = [d for d in tied if d.minimal][:_COMPARED]
     if len(shown) < 2:
         return
