@@ -8,6 +8,7 @@ They are found in *anchors*, two structures for each number of masses.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting import (
@@ -71,6 +73,7 @@ class Fits:
         options: Options | None = None,
         seed: int = 0,
         should_refit: Callable[[Structure, float], bool] = lambda structure, cost: True,
+        anchors: Sequence[Structure] | None = None,
     ) -> None:
         self.task, self.done, self.hubs = task, dict[Structure, Fitted](), dict[Structure, Fitted]()
         self.log: list[tuple[bool, Fitted]] = []
@@ -79,7 +82,8 @@ class Fits:
         self._how, self._seed = options or Options(), seed
         self.structures = tuple(structures)
         self._order = {s: i for i, s in enumerate(structures)}
-        self._first = _hubs(structures)
+        self._first = _hubs(structures) if anchors is None else list(anchors)
+        self.agreeing: dict[Structure, int] = {}  # independent starts that have ended at the best optimum
         self._sought: set[Structure] = set()
         self._fields = 0  # calls of `anew`, each with starts of its own
         self._followed: set[tuple[Structure, Structure, float]] = set()
@@ -153,7 +157,7 @@ class Fits:
             if not offers:
                 return None
             parents = best_of([self.done[t] for t in offers], self._how)
-            return fit_one, self.task, s, parents, [], self._how, (self._seed, self._order[s])
+            return fit_one, self.task, s, parents, [], self._how, (self._seed, self._number(s))
 
         def take(s: Structure, fitted: Fitted | None) -> None:
             if fitted is not None and self._taken(s, fitted):
@@ -201,6 +205,10 @@ class Fits:
 
     def _much_better(self, known: Fitted, new: Fitted) -> bool:
         """Keep a further fit if it is clearly better; returns True if it is."""
+        if new.cost < known.cost / (1.0 + SAME_OPTIMUM_RTOL):
+            self.agreeing[known.structure] = new.agreeing
+        elif new.cost <= known.cost * (1.0 + SAME_OPTIMUM_RTOL):
+            self.agreeing[known.structure] = self.agreeing.get(known.structure, 0) + new.agreeing
         if new.cost < REFIT.improved * known.cost:
             return self._taken(known.structure, new)
         self._noted(False, new)
@@ -235,7 +243,7 @@ class Fits:
                 return from_everywhere, self.task, s, self._how, self._seed
             parents = best_of([self.done[t] for t in within[s]], self._how)
             others = [self.hubs[h] for h in near[s]] + best_of([self.done[t] for t in around[s]], self._how)
-            return fit_one, self.task, s, parents, others, self._how, (self._seed, self._order[s])
+            return fit_one, self.task, s, parents, others, self._how, (self._seed, self._number(s))
 
         def take(item: _Item, fitted: Fitted) -> None:
             hub, s = item
@@ -319,6 +327,10 @@ class Fits:
             self.spent.append(spent)
             return False
         return self._taken(s, fitted)
+
+    def _number(self, s: Structure) -> int:
+        """Number of a structure, for the seed of its draws."""
+        return self._order[s] if s in self._order else zlib.crc32(str(s).encode())
 
     def _noted(self, hub: bool, fitted: Fitted) -> None:
         self.log.append((hub, fitted))

@@ -67,6 +67,7 @@ class Fitted:
     information: Array | None = field(default=None, compare=False)
     #: The structure without these effects, whose fit this one is; None if there are none.
     equals: Structure | None = None
+    agreeing: int = 0  #: Independent starts of a multistart that have ended there.
 
 
 def best_of(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
@@ -179,7 +180,8 @@ def from_everywhere(
     given = _given(space, structure, known)
     found = multistart(problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed)
     end = min(found.optima, key=lambda e: e.cost)
-    return _fitted(structure, space, end, found.evaluations, found.simulations)
+    fitted = _fitted(structure, space, end, found.evaluations, found.simulations)
+    return replace(fitted, agreeing=found.agreeing)
 
 
 def fit_one(

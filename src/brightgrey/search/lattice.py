@@ -1,12 +1,21 @@
-"""Lattice of structures: one contains another that has fewer effects or fewer masses."""
+"""Lattice of structures: one contains another that has fewer effects or fewer masses.
+
+A grammar is a set of *atoms*, each a further mass or a placed effect, and what they require: backlash requires a second
+mass. Its structures are closed under union. So a structure is a set of bits, any set of atoms stands for the largest
+structure within it, and a grammar of millions of structures is never listed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
-from brightgrey.kit import Placed, Structure
+from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.kit import Grammar, Placed, Structure
 
 __all__ = [
+    "Lattice",
     "added_effects",
     "complexity",
     "contains",
@@ -73,3 +82,117 @@ def added_effects(big: Structure, small: Structure) -> tuple[str, ...]:
     """Names of the effects that `big` has beyond `small`; its masses, if there are more of them, come first."""
     more = (mass_chain_of(big).name,) if big.masses > small.masses else ()
     return (*more, *(str(p) for p in big.placed if p in big.beside - small.beside))
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Structures of a grammar that have some atoms and lack others. A mask has one bit for each atom."""
+
+    atoms: tuple[Placed, ...]  #: Each multiple-mass system stands for its last mass; the first mass is no atom.
+    requires: tuple[int, ...]  #: Of each atom, the mask of all others that have to be there.
+    required: int = 0  #: Mask of what every structure has.
+    allowed: int = -1  #: Mask of what a structure may have.
+
+    @classmethod
+    def of(cls, grammar: Grammar, require: Sequence[str] = (), exclude: Sequence[str] = ()) -> Lattice:
+        """Structures of a grammar that have all required effects and none of the excluded ones.
+
+        Masses count cumulatively: ``two_mass`` required means at least two, ``three_mass`` excluded at most two.
+
+        Raises
+        ------
+        SettingsError
+            For an effect that the grammar lacks or that is both required and excluded, or if no structure is left.
+        """
+        placed = [Placed(name, place) for name, places in grammar.places.items() for place in places]
+        known = sorted(map(str, placed))
+        for name in (*require, *exclude):
+            if name not in known:
+                raise SettingsError(unknown_name("effect", name, known))
+        for name in exclude:
+            if Placed.parse(name).effect.masses == 1:
+                raise SettingsError(f"'{name}' cannot be excluded: every structure has one mass at least")
+            if name in require:
+                raise SettingsError(f"'{name}' is both required and excluded")
+        chains = sorted((p for p in placed if p.effect.masses > 1), key=lambda p: p.effect.masses)
+        beside = [p for p in placed if not p.effect.masses]
+        reach = {"drive": 1, "mass": 0, "shaft": 1}  # masses that stand before the place
+        wanted = {p: (p.place + reach[p.effect.where] if p.effect.where != "drive" else 1) for p in beside}
+        most = max((p.effect.masses for p in chains), default=1)
+        beside = [p for p in beside if wanted[p] <= most]
+        atoms = tuple(sorted((*chains, *beside), key=lambda p: (p.effect.number, p.name, p.place)))
+        masses = {p.effect.masses: 1 << i for i, p in enumerate(atoms) if p.effect.masses}
+        needs = tuple(
+            sum(bit for n, bit in masses.items() if n < p.effect.masses or n <= wanted.get(p, 0)) for p in atoms
+        )
+        bits = {str(p): 1 << i for i, p in enumerate(atoms)}
+        whole = cls(atoms, needs)
+        allowed = whole.within(whole.everything & ~sum(bits[e] for e in exclude))
+        required = 0
+        for name in require:
+            if name in bits:
+                required |= bits[name] | needs[[str(p) for p in atoms].index(name)]
+        if required & ~allowed:
+            raise SettingsError(f"no structure has {', '.join(require)} and lacks {', '.join(exclude)}")
+        return cls(atoms, needs, required, allowed)
+
+    @cached_property
+    def everything(self) -> int:
+        """Mask of the largest structure."""
+        return ((1 << len(self.atoms)) - 1) & self.allowed
+
+    @cached_property
+    def optional(self) -> int:
+        """Mask of the atoms that some structures have and others lack."""
+        return self.everything & ~self.required
+
+    def bits(self, mask: int) -> Iterator[int]:
+        """Atoms of a mask, one bit each."""
+        while mask:
+            bit = mask & -mask
+            yield bit
+            mask ^= bit
+
+    def within(self, mask: int) -> int:
+        """Mask of the largest structure within a set of atoms."""
+        return sum(b for b in self.bits(mask) if not self.requires[b.bit_length() - 1] & ~mask)
+
+    def without(self, mask: int, bit: int) -> int:
+        """Mask of the largest structure within `mask` that lacks an atom."""
+        return self.within(mask & ~bit)
+
+    def structure(self, mask: int) -> Structure:
+        """The structure of a mask, with what every structure has."""
+        chosen = [p for i, p in enumerate(self.atoms) if (mask | self.required) >> i & 1]
+        last = max((p for p in chosen if p.effect.masses), key=lambda p: p.effect.masses, default=Placed("one_mass"))
+        return Structure((last, *(p for p in chosen if not p.effect.masses)))
+
+    def mask(self, structure: Structure) -> int:
+        """Mask of a structure."""
+        return sum(
+            1 << i
+            for i, p in enumerate(self.atoms)
+            if (p.effect.masses <= structure.masses if p.effect.masses else p in structure.beside)
+        )
+
+    @cached_property
+    def size(self) -> int:
+        """Number of structures."""
+        return _count(frozenset(self.bits(self.optional)), {1 << i: r for i, r in enumerate(self.requires)})
+
+    def masks(self) -> list[int]:
+        """Masks of all structures, those with fewer effects first; only for small grammars."""
+        found = {self.required}
+        for bit in self.bits(self.optional):  # an atom comes after what it requires
+            found |= {m | bit for m in found if not self.requires[bit.bit_length() - 1] & ~m}
+        return sorted(found, key=lambda m: (m.bit_count(), m))
+
+
+def _count(free: frozenset[int], requires: Mapping[int, int]) -> int:
+    """Number of sets of `free` atoms in which each atom has those of the free ones that it requires."""
+    root = next((b for b in sorted(free) if any(requires[other] & b for other in free)), None)
+    if root is None:
+        return 1 << len(free)
+    above = {b for b in free if requires[b] & root}
+    below = {b for b in free if requires[root] & b}
+    return _count(free - above - {root}, requires) + _count(free - below - {root}, requires)

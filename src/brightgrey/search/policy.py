@@ -26,6 +26,10 @@ class SelectionPolicy:
     slow_share: float = 0.5  #: Independent samples over all samples below which residuals are called slow.
     #: Quantile of the normal distribution: rounding leaves more than the floor in 5 % of the recordings.
     rounding_quantile: float = 1.645
+    #: Ratio of the ends of a 95 % interval from which a parameter counts as unknown.
+    wide_interval: float = 10.0
+    blocks: int = 8  #: Parts in time in which a gain is asked for where the residual holds something unexplained.
+    steady_blocks: int = 6  #: Least number of them in which an effect that is needed helps.
     bound_slack: float = 1e-6  #: Part of a range within which a value counts as within its bound.
 
 
@@ -77,6 +81,30 @@ class RefitPolicy:
     first_restart_seed: int = 1000  #: Offset of the seeds of restarts from those of the search.
 
 
+@dataclass(frozen=True)
+class RefinementPolicy:
+    """Last descent of a fit, in its whitened cost: noise has variance 1 there."""
+
+    iterations: int = 10
+    negligible: float = 0.05  #: Predicted decrease that is not worth a step: far below what chance does.
+    relative: float = 1e-6  #: The same as part of the cost.
+
+
+@dataclass(frozen=True)
+class BorderPolicy:
+    """Effort of the search for the border."""
+
+    rounds: int = 3  #: Rounds, each with a noise model of its own.
+    agreeing: int = 3  #: Independent starts that have to end at the best optimum of a refuted structure.
+    restarts: int = 2  #: Multistarts for that, of one structure.
+    restarts_costly: int = 1  #: With a hard limit, or where the excess is far above its threshold.
+    far: float = 4.0  #: Multiple of the largest threshold above which an excess is far above it.
+    side_by_side: int = 2  #: Largest undecided structures that are fitted in parallel.
+    max_fits: int = 400  #: Structures that are fitted at most.
+
+
 SELECTION = SelectionPolicy()
+REFINEMENT = RefinementPolicy()
+BORDER = BorderPolicy()
 BUDGET = SearchBudget()
 REFIT = RefitPolicy()

@@ -18,14 +18,13 @@ ReasonKind = Literal[
     "loss",
     "small loss",
     "inertia at bound",
+    "gap at bound",
+    "unsteady gain",
+    "undecided",
     "sampling",
     "equivalent",
-    "gain with inertia at bound",
-    "gain by drift",
-    "gain by chance, slow residuals",
-    "gain by chance, few samples",
+    "gain below threshold",
     "small gain",
-    "gain below accuracy",
     "fits at relevant size",
     "masked",
     "not detectable",
@@ -43,24 +42,17 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "loss": "Without it the residual is {ratio} times as large.",
         "small loss": "Without it the residual is about as large, but other effects would take its part.",
         "inertia at bound": "An inertia is at its bound, however: a lag, or a spring to a wall, looks like that.",
+        "gap at bound": "The gap is at its bound, however: the fit uses it for something else.",
+        "unsteady gain": (
+            "It helps in some parts of the recordings only, however, and these hold something that no structure explains."
+        ),
+        "undecided": "A structure without it was not decided within the budget, however.",
         "sampling": "The fit puts it at {lag} s, less than one sample ({interval} s): sampling looks like that.",
         "equivalent": "{names} fit equally well.",
-        "gain with inertia at bound": (
-            "It explains {gain} % of the residual, but with an inertia at its bound:"
-            " a lag, or a spring to a wall, looks like that."
-        ),
-        "gain by drift": (
-            "It explains {gain} % of the residual, but with a parameter at its bound, or oscillating less than once, it"
-            " would follow any drift."
-        ),
-        "gain by chance, slow residuals": (
-            "It explains {gain} % of the residual, which may be chance with residuals as slow as these."
-        ),
-        "gain by chance, few samples": (
-            "It explains {gain} % of the residual, which may be chance with as few samples as these."
+        "gain below threshold": (
+            "It explains {gain} % of the residual, which is less than further effects of no meaning may explain."
         ),
         "small gain": "It explains hardly anything of the residual, but more than chance does.",
-        "gain below accuracy": "What it explains is less than the accuracy of simulation and sensor.",
         "fits at relevant size": "The fit has it at a size that matters, and is no worse.",
         "masked": "At a size that matters{size} this recording would not have shown it beside another effect: {names}.",
         "not detectable": "At a size that matters{size} this recording would not have shown it{limit}.",

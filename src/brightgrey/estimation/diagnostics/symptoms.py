@@ -26,7 +26,7 @@ from brightgrey.estimation.problem.segments import segments, split_recordings
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 
-__all__ = ["Symptom", "symptoms"]
+__all__ = ["Symptom", "residual_symptoms", "symptoms"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,8 @@ class Symptom:
     title: str  #: A few words.
     observation: str  #: What the recording shows; one sentence without its full stop.
     advice: str  #: What to try; one sentence without its full stop.
+    #: The motion holds something that the model lacks; False where sampling or a vibration from elsewhere explains it.
+    unmodelled: bool = True
 
 
 def symptoms(
@@ -58,10 +60,17 @@ def symptoms(
     """
     values = context.space.by_name(context.best.values)
     found = [*_missing_mass(context, values, scales, options), *_negligible_effects(context, values, scales)]
+    return (*found, *residual_symptoms(context, scales, options))
+
+
+def residual_symptoms(
+    context: FitContext, scales: Scales, options: DiagnosticOptions = DIAGNOSTIC_DEFAULTS
+) -> tuple[Symptom, ...]:
+    """Symptoms of the residual alone; arguments as for :func:`symptoms`."""
     if not np.isfinite(context.best.cost) or not context.best.residual.any():
-        return tuple(found)
+        return ()
     arrays = context.space.named(context.best.values[:, None])
-    return (*found, *_peaks(context, arrays, options), *_detected(context, arrays, scales, options))
+    return (*_peaks(context, arrays, options), *_detected(context, arrays, scales, options))
 
 
 # --- parameters ---
@@ -147,7 +156,7 @@ def _peak_symptom(peak: Peak, name: str, structure: Structure) -> Symptom:
         if peak.coherent
         else f"the residual is not coherent with the input there: look for a vibration or hum from elsewhere, or {more}"
     )
-    return Symptom("Peak in the residual", observation, advice)
+    return Symptom("Peak in the residual", observation, advice, peak.coherent)
 
 
 def _periodic_signals(motion: SimulatedMotion, f_tanh: float) -> list[Array]:
@@ -237,7 +246,7 @@ def _time_shift(hit: Detected, recordings: tuple[Recording, ...], options: Diagn
     advice = "sampling explains it, so it is no evidence of a lag"
     if causes and low * dt < late < high * dt:
         advice = f"half a sample looks like {' or '.join(causes)}"
-    return Symptom("Late by less than a sample", observation, advice)
+    return Symptom("Late by less than a sample", observation, advice, unmodelled=False)
 
 
 _SYMPTOM_OF: Mapping[str, Callable[[Detected, tuple[Recording, ...]], Symptom]] = {

@@ -80,6 +80,11 @@ class Whitening:
         """Number of independent samples that give the variance with the same uncertainty as the residuals do."""
         return sum(model.effective_samples_variance(n) for model, n in zip(self.models, self.lengths, strict=True))
 
+    @cached_property
+    def floor_cost(self) -> float:
+        """Expected sum of squares of the errors of simulation and sensor, not whitened."""
+        return sum(n * variance for n, variance in zip(self.lengths, self.error_floor, strict=True))
+
     def whiten(self, x: Array) -> Array:
         """Whitened residuals or derivatives, shape (residuals, ...)."""
         return whiten(x, self.models, self.lengths)
@@ -98,11 +103,15 @@ class Whitening:
             By the parameters that may move in that step.
         """
         r, Q = self.whiten(residual), self.basis(jacobian)
-        floor = [
+        return float(max(r @ r - np.square(Q.T @ r).sum(), 0.0)) + self.floor_deviance
+
+    @cached_property
+    def floor_deviance(self) -> float:
+        """Expected sum of squares of the whitened errors of simulation and sensor."""
+        return sum(
             length * variance * float(np.square(model.a).sum()) / max(model.variance, np.finfo(float).tiny)
             for model, length, variance in zip(self.models, self.lengths, self.error_floor, strict=True)
-        ]
-        return float(max(r @ r - np.square(Q.T @ r).sum(), 0.0)) + sum(floor)
+        )
 
     def explain(self, jacobian: Array, change: Array) -> tuple[float, Array]:
         """Explain a change of the weighted outputs by steps of the parameters, by generalised least squares.

@@ -59,6 +59,7 @@ class MultistartResult:
     optima: tuple[Optimum, ...]  #: In the order of the starts.
     evaluations: int  #: Batches of simulations.
     simulations: SimulationCount
+    agreeing: int  #: Independent starts that have reached the best optimum.
 
 
 class DescentBatch(NamedTuple):
@@ -164,7 +165,7 @@ class _Multistart:
         starts = np.stack([start for batch in self.batches for start in batch.starts], axis=1)
         simulations = sum((batch.simulations for batch in self.batches), SimulationCount())
         evaluations = sum(batch.evaluations for batch in self.batches)
-        return MultistartResult(starts, tuple(self.optima), evaluations, simulations)
+        return MultistartResult(starts, tuple(self.optima), evaluations, simulations, agreeing_starts(self.batches))
 
     def next_batch(self, number: int, first: list[Array], rng: np.random.Generator) -> None:
         """Choose the starts of a batch, `first` among them, and descend from them."""

@@ -1,0 +1,57 @@
+"""Adequacy of a structure: the whitened cost that it leaves beyond the best one, and the most that chance explains.
+
+The *deviance* of a structure is its whitened sum of squared residuals, noise of variance 1. By Wilks's theorem the
+deviance of the true structure is above that of the largest by a chi-squared variable with as many degrees of freedom as
+the largest has further parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from brightgrey.numerics.distributions import chi2
+from brightgrey.search.lattice import Lattice
+from brightgrey.search.policy import SELECTION, SelectionPolicy
+
+__all__ = ["Deviance", "Round"]
+
+
+@dataclass(frozen=True)
+class Deviance:
+    """A fitted structure as the decision sees it."""
+
+    value: float  #: Whitened sum of squared residuals, noise of variance 1.
+    free: int  #: Number of estimated parameters.
+
+
+@dataclass(frozen=True)
+class Round:
+    """All that is common to the structures that are compared."""
+
+    lattice: Lattice
+    least_free: int  #: Number of estimated parameters of the smallest structure.
+    most_free: int  #: Of the largest one.
+    error_floor: float  #: Deviance that errors of simulation and sensor may cause.
+    policy: SelectionPolicy = SELECTION
+
+    def threshold(self, mask: int, deviance: Deviance, least: float) -> float:
+        """Largest excess over the `least` deviance with which a structure is adequate.
+
+        A resonance or a gap may lie anywhere. So each mass or gap that a structure lacks raises the threshold, as if it
+        had been looked for in several independent places.
+        """
+        missing = sum(
+            1
+            for bit in self.lattice.bits(self.lattice.everything & ~mask)
+            if (effect := self.lattice.atoms[bit.bit_length() - 1].effect).masses or effect.has_hard_limit
+        )
+        more = max(self.most_free - deviance.free, 1)
+        chance = float(chi2.isf(self.policy.false_alarm_level, more))
+        chance += 2.0 * missing * float(np.log(self.policy.mass_multiplicity))
+        return max(chance, (self.policy.min_rss_ratio - 1.0) * least, self.error_floor)
+
+    def largest_threshold(self, least: float) -> float:
+        """Threshold of the smallest structure: one fit that leaves more refutes everything within it."""
+        return self.threshold(self.lattice.required, Deviance(least, self.least_free), least)

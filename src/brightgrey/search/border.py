@@ -1,0 +1,102 @@
+"""Border of the adequate structures: the minimal adequate ones and the maximal refuted ones decide all others.
+
+What lies within an inadequate structure is inadequate. So a few dozen fits decide a lattice of any size ("dualise and
+advance", Gunopulos et al. 2003, doi:10.1145/777943.777945; Edwards and Havranek 1985, Biometrika 72:339). All functions
+are pure: they take what has been fitted as a dict and know nothing of simulations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from brightgrey.search.adequacy import Deviance, Round
+from brightgrey.search.lattice import Lattice
+
+__all__ = ["Border", "Refutation", "assess", "inclusion_minimal", "largest_avoiding"]
+
+
+@dataclass(frozen=True)
+class Refutation:
+    """A maximal refuted structure: it and everything within it leaves too much."""
+
+    mask: int
+    excess: float  #: Deviance of the best structure within it beyond the least one.
+    threshold: float  #: The most with which it would be adequate.
+    nearest: int  #: The simplest structure within it that leaves hardly more than it.
+
+
+@dataclass(frozen=True)
+class Border:
+    """What a table of fits decides."""
+
+    best: int  #: Structure with the least deviance.
+    least: float  #: The least deviance.
+    minimal: tuple[int, ...]  #: Adequate structures that contain no other adequate one.
+    refuted: tuple[Refutation, ...]  #: Largest structures that contain no adequate one.
+    undecided: tuple[int, ...]  #: Largest structures that contain no adequate one and have not been fitted.
+    excess: Mapping[int, float]  #: Deviance of each fitted structure, or of one within it, beyond the least one.
+    adequate: frozenset[int]  #: Fitted structures that are adequate.
+
+
+def assess(table: Mapping[int, Deviance], circumstances: Round) -> Border:
+    """Decide all structures by those in the table.
+
+    Parameters
+    ----------
+    table : mapping of int to Deviance
+        Fitted structures by mask.
+    circumstances : Round
+
+    Returns
+    -------
+    Border
+        Minimal structures and refutations in the order of their masks.
+    """
+    lattice = circumstances.lattice
+    best = min(table, key=lambda m: (table[m].value, table[m].free, m))
+    least = table[best].value
+    reached = {m: min(d.value for n, d in table.items() if not n & ~m) - least for m in table}
+    limits = {m: circumstances.threshold(m, d, least) for m, d in table.items()}
+    adequate = [m for m in table if reached[m] <= limits[m]]
+    minimal = inclusion_minimal(adequate)
+    refuted, undecided = [], []
+    for mask in largest_avoiding(minimal, lattice):
+        if mask in table:
+            refuted.append(_refutation(mask, table, reached, limits[mask], max(limits.values())))
+        else:
+            undecided.append(mask)
+    return Border(best, least, tuple(minimal), tuple(refuted), tuple(undecided), reached, frozenset(adequate))
+
+
+def _refutation(
+    mask: int, table: Mapping[int, Deviance], reached: Mapping[int, float], threshold: float, slack: float
+) -> Refutation:
+    most = reached[mask] + max(slack, 0.5 * reached[mask])
+    near = [m for m in table if not m & ~mask and reached[m] <= most]
+    return Refutation(mask, reached[mask], threshold, min(near, key=lambda m: (table[m].free, reached[m], m)))
+
+
+def inclusion_minimal(masks: Iterable[int]) -> list[int]:
+    """Masks that contain none of the others, ascending."""
+    found: list[int] = []
+    for mask in sorted(set(masks), key=lambda m: (m.bit_count(), m)):
+        if not any(not small & ~mask for small in found):
+            found.append(mask)
+    return sorted(found)
+
+
+def largest_avoiding(masks: Iterable[int], lattice: Lattice) -> list[int]:
+    """Largest structures that contain none of `masks`, ascending (Berge's multiplication)."""
+    found = [lattice.everything]
+    for mask in masks:
+        free = [b for b in lattice.bits(mask) if not b & lattice.required]
+        parts = set()
+        for big in found:
+            if mask & ~big:
+                parts.add(big)
+            else:
+                smaller = (lattice.without(big, bit) for bit in free)
+                parts.update(m for m in smaller if not lattice.required & ~m)
+        found = [m for m in parts if not any(n != m and not m & ~n for n in parts)]
+    return sorted(found)

@@ -1,0 +1,237 @@
+"""Search for the border: fits are made where the decision rests on them, until nothing is wanted.
+
+A few large structures are fitted by multistart. The simplest adequate one is shrunk, one atom at a time. Then the largest
+structures that contain no adequate one are fitted. A refutation rests on an optimum that may have been missed. So the
+effort goes there in the end: multistart until independent starts agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from brightgrey.estimation.noise.residual_analysis import is_white
+from brightgrey.kit import Structure
+from brightgrey.search.adequacy import Deviance, Round
+from brightgrey.search.border import Border, assess
+from brightgrey.search.fits import Fits
+from brightgrey.search.fitting import Fitted, Options
+from brightgrey.search.lattice import Lattice
+from brightgrey.search.missed import seek_missed
+from brightgrey.search.policy import BORDER, REFIT, BorderPolicy
+from brightgrey.search.refined_fit import RefinedFits
+from brightgrey.search.task import IdentificationTask
+
+__all__ = ["BorderSearch", "anchors"]
+
+
+def anchors(lattice: Lattice) -> list[Structure]:
+    """Structures that are fitted first, by multistart: two for every number of masses.
+
+    One has all friction and nothing else: resonances show beside the friction that hides them. The other has everything
+    without a hard limit: resonances show beside the effects that delay the torque.
+    """
+    found = []
+    for masses in _mass_masks(lattice):
+        for friction in (True, False):
+            chosen = sum(
+                1 << i
+                for i, p in enumerate(lattice.atoms)
+                if not p.effect.masses and not p.effect.has_hard_limit and (p.effect.law or not friction)
+            )
+            found.append(lattice.structure(lattice.within((masses | chosen) & lattice.allowed | lattice.required)))
+    return list(dict.fromkeys(found))
+
+
+def _mass_masks(lattice: Lattice) -> list[int]:
+    """Masks of the masses alone, for each number of them, fewest first."""
+    bits = [1 << i for i, p in enumerate(lattice.atoms) if p.effect.masses and lattice.everything >> i & 1]
+    least = lattice.required & sum(bits)
+    return [least | sum(bits[:n]) for n in range(len(bits) + 1) if not least & ~sum(bits[:n])]
+
+
+@dataclass
+class BorderSearch:
+    """A search in progress."""
+
+    task: IdentificationTask
+    lattice: Lattice
+    executor: Executor
+    seed: int = 0
+    options: Options = field(default_factory=lambda: Options(patience=0))
+    policy: BorderPolicy = BORDER
+    progress: Callable[[str, int, Structure], None] = lambda stage, fits, best: None
+
+    def __post_init__(self) -> None:
+        self.hubs = anchors(self.lattice)
+        self.fits = Fits(self.task, (), options=self.options, seed=self.seed, anchors=self.hubs)
+        self.refined = RefinedFits(self.fits, self.executor)
+        self.restarts: dict[Structure, int] = {}
+        self.flipped: set[int] = set()
+
+    def run(self, *, everything: bool = False) -> Border:
+        """Border of all structures; with `everything`, all of them are fitted first."""
+        if everything:
+            self.fit_everything()
+        else:
+            self.fit(self.hubs)
+            self.fit_hard_limits()
+            self.find_best()
+        reference, last = self.fits.leader().structure, None
+        for _ in range(self.policy.rounds):
+            self.refined.begin_round(reference)
+            border = self.decide()
+            statuses = {m: m in border.adequate for m in self.deviances()}
+            if last is not None:
+                self.flipped = {m for m, adequate in last.items() if statuses.get(m, adequate) != adequate}
+            table = self.deviances()
+            simplest = self.lattice.structure(min(border.minimal, key=lambda m: (table[m].free, border.excess[m])))
+            if simplest == reference or (last is not None and not self.flipped):
+                break
+            reference, last = simplest, statuses
+        return border
+
+    def fit(self, structures: Sequence[Structure]) -> None:
+        """Fit structures from their neighbours' optima, and their neighbours anew where that helps."""
+        new = [s for s in structures if s not in self.fits.done]
+        if new:
+            self.fits.add(new, self.executor)
+            self.progress("fits", len(self.fits.done), self.fits.leader().structure)
+
+    def fit_everything(self) -> None:
+        """Fit all structures, and look for missed optima among them."""
+        structures = [self.lattice.structure(m) for m in self.lattice.masks()]
+        self.fits = Fits(self.task, structures, seed=self.seed)
+        self.refined = RefinedFits(self.fits, self.executor)
+
+        def tell(fitted: Fitted) -> None:
+            self.progress("structures", len(self.fits.done), fitted.structure)
+
+        self.fits.add(structures, self.executor, tell)
+        seek_missed(self.fits, self.executor, lambda s: self.progress("missed optima", len(self.fits.done), s))
+
+    def fit_hard_limits(self) -> None:
+        """Fit the largest structures with hard limits, fewest masses first, the least of them by multistart."""
+        for masses in _mass_masks(self.lattice):
+            top = self.lattice.structure(self.lattice.within(_beside(self.lattice) | masses))
+            if top.has_hard_limit and top not in self.fits.done:
+                first = not any(s.has_hard_limit for s in self.fits.done)
+                self.fit([top])
+                if first and not self.is_explained():
+                    self.restart_at(top)
+
+    def restart_at(self, structure: Structure) -> None:
+        """Fit a structure by multistart, and its neighbours anew where that helps."""
+        self.restarts[structure] = self.restarts.get(structure, 0) + 1
+        self.fits.spread(self.fits.anew([structure], 0, self.executor), self.executor)
+        self.progress("restarts", len(self.fits.done), structure)
+
+    def find_best(self) -> None:
+        """Restart the leading structures until the best residual is white, starts agree, or their share is used up."""
+        while not self.is_explained():
+            wanted = [s for s in self.leaders() if self.lacks_agreement(s)]
+            if not wanted:
+                break
+            self.restart_at(wanted[0])
+
+    def lacks_agreement(self, structure: Structure, share: int | None = None) -> bool:
+        """True if more independent starts are wanted at the optimum of a structure, and its share allows them."""
+        hard = structure.has_hard_limit
+        most = share or (self.policy.restarts_costly if hard else self.policy.restarts)
+        agreed = self.fits.agreeing.get(structure, 0) >= self.policy.agreeing
+        return self.restarts.get(structure, 0) < most and not agreed
+
+    def leaders(self) -> list[Structure]:
+        """Structures that lead by BIC: without a hard limit, and with one if that takes off a good part of the cost."""
+        n = sum(r.y.size for r in self.task.recordings)
+        best: dict[bool, Fitted] = {}
+        for f in sorted(
+            (f for f in self.fits.done.values() if not f.idle),
+            key=lambda f: n * np.log(max(f.cost, 1e-300)) + f.free * np.log(n),
+        ):
+            best.setdefault(f.structure.has_hard_limit, f)
+        smooth, hard = best[False], best.get(True)
+        tells = hard is not None and hard.cost < REFIT.clear_gain * smooth.cost
+        return [smooth.structure, *([hard.structure] if hard and tells else [])]
+
+    def is_explained(self) -> bool:
+        """True if the residual of the best fit is white, or within the accuracy of the simulation."""
+        best = self.fits.leader()
+        problem = self.task.problem(best.structure)
+        if best.cost <= self.fits.doubt(best):
+            return True
+        values = {name: np.array([value]) for name, value in best.values.items()}
+        return is_white(problem.residuals(values, self.task.settings)[:, 0], problem.segment_lengths)
+
+    def deviances(self) -> dict[int, Deviance]:
+        """Table of the fits in this round."""
+        refined = self.refined.all(self.round.largest_threshold)
+        table = {self.lattice.mask(s): Deviance(r.deviance, r.free) for s, r in refined.items()}
+        for f in self.fits.done.values():  # redundant effects add parameters and leave the deviance
+            if f.equals is not None and f.structure not in refined:
+                table[self.lattice.mask(f.structure)] = Deviance(table[self.lattice.mask(f.equals)].value, f.free)
+        return table
+
+    @property
+    def round(self) -> Round:
+        """What the structures of this round have in common."""
+        whitening = self.refined.whitening
+        assert whitening is not None, "a round has begun"
+        least, largest = (self.lattice.structure(m) for m in (self.lattice.required, self.lattice.everything))
+        free = [len(self.task.space(s, initial=True).names) for s in (least, largest)]
+        return Round(self.lattice, free[0], free[1], min(whitening.floor_deviance, float(whitening.samples)))
+
+    def decide(self) -> Border:
+        """Fit what the decision rests on until nothing is wanted."""
+        while True:
+            border = assess(self.deviances(), self.round)
+            if len(self.fits.done) > self.policy.max_fits:
+                return border
+            wanted = self.wanted(border)
+            if wanted:
+                self.fit(wanted)
+                self.fits.follow(self.executor)
+            elif not self.restart(border):
+                return border
+
+    def wanted(self, border: Border) -> list[Structure]:
+        """Structures to be fitted next; the first rule that wants any."""
+        return self.shrink(border) or self.grow(border)
+
+    def shrink(self, border: Border) -> list[Structure]:
+        """What one minimal structure is compared with: all that lack one atom; or several that need not be there."""
+        done = {self.lattice.mask(s) for s in self.fits.done}
+        table = self.deviances()
+        for mask in sorted(border.minimal, key=lambda m: (table[m].free, border.excess[m])):
+            children = self.children(mask)
+            missing = [m for m in children if m not in done]
+            if missing:
+                return [self.lattice.structure(m) for m in missing]
+        return []
+
+    def children(self, mask: int) -> list[int]:
+        """Masks of the largest structures within `mask` that lack one of its atoms."""
+        removed = (self.lattice.without(mask, bit) for bit in self.lattice.bits(mask & ~self.lattice.required))
+        return [m for m in dict.fromkeys(removed) if not self.lattice.required & ~m]
+
+    def grow(self, border: Border) -> list[Structure]:
+        """Largest structures that contain no adequate one, and that have not been fitted."""
+        return [self.lattice.structure(m) for m in border.undecided[: self.policy.side_by_side]]
+
+    def restart(self, border: Border) -> bool:
+        """Restart where refutations rest, the nearest first; returns False if nothing is left to do."""
+        far = self.policy.far * max((r.threshold for r in border.refuted), default=0.0)
+        for found in sorted(border.refuted, key=lambda r: r.excess / r.threshold):
+            structure = self.lattice.structure(found.nearest)
+            if self.lacks_agreement(structure, 1 if found.excess > far else None):
+                if not (structure.has_hard_limit and found.excess > far):
+                    self.restart_at(structure)
+                    return True
+        return False
+
+
+def _beside(lattice: Lattice) -> int:
+    return sum(1 << i for i, p in enumerate(lattice.atoms) if not p.effect.masses) & lattice.everything

@@ -1,0 +1,311 @@
+"""Decision of a search: minimal structures in their order, a verdict on every effect, certificate and ranking."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from brightgrey.arrays import Array, positive
+from brightgrey.errors import SettingsError
+from brightgrey.estimation.diagnostics.outcome import FitContext
+from brightgrey.estimation.diagnostics.symptoms import residual_symptoms
+from brightgrey.estimation.uncertainty.estimates import estimates_of
+from brightgrey.kit import Grammar, Structure
+from brightgrey.search.border import Border, Refutation
+from brightgrey.search.border_search import BorderSearch
+from brightgrey.search.certificate import Certificate, RefutedStructure
+from brightgrey.search.criteria import Misfit, bic
+from brightgrey.search.detectability import Detectability, has
+from brightgrey.search.evidence import Evidence, assess_effects
+from brightgrey.search.fitting import Fitted
+from brightgrey.search.lattice import Lattice
+from brightgrey.search.parallel import Stopped, in_order, thread_pool
+from brightgrey.search.policy import SELECTION
+from brightgrey.search.refined_fit import Refined, accurate
+from brightgrey.search.task import IdentificationTask
+
+__all__ = ["Decision", "Ranked", "SearchProgress", "decide_structures"]
+
+
+@dataclass(frozen=True)
+class SearchProgress:
+    """Progress of a search: the name of its stage, how much of it is done, and the best structure so far."""
+
+    name: str
+    done: int
+    total: int | None
+    structure: Structure
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """Structure in the ranking."""
+
+    structure: Structure
+    free: int  #: Number of estimated parameters.
+    misfit: Misfit  #: At the level of the search.
+    criterion: float  #: Bayesian information criterion of the deviance; less is better.
+    equivalent: bool  #: Minimal, or minimal with one optional effect.
+    status: str  #: 'minimal', 'adequate', 'refuted' or 'undecided'; empty if the search was stopped.
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Result of :func:`decide_structures`."""
+
+    ranking: tuple[Ranked, ...]  #: Minimal structures first, then by the criterion.
+    evidence: Evidence | None  #: None if the search was stopped before its end.
+    fitted: Mapping[Structure, Fitted]
+
+    @property
+    def best(self) -> Refined | Fitted:
+        """The first minimal structure; the one with the best criterion if there is no evidence."""
+        return self.evidence.minimal[0] if self.evidence else self.fitted[self.ranking[0].structure]
+
+
+def decide_structures(
+    task: IdentificationTask,
+    grammar: Grammar,
+    *,
+    require: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    how: Literal["border", "exhaustive"] = "border",
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Callable[[SearchProgress], None] | None = None,
+) -> Decision:
+    """Decide all structures of a grammar, and give a verdict on every effect.
+
+    Parameters
+    ----------
+    task : IdentificationTask
+    grammar : Grammar
+    require, exclude : sequence of str
+        Effects that every structure has, or that none has; masses count cumulatively.
+    how : {'border', 'exhaustive'}
+        Fit what the decision rests on, or all structures, and decide by the same rules.
+    seed : int
+    executor : concurrent.futures.Executor, optional
+        The result does not depend on it. One thread by default.
+    progress : callable, optional
+
+    Returns
+    -------
+    Decision
+        With the fits so far, if it is stopped by Ctrl-C or the executor.
+
+    Raises
+    ------
+    SettingsError
+        For effects that the grammar lacks, or if no structure could be simulated.
+    KeyboardInterrupt, Stopped
+        If it is stopped before the first fit.
+    """
+    lattice = Lattice.of(grammar, require, exclude)
+    tell = progress or (lambda step: None)
+    with thread_pool(executor) as workers:
+        search = BorderSearch(task, lattice, workers, seed)
+        total = lattice.size if how == "exhaustive" else None
+        search.progress = lambda stage, done, best: tell(SearchProgress(stage, done, total, best))
+        evidence = None
+        try:
+            border = search.run(everything=how == "exhaustive")
+            evidence = _evidence(search, border, grammar)
+        except (KeyboardInterrupt, Stopped):
+            if not search.fits.done:
+                raise
+        return Decision(_ranking(search, evidence), evidence, search.fits.done)
+
+
+def _evidence(search: BorderSearch, border: Border, grammar: Grammar) -> Evidence:
+    """Verdicts and certificate of a border."""
+    lattice, circumstances = search.lattice, search.round
+    found = _in_order(search, [lattice.structure(m) for m in border.minimal])
+    certificate = _certificate(search, border, grammar, found)
+    unsteady = _unsteady_effects(search, border, found[0]) if certificate.unexplained else frozenset[str]()
+    detectability = Detectability(search.refined, circumstances, search.executor)
+    optional, cards = assess_effects(detectability, border, found, certificate, unsteady)
+    whitening = search.refined.whitening
+    assert whitening is not None, "a round has begun"
+    refined = search.refined.all(circumstances.largest_threshold)
+    n = whitening.samples
+    status = {}
+    for s in search.fits.done:
+        mask = lattice.mask(s)
+        kind = "minimal" if mask in border.minimal else "adequate" if mask in border.adequate else "refuted"
+        status[s] = "undecided" if mask in search.flipped else kind
+    return Evidence(
+        tuple(refined[s] for s in found),
+        optional,
+        cards,
+        refined,
+        {s: bic(positive(r.deviance), n, r.free) for s, r in refined.items()},
+        status,
+        replace(certificate, fitted=len(search.fits.done)),
+        whitening.effective_samples,
+    )
+
+
+def _in_order(search: BorderSearch, minimal: Sequence[Structure]) -> list[Structure]:
+    """Minimal structures, those first of which every parameter is known, then by masses, prediction and criterion."""
+    refined = search.refined.of_all(minimal)
+    whitening = search.refined.whitening
+    assert whitening is not None, "a round has begun"
+    several = len(search.task.recordings) > 2 and len(minimal) > 1
+    calls = [(search.task, r.structure, r.values) for r in refined]
+    predicted = list(in_order(search.executor, predict_left_out, calls)) if several else [0.0] * len(refined)
+    keys = {
+        r.structure: (
+            not _is_identified(search, r),
+            r.structure.masses,
+            -score,
+            bic(positive(r.deviance), whitening.samples, r.free),
+            str(r.structure),
+        )
+        for r, score in zip(refined, predicted, strict=True)
+    }
+    return sorted(minimal, key=keys.__getitem__)
+
+
+def _is_identified(search: BorderSearch, refined: Refined) -> bool:
+    """True if no parameter is at a bound, and the 95 % interval of each positive one is narrower than a factor."""
+    if refined.at_bound:
+        return False
+    problem, space = search.task.problem_and_space(refined.structure)
+    found = estimates_of(problem, space, accurate(search.task).settings, search.refined.optimum(refined.structure))
+    intervals = [found.by_name[n].ci95 for n, log in zip(space.names, space.log, strict=True) if log]
+    return all(low > 0.0 and high < SELECTION.wide_interval * low for low, high in intervals)
+
+
+def predict_left_out(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> float:
+    """Mean fit in percent of each recording by a model that was fitted to the others, from `values`."""
+    from brightgrey.estimation.optimisation.least_squares import polish
+
+    fits = []
+    for k, recording in enumerate(task.recordings):
+        others = replace(task, recordings=(*task.recordings[:k], *task.recordings[k + 1 :]))
+        problem, space = others.problem_and_space(structure)
+        start = [values.get(n, v) for n, v in zip(space.names, space.start, strict=True)]
+        end = polish(problem, space, others.settings, np.clip(start, space.low, space.high), tolerance=1e-4)
+        found = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
+        alone = replace(task, recordings=(recording,))
+        (misfit,) = alone.misfits(structure, {n: np.array([found[n]]) for n in structure.parameters})
+        fits.append(misfit.fit_percent)
+    return float(np.mean(fits))
+
+
+def _certificate(
+    search: BorderSearch, border: Border, grammar: Grammar, found: Sequence[Structure]
+) -> Certificate:
+    lattice = search.lattice
+    refined = search.refined.all(search.round.largest_threshold)
+    costs = {lattice.mask(s): r.cost for s, r in refined.items()}
+    least = min(costs.values())
+    undecided = [*border.undecided, *(m for m in border.minimal if m in search.flipped)]
+    return Certificate(
+        grammar.name,
+        lattice.size,
+        len(search.fits.done),
+        tuple(map(str, found)),
+        tuple(
+            _refuted(search, r, costs, least) for r in sorted(border.refuted, key=lambda r: (r.excess, r.mask))
+        ),
+        tuple(str(lattice.structure(m)) for m in undecided),
+        _unexplained(search, lattice.structure(border.best)),
+    )
+
+
+def _refuted(search: BorderSearch, r: Refutation, costs: Mapping[int, float], least: float) -> RefutedStructure:
+    lattice = search.lattice
+    absent = lattice.everything & ~r.mask
+    roots = [
+        str(p) for i, p in enumerate(lattice.atoms) if absent >> i & 1 and not lattice.requires[i] & absent
+    ]
+    within = min((cost for m, cost in costs.items() if not m & ~r.mask), default=np.inf)
+    nearest = lattice.structure(r.nearest)
+    return RefutedStructure(
+        tuple(roots),
+        str(lattice.structure(r.mask)),
+        float(np.sqrt(max(within / positive(least), 1.0))),
+        r.excess,
+        r.threshold,
+        str(nearest),
+        search.fits.agreeing.get(nearest, 0),
+    )
+
+
+def _unexplained(search: BorderSearch, best: Structure) -> tuple[str, ...]:
+    """Signs that the residual of the best structure holds something that none of the structures explains."""
+    task, refined = search.task, search.refined
+    whitening, optimum = refined.whitening, refined.optimum(best)
+    assert whitening is not None, "a round has begun"
+    if optimum.cost <= whitening.floor_cost:
+        return ()
+    problem, space = task.problem_and_space(best)
+    settings = accurate(task).settings
+    context = FitContext(problem, space, settings, optimum, estimates_of(problem, space, settings, optimum))
+    return tuple(s.observation for s in residual_symptoms(context, task.scales) if s.unmodelled)
+
+
+def _unsteady_effects(search: BorderSearch, border: Border, best: Structure) -> frozenset[str]:
+    """Effects without which the residual does not grow in most parts of the recordings."""
+    lattice, refined = search.lattice, search.refined
+    whitening = refined.whitening
+    assert whitening is not None, "a round has begun"
+
+    def blocks(structure: Structure) -> Array:
+        residual = whitening.whiten(refined.jacobian(structure)[0])
+        return np.array([part @ part for part in np.array_split(residual, SELECTION.blocks)])
+
+    own, found = blocks(best), set()
+    for r in border.refuted:
+        grown = int(np.sum(blocks(lattice.structure(r.nearest)) > own))
+        if grown < SELECTION.steady_blocks:
+            bare = lattice.structure(r.mask)
+            found |= {str(p) for p in lattice.atoms if has(best, str(p)) and not has(bare, str(p))}
+    return frozenset(found)
+
+
+def _ranking(search: BorderSearch, evidence: Evidence | None) -> tuple[Ranked, ...]:
+    """Ranking of all structures that were fitted."""
+    task, fitted = search.task, search.fits.done
+    minimal = [r.structure for r in evidence.minimal] if evidence else []
+    optional = evidence.optional if evidence else ()
+    samples = sum(r.y.size for r in task.recordings)
+    shown, calls = {}, []
+    for s, f in fitted.items():
+        own = f.equals or s  # the values of redundant effects would spoil the misfit
+        refined = evidence.refined.get(own) if evidence else None
+        shown[s] = own, refined
+        calls.append((task, own, dict(refined.values if refined else fitted[own].values)))
+    misfits = dict(zip(fitted, in_order(search.executor, misfit_of, calls), strict=True))
+    if not any(np.isfinite(m.rss).all() for m in misfits.values()):
+        raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
+    ranked = []
+    for s, f in fitted.items():
+        own, refined = shown[s]
+        value = bic(positive(refined.deviance if refined else f.cost), samples, f.free)
+        one_more = any(
+            _is_one_larger(s, m) and any(has(s, o) and not has(m, o) for o in optional) for m in minimal
+        )
+        status = evidence.status.get(s, "") if evidence else ""
+        ranked.append(Ranked(s, f.free, misfits[s], value, s in minimal or one_more, status))
+    place = {s: i for i, s in enumerate(minimal)}
+    ranked.sort(key=lambda r: (place.get(r.structure, len(place)), r.criterion, str(r.structure)))
+    return tuple(ranked)
+
+
+def misfit_of(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> Misfit:
+    """Misfit of a structure with its values, at the level of the search."""
+    unknown = [part.name for part in task.problem(structure).unknown_initial]
+    names = (*structure.parameters, *(n for n in unknown if n in values))
+    return task.misfits(structure, {n: np.array([values[n]]) for n in names})[0]
+
+
+def _is_one_larger(big: Structure, small: Structure) -> bool:
+    more = big.masses - small.masses + len(big.beside) - len(small.beside)
+    return more == 1 and small.masses <= big.masses and small.beside <= big.beside

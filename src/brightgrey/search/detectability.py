@@ -1,0 +1,222 @@
+"""Detectability: which size of an effect the recordings would have shown beside a structure that lacks it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.kit import Placed, Structure
+from brightgrey.numerics.distributions import chi2, ncx2
+from brightgrey.search.adequacy import Round
+from brightgrey.search.fixed_size import fit_at_fixed_size
+from brightgrey.search.policy import SELECTION
+from brightgrey.search.refined_fit import RefinedFits, accurate
+from brightgrey.search.verdicts import ReasonKind
+
+__all__ = ["Detectability", "Obstacle", "has", "power"]
+
+
+def power(noncentrality: float, parameters: int, critical: float) -> float:
+    """Probability that a likelihood ratio of that noncentrality exceeds a critical value (Wald 1943)."""
+    return float(ncx2.sf(critical, max(parameters, 1), max(noncentrality, 1e-12)))
+
+
+def has(structure: Structure, effect: str) -> bool:
+    """Return True if the structure has the effect; it has all multiple-mass systems up to its own."""
+    masses = Placed.parse(effect).effect.masses
+    return structure.masses >= masses if masses else effect in structure.names
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """Obstacle to refuting an effect: its kind, the size that was tested, and the other effect that masks it."""
+
+    kind: ReasonKind
+    size: Mapping[str, float] = field(default_factory=dict)
+    other: str = ""
+
+
+@dataclass(frozen=True)
+class Detectability:
+    """Power analysis of effects beside structures, by their refined fits in one round."""
+
+    refined: RefinedFits
+    circumstances: Round
+    executor: Executor
+
+    def with_effect(self, structure: Structure, effect: str) -> Structure | None:
+        """`structure` with one effect or one mass more; None if it takes others as well."""
+        lattice = self.circumstances.lattice
+        mask = lattice.mask(structure)
+        bit = next(1 << i for i, p in enumerate(lattice.atoms) if str(p) == effect)
+        big = lattice.within(mask | bit) & lattice.everything
+        return lattice.structure(big) if big & bit else None
+
+    def critical(self, structure: Structure, big: Structure) -> float:
+        """Deviance by which `big` has to be better than `structure` to be called for."""
+        free = [len(self.refined.task.space(s, initial=True).names) for s in (structure, big)]
+        chance = float(chi2.isf(SELECTION.false_alarm_level, max(free[1] - free[0], 1)))
+        least = self.refined.of(structure).deviance
+        return max(chance, (SELECTION.min_rss_ratio - 1.0) * least, self.circumstances.error_floor)
+
+    def gain(self, structure: Structure, effect: str) -> float:
+        """Part of the whitened residual's RMS that `effect` explains beside `structure`."""
+        big = self.with_effect(structure, effect)
+        if big is None:
+            return 0.0
+        ratio = self.refined.of(big).deviance / self.refined.of(structure).deviance
+        return float(1.0 - np.sqrt(min(ratio, 1.0)))
+
+    def tells(self, structure: Structure, effect: str) -> bool:
+        """Return True if `effect` explains more beside `structure` than chance does, however little."""
+        big = self.with_effect(structure, effect)
+        if big is None:
+            return False
+        small, large = self.refined.of(structure), self.refined.of(big)
+        return small.deviance - large.deviance > chi2.isf(SELECTION.false_alarm_level, max(large.free - small.free, 1))
+
+    def refutation(self, structure: Structure, effect: str) -> Obstacle | Callable[[], bool]:
+        """Test if the recordings refute `effect` at the least size that matters, beside `structure`.
+
+        First, the effect has to be detectable at that size by its power, with any other effect present. The power holds
+        for small changes, and friction bends far more. So, second, the effect is held at that size, all else is fitted
+        again, and the fit has to be significantly worse. With hard limits that fit may miss its optimum, so a free fit
+        that is no worse at such a size counts as an obstacle.
+
+        Returns
+        -------
+        Obstacle or callable
+            The obstacle to a test; or a function that waits for the fits and returns True if the effect is refuted.
+        """
+        big = self.with_effect(structure, effect)
+        if big is None:
+            return Obstacle("needs further effects")
+        sizes = self.relevant_sizes(structure, effect)
+        if not sizes:
+            return Obstacle("no relevant size")
+        if self.fits_at_relevant_size(structure, effect):
+            return Obstacle("fits at relevant size")
+        for size in sizes:
+            masks = self.hidden_by(structure, effect, size)
+            if masks is not None:
+                return Obstacle("masked", size, masks[0]) if masks else Obstacle("not detectable", size)
+        task, own = self.refined.task, self.refined.of(structure)
+        values, refits = {**task.default_start(big), **own.values}, []
+        for size in sizes:
+            moved = {name: value for name, value in size.items() if name in structure.parameters}
+            held = {name: value for name, value in size.items() if name not in moved}
+            call = (task, big, values, moved, held, own.cost, self.refined.whitening)
+            refits.append(self.executor.submit(fit_at_fixed_size, *call))
+        worst = own.deviance + float(chi2.isf(SELECTION.false_alarm_level, 1))
+        return lambda: all(refit.result().deviance > worst for refit in refits)
+
+    def relevant_sizes(self, structure: Structure, effect: str) -> list[dict[str, float]]:
+        """Least sizes of `effect` that matter beside `structure`, by parameter; two of opposite sign if it has both.
+
+        What is fixed is tested as it is. Empty if the effect takes others as well, or declares no size.
+        """
+        placed, task = Placed.parse(effect), self.refined.task
+        if self.with_effect(structure, effect) is None or placed.effect.relevant_size is None:
+            return []
+        sizes = placed.relevant_size(task.scales, self.refined.of(structure).values)
+        sizes |= {name: value for name, value in task.fixed.items() if name in sizes}
+        for parameter in placed.effect.parameters:
+            name = placed.parameter(parameter.symbol)
+            if parameter.size and name in sizes and name not in task.fixed:
+                low, high = task.bounds.get(name) or parameter.bounds(task.scales)
+                both = (sizes[name], -sizes[name])
+                return [{**sizes, name: value} for value in both if low <= value <= high] or [sizes]
+        return [sizes]
+
+    def hidden_by(self, structure: Structure, effect: str, size: Mapping[str, float]) -> tuple[str, ...] | None:
+        """Obstacle to detecting `effect` of a size beside `structure`.
+
+        Returns the other effect that masks it, an empty tuple if its power is too small, or None if it is detectable.
+        """
+        big, task = self.with_effect(structure, effect), self.refined.task
+        if big is None:
+            return ()
+        residual, jacobian, _ = self.refined.jacobian(structure)
+        problem, space = task.problem_and_space(big)
+        start = {part.name: part.start for part in problem.unknown_initial}
+        values = {**start, **task.default_start(big), **self.refined.of(structure).values, **size}
+        names = (*big.parameters, *start)
+        moved = problem.residuals({n: np.array([values[n]]) for n in names}, accurate(task).settings)[:, 0]
+        change = np.asarray(moved - residual)
+        if not self._is_detectable(structure, big, jacobian, change):
+            return ()
+        confounder = self._confounder(structure, effect, change)
+        return None if confounder is None else (confounder,)
+
+    def detection_limit(
+        self, structure: Structure, effect: str, size: Mapping[str, float]
+    ) -> Mapping[str, float] | None:
+        """Size of `effect` that would be found beside `structure` by its power: `size`, doubled until it is.
+
+        None if that is beyond its bounds, or if nothing is its size.
+        """
+        placed, task = Placed.parse(effect), self.refined.task
+        parameter = next((q for q in placed.effect.parameters if q.size), None)
+        if parameter is None or self.with_effect(structure, effect) is None:
+            return None
+        name = placed.parameter(parameter.symbol)
+        low, high = task.bounds.get(name) or parameter.bounds(task.scales)
+        grown = dict(size)
+        while name not in task.fixed and low <= grown[name] <= high:
+            if self.hidden_by(structure, effect, grown) is None:
+                return grown
+            grown[name] *= 2.0
+        return None
+
+    def fits_at_relevant_size(self, structure: Structure, effect: str) -> bool:
+        """Return True if the fit with `effect` beside `structure` has it at a size that matters and is no worse.
+
+        Only effects whose size is a single number are tested.
+        """
+        big, sizes = self.with_effect(structure, effect), self.relevant_sizes(structure, effect)
+        if big is None or not sizes or len(sizes[0]) != 1:
+            return False
+        ((name, value),) = sizes[0].items()
+        free, own = self.refined.of(big), self.refined.of(structure)
+        worst = own.deviance + float(chi2.isf(SELECTION.false_alarm_level, 1))
+        return abs(free.values[name]) >= abs(value) and free.deviance <= worst
+
+    def _is_detectable(self, structure: Structure, big: Structure, jacobian: Array, change: Array) -> bool:
+        """Return True if a change of the residuals would be detected, as far as the Jacobian does not explain it."""
+        assert self.refined.whitening is not None, "a round has begun"
+        size, _ = self.refined.whitening.explain(jacobian, change)
+        free = [len(self.refined.task.space(s, initial=True).names) for s in (structure, big)]
+        return power(size, free[1] - free[0], self.critical(structure, big)) >= SELECTION.min_power
+
+    def _confounder(self, structure: Structure, effect: str, change: Array) -> str | None:
+        """Other effect beside which `change`, that of `effect`, would not be found; None if there is none.
+
+        Without a reversal, Coulomb friction and gravity may cancel: neither is needed then, and both may be there.
+        """
+        assert self.refined.whitening is not None, "a round has begun"
+        big = self.with_effect(structure, effect)
+        for other in map(str, self.circumstances.lattice.atoms):
+            beside = None if other == effect or has(structure, other) else self.with_effect(structure, other)
+            if beside is None or big is None:
+                continue
+            _, jacobian, _ = self.refined.jacobian(beside)
+            _, steps = self.refined.whitening.explain(jacobian, change)
+            if not self._is_detectable(structure, big, jacobian, change) and self._is_allowed(structure, beside, -steps):
+                return other
+        return None
+
+    def _is_allowed(self, structure: Structure, big: Structure, steps: Array) -> bool:
+        """Return True if small `steps`, shape (P,), keep the effects of `big` beyond `structure` within their bounds.
+
+        Initial states that both structures estimate are not tested.
+        """
+        space, values = self.refined.task.space(big, initial=True), self.refined.of(big).values
+        value = np.array([values[name] for name in space.names])
+        moved = value + space.scale_derivative(value) * steps
+        slack = SELECTION.bound_slack * (space.high - space.low)
+        inside = (moved >= space.low - slack) & (moved <= space.high + slack)
+        return bool(np.all(inside | np.isin(space.names, list(self.refined.of(structure).values))))

@@ -1,0 +1,244 @@
+"""Refined fits: those of the table at level ``accurate``, polished in the whitened cost of a round."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.estimation.noise.whitening import Whitening
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, evaluate
+from brightgrey.estimation.optimisation.levenberg_marquardt import NormalEquations, levenberg_marquardt_step
+from brightgrey.estimation.optimisation.options import LM_DEFAULTS
+from brightgrey.estimation.problem.segments import segment_lengths
+from brightgrey.estimation.problem.simulation_count import SimulationCount
+from brightgrey.effects import INERTIA
+from brightgrey.kit import Placed, Structure
+from brightgrey.search.fits import Fits
+from brightgrey.search.fitting import Fitted
+from brightgrey.search.parallel import in_order
+from brightgrey.search.policy import BORDER, REFINEMENT
+from brightgrey.search.task import TRUSTED_ACCURACY, IdentificationTask
+
+__all__ = ["Refined", "RefinedFits", "accurate", "refine"]
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A structure at level ``accurate``."""
+
+    structure: Structure
+    values: Mapping[str, float]  #: SI, those that were estimated first.
+    deviance: float  #: Whitened sum of squared residuals, noise of variance 1, with the share of the error floor.
+    cost: float  #: Weighted sum of squared residuals.
+    free: int  #: Number of estimated parameters.
+    at_bound: tuple[str, ...]  #: Parameters at a bound.
+    finished: bool  #: False if it was given up as hopeless.
+    spent: SimulationCount
+
+    def runaway(self, effect: str, task: IdentificationTask) -> bool:
+        """True for masses or a gap of which a parameter has run to a bound that the user did not set.
+
+        As a wall, an inert mass that has vanished, or without damping, they follow what they do not stand for.
+        """
+        placed = next((p for p in self.structure.placed if _stands_for(p, effect)), None)
+        if placed is None or not (placed.effect.masses or placed.effect.has_hard_limit):
+            return False
+        last = placed.effect.masses
+        ran = {n for n in self.at_bound if n not in task.bounds}
+        of_last = [q.symbol for q in placed.effect.parameters if not last or q.dimension == INERTIA]
+        return bool(ran & {placed.parameter(symbol) for symbol in of_last})
+
+
+def _stands_for(placed: Placed, effect: str) -> bool:
+    asked = Placed.parse(effect)
+    return placed.effect.masses >= asked.effect.masses > 0 if asked.effect.masses else placed == asked
+
+
+def accurate(task: IdentificationTask) -> IdentificationTask:
+    """The task at level ``accurate``."""
+    return replace(task, settings=replace(task.settings, level="accurate"))
+
+
+def _residual_and_jacobian(
+    task: IdentificationTask, structure: Structure, values: Mapping[str, float]
+) -> tuple[Array, Array, tuple[int, ...]]:
+    """Weighted residuals and their Jacobian at level ``accurate``, and its columns of parameters not at a bound."""
+    problem, space = task.problem_and_space(structure)
+    start = np.clip([values[name] for name in space.names], space.low, space.high)
+    residual, jacobian = evaluate(problem, space, accurate(task).settings, space.to_scaled(start))
+    return residual, jacobian, tuple(np.flatnonzero(space.active_bounds(start) == 0).tolist())
+
+
+def _whitening(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> Whitening:
+    """Whitening by the residuals of a fit, with the error floor of simulation and sensor."""
+    residual, jacobian, inside = _residual_and_jacobian(task, structure, values)
+    lengths = segment_lengths(task.recordings)
+    floor = task.error_floor(task.problem(structure).weights, TRUSTED_ACCURACY).ravel() / lengths
+    return Whitening.of(residual, jacobian[:, list(inside)], lengths, floor.tolist())
+
+
+def refine(
+    task: IdentificationTask, structure: Structure, values: Mapping[str, float], whitening: Whitening, hopeless: float
+) -> Refined:
+    """Fit from `values` in the whitened cost until the next step would lower it by less than chance can tell.
+
+    Parameters
+    ----------
+    task : IdentificationTask
+    structure : Structure
+    values : mapping of str to float
+        SI.
+    whitening : Whitening
+    hopeless : float
+        Deviance above which the exact value does not matter: one step is predicted, but not taken.
+    """
+    problem, space = task.problem_and_space(structure)
+    settings, (low, high) = accurate(task).settings, space.box
+    start = np.clip([values[name] for name in space.names], space.low, space.high)
+    theta, damping = space.to_scaled(start), LM_DEFAULTS.initial_damping
+    longest = np.where(space.log, LM_DEFAULTS.max_log_step, LM_DEFAULTS.max_linear_step)
+    simulations, finished, scale, last = 0, True, np.zeros(len(theta)), np.inf
+    for turn in range(REFINEMENT.iterations):
+        residual, jacobian = evaluate(problem, space, settings, theta)
+        simulations += 1 + len(theta)
+        white, slopes = whitening.whiten(residual), whitening.whiten(jacobian)
+        cost = float(white @ white)
+        normal = NormalEquations(
+            np.array([cost]), (white @ slopes)[None, :], (slopes.T @ slopes)[None, :, :]
+        )
+        scale = np.maximum(LM_DEFAULTS.scale_decay * scale, np.diag(normal.curvature[0]))
+        factors = np.array([LM_DEFAULTS.probe_damping, *(damping * f for f in LM_DEFAULTS.damping_factors)])
+        each = np.zeros(len(factors), int)
+        steps = levenberg_marquardt_step(
+            np.tile(theta, (len(factors), 1)), normal.of(each), np.tile(scale, (len(factors), 1)),
+            factors, low, high, longest, LM_DEFAULTS,
+        ) if len(theta) else np.zeros((len(factors), 0))
+        gain = -(2.0 * steps @ normal.gradient[0] + np.einsum("sp,pq,sq->s", steps, normal.curvature[0], steps))
+        enough = max(REFINEMENT.negligible, REFINEMENT.relative * cost)
+        if gain.max(initial=0.0) < enough or last - cost < 0.1 * enough:
+            break
+        if cost - gain.max() > hopeless:
+            cost, finished = cost - float(gain.max()), False
+            break
+        if turn == REFINEMENT.iterations - 1:
+            break
+        tried = space.from_scaled((theta + steps[1:]).T)
+        found = problem.residuals(space.named(tried), settings)
+        simulations += tried.shape[1]
+        costs = np.square(whitening.whiten(found)).sum(axis=0)
+        best = int(np.argmin(costs))
+        if not costs[best] < cost:
+            break
+        last, theta = cost, theta + steps[1 + best]
+        damping = float(np.clip(factors[1 + best], LM_DEFAULTS.min_damping, LM_DEFAULTS.max_damping))
+    end = space.from_scaled(theta[:, None])[:, 0]
+    bound = [n for n, side in zip(space.names, space.active_bounds(end), strict=True) if side]
+    return Refined(
+        structure,
+        dict(zip(space.names, end.tolist(), strict=True)) | dict(space.fixed),
+        cost + whitening.floor_deviance,
+        float(residual @ residual),
+        len(space.names),
+        tuple(bound),
+        finished,
+        problem.count(simulations),
+    )
+
+
+class RefinedFits:
+    """Refined fits of the structures of a table, made when they are asked for and again when the table has better ones.
+
+    Parameters
+    ----------
+    fits : Fits
+        The table.
+    executor : Executor
+    """
+
+    def __init__(self, fits: Fits, executor: Executor) -> None:
+        self.fits, self.task, self._executor = fits, fits.task, executor
+        self._refined: dict[Structure, tuple[float, Refined]] = {}
+        self._jacobians: dict[Structure, tuple[Refined, tuple[Array, Array, tuple[int, ...]]]] = {}
+        self._starts: dict[Structure, Mapping[str, float]] = {}
+        self.whitening: Whitening | None = None
+
+    def begin_round(self, reference: Structure) -> None:
+        """Whiten by the residuals of a structure from now on; all deviances are new."""
+        known = self._refined.get(reference)
+        values = known[1].values if known else self.fits.done[reference].values
+        self.whitening = _whitening(self.task, reference, values)
+        starts = {s: r.values for s, (_, r) in self._refined.items()}
+        self._refined.clear()
+        self._starts = starts
+
+    def all(self, largest_threshold: Callable[[float], float]) -> dict[Structure, Refined]:
+        """Refined fits of all structures of the table that have no redundant effects.
+
+        Parameters
+        ----------
+        largest_threshold : callable
+            Of the least deviance: by how much a deviance may exceed it and matter.
+        """
+        stale = [f for s, f in self.fits.done.items() if not f.idle and self._is_stale(f)]
+        if stale and not self._refined:
+            self._refine([min(stale, key=lambda f: f.cost)], np.inf)
+            stale = [f for f in stale if self._is_stale(f)]
+        if stale:
+            least = min(r.deviance for _, r in self._refined.values())
+            self._refine(stale, least + BORDER.far * largest_threshold(least))
+        return {s: r for s, (_, r) in self._refined.items()}
+
+    def of(self, structure: Structure) -> Refined:
+        """Refined fit of a structure, which is fitted if it is not in the table."""
+        if structure not in self.fits.done:
+            self.fits.add([structure], self._executor)
+        fitted = self.fits.done[structure]
+        if self._is_stale(fitted) or not self._refined[structure][1].finished:
+            self._refine([fitted], np.inf)
+        return self._refined[structure][1]
+
+    def of_all(self, structures: Sequence[Structure]) -> list[Refined]:
+        """Refined fits of structures, made in parallel."""
+        self.fits.add([s for s in structures if s not in self.fits.done], self._executor)
+        known = [self.fits.done[s] for s in dict.fromkeys(structures)]
+        self._refine([f for f in known if self._is_stale(f) or not self._refined[f.structure][1].finished], np.inf)
+        return [self._refined[s][1] for s in structures]
+
+    def optimum(self, structure: Structure) -> OptimumWithJacobian:
+        """Refined fit with its weighted residuals and their Jacobian."""
+        refined = self.of(structure)
+        space = self.task.problem_and_space(structure)[1]
+        residual, jacobian, _ = self.jacobian(structure)
+        values = np.array([refined.values[name] for name in space.names])
+        return OptimumWithJacobian(values, float(residual @ residual), True, 0, 0, residual, jacobian)
+
+    def jacobian(self, structure: Structure) -> tuple[Array, Array, tuple[int, ...]]:
+        """Weighted residuals and their Jacobian, and its columns of parameters that are not at a bound."""
+        refined = self.of(structure)
+        known = self._jacobians.get(structure)
+        if known is None or known[0] is not refined:
+            found = _residual_and_jacobian(self.task, structure, refined.values)
+            known = self._jacobians[structure] = refined, found
+        return known[1]
+
+    def _is_stale(self, fitted: Fitted) -> bool:
+        known = self._refined.get(fitted.structure)
+        return known is None or known[0] > fitted.cost
+
+    def _refine(self, fitted: Sequence[Fitted], hopeless: float) -> None:
+        assert self.whitening is not None, "begin_round comes first"
+        calls = []
+        for f in fitted:
+            known = self._refined.get(f.structure)
+            start = self._starts.get(f.structure, f.values) if known is None else f.values
+            calls.append((self.task, f.structure, start, self.whitening, hopeless))
+        for f, found in zip(fitted, in_order(self._executor, refine, calls), strict=True):
+            known = self._refined.get(f.structure)
+            if known is None or not known[1].finished or found.deviance < known[1].deviance:
+                self._refined[f.structure] = f.cost, found
+            else:
+                self._refined[f.structure] = f.cost, known[1]
