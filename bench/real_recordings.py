@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from brightgrey.search.exhaustive import candidates, search_exhaustively
 
 from brightgrey import Result, identify
 from brightgrey.estimation import scales, settings_for
@@ -21,7 +22,6 @@ from brightgrey.kit import Structure
 from brightgrey.report.quantities.number_format import significant, with_uncertainty
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search import IdentificationTask
-from brightgrey.search.exhaustive import candidates, search_exhaustively
 from support.measured import DATA, emps_recording, mte360_recording, two_mass_recordings
 from support.results import Table, arguments, publish
 

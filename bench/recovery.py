@@ -31,16 +31,17 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import limit_blas_threads
-from brightgrey.search.evidence import Evidence, assess_effects, has
-from brightgrey.search.exhaustive import fit_all
+from brightgrey.search.decision import Decision, decide_structures
+from brightgrey.search.detectability import has
+from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted
-from brightgrey.search.lattice import added_effects, contains, one_smaller
+from brightgrey.search.lattice import Lattice, added_effects, contains, one_smaller
 from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import UnsettledError
 from support.drives import RandomDrive
 from support.results import RESULTS, Table, arguments, code_version, publish
-from support.statistics import effective_samples, share_of
+from support.statistics import share_of
 
 MATTERS = 1.05
 REACHED = 1.02  # times the RSS at the true values
@@ -60,31 +61,6 @@ def held_out(task: IdentificationTask, fitted: Mapping[Structure, Fitted], test:
     return found
 
 
-def criteria(
-    task: IdentificationTask, fitted: Mapping[Structure, Fitted], error: Mapping[Structure, float]
-) -> dict[str, dict[Structure, float]]:
-    """All criteria of all structures; less is better."""
-    (r,) = task.recordings
-    best = min(fitted.values(), key=lambda f: (f.cost, f.free))
-    problem = task.problem(best.structure)
-    values = {name: np.array([v]) for name, v in {**task.default_start(best.structure), **best.values}.items()}
-    n = r.samples
-    m = effective_samples(problem.residuals(values, task.settings)[:, 0])
-    floor = float(r.resolution[0] * problem.weights[0]) ** 2 / 12.0
-    out: dict[str, dict[Structure, float]] = {}
-    for s, f in fitted.items():
-        mse, d = max(f.cost / n, floor), f.free
-        for name, value in (
-            ("fitness (19)", mse * (1.0 + 2.0 * d)),
-            ("BIC, N", n * np.log(mse) + d * np.log(n)),
-            ("BIC, effective N", m * np.log(mse) + d * np.log(m)),
-            ("AICc, effective N", m * np.log(mse) + 2.0 * d + 2.0 * d * (d + 1.0) / max(m - d - 1.0, 1.0)),
-            ("held-out error", error[s]),
-        ):
-            out.setdefault(name, {})[s] = float(value)
-    return out
-
-
 def visible(structure: Structure, truth: Structure, optional: Iterable[str]) -> bool:
     """Return True if `structure` is within the truth, and everything that it lacks is optional."""
     if not contains(truth, structure):
@@ -95,7 +71,7 @@ def visible(structure: Structure, truth: Structure, optional: Iterable[str]) -> 
 
 
 def examine(
-    drive: RandomDrive, noise: float, candidates: Sequence[Structure], pool: ThreadPoolExecutor
+    drive: RandomDrive, noise: float, candidates: Sequence[Structure], pool: ThreadPoolExecutor, how: str
 ) -> dict[str, object]:
     """One row of the file."""
     train, test = drive.recordings(noise)
@@ -103,39 +79,37 @@ def examine(
     settings = Settings(f_tanh=PAPER_EXPERIMENT.f_tanh, speed_scale=known.speed, level="fast")
     task = IdentificationTask((train,), known, settings)
     begin = time.process_time()
-    fitted = fit_all(task, candidates, seed=drive.seed, executor=pool)
-    middle = time.process_time()
-    found = assess_effects(task, fitted, seed=drive.seed)
-    seconds = [middle - begin, time.process_time() - middle]
-    return row(drive, noise, task, fitted, found, test) | {"seconds": [round(s, 1) for s in seconds]}
+    found = decide_structures(task, PAPER, how=how, seed=drive.seed, executor=pool)
+    seconds = time.process_time() - begin
+    return row(drive, noise, task, found, test, pool) | {"seconds": round(seconds, 1), "how": how}
 
 
 def row(
     drive: RandomDrive,
     noise: float,
     task: IdentificationTask,
-    fitted: Mapping[Structure, Fitted],
-    found: Evidence,
+    decision: Decision,
     test: Recording,
+    pool: ThreadPoolExecutor,
 ) -> dict[str, object]:
     """One row of the file: everything that is kept of one drive at one noise."""
-    truth, structures = drive.truth, [j.structure for j in found.minimal]
-    error = held_out(task, fitted, test)
-    first = {}
-    for name, values in criteria(task, fitted, error).items():
-        winner = min(values, key=lambda s: (values[s], fitted[s].free))
-        first[name] = "truth" if winner == truth else "visible" if visible(winner, truth, found.optional) else "other"
-    first["evidence"] = (
+    truth, found = drive.truth, decision.evidence
+    structures = [r.structure for r in found.minimal]
+    fits = Fits(task, (), seed=drive.seed)
+    fits.done.update(decision.fitted)
+    smaller = one_smaller(truth, PAPER.structures())
+    fits.add([truth, *smaller], pool)
+    error = held_out(task, {s: fits.done[s] for s in (truth, *smaller)}, test)
+    first = (
         "truth" if structures[0] == truth else "visible" if visible(structures[0], truth, found.optional) else "other"
     )
-    matters = {
-        name: float(np.sqrt(error[s] / error[truth]))
-        for s in one_smaller(truth, fitted)
-        for name in added_effects(truth, s)
-    }
+    matters = {name: float(np.sqrt(error[s] / error[truth])) for s in smaller for name in added_effects(truth, s)}
     problem = task.problem(truth)
     exact = {name: np.array([value]) for name, value in drive.values.items()}
     exact |= {part.name: np.clip([0.0], part.low, part.high) for part in problem.unknown_initial}
+    lattice = Lattice.of(PAPER)
+    inside = [m for m in found.refined if not lattice.mask(m) & ~lattice.mask(truth)]
+    best = min(r.deviance for r in found.refined.values())
     return {
         "code": code_version(),
         "seed": drive.seed,
@@ -146,15 +120,18 @@ def row(
         "pole": drive.pole,
         "encoder": drive.encoder,
         "values": drive.values,
-        "candidates": len(fitted),
-        "reached": fitted[truth].cost / max(float(problem.costs(exact, task.settings)[0]), 1e-300),
+        "fits": len(decision.fitted),
+        "reached": fits.done[truth].cost / max(float(problem.costs(exact, task.settings)[0]), 1e-300),
+        "excess": min((found.refined[s].deviance for s in inside), default=np.inf) - best,
         "minimal": [str(s) for s in structures],
         "optional": list(found.optional),
         "verdicts": {c.effect: c.verdict for c in found.cards},
         "reasons": {c.effect: c.reason for c in found.cards},
         "matters": matters,
         "covered": any(visible(s, truth, found.optional) for s in structures),
-        "first": first,
+        "first": {"evidence": first},
+        "unexplained": list(found.certificate.unexplained),
+        "refuted": [[list(r.without), r.excess, r.threshold, r.agreeing] for r in found.certificate.refuted],
     }
 
 
@@ -171,7 +148,8 @@ def line(r: Mapping) -> str:
     """One drive in words."""
     kind = f"{r['motion']}{' coloured' if r['pole'] else ''}{' encoder' if r['encoder'] else ''}"
     return (
-        f"{r['number']:4d} {r['noise']:5g} {r['truth']} ({kind}) {r['seconds']} s, reached {r['reached']:.4g}:"
+        f"{r['number']:4d} {r['noise']:5g} {r['truth']} ({kind}) {r['seconds']} s, {r['fits']} fits,"
+        f" reached {r['reached']:.4g}:"
         f" {len(r['minimal'])} minimal, first {r['first']['evidence']} {', '.join(marks(r))}"
     )
 
@@ -218,7 +196,7 @@ def table(path: Path, *, to_file: bool) -> None:
         print(f"no rows in {path}")
         return
     publish("recovery", tables(rows), to_file=to_file)
-    seconds = [sum(r["seconds"]) for r in rows]
+    seconds = [r["seconds"] for r in rows]
     mean, median = np.mean(seconds), np.median(seconds)
     print(f"\nCPU seconds of a row: mean {mean:.0f}, median {median:.0f}, most {max(seconds):.0f}\n")
     for r in filter(marks, rows):
@@ -282,7 +260,7 @@ def run(options: argparse.Namespace, path: Path) -> None:
                 print(f"{number:4d} left out: {why}", flush=True)
                 continue
             for noise in left:
-                r = examine(drive, noise, candidates, pool)
+                r = examine(drive, noise, candidates, pool, options.search)
                 with path.open("ab") as file:  # one member in one write: several processes may add to the file
                     file.write(gzip.compress((json.dumps(r) + "\n").encode()))
                 print(line(r), flush=True)
@@ -306,6 +284,7 @@ def main() -> None:
     parser.add_argument("--noise", type=float, nargs="*", default=[0.0, 1e-3, 1e-2, 5e-2])
     parser.add_argument("--masses", type=int, default=4, help="at most, in all candidates")
     parser.add_argument("--without", nargs="*", default=[], help="effects that no candidate has")
+    parser.add_argument("--search", choices=("border", "exhaustive"), default="border")
     parser.add_argument("--workers", type=int, default=1, help="threads")
     parser.add_argument("--out", type=Path, help="file of the rows, instead of that of the seed in bench/results/")
     options = parser.parse_args()

@@ -20,13 +20,14 @@ from collections.abc import Mapping
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
+from brightgrey.search.exhaustive import candidates, search_exhaustively
+
 from brightgrey import read_recording
 from brightgrey.estimation import scales, settings_for
 from brightgrey.excitation import demo_recording
 from brightgrey.runs import CachingExecutor, Store, Workforce
 from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search import IdentificationTask
-from brightgrey.search.exhaustive import candidates, search_exhaustively
 from support.results import Table, arguments, publish
 
 

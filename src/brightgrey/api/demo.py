@@ -11,8 +11,8 @@ from brightgrey.api.identification import identify
 from brightgrey.api.result import Result
 from brightgrey.excitation import demo_recording
 from brightgrey.recordings import read_recording
-from brightgrey.search.exhaustive import SearchProgress
 from brightgrey.search.genetic import Progress
+from brightgrey.search.progress import SearchProgress
 
 __all__ = ["demo"]
 

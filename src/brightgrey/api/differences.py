@@ -13,9 +13,10 @@ from brightgrey.effects import TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace, Structure, assemble
 from brightgrey.recordings import Recording
-from brightgrey.search.comparison import Judged
-from brightgrey.search.evidence import Evidence, has
+from brightgrey.search.detectability import has
+from brightgrey.search.evidence import Evidence
 from brightgrey.search.lattice import one_larger
+from brightgrey.search.refined_fit import Refined
 from brightgrey.simulation import Settings
 
 __all__ = ["ControlDifference", "compare_for_control"]
@@ -57,15 +58,15 @@ def compare_for_control(
     kinds = [s.kind for s in recordings[0].outputs]
     outputs = ["velocity" if kind == "velocity-differenced" else kind for kind in kinds]
     band = excited_band([r.u for r in recordings], min(r.dt for r in recordings))
-    comparable: list[tuple[Judged, StateSpace]] = []
-    for judged in tied:
-        own = {name: judged.values[name] for name in judged.structure.parameters}
-        system = assemble(judged.structure, own, settings.f_tanh, outputs)
+    comparable: list[tuple[Refined, StateSpace]] = []
+    for refined in tied:
+        own = {name: refined.values[name] for name in refined.structure.parameters}
+        system = assemble(refined.structure, own, settings.f_tanh, outputs)
         try:
             model_figures([system], HALF_SPEED * settings.speed_scale, settings.f_tanh, band)
         except SettingsError:
             continue
-        comparable.append((judged, system))
+        comparable.append((refined, system))
     if len(comparable) < 2:
         return ()
     found = model_figures(
@@ -74,19 +75,19 @@ def compare_for_control(
     minimal = {j.structure for j in evidence.minimal}
     return tuple(
         ControlDifference(
-            judged.structure, judged.structure in minimal, _table_rows(n, band, recordings[0], first=k == 0), n
+            refined.structure, refined.structure in minimal, _table_rows(n, band, recordings[0], first=k == 0), n
         )
-        for k, ((judged, _), n) in enumerate(zip(comparable, found, strict=True))
+        for k, ((refined, _), n) in enumerate(zip(comparable, found, strict=True))
     )
 
 
-def _tied_structures(evidence: Evidence) -> list[Judged]:
+def _tied_structures(evidence: Evidence) -> list[Refined]:
     """Minimal structures, then those with one optional effect more, as far as refitted."""
     minimal = [j.structure for j in evidence.minimal]
     more = {
-        e: evidence.judged[e]
+        e: evidence.refined[e]
         for s in minimal
-        for e in one_larger(s, evidence.judged)
+        for e in one_larger(s, evidence.refined)
         if e not in minimal and any(has(e, o) and not has(s, o) for o in evidence.optional)
     }
     return [*evidence.minimal, *(more[s] for s in sorted(more, key=lambda s: evidence.criterion[s]))]

@@ -27,8 +27,8 @@ from brightgrey.model.schema import CriterionPart
 from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import one_blas_thread
-from brightgrey.search.exhaustive import SearchProgress
 from brightgrey.search.genetic import GeneticSettings, Progress
+from brightgrey.search.progress import SearchProgress
 from brightgrey.version import __version__
 
 __all__ = ["identify"]
@@ -71,10 +71,10 @@ def identify(
     structure : Structure or str, optional
         Effects in the model, e.g. ``"two_mass+coulomb+viscous"``.
     search : {'auto', 'exhaustive'} or GeneticSettings, optional
-        How to search where no structure is given: all structures of the grammar, with evidence for every effect, or
-        genetic programming. ``auto`` (the default) takes all while that lasts minutes at most.
+        How to search where no structure is given. ``auto`` (the default) fits the few dozen structures that decide all
+        others, ``exhaustive`` fits every one; both give a verdict on every effect. Or genetic programming.
     require, exclude : sequence of str
-        Effects that every structure of an exhaustive search has, or that none has; masses count cumulatively.
+        Effects that every structure has, or that none has; masses count cumulatively. Not in genetic programming.
     progress : callable, optional
         Called after every structure or generation of the search. Ctrl-C ends a search with the best so far.
     bounds : mapping of str to (low, high), optional

@@ -47,7 +47,7 @@ class Result:
     fit : Fit
         The estimation in detail: start points and where they ended, all in SI.
     evidence : Evidence or None
-        After an exhaustive search: the verdict on every effect, in words and numbers.
+        After a search that is not genetic: the verdict on every effect, in words and numbers.
     files : mapping of str to bytes
         Further files that :meth:`write` puts beside the results.
     profiles : tuple of Profile

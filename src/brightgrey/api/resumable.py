@@ -24,9 +24,9 @@ from brightgrey.recordings import Recording
 from brightgrey.runs import Budget, CachingExecutor, RunError, RunStatus, Stop, Store, read_status
 from brightgrey.runs.serialisation import canonical, digest, source_hash
 from brightgrey.runs.store import FILE
-from brightgrey.search.exhaustive import SearchProgress
 from brightgrey.search.genetic import GeneticSettings, Progress
 from brightgrey.search.parallel import Stopped, thread_pool
+from brightgrey.search.progress import SearchProgress
 from brightgrey.version import __version__
 
 __all__ = ["StoredRun", "identify_resumable", "list_runs", "request_of"]

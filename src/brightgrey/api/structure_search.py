@@ -1,8 +1,8 @@
-"""From recordings to a structure: all structures one after the other, or the genetic search."""
+"""From recordings to a structure: by the border of the adequate ones, or by the genetic search."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import Literal
@@ -14,15 +14,13 @@ from brightgrey.kit import Structure, function_set
 from brightgrey.model.ranking import Row
 from brightgrey.model.schema import CriterionPart
 from brightgrey.search import IdentificationTask
+from brightgrey.search.decision import Decision, decide_structures
 from brightgrey.search.evidence import Evidence
-from brightgrey.search.exhaustive import ExhaustiveResult, SearchProgress, candidates, search_exhaustively
 from brightgrey.search.genetic import GeneticSettings, Progress, Run, genetic_search, history_csv
-from brightgrey.search.genetic.settings import TUNED_SETTINGS
 from brightgrey.search.parallel import thread_pool
+from brightgrey.search.progress import SearchProgress
 
 __all__ = ["SearchRequest", "SearchResult", "search_structure"]
-
-AFFORDABLE = 448 * 50_000  # structures times samples: up to half an hour
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class SearchResult:
     files : mapping of str to bytes
         Further results by file name.
     evidence : Evidence or None
-        Of an exhaustive search.
+        Of any search but the genetic one.
     run : Run or None
         Of a genetic search.
     stopped : bool
@@ -68,7 +66,7 @@ class SearchRequest:
     Attributes
     ----------
     how : {'auto', 'exhaustive'} or GeneticSettings
-        ``auto`` is exhaustive while that takes minutes at most, else genetic.
+        ``auto`` fits what the decision rests on, ``exhaustive`` every structure; both decide by the same rules.
     require, exclude : tuple of str
         Effects.
     seed, workers : int
@@ -95,20 +93,21 @@ def search_structure(task: IdentificationTask, request: SearchRequest) -> Search
     SettingsError
         For an unknown effect, or if no structure could be simulated.
     """
-    structures = candidates(request.require, request.exclude, function_set())
     if isinstance(request.how, GeneticSettings):
         if request.require or request.exclude:
-            raise SettingsError("--require and --exclude belong to the exhaustive search")
+            raise SettingsError("--require and --exclude do not belong to the genetic search")
         return _genetic(task, request.how, request)
-    affordable = len(structures) * sum(r.samples for r in task.recordings) <= AFFORDABLE
-    if request.how == "exhaustive" or affordable or request.require or request.exclude:
-        return _exhaustive(task, structures, request)
-    return _genetic(task, TUNED_SETTINGS, request)
-
-
-def _exhaustive(task: IdentificationTask, structures: Sequence[Structure], request: SearchRequest) -> SearchResult:
     with thread_pool(request.executor, request.workers) as executor:
-        done = search_exhaustively(task, structures, seed=request.seed, executor=executor, progress=request.progress)
+        done = decide_structures(
+            task,
+            function_set(),
+            require=request.require,
+            exclude=request.exclude,
+            how="exhaustive" if request.how == "exhaustive" else "border",
+            seed=request.seed,
+            executor=executor,
+            progress=request.progress,
+        )
     best = done.best
     factors = np.array([signal.factor for signal in task.recordings[0].outputs])
     weights = task.weights(best.structure)
@@ -120,6 +119,7 @@ def _exhaustive(task: IdentificationTask, structures: Sequence[Structure], reque
             fit_percent=r.misfit.fit_percent,
             criterion=r.criterion,
             tied=r.equivalent,
+            status=r.status,
         )
         for r in done.ranking
     )
@@ -128,21 +128,24 @@ def _exhaustive(task: IdentificationTask, structures: Sequence[Structure], reque
         values=best.values,
         ranking=rows,
         criterion=CriterionPart(name="BIC", value=done.ranking[0].criterion),
-        note=_note_on_exhaustive(done, len(structures)),
+        note=_note(done),
         evidence=done.evidence,
         stopped=done.evidence is None,
     )
 
 
-def _note_on_exhaustive(done: ExhaustiveResult, structures: int) -> str:
+def _note(done: Decision) -> str:
+    count = len(done.fitted)
     if done.evidence is None:
-        count = len(done.fitted)
-        fitted = f"{count} of {structures} structures fitted, the simple ones first"
-        return f"stopped: {fitted}; the best so far; no verdict on effects yet"
-    if structures == 1:
+        return f"stopped: {count} structures fitted; the best so far; no verdict on effects yet"
+    certificate = done.evidence.certificate
+    minimal = len(certificate.minimal)
+    if certificate.structures == 1:
         return "one structure tried"
-    count = len(done.evidence.minimal)
-    return f"all {structures} structures tried; {count} minimal {'ones' if count > 1 else 'one'}"
+    return (
+        f"{count} structures fitted, which decide all {certificate.structures:,}; {minimal} minimal"
+        f" {'ones' if minimal > 1 else 'one'}"
+    )
 
 
 def _genetic(task: IdentificationTask, settings: GeneticSettings, request: SearchRequest) -> SearchResult:

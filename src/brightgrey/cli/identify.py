@@ -19,8 +19,8 @@ from brightgrey.cli.options.run import RunOptions
 from brightgrey.cli.options.structure import StructureOptions
 
 if TYPE_CHECKING:
-    from brightgrey.search.exhaustive import SearchProgress
     from brightgrey.search.genetic import Progress
+    from brightgrey.search.progress import SearchProgress
 
 __all__ = ["identify"]
 

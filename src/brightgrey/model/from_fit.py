@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 
 from brightgrey.effects import PER_SPEED, SPEED
 from brightgrey.estimation import Estimate, Fit, Profile
 from brightgrey.kit import assemble
 from brightgrey.model.model import SCHEMA, Model
 from brightgrey.model.schema import (
+    CertificatePart,
     CriterionPart,
     FindingPart,
     FitPart,
@@ -18,12 +20,14 @@ from brightgrey.model.schema import (
     OutputFitPart,
     ParameterPart,
     ProfilePart,
+    RefutedPart,
     SettingsPart,
     SignalPart,
     TiesPart,
     ValuePart,
 )
 from brightgrey.recordings import Recording, Units
+from brightgrey.search.certificate import Certificate
 from brightgrey.search.evidence import Evidence
 
 __all__ = ["model_of"]
@@ -85,6 +89,7 @@ def model_of(
         criterion=criterion,
         evidence=None if evidence is None else {card.effect: card.verdict for card in evidence.cards},
         ties=None if evidence is None else _ties(evidence),
+        certificate=None if evidence is None else _certificate_part(evidence.certificate),
         outcome=OutcomePart(
             kind=fit.outcome.kind,
             text=fit.outcome.text,
@@ -99,6 +104,11 @@ def model_of(
 
 def _ties(evidence: Evidence) -> TiesPart:
     return TiesPart(minimal=tuple(str(j.structure) for j in evidence.minimal), optional=evidence.optional)
+
+
+def _certificate_part(certificate: Certificate) -> CertificatePart:
+    refuted = tuple(RefutedPart(**asdict(r)) for r in certificate.refuted)
+    return CertificatePart(**{**vars(certificate), "refuted": refuted})
 
 
 def _profile(found: Profile, factor: float) -> ProfilePart:

@@ -1,4 +1,4 @@
-"""The identified model as it is kept: model.json, schema ``brightgrey/model/1``."""
+"""The identified model as it is kept: model.json, schema ``brightgrey/model/2``."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.kit.structure import Verdict
 from brightgrey.model.files import write_file
 from brightgrey.model.schema import (
+    CertificatePart,
     CriterionPart,
     FitPart,
     InitialPart,
@@ -35,7 +36,7 @@ from brightgrey.simulation import Settings
 
 __all__ = ["SCHEMA", "Model", "load_model"]
 
-SCHEMA: Literal["brightgrey/model/1"] = "brightgrey/model/1"
+SCHEMA: Literal["brightgrey/model/2"] = "brightgrey/model/2"
 
 
 class Model(Part):
@@ -47,7 +48,7 @@ class Model(Part):
 
     model_config = ConfigDict(serialize_by_alias=True)
 
-    schema_version: Literal["brightgrey/model/1"] = Field(alias="schema")
+    schema_version: Literal["brightgrey/model/1", "brightgrey/model/2"] = Field(alias="schema")
     effects: tuple[str, ...] = Field(alias="structure")
     parameters: Mapping[str, ParameterPart]
     signals: tuple[SignalPart, ...]
@@ -57,6 +58,7 @@ class Model(Part):
     criterion: CriterionPart | None
     evidence: Mapping[str, Verdict] | None
     ties: TiesPart | None
+    certificate: CertificatePart | None = None
     outcome: OutcomePart
     seed: int
     version: str

@@ -11,7 +11,7 @@ import numpy as np
 
 __all__ = ["RANKING_COLUMNS", "Row", "front", "ranking_csv"]
 
-RANKING_COLUMNS = ("rank", "structure", "n_parameters", "rss", "fit_percent", "criterion", "tied", "front")
+RANKING_COLUMNS = ("rank", "structure", "n_parameters", "rss", "fit_percent", "criterion", "tied", "front", "status")
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,7 @@ class Row:
     fit_percent: float  #: Mean over the outputs.
     criterion: float | None  #: Value that the rows are sorted by.
     tied: bool = False  #: The recording does not distinguish it from the best.
+    status: str = ""  #: 'minimal', 'adequate', 'refuted' or 'undecided'; empty where nothing was decided.
 
 
 def front(rows: Iterable[Row]) -> tuple[Row, ...]:
@@ -56,5 +57,5 @@ def ranking_csv(rows: Sequence[Row]) -> str:
         criterion = "" if row.criterion is None else repr(row.criterion)
         marks = ["true" if mark else "false" for mark in (row.tied, id(row) in ahead)]
         cells = (rank, row.structure, row.n_parameters, repr(row.rss), repr(row.fit_percent), criterion)
-        writer.writerow((*cells, *marks))
+        writer.writerow((*cells, *marks, row.status))
     return text.getvalue()

@@ -8,6 +8,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 __all__ = [
+    "CertificatePart",
     "CriterionPart",
     "FindingPart",
     "FitPart",
@@ -17,6 +18,7 @@ __all__ = [
     "ParameterPart",
     "Part",
     "ProfilePart",
+    "RefutedPart",
     "SettingsPart",
     "SignalPart",
     "TiesPart",
@@ -127,6 +129,30 @@ class TiesPart(Part):
 
     minimal: tuple[str, ...]
     optional: tuple[str, ...]
+
+
+class RefutedPart(Part):
+    """A largest structure that the recordings refute, with every structure within it."""
+
+    without: tuple[str, ...]
+    structure: str
+    ratio: float
+    excess: float
+    threshold: float
+    nearest: str
+    agreeing: int
+
+
+class CertificatePart(Part):
+    """What decides all structures of the grammar, conditional on the optima that were found (after a search)."""
+
+    grammar: str
+    structures: int
+    fitted: int
+    minimal: tuple[str, ...]
+    refuted: tuple[RefutedPart, ...]
+    undecided: tuple[str, ...]
+    unexplained: tuple[str, ...]
 
 
 class FindingPart(Part):

@@ -62,6 +62,7 @@ def page(content: Content) -> str:
         fits=fit_rows(model),
         criterion=significant(model.criterion.value, 6) if model.criterion else "",
         sheet=commissioning_sheet(content.assembled, content.correlation),
+        titles=[(card.effect, card.title) for card in content.evidence.cards] if content.evidence else [],
         cards=content.evidence.cards if content.evidence else (),
         ranking=_ranking_cells(content.ranking),
         settings=_setting_rows(model),

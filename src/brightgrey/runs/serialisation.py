@@ -19,11 +19,12 @@ from brightgrey.recordings import Recording
 from brightgrey.search.criteria import Misfit
 from brightgrey.search.fitting import Fitted
 from brightgrey.search.genetic.evaluation import Evaluated
+from brightgrey.search.refined_fit import Refined
 
 __all__ = ["call_text", "canonical", "digest", "name_of", "source_hash", "text_of", "to_plain", "value_of"]
 
 _RESULTS: Mapping[str, type[Any]] = {
-    kind.__name__: kind for kind in (Optimum, Evaluated, Fitted, Misfit, SimulationCount)
+    kind.__name__: kind for kind in (Optimum, Evaluated, Fitted, Misfit, Refined, SimulationCount)
 }
 _KIND = "~"
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from brightgrey.numerics.distributions import chi2
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.policy import SELECTION, SelectionPolicy
@@ -36,22 +34,16 @@ class Round:
     error_floor: float  #: Deviance that errors of simulation and sensor may cause.
     policy: SelectionPolicy = SELECTION
 
-    def threshold(self, mask: int, deviance: Deviance, least: float) -> float:
+    def threshold(self, deviance: Deviance, least: float) -> float:
         """Largest excess over the `least` deviance with which a structure is adequate.
 
-        A resonance or a gap may lie anywhere. So each mass or gap that a structure lacks raises the threshold, as if it
-        had been looked for in several independent places.
+        Calibration (bench/recovery.py): no surcharge for missing masses and gaps is called for, although a resonance
+        may lie anywhere, because nobody looks everywhere for the optimum of the largest structure.
         """
-        missing = sum(
-            1
-            for bit in self.lattice.bits(self.lattice.everything & ~mask)
-            if (effect := self.lattice.atoms[bit.bit_length() - 1].effect).masses or effect.has_hard_limit
-        )
         more = max(self.most_free - deviance.free, 1)
         chance = float(chi2.isf(self.policy.false_alarm_level, more))
-        chance += 2.0 * missing * float(np.log(self.policy.mass_multiplicity))
         return max(chance, (self.policy.min_rss_ratio - 1.0) * least, self.error_floor)
 
     def largest_threshold(self, least: float) -> float:
         """Threshold of the smallest structure: one fit that leaves more refutes everything within it."""
-        return self.threshold(self.lattice.required, Deviance(least, self.least_free), least)
+        return self.threshold(Deviance(least, self.least_free), least)

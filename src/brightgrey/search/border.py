@@ -57,7 +57,7 @@ def assess(table: Mapping[int, Deviance], circumstances: Round) -> Border:
     best = min(table, key=lambda m: (table[m].value, table[m].free, m))
     least = table[best].value
     reached = {m: min(d.value for n, d in table.items() if not n & ~m) - least for m in table}
-    limits = {m: circumstances.threshold(m, d, least) for m, d in table.items()}
+    limits = {m: circumstances.threshold(d, least) for m, d in table.items()}
     adequate = [m for m in table if reached[m] <= limits[m]]
     minimal = inclusion_minimal(adequate)
     refuted, undecided = [], []

@@ -1,8 +1,8 @@
 """Search for the border: fits are made where the decision rests on them, until nothing is wanted.
 
-A few large structures are fitted by multistart. The simplest adequate one is shrunk, one atom at a time. Then the largest
-structures that contain no adequate one are fitted. A refutation rests on an optimum that may have been missed. So the
-effort goes there in the end: multistart until independent starts agree.
+A few large structures are fitted by multistart. The simplest adequate one is shrunk, one atom at a time. Then the
+largest structures that contain no adequate one are fitted. A refutation rests on an optimum that may have been missed.
+So the effort goes there in the end: multistart until independent starts agree.
 """
 
 from __future__ import annotations
@@ -179,7 +179,6 @@ class BorderSearch:
     def round(self) -> Round:
         """What the structures of this round have in common."""
         whitening = self.refined.whitening
-        assert whitening is not None, "a round has begun"
         least, largest = (self.lattice.structure(m) for m in (self.lattice.required, self.lattice.everything))
         free = [len(self.task.space(s, initial=True).names) for s in (least, largest)]
         return Round(self.lattice, free[0], free[1], min(whitening.floor_deviance, float(whitening.samples)))
@@ -226,10 +225,11 @@ class BorderSearch:
         far = self.policy.far * max((r.threshold for r in border.refuted), default=0.0)
         for found in sorted(border.refuted, key=lambda r: r.excess / r.threshold):
             structure = self.lattice.structure(found.nearest)
-            if self.lacks_agreement(structure, 1 if found.excess > far else None):
-                if not (structure.has_hard_limit and found.excess > far):
-                    self.restart_at(structure)
-                    return True
+            is_far = found.excess > far
+            hopeless = is_far and structure.has_hard_limit
+            if not hopeless and self.lacks_agreement(structure, 1 if is_far else None):
+                self.restart_at(structure)
+                return True
         return False
 
 

@@ -50,7 +50,8 @@ class Certificate:
         if self.unexplained:
             out.append(
                 "This recording holds something that none of the structures offered explains: "
-                + "; ".join(self.unexplained) + "."
+                + "; ".join(self.unexplained)
+                + "."
             )
         for r in self.refuted:
             lacking = " and ".join(names.get(e, e) for e in r.without)

@@ -25,20 +25,11 @@ from brightgrey.search.fitting import Fitted
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
+from brightgrey.search.progress import SearchProgress
 from brightgrey.search.refined_fit import Refined, accurate
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["Decision", "Ranked", "SearchProgress", "decide_structures"]
-
-
-@dataclass(frozen=True)
-class SearchProgress:
-    """Progress of a search: the name of its stage, how much of it is done, and the best structure so far."""
-
-    name: str
-    done: int
-    total: int | None
-    structure: Structure
+__all__ = ["Decision", "Ranked", "decide_structures"]
 
 
 @dataclass(frozen=True)
@@ -130,7 +121,6 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar) -> Evidenc
     detectability = Detectability(search.refined, circumstances, search.executor)
     optional, cards = assess_effects(detectability, border, found, certificate, unsteady)
     whitening = search.refined.whitening
-    assert whitening is not None, "a round has begun"
     refined = search.refined.all(circumstances.largest_threshold)
     n = whitening.samples
     status = {}
@@ -154,7 +144,6 @@ def _in_order(search: BorderSearch, minimal: Sequence[Structure]) -> list[Struct
     """Minimal structures, those first of which every parameter is known, then by masses, prediction and criterion."""
     refined = search.refined.of_all(minimal)
     whitening = search.refined.whitening
-    assert whitening is not None, "a round has begun"
     several = len(search.task.recordings) > 2 and len(minimal) > 1
     calls = [(search.task, r.structure, r.values) for r in refined]
     predicted = list(in_order(search.executor, predict_left_out, calls)) if several else [0.0] * len(refined)
@@ -198,9 +187,7 @@ def predict_left_out(task: IdentificationTask, structure: Structure, values: Map
     return float(np.mean(fits))
 
 
-def _certificate(
-    search: BorderSearch, border: Border, grammar: Grammar, found: Sequence[Structure]
-) -> Certificate:
+def _certificate(search: BorderSearch, border: Border, grammar: Grammar, found: Sequence[Structure]) -> Certificate:
     lattice = search.lattice
     refined = search.refined.all(search.round.largest_threshold)
     costs = {lattice.mask(s): r.cost for s, r in refined.items()}
@@ -211,9 +198,7 @@ def _certificate(
         lattice.size,
         len(search.fits.done),
         tuple(map(str, found)),
-        tuple(
-            _refuted(search, r, costs, least) for r in sorted(border.refuted, key=lambda r: (r.excess, r.mask))
-        ),
+        tuple(_refuted(search, r, costs, least) for r in sorted(border.refuted, key=lambda r: (r.excess, r.mask))),
         tuple(str(lattice.structure(m)) for m in undecided),
         _unexplained(search, lattice.structure(border.best)),
     )
@@ -222,9 +207,7 @@ def _certificate(
 def _refuted(search: BorderSearch, r: Refutation, costs: Mapping[int, float], least: float) -> RefutedStructure:
     lattice = search.lattice
     absent = lattice.everything & ~r.mask
-    roots = [
-        str(p) for i, p in enumerate(lattice.atoms) if absent >> i & 1 and not lattice.requires[i] & absent
-    ]
+    roots = [str(p) for i, p in enumerate(lattice.atoms) if absent >> i & 1 and not lattice.requires[i] & absent]
     within = min((cost for m, cost in costs.items() if not m & ~r.mask), default=np.inf)
     nearest = lattice.structure(r.nearest)
     return RefutedStructure(
@@ -242,7 +225,6 @@ def _unexplained(search: BorderSearch, best: Structure) -> tuple[str, ...]:
     """Signs that the residual of the best structure holds something that none of the structures explains."""
     task, refined = search.task, search.refined
     whitening, optimum = refined.whitening, refined.optimum(best)
-    assert whitening is not None, "a round has begun"
     if optimum.cost <= whitening.floor_cost:
         return ()
     problem, space = task.problem_and_space(best)
@@ -255,7 +237,6 @@ def _unsteady_effects(search: BorderSearch, border: Border, best: Structure) -> 
     """Effects without which the residual does not grow in most parts of the recordings."""
     lattice, refined = search.lattice, search.refined
     whitening = refined.whitening
-    assert whitening is not None, "a round has begun"
 
     def blocks(structure: Structure) -> Array:
         residual = whitening.whiten(refined.jacobian(structure)[0])
@@ -289,9 +270,7 @@ def _ranking(search: BorderSearch, evidence: Evidence | None) -> tuple[Ranked, .
     for s, f in fitted.items():
         own, refined = shown[s]
         value = bic(positive(refined.deviance if refined else f.cost), samples, f.free)
-        one_more = any(
-            _is_one_larger(s, m) and any(has(s, o) and not has(m, o) for o in optional) for m in minimal
-        )
+        one_more = any(_is_one_larger(s, m) and any(has(s, o) and not has(m, o) for o in optional) for m in minimal)
         status = evidence.status.get(s, "") if evidence else ""
         ranked.append(Ranked(s, f.free, misfits[s], value, s in minimal or one_more, status))
     place = {s: i for i, s in enumerate(minimal)}

@@ -77,7 +77,8 @@ class Detectability:
         if big is None:
             return False
         small, large = self.refined.of(structure), self.refined.of(big)
-        return small.deviance - large.deviance > chi2.isf(SELECTION.false_alarm_level, max(large.free - small.free, 1))
+        chance = float(chi2.isf(SELECTION.false_alarm_level, max(large.free - small.free, 1)))
+        return small.deviance - large.deviance > chance
 
     def refutation(self, structure: Structure, effect: str) -> Obstacle | Callable[[], bool]:
         """Test if the recordings refute `effect` at the least size that matters, beside `structure`.
@@ -109,8 +110,8 @@ class Detectability:
         for size in sizes:
             moved = {name: value for name, value in size.items() if name in structure.parameters}
             held = {name: value for name, value in size.items() if name not in moved}
-            call = (task, big, values, moved, held, own.cost, self.refined.whitening)
-            refits.append(self.executor.submit(fit_at_fixed_size, *call))
+            call = (task, big, values, moved, held, own.cost)
+            refits.append(self.executor.submit(fit_at_fixed_size, *call, self.refined.whitening))
         worst = own.deviance + float(chi2.isf(SELECTION.false_alarm_level, 1))
         return lambda: all(refit.result().deviance > worst for refit in refits)
 
@@ -141,7 +142,7 @@ class Detectability:
         if big is None:
             return ()
         residual, jacobian, _ = self.refined.jacobian(structure)
-        problem, space = task.problem_and_space(big)
+        problem = task.problem(big)
         start = {part.name: part.start for part in problem.unknown_initial}
         values = {**start, **task.default_start(big), **self.refined.of(structure).values, **size}
         names = (*big.parameters, *start)
@@ -187,7 +188,6 @@ class Detectability:
 
     def _is_detectable(self, structure: Structure, big: Structure, jacobian: Array, change: Array) -> bool:
         """Return True if a change of the residuals would be detected, as far as the Jacobian does not explain it."""
-        assert self.refined.whitening is not None, "a round has begun"
         size, _ = self.refined.whitening.explain(jacobian, change)
         free = [len(self.refined.task.space(s, initial=True).names) for s in (structure, big)]
         return power(size, free[1] - free[0], self.critical(structure, big)) >= SELECTION.min_power
@@ -197,7 +197,6 @@ class Detectability:
 
         Without a reversal, Coulomb friction and gravity may cancel: neither is needed then, and both may be there.
         """
-        assert self.refined.whitening is not None, "a round has begun"
         big = self.with_effect(structure, effect)
         for other in map(str, self.circumstances.lattice.atoms):
             beside = None if other == effect or has(structure, other) else self.with_effect(structure, other)
@@ -205,7 +204,9 @@ class Detectability:
                 continue
             _, jacobian, _ = self.refined.jacobian(beside)
             _, steps = self.refined.whitening.explain(jacobian, change)
-            if not self._is_detectable(structure, big, jacobian, change) and self._is_allowed(structure, beside, -steps):
+            if not self._is_detectable(structure, big, jacobian, change) and self._is_allowed(
+                structure, beside, -steps
+            ):
                 return other
         return None
 

@@ -51,7 +51,10 @@ class _Case:
 
 
 def assess_effects(
-    detectability: Detectability, border: Border, found: Sequence[Structure], certificate: Certificate,
+    detectability: Detectability,
+    border: Border,
+    found: Sequence[Structure],
+    certificate: Certificate,
     unsteady: frozenset[str],
 ) -> tuple[tuple[str, ...], tuple[EffectVerdict, ...]]:
     """Optional effects, and the verdict on every effect that some structures have and others lack.
@@ -91,7 +94,11 @@ def _doubt(case: _Case, structure: Structure, effect: str, test: Obstacle | Call
     if isinstance(test, Obstacle):
         names = (Placed.parse(test.other).effect.title,) if test.other else ()
         return Reason(test.kind, size=_size(case, effect, [test.size]), names=names)
-    return None if refuted else Reason("fits with fixed size", size=_size(case, effect, d.relevant_sizes(structure, effect)))
+    return (
+        None
+        if refuted
+        else Reason("fits with fixed size", size=_size(case, effect, d.relevant_sizes(structure, effect)))
+    )
 
 
 def _verdict(case: _Case, effect: str, against: Mapping[Structure, Reason]) -> EffectVerdict:

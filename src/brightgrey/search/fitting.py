@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.estimation.optimisation.least_squares import Optimum, fit_many
+from brightgrey.estimation.optimisation.least_squares import Optimum, fit_many, polish
 from brightgrey.estimation.optimisation.multistart import growing_horizons, multistart
 from brightgrey.estimation.optimisation.options import MULTISTART_DEFAULTS
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
@@ -30,6 +30,7 @@ __all__ = [
     "from_above",
     "from_everywhere",
     "is_narrow",
+    "last_descent",
     "tracked_from_above",
 ]
 
@@ -260,3 +261,9 @@ def best_begins(
         best.append((found[least], others[:, least]) if better else (cost[k], firsts[:, k]))
     best.sort(key=lambda b: b[0])
     return np.stack([values for _, values in best[:count]], axis=1), firsts.shape[1] + others.shape[1]
+
+
+def last_descent(task: IdentificationTask, structure: Structure, begin: Array) -> Optimum:
+    """Descend from `begin`, shape (P,), SI, to convergence at level ``accurate``."""
+    problem, space = task.problem_and_space(structure)
+    return polish(problem, space, replace(task.settings, level="accurate"), begin, tolerance=REFIT.polish_tolerance)

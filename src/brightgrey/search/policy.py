@@ -17,7 +17,7 @@ class SelectionPolicy:
     #: A further mass wins by chance this many times as often as Wilks's theorem says: its resonance may be anywhere.
     mass_multiplicity: float = 10.0
     #: Ratio of sums of squares below which a difference does not matter, however significant it is.
-    min_rss_ratio: float = 1.01
+    min_rss_ratio: float = 1.005
     min_power: float = 0.8  #: Power of the likelihood-ratio test from which a recording is said to show an effect.
     #: Part of the residual's RMS that an effect may explain at most and still be *not needed*.
     notable_gain: float = 0.02

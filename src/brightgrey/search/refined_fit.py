@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.effects import INERTIA
 from brightgrey.estimation.noise.whitening import Whitening
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, evaluate
 from brightgrey.estimation.optimisation.levenberg_marquardt import NormalEquations, levenberg_marquardt_step
 from brightgrey.estimation.optimisation.options import LM_DEFAULTS
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.estimation.problem.simulation_count import SimulationCount
-from brightgrey.effects import INERTIA
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.fits import Fits
 from brightgrey.search.fitting import Fitted
@@ -107,16 +107,24 @@ def refine(
         simulations += 1 + len(theta)
         white, slopes = whitening.whiten(residual), whitening.whiten(jacobian)
         cost = float(white @ white)
-        normal = NormalEquations(
-            np.array([cost]), (white @ slopes)[None, :], (slopes.T @ slopes)[None, :, :]
-        )
+        normal = NormalEquations(np.array([cost]), (white @ slopes)[None, :], (slopes.T @ slopes)[None, :, :])
         scale = np.maximum(LM_DEFAULTS.scale_decay * scale, np.diag(normal.curvature[0]))
         factors = np.array([LM_DEFAULTS.probe_damping, *(damping * f for f in LM_DEFAULTS.damping_factors)])
         each = np.zeros(len(factors), int)
-        steps = levenberg_marquardt_step(
-            np.tile(theta, (len(factors), 1)), normal.of(each), np.tile(scale, (len(factors), 1)),
-            factors, low, high, longest, LM_DEFAULTS,
-        ) if len(theta) else np.zeros((len(factors), 0))
+        steps = (
+            levenberg_marquardt_step(
+                np.tile(theta, (len(factors), 1)),
+                normal.of(each),
+                np.tile(scale, (len(factors), 1)),
+                factors,
+                low,
+                high,
+                longest,
+                LM_DEFAULTS,
+            )
+            if len(theta)
+            else np.zeros((len(factors), 0))
+        )
         gain = -(2.0 * steps @ normal.gradient[0] + np.einsum("sp,pq,sq->s", steps, normal.curvature[0], steps))
         enough = max(REFINEMENT.negligible, REFINEMENT.relative * cost)
         if gain.max(initial=0.0) < enough or last - cost < 0.1 * enough:
@@ -164,13 +172,20 @@ class RefinedFits:
         self._refined: dict[Structure, tuple[float, Refined]] = {}
         self._jacobians: dict[Structure, tuple[Refined, tuple[Array, Array, tuple[int, ...]]]] = {}
         self._starts: dict[Structure, Mapping[str, float]] = {}
-        self.whitening: Whitening | None = None
+        self._whitening: Whitening | None = None
+
+    @property
+    def whitening(self) -> Whitening:
+        """Whitening of the present round."""
+        if self._whitening is None:
+            raise RuntimeError("begin_round comes first")
+        return self._whitening
 
     def begin_round(self, reference: Structure) -> None:
         """Whiten by the residuals of a structure from now on; all deviances are new."""
         known = self._refined.get(reference)
         values = known[1].values if known else self.fits.done[reference].values
-        self.whitening = _whitening(self.task, reference, values)
+        self._whitening = _whitening(self.task, reference, values)
         starts = {s: r.values for s, (_, r) in self._refined.items()}
         self._refined.clear()
         self._starts = starts
@@ -230,7 +245,6 @@ class RefinedFits:
         return known is None or known[0] > fitted.cost
 
     def _refine(self, fitted: Sequence[Fitted], hopeless: float) -> None:
-        assert self.whitening is not None, "begin_round comes first"
         calls = []
         for f in fitted:
             known = self._refined.get(f.structure)

@@ -44,7 +44,7 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "inertia at bound": "An inertia is at its bound, however: a lag, or a spring to a wall, looks like that.",
         "gap at bound": "The gap is at its bound, however: the fit uses it for something else.",
         "unsteady gain": (
-            "It helps in some parts of the recordings only, however, and these hold something that no structure explains."
+            "It helps in some parts of the recordings only, however, and they hold something that nothing explains."
         ),
         "undecided": "A structure without it was not decided within the budget, however.",
         "sampling": "The fit puts it at {lag} s, less than one sample ({interval} s): sampling looks like that.",

@@ -75,9 +75,9 @@ class StructureOptions:
         if self.search is not None:
             one_of("search", self.search, searches)
         if self.search == "genetic" and effects:
-            raise SettingsError("--require and --exclude belong to the exhaustive search")
+            raise SettingsError("--require and --exclude do not belong to the genetic search")
         if effects:
-            from brightgrey.search.exhaustive import candidates
+            from brightgrey.search.lattice import Lattice
 
-            candidates(effects, grammar=function_set())
+            Lattice.of(function_set(), self.require or (), self.exclude or ())
         return None

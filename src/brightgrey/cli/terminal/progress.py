@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn
 
 from brightgrey.cli.terminal.compilation import compile_kernel
-from brightgrey.search.exhaustive import SearchProgress
 from brightgrey.search.genetic import Progress as Step
+from brightgrey.search.progress import SearchProgress
 
 __all__ = ["steps"]
 

@@ -119,6 +119,7 @@ def _print_result(console: Console, found: Result, folder: Path) -> None:
     console.print()
     if found.evidence is not None:
         _evidence(console, found.evidence)
+        _certificate(console, found.evidence)
         _top(console, found.ranking, found.front)
     _print_differences(console, found.differences)
     for symptom in found.symptoms:
@@ -224,6 +225,14 @@ def _evidence(console: Console, evidence: Evidence) -> None:
         names = "; ".join(str(j.structure) for j in evidence.minimal)
         _bullet(console, f"the recording cannot tell these minimal structures apart: {names}")
         console.print()
+
+
+def _certificate(console: Console, evidence: Evidence) -> None:
+    """What decides the structures, the most important first."""
+    titles = [(card.effect, card.title) for card in evidence.cards]
+    for sentence in evidence.certificate.sentences(titles):
+        _bullet(console, sentence)
+    console.print()
 
 
 def _print_differences(console: Console, tied: Sequence[ControlDifference]) -> None:

@@ -14,13 +14,12 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Criterion, Misfit
 from brightgrey.search.fits import Fits
-from brightgrey.search.fitting import Fitted, Options, is_narrow
+from brightgrey.search.fitting import Fitted, Options, is_narrow, last_descent
 from brightgrey.search.genetic.evaluation import Evaluated, Job
 from brightgrey.search.genetic.history import Evaluation, Run
 from brightgrey.search.genetic.offspring import Offspring
 from brightgrey.search.genetic.settings import HEURISTICS
 from brightgrey.search.genetic.tree import tree_of, with_values
-from brightgrey.search.judging import last_descent
 from brightgrey.search.lattice import contains
 from brightgrey.search.missed import seek_missed
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
