@@ -41,12 +41,12 @@ from brightgrey.paper.repetitions import (
 )
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.criteria import Misfit, criterion
-from brightgrey.search.fits import Fits
+from brightgrey.search.fit_table import FitTable
 from brightgrey.search.genetic import estimator, evolve, genetic_search
 from brightgrey.search.genetic.job_evaluator import JobEvaluator
 from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
 from brightgrey.search.genetic.settings import PAPER_SETTINGS, PROBABILITIES, TUNED_SETTINGS
-from brightgrey.search.missed import seek_missed
+from brightgrey.search.missed_optima import find_missed_optima
 from brightgrey.search.parallel import thread_pool
 from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings
@@ -211,10 +211,10 @@ def against_all(drive: RandomDrive, setting: str, grammar: Grammar, structures: 
     (recording, _), began, how = drive.recordings(NOISE), time.process_time(), SETTINGS[setting]
     known = scales([recording])
     ready = IdentificationTask((recording,), known, Settings(PAPER_EXPERIMENT.f_tanh, known.speed, "fast"))
-    every = Fits(ready, structures, seed=drive.seed)
+    every = FitTable(ready, structures, seed=drive.seed)
     with thread_pool(None) as worker:
         every.add(structures, worker)
-        seek_missed(every, worker)
+        find_missed_optima(every, worker)
     fitted = every.done
     middle = time.process_time()
     if not whole:

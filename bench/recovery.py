@@ -33,9 +33,9 @@ from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.decision import Decision, decide_structures
 from brightgrey.search.detectability import has
-from brightgrey.search.fits import Fits
-from brightgrey.search.fitting import Fitted
+from brightgrey.search.fit_table import FitTable
 from brightgrey.search.lattice import Lattice, added_effects, contains, one_smaller
+from brightgrey.search.structure_fit import StructureFit
 from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import UnsettledError
@@ -48,7 +48,9 @@ REACHED = 1.02  # times the RSS at the true values
 FLOOR = 1e-4
 
 
-def held_out(task: IdentificationTask, fitted: Mapping[Structure, Fitted], test: Recording) -> dict[Structure, float]:
+def held_out(
+    task: IdentificationTask, fitted: Mapping[Structure, StructureFit], test: Recording
+) -> dict[Structure, float]:
     """Mean squared error of every structure on another recording, with the floor."""
     other = IdentificationTask((test,), task.scales, task.settings)
     floor = (FLOOR * float(test.y.std())) ** 2
@@ -95,7 +97,7 @@ def row(
     """One row of the file: everything that is kept of one drive at one noise."""
     truth, found = drive.truth, decision.evidence
     structures = [r.structure for r in found.minimal]
-    fits = Fits(task, (), seed=drive.seed)
+    fits = FitTable(task, (), seed=drive.seed)
     fits.done.update(decision.fitted)
     smaller = one_smaller(truth, PAPER.structures())
     fits.add([truth, *smaller], pool)

@@ -113,7 +113,7 @@ def test_program__damaged_run__one_line_error(small, tmp_path):
     folder = shutil.copytree(small.folder / "exhaustive", tmp_path / "copy")
     before = (folder / "model.json").read_bytes()
     data = bytearray((folder / FILE).read_bytes())
-    data[data.index(b'"Fitted"') + 2] ^= 2
+    data[data.index(b'"StructureFit"') + 2] ^= 2
     (folder / FILE).write_bytes(data)
     for done in (call(*small.searches["exhaustive"], "--out", folder), call("runs", folder)):
         assert done.code == 2

@@ -15,7 +15,7 @@ from brightgrey.search import IdentificationTask, fitting
 from brightgrey.search.comparison import Judged
 from brightgrey.search.evidence import assess_effects
 from brightgrey.search.exhaustive import fit_all
-from brightgrey.search.fitting import Fitted
+from brightgrey.search.structure_fit import StructureFit
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import contains
 from brightgrey.search.parallel import thread_pool
@@ -178,7 +178,7 @@ def test_refine_at_fixed_size__hard_limit__other_effect_compensates():
     big, small = (PAPER.parse(name) for name in ("two_mass+coulomb+gravity+backlash", "two_mass+gravity+backlash"))
     net = {name: value for name, value in values.items() if name != "M_C"} | {"M_G": 0.7}
     with thread_pool(None) as workers:
-        bench = Bench(task, {small: Fitted(small, net, np.inf, len(net))}, workers)
+        bench = Bench(task, {small: StructureFit(small, net, np.inf, len(net))}, workers)
         own = bench.judge(small)
         held = bench.held(big, own.values, {}, {"M_C": 0.08}, own.cost)()
     assert held.cost < 1.01 * own.cost
@@ -195,7 +195,7 @@ def test_refine_at_fixed_size__rattling_load__approached_in_steps():
     torque = np.abs(e.torque()).max() * np.minimum(1.0, t / 0.02) * np.sin(2.0 * np.pi * np.expm1(rate * t) / rate)
     task = task_of(str(small), values, torque, 0.002, f_tanh=e.f_tanh, dt=e.dt)
     with thread_pool(None) as workers:
-        bench = Bench(task, {small: Fitted(small, values, np.inf, len(values))}, workers)
+        bench = Bench(task, {small: StructureFit(small, values, np.inf, len(values))}, workers)
         own = bench.judge(small)
         least = PAPER.parse("four_mass").placed[0].relevant_size(task.scales, own.values)
         held = {name: least[name] for name in ("J4", "c3", "d3")}
@@ -227,7 +227,7 @@ def test_restart__light_middle_mass__is_found():
         for values in (ended, true)
     )
     with thread_pool(None) as workers:
-        bench = Bench(task, {structure: Fitted(structure, ended, cost, len(ended))}, workers)
+        bench = Bench(task, {structure: StructureFit(structure, ended, cost, len(ended))}, workers)
         assert bench.judge(structure).cost > 1.05 * least
         assert bench.seek(structure, 4)
         assert bench.judge(structure).cost < least

@@ -12,10 +12,10 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.search import IdentificationTask
 from brightgrey.search.exhaustive import fit_all
-from brightgrey.search.fits import Fits
-from brightgrey.search.fitting import Fitted, best_begins
+from brightgrey.search.fit_table import FitTable
+from brightgrey.search.structure_fit import StructureFit, best_starts
 from brightgrey.search.lattice import complexity, contains
-from brightgrey.search.missed import _leaders, seek_missed
+from brightgrey.search.missed_optima import _leaders, find_missed_optima
 from brightgrey.search.parallel import thread_pool
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
 from brightgrey.simulation import Settings
@@ -123,13 +123,13 @@ def test_restart_leaders__no_noise__ends_at_simulation_accuracy(exact_loose):
     between = np.flatnonzero((costs > 2.0 * fine) & (costs < 0.9 * rough))
     assert between.size
     k = between[0]
-    fits = Fits(task, [plain, top])
-    fits.done[plain] = Fitted(plain, {}, 1e3 * rough, 5)
-    fits.done[top] = Fitted(top, {name: float(v[k]) for name, v in beside.items()}, float(costs[k]), 6)
+    fits = FitTable(task, [plain, top])
+    fits.done[plain] = StructureFit(plain, {}, 1e3 * rough, 5)
+    fits.done[top] = StructureFit(top, {name: float(v[k]) for name, v in beside.items()}, float(costs[k]), 6)
     first, again = [], []
     with thread_pool(None) as workers:
-        seek_missed(fits, workers, first.append)
-        seek_missed(fits, workers, again.append)
+        find_missed_optima(fits, workers, first.append)
+        find_missed_optima(fits, workers, again.append)
     assert first == [top]
     assert fits.done[top].cost < 0.01 * fine
     assert not again
@@ -147,12 +147,12 @@ def spoilt(fits, structure, **changed):
 def test_restart_leaders__local_minimum__truth_is_found(task, true_values):
     """A resonance that is a little off is a local minimum, and all around begin there."""
     truth, simple = PAPER.parse("two_mass+coulomb"), PAPER.parse("one_mass+coulomb")
-    fits, sought = Fits(task, [simple, truth]), []
+    fits, sought = FitTable(task, [simple, truth]), []
     with thread_pool(None) as workers:
         fits.add([simple, truth], workers)
         found = spoilt(fits, truth, c1=0.5 * true_values["c1"])
         assert fits.done[truth].cost > 2.0 * found
-        seek_missed(fits, workers, sought.append)
+        find_missed_optima(fits, workers, sought.append)
     exact = {name: np.array([value]) for name, value in true_values.items()}
     assert truth in sought
     assert fits.done[truth].cost <= 1.01 * task.problem(truth).costs(exact, task.settings)[0]
@@ -174,11 +174,11 @@ class Asked(Executor):
 def test_restart_many__better_supermodel__its_optimum_is_a_start(task):
     costs = {"two_mass": 100.0, "two_mass+coulomb": 95.0, "two_mass+viscous": 60.0, "two_mass+backlash": 40.0}
     names = dict(zip(costs, map(PAPER.parse, costs), strict=True))
-    fits = Fits(task, list(names.values()))
-    fits.done.update({s: Fitted(s, {}, costs[name], complexity(s)) for name, s in names.items()})
+    fits = FitTable(task, list(names.values()))
+    fits.done.update({s: StructureFit(s, {}, costs[name], complexity(s)) for name, s in names.items()})
     asked = Asked(fits)
     for better in ("two_mass+backlash", "two_mass+viscous", None):
-        fits.anew([names["two_mass"], names["two_mass+coulomb"]], 1, asked)
+        fits.restart_many([names["two_mass"], names["two_mass+coulomb"]], 1, asked)
         if better:
             fits.done[names[better]] = replace(fits.done[names[better]], idle=(better.split("+")[1],))
     begun = [[str(f.structure) for f in known] for *_, known in asked.calls]
@@ -189,44 +189,48 @@ def test_restart_many__better_supermodel__its_optimum_is_a_start(task):
 def test_continue_to_submodels__same_optimum__once(task, monkeypatch):
     costs = {"two_mass+backlash": 100.0, "two_mass+coulomb+backlash": 95.0, "two_mass+viscous+backlash": 60.0}
     small, little, better = map(PAPER.parse, costs)
-    fits, followed = Fits(task, [small, little, better]), []
+    fits, followed = FitTable(task, [small, little, better]), []
 
     def in_vain(task, own, larger, options):
         followed.append((own.structure, larger.structure))
         return None, SimulationCount()
 
-    monkeypatch.setattr("brightgrey.search.fits.tracked_from_above", in_vain)
-    monkeypatch.setattr("brightgrey.search.fits.from_above", lambda *_: (None, SimulationCount()))
-    fits.done.update({s: Fitted(s, {}, c, complexity(s)) for s, c in zip(fits.structures, costs.values(), strict=True)})
+    monkeypatch.setattr("brightgrey.search.fit_table.tracked_from_above", in_vain)
+    monkeypatch.setattr("brightgrey.search.fit_table.from_above", lambda *_: (None, SimulationCount()))
+    fits.done.update(
+        {s: StructureFit(s, {}, c, complexity(s)) for s, c in zip(fits.structures, costs.values(), strict=True)}
+    )
     with thread_pool(None) as workers:
         for _ in range(2):
-            assert not fits.follow(workers)
+            assert not fits.continue_to_submodels(workers)
         fits.done[little] = replace(fits.done[little], cost=50.0)
         for _ in range(2):
-            fits.follow(workers)
+            fits.continue_to_submodels(workers)
         fits.done[better] = replace(fits.done[better], cost=40.0)
-        fits.follow(workers)
+        fits.continue_to_submodels(workers)
         fits.done[better] = replace(fits.done[better], cost=30.0)
-        fits.follow(workers)
+        fits.continue_to_submodels(workers)
     assert followed == [(small, better), (small, little), (small, better), (small, better)]
 
 
 def test_continue_to_submodels__improved__neighbours_refitted(task, monkeypatch):
     costs = {"two_mass+backlash": 100.0, "two_mass+coulomb+backlash": 60.0, "two_mass+gravity+backlash": 90.0}
     small, larger, other = map(PAPER.parse, costs)
-    fits = Fits(task, [small, larger, other])
-    found, asked = Fitted(small, {}, 70.0, complexity(small)), []
+    fits = FitTable(task, [small, larger, other])
+    found, asked = StructureFit(small, {}, 70.0, complexity(small)), []
 
     def handed_on(task, structure, parents, *rest):
         asked.append((structure, [f.cost for f in parents]))
-        return Fitted(structure, {}, 65.0, complexity(structure))
+        return StructureFit(structure, {}, 65.0, complexity(structure))
 
-    monkeypatch.setattr("brightgrey.search.fits.tracked_from_above", lambda *_: (found, SimulationCount()))
-    monkeypatch.setattr("brightgrey.search.fits.from_above", lambda *_: (None, SimulationCount()))
-    monkeypatch.setattr("brightgrey.search.fits.fit_one", handed_on)
-    fits.done.update({s: Fitted(s, {}, c, complexity(s)) for s, c in zip(fits.structures, costs.values(), strict=True)})
+    monkeypatch.setattr("brightgrey.search.fit_table.tracked_from_above", lambda *_: (found, SimulationCount()))
+    monkeypatch.setattr("brightgrey.search.fit_table.from_above", lambda *_: (None, SimulationCount()))
+    monkeypatch.setattr("brightgrey.search.fit_table.fit_one", handed_on)
+    fits.done.update(
+        {s: StructureFit(s, {}, c, complexity(s)) for s, c in zip(fits.structures, costs.values(), strict=True)}
+    )
     with thread_pool(None) as workers:
-        assert fits.follow(workers) == {small, other}
+        assert fits.continue_to_submodels(workers) == {small, other}
     assert asked == [(other, [70.0])]
     assert fits.done[small] is found
 
@@ -242,8 +246,8 @@ def test_leading_structures__single_leader__its_submodels_follow(task):
         "three_mass+coulomb+viscous+backlash": 5e8,
     }
     names = dict(zip(costs, map(PAPER.parse, costs), strict=True))
-    fits = Fits(task, list(names.values()))
-    fits.done.update({s: Fitted(s, {}, costs[name], complexity(s)) for name, s in names.items()})
+    fits = FitTable(task, list(names.values()))
+    fits.done.update({s: StructureFit(s, {}, costs[name], complexity(s)) for name, s in names.items()})
     turns = [str(s) for place in range(4) for s in _leaders(fits, place, gaps=True)]
     big = "two_mass+coulomb+viscous+backlash"
     assert turns == [big, "two_mass+viscous+backlash", "two_mass+coulomb+backlash", big]
@@ -262,14 +266,14 @@ def test_propagate__lag_removed__dead_time_grows():
     def ended(structure, **changed):
         values = {**true, **changed}
         cost = task.problem(structure).costs({n: np.array([x]) for n, x in values.items()}, task.settings)[0]
-        return Fitted(structure, values, float(cost), len(values))
+        return StructureFit(structure, values, float(cost), len(values))
 
-    fits, begin = Fits(task, [small, big]), ended(small, T_d=4e-3)
+    fits, begin = FitTable(task, [small, big]), ended(small, T_d=4e-3)
     fits.done[small] = replace(ended(small, J1=0.04), cost=0.9 * begin.cost)
     fits.done[big] = ended(big, T_d=4e-3, T_1=2e-3)
     assert fits.done[big].cost < 0.5 * begin.cost
     with thread_pool(None) as workers:
-        fits.spread({big}, workers)
+        fits.propagate({big}, workers)
     assert fits.done[small].cost <= 1.001 * ended(small).cost
 
 
@@ -281,6 +285,6 @@ def test_best_starts__early_termination__same_choice(task, rng):
     costs = [problem.costs(space.named(begins), task.settings) for begins in tried]
     order = np.argsort([cost.min() for cost in costs])
     wanted = np.stack([tried[k][:, np.argmin(costs[k])] for k in order[:2]], axis=1)
-    chosen, count = best_begins(task, problem, space, tried, 2)
+    chosen, count = best_starts(task, problem, space, tried, 2)
     np.testing.assert_array_equal(chosen, wanted)
     assert count == 25

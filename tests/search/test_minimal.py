@@ -8,7 +8,7 @@ import pytest
 
 from brightgrey.kit import PAPER
 from brightgrey.search.comparison import Judged
-from brightgrey.search.fitting import Fitted
+from brightgrey.search.structure_fit import StructureFit
 from brightgrey.search.judging import Bench
 from brightgrey.search.lattice import complexity, contains, mass_chain_of
 from brightgrey.search.minimal import minimal_structures
@@ -63,7 +63,7 @@ class Costs(Yardstick):
     """Yardstick of residuals that are white, so that their sums of squares are all there is to compare."""
 
     def __init__(self, costs, *, fast=None, second=(), everywhere=(), doubt=0.0, white=(), few=many, loose=()):
-        fitted = {s: Fitted(s, {}, (fast or costs)[s], complexity(s)) for s in ALL}
+        fitted = {s: StructureFit(s, {}, (fast or costs)[s], complexity(s)) for s in ALL}
         second, everywhere = ({PAPER.parse(name): c for name, c in dict(more).items()} for more in (second, everywhere))
         super().__init__(Known(costs, fitted, second, everywhere), SimpleNamespace(samples=SAMPLES), fitted)
         self.trust, self.white = doubt, {PAPER.parse(name): cost for name, cost in dict(white).items()}

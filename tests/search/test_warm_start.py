@@ -13,7 +13,7 @@ from brightgrey.kit import PAPER
 from brightgrey.search import IdentificationTask
 from brightgrey.search.comparison import Judged
 from brightgrey.search.exhaustive import fit_all
-from brightgrey.search.fitting import Fitted, Options, from_above
+from brightgrey.search.structure_fit import StructureFit, Options, refit_from_supermodel
 from brightgrey.search.judging import Bench
 from brightgrey.search.warm_start import exchanged, handed_down, information
 from brightgrey.simulation import Settings
@@ -215,13 +215,13 @@ def test_fit_all__friction_and_gravity_cancel__submodel_is_found(friction):
         theta = space.to_scaled(np.array([values[name] for name in space.names]))
         there = normal_equations(problem, space, task.settings, theta[None])
         pace = space.scale_derivative(space.from_scaled(theta))
-        return Fitted(
+        return StructureFit(
             structure, values, float(there.cost[0]), len(values), information=information(there.curvature[0], pace)
         )
 
     own = fitted(structure, J1=0.04, M_C=0.1)
     ridge = fitted(larger, J1=0.02, M_C=1.6, M_G=1.3)
     assert ridge.cost < 0.5 * own.cost
-    found, _ = from_above(task, own, [ridge], Options())
+    found, _ = refit_from_supermodel(task, own, [ridge], Options())
     assert found.cost <= 1.001 * fitted(structure, J1=0.02, M_C=0.3).cost
     assert found.values == pytest.approx({"J1": 0.02, "M_C": 0.3}, rel=0.02)

@@ -36,7 +36,7 @@ class Border:
     refuted: tuple[Refutation, ...]  #: Largest structures that contain no adequate one.
     undecided: tuple[int, ...]  #: Largest structures that contain no adequate one and have not been fitted.
     excess: Mapping[int, float]  #: Deviance of each fitted structure, or of one within it, beyond the least one.
-    adequate: frozenset[int]  #: Fitted structures that are adequate.
+    adequate: frozenset[int]  #: StructureFit structures that are adequate.
 
 
 def assess(table: Mapping[int, Deviance], circumstances: Round) -> Border:
@@ -45,7 +45,7 @@ def assess(table: Mapping[int, Deviance], circumstances: Round) -> Border:
     Parameters
     ----------
     table : mapping of int to Deviance
-        Fitted structures by mask.
+        StructureFit structures by mask.
     circumstances : Round
 
     Returns

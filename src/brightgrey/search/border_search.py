@@ -17,12 +17,12 @@ from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.kit import Structure
 from brightgrey.search.adequacy import Deviance, Round
 from brightgrey.search.border import Border, assess
-from brightgrey.search.fits import Fits
-from brightgrey.search.fitting import Fitted, Options
+from brightgrey.search.fit_table import FitTable
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.missed import seek_missed
+from brightgrey.search.missed_optima import find_missed_optima
 from brightgrey.search.policy import BORDER, REFIT, BorderPolicy
 from brightgrey.search.refined_fit import RefinedFits
+from brightgrey.search.structure_fit import Options, StructureFit
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["BorderSearch", "anchors"]
@@ -66,8 +66,8 @@ class BorderSearch:
     progress: Callable[[str, int, Structure], None] = lambda stage, fits, best: None
 
     def __post_init__(self) -> None:
-        self.hubs = anchors(self.lattice)
-        self.fits = Fits(self.task, (), options=self.options, seed=self.seed, anchors=self.hubs)
+        self.anchors = anchors(self.lattice)
+        self.fits = FitTable(self.task, (), options=self.options, seed=self.seed, anchors=self.anchors)
         self.refined = RefinedFits(self.fits, self.executor)
         self.restarts: dict[Structure, int] = {}
         self.flipped: set[int] = set()
@@ -77,10 +77,10 @@ class BorderSearch:
         if everything:
             self.fit_everything()
         else:
-            self.fit(self.hubs)
+            self.fit(self.anchors)
             self.fit_hard_limits()
             self.find_best()
-        reference, last = self.fits.leader().structure, None
+        reference, last = self.fits.best().structure, None
         for _ in range(self.policy.rounds):
             self.refined.begin_round(reference)
             border = self.decide()
@@ -99,19 +99,19 @@ class BorderSearch:
         new = [s for s in structures if s not in self.fits.done]
         if new:
             self.fits.add(new, self.executor)
-            self.progress("fits", len(self.fits.done), self.fits.leader().structure)
+            self.progress("fits", len(self.fits.done), self.fits.best().structure)
 
     def fit_everything(self) -> None:
         """Fit all structures, and look for missed optima among them."""
         structures = [self.lattice.structure(m) for m in self.lattice.masks()]
-        self.fits = Fits(self.task, structures, seed=self.seed)
+        self.fits = FitTable(self.task, structures, seed=self.seed)
         self.refined = RefinedFits(self.fits, self.executor)
 
-        def tell(fitted: Fitted) -> None:
+        def tell(fitted: StructureFit) -> None:
             self.progress("structures", len(self.fits.done), fitted.structure)
 
         self.fits.add(structures, self.executor, tell)
-        seek_missed(self.fits, self.executor, lambda s: self.progress("missed optima", len(self.fits.done), s))
+        find_missed_optima(self.fits, self.executor, lambda s: self.progress("missed optima", len(self.fits.done), s))
 
     def fit_hard_limits(self) -> None:
         """Fit the largest structures with hard limits, fewest masses first, the least of them by multistart."""
@@ -126,7 +126,7 @@ class BorderSearch:
     def restart_at(self, structure: Structure) -> None:
         """Fit a structure by multistart, and its neighbours anew where that helps."""
         self.restarts[structure] = self.restarts.get(structure, 0) + 1
-        self.fits.spread(self.fits.anew([structure], 0, self.executor), self.executor)
+        self.fits.propagate(self.fits.restart_many([structure], 0, self.executor), self.executor)
         self.progress("restarts", len(self.fits.done), structure)
 
     def find_best(self) -> None:
@@ -147,9 +147,9 @@ class BorderSearch:
     def leaders(self) -> list[Structure]:
         """Structures that lead by BIC: without a hard limit, and with one if that takes off a good part of the cost."""
         n = sum(r.y.size for r in self.task.recordings)
-        best: dict[bool, Fitted] = {}
+        best: dict[bool, StructureFit] = {}
         for f in sorted(
-            (f for f in self.fits.done.values() if not f.idle),
+            (f for f in self.fits.done.values() if not f.redundant_effects),
             key=lambda f: n * np.log(max(f.cost, 1e-300)) + f.free * np.log(n),
         ):
             best.setdefault(f.structure.has_hard_limit, f)
@@ -159,9 +159,9 @@ class BorderSearch:
 
     def is_explained(self) -> bool:
         """True if the residual of the best fit is white, or within the accuracy of the simulation."""
-        best = self.fits.leader()
+        best = self.fits.best()
         problem = self.task.problem(best.structure)
-        if best.cost <= self.fits.doubt(best):
+        if best.cost <= self.fits.error_floor_cost(best):
             return True
         values = {name: np.array([value]) for name, value in best.values.items()}
         return is_white(problem.residuals(values, self.task.settings)[:, 0], problem.segment_lengths)
@@ -192,7 +192,7 @@ class BorderSearch:
             wanted = self.wanted(border)
             if wanted:
                 self.fit(wanted)
-                self.fits.follow(self.executor)
+                self.fits.continue_to_submodels(self.executor)
             elif not self.restart(border):
                 return border
 

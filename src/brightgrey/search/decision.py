@@ -21,12 +21,12 @@ from brightgrey.search.certificate import Certificate, RefutedStructure
 from brightgrey.search.criteria import Misfit, bic
 from brightgrey.search.detectability import Detectability, has
 from brightgrey.search.evidence import Evidence, assess_effects
-from brightgrey.search.fitting import Fitted
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import SearchProgress
 from brightgrey.search.refined_fit import Refined, accurate
+from brightgrey.search.structure_fit import StructureFit
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["Decision", "Ranked", "decide_structures"]
@@ -50,10 +50,10 @@ class Decision:
 
     ranking: tuple[Ranked, ...]  #: Minimal structures first, then by the criterion.
     evidence: Evidence | None  #: None if the search was stopped before its end.
-    fitted: Mapping[Structure, Fitted]
+    fitted: Mapping[Structure, StructureFit]
 
     @property
-    def best(self) -> Refined | Fitted:
+    def best(self) -> Refined | StructureFit:
         """The first minimal structure; the one with the best criterion if there is no evidence."""
         return self.evidence.minimal[0] if self.evidence else self.fitted[self.ranking[0].structure]
 

@@ -12,7 +12,7 @@ from brightgrey.arrays import Array
 from brightgrey.kit import Placed, Structure
 from brightgrey.numerics.distributions import chi2, ncx2
 from brightgrey.search.adequacy import Round
-from brightgrey.search.fixed_size import fit_at_fixed_size
+from brightgrey.search.fixed_size_fit import fit_at_fixed_size
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.refined_fit import RefinedFits, accurate
 from brightgrey.search.verdicts import ReasonKind

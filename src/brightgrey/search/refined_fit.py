@@ -17,10 +17,10 @@ from brightgrey.estimation.optimisation.options import LM_DEFAULTS
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Placed, Structure
-from brightgrey.search.fits import Fits
-from brightgrey.search.fitting import Fitted
+from brightgrey.search.fit_table import FitTable
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, REFINEMENT
+from brightgrey.search.structure_fit import StructureFit
 from brightgrey.search.task import TRUSTED_ACCURACY, IdentificationTask
 
 __all__ = ["Refined", "RefinedFits", "accurate", "refine"]
@@ -162,12 +162,12 @@ class RefinedFits:
 
     Parameters
     ----------
-    fits : Fits
+    fits : FitTable
         The table.
     executor : Executor
     """
 
-    def __init__(self, fits: Fits, executor: Executor) -> None:
+    def __init__(self, fits: FitTable, executor: Executor) -> None:
         self.fits, self.task, self._executor = fits, fits.task, executor
         self._refined: dict[Structure, tuple[float, Refined]] = {}
         self._jacobians: dict[Structure, tuple[Refined, tuple[Array, Array, tuple[int, ...]]]] = {}
@@ -198,7 +198,7 @@ class RefinedFits:
         largest_threshold : callable
             Of the least deviance: by how much a deviance may exceed it and matter.
         """
-        stale = [f for s, f in self.fits.done.items() if not f.idle and self._is_stale(f)]
+        stale = [f for s, f in self.fits.done.items() if not f.redundant_effects and self._is_stale(f)]
         if stale and not self._refined:
             self._refine([min(stale, key=lambda f: f.cost)], np.inf)
             stale = [f for f in stale if self._is_stale(f)]
@@ -240,11 +240,11 @@ class RefinedFits:
             known = self._jacobians[structure] = refined, found
         return known[1]
 
-    def _is_stale(self, fitted: Fitted) -> bool:
+    def _is_stale(self, fitted: StructureFit) -> bool:
         known = self._refined.get(fitted.structure)
         return known is None or known[0] > fitted.cost
 
-    def _refine(self, fitted: Sequence[Fitted], hopeless: float) -> None:
+    def _refine(self, fitted: Sequence[StructureFit], hopeless: float) -> None:
         calls = []
         for f in fitted:
             known = self._refined.get(f.structure)

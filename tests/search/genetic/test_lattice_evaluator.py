@@ -1,4 +1,4 @@
-"""Fits in the order in which a genetic search asks for them, each begun where relatives have ended."""
+"""FitTable in the order in which a genetic search asks for them, each begun where relatives have ended."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -14,13 +14,13 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar
 from brightgrey.paper.experiment import reference_recording, task_of
 from brightgrey.search import criterion
-from brightgrey.search.fits import Fits
-from brightgrey.search.fitting import Fitted, Options, from_above, from_everywhere
+from brightgrey.search.fit_table import FitTable
+from brightgrey.search.structure_fit import StructureFit, Options, refit_from_supermodel, fit_multistart
 from brightgrey.search.genetic import GeneticSettings, genetic_search
 from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
 from brightgrey.search.genetic.settings import TUNED_SETTINGS
 from brightgrey.search.lattice import complexity, contains
-from brightgrey.search.missed import seek_missed
+from brightgrey.search.missed_optima import find_missed_optima
 from brightgrey.search.parallel import thread_pool
 from brightgrey.simulation import response, squares
 
@@ -30,12 +30,12 @@ BRIEF = replace(TUNED_SETTINGS, population=4, generations=3)
 
 
 def in_pieces(task, workers=1):
-    fits = Fits(task, ALL, seed=5)
+    fits = FitTable(task, ALL, seed=5)
     largest_first = sorted(ALL, key=lambda s: -len(s.placed))
     with ThreadPoolExecutor(workers) as executor:
         for i in range(0, len(ALL), 5):
             fits.add(largest_first[i : i + 5], executor)
-        fits.seek(PAPER.parse("two_mass+coulomb"), executor)
+        fits.restart(PAPER.parse("two_mass+coulomb"), executor)
     return fits
 
 
@@ -196,9 +196,9 @@ def test_restart_leaders__larger_structures_not_fitted__ends(loose):
     names = ("one_mass", "two_mass", "two_mass+backlash", "three_mass", "three_mass+backlash")
     structures = list(map(PAPER.parse, names))
     with thread_pool(None) as executor:
-        fits = Fits(task, structures)
+        fits = FitTable(task, structures)
         fits.add(structures[:2], executor)
-        seek_missed(fits, executor)
+        find_missed_optima(fits, executor)
     assert structures[2] in fits.done
 
 
@@ -208,9 +208,9 @@ def test_restart_leaders__hard_limit__compared_with_largest_without(loose):
     names = ("one_mass", "two_mass", "two_mass+backlash", "two_mass+viscous", "two_mass+viscous+backlash")
     structures = list(map(PAPER.parse, names))
     with thread_pool(None) as executor:
-        fits = Fits(task, structures)
+        fits = FitTable(task, structures)
         fits.add(structures[:2], executor)
-        seek_missed(fits, executor)
+        find_missed_optima(fits, executor)
     assert structures[3] in fits.done
 
 
@@ -253,7 +253,7 @@ def sought(task, monkeypatch):
     def made(costs, task=task, name="bic"):
         with thread_pool(None) as executor:
             relatives = LatticeEvaluator(task, ALL, executor, criterion(name))
-            relatives.fits.done |= {s: Fitted(s, {}, cost, len(s.parameters)) for s, cost in costs.items()}
+            relatives.fits.done |= {s: StructureFit(s, {}, cost, len(s.parameters)) for s, cost in costs.items()}
             assert relatives.eliminated() == set()  # missed optima have not been looked for yet
             relatives.restart_leaders()
         return relatives
@@ -326,7 +326,7 @@ def test_fit_table__should_refit_false__no_second_fit(task, worse, worthwhile):
         asked.append((structure, cost))
         return worthwhile
 
-    fits = Fits(task, [simple, PAPER.parse("two_mass"), truth], should_refit=should_refit)
+    fits = FitTable(task, [simple, PAPER.parse("two_mass"), truth], should_refit=should_refit)
     with thread_pool(None) as executor:
         fits.add([PAPER.parse("two_mass"), truth], executor)
         fits.done[worse] = replace(fits.done[worse], cost=1e9)
@@ -377,9 +377,9 @@ def test_refit_from_supermodel__further_mass__masses_are_joined(task, true_value
     """Behind a stiff shaft: without its last mass alone, half of the load would be missing."""
     truth, larger = PAPER.parse("two_mass+coulomb"), PAPER.parse("three_mass+coulomb")
     split = true_values | {"J2": 0.5 * true_values["J2"], "J3": 0.5 * true_values["J2"], "c2": 1e5, "d2": 1.0}
-    fitted = Fitted(larger, split, 1.0, len(split))
-    own = Fitted(truth, true_values, np.inf, len(true_values))
-    begin, _ = from_above(task, own, [fitted], Options(rounds=0))
+    fitted = StructureFit(larger, split, 1.0, len(split))
+    own = StructureFit(truth, true_values, np.inf, len(true_values))
+    begin, _ = refit_from_supermodel(task, own, [fitted], Options(rounds=0))
     exact = {name: np.array([value]) for name, value in true_values.items()}
     assert begin.cost == pytest.approx(float(task.problem(truth).costs(exact, task.settings)[0]))
     assert begin.values == pytest.approx(true_values)
@@ -389,7 +389,7 @@ def test_fit_multistart__narrow_ranges__fewer_starts(task, true_values):
     truth = PAPER.parse("two_mass+coulomb")
     narrow = replace(task, bounds={name: (0.5 * v, 2.0 * v) for name, v in true_values.items()})
     spent = [
-        from_everywhere(each, truth, Options(fresh=4, narrow=starts), 0).spent.sets
+        fit_multistart(each, truth, Options(fresh=4, narrow=starts), 0).spent.sets
         for each in (narrow, task)
         for starts in (2, 4)
     ]

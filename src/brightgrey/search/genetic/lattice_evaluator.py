@@ -13,15 +13,15 @@ from brightgrey.estimation.problem.segments import segment_lengths, split_segmen
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Criterion, Misfit
-from brightgrey.search.fits import Fits
-from brightgrey.search.fitting import Fitted, Options, is_narrow, last_descent
+from brightgrey.search.fit_table import FitTable
 from brightgrey.search.genetic.evaluation import Evaluated, Job
 from brightgrey.search.genetic.history import Evaluation, Run
 from brightgrey.search.genetic.offspring import Offspring
 from brightgrey.search.genetic.settings import HEURISTICS
 from brightgrey.search.genetic.tree import tree_of, with_values
 from brightgrey.search.lattice import contains
-from brightgrey.search.missed import seek_missed
+from brightgrey.search.missed_optima import find_missed_optima
+from brightgrey.search.structure_fit import Options, StructureFit, last_descent, ranges_within_decade
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 
 __all__ = ["LatticeEvaluator"]
@@ -58,7 +58,7 @@ class LatticeEvaluator:
 
     Attributes
     ----------
-    fits : Fits
+    fits : FitTable
     improved : tuple of Structure
         Structures that the latest generation has improved or fitted beside its individuals.
     share : float
@@ -76,7 +76,7 @@ class LatticeEvaluator:
         seed: int = 0,
         generations: int = 0,
     ) -> None:
-        self.fits = Fits(task, structures, options=options, seed=seed, should_refit=self.can_still_win)
+        self.fits = FitTable(task, structures, options=options, seed=seed, should_refit=self.can_still_win)
         self.improved, self.share = tuple[Structure, ...](), 1.0
         self._executor, self._criterion, self._generations = executor, criterion, generations
         self._weights = task.problem(structures[0]).weights
@@ -85,7 +85,7 @@ class LatticeEvaluator:
         self._bar: _Bar | None = None
         self._searched_missed = False
         self._accurate = replace(task, settings=replace(task.settings, level="accurate"))
-        self._assessed: dict[tuple[Structure, float], tuple[Fitted, Misfit]] = {}
+        self._assessed: dict[tuple[Structure, float], tuple[StructureFit, Misfit]] = {}
 
     def evaluate(self, generation: int, born: Sequence[Offspring]) -> list[Evaluation]:
         """Fit the structures of a generation."""
@@ -131,7 +131,7 @@ class LatticeEvaluator:
         fits = self.fits
         unknown = [s for s in dict.fromkeys(structures) if s not in fits.done]
         counted = len(fits.spent)
-        better = fits.add(unknown, self._executor) | fits.follow(self._executor) if unknown else set()
+        better = fits.add(unknown, self._executor) | fits.continue_to_submodels(self._executor) if unknown else set()
         self.improved = tuple(s for s in fits.done if s in better and s not in structures)
         spent = self._spent(counted)  # counted with the first of them: anchors serve them all
         out, first = [], set(unknown)
@@ -145,7 +145,7 @@ class LatticeEvaluator:
     def narrow(self) -> bool:
         """True if the ranges of all structures are narrow, as a user gives them."""
         task = self.fits.task
-        return all(is_narrow(task.space(s, initial=True)) for s in self.fits.structures)
+        return all(ranges_within_decade(task.space(s, initial=True)) for s in self.fits.structures)
 
     def can_still_win(self, structure: Structure, cost: float = 0.0) -> bool:
         """Return False if a structure cannot reach the best value of the criterion.
@@ -159,7 +159,7 @@ class LatticeEvaluator:
             return True
         bar = self._bar
         if bar is None or (bar.fits, bar.share) != (len(fits.log), self.share):
-            values = (self._value(f.cost, f.free) for f in fits.done.values() if not f.idle)
+            values = (self._value(f.cost, f.free) for f in fits.done.values() if not f.redundant_effects)
             bar = self._bar = _Bar(len(fits.log), self.share, max(values, default=-np.inf))
         if structure not in bar.least:
             around = (f.cost for t, f in fits.done.items() if contains(t, structure))
@@ -172,21 +172,21 @@ class LatticeEvaluator:
     def restart(self, structure: Structure) -> SimulationCount:
         """Fit a structure once by multistart, if that has not been done; returns what was simulated."""
         counted = len(self.fits.spent)
-        self._note_improved(self.fits.seek(structure, self._executor))
+        self._note_improved(self.fits.restart(structure, self._executor))
         return self._spent(counted)
 
     def restart_leaders(self) -> SimulationCount:
         """Look for missed optima, above all those with a hard limit; returns what was simulated."""
         counted, before = len(self.fits.spent), dict(self.fits.done)
         self._searched_missed = True
-        seek_missed(self.fits, self._executor)
+        find_missed_optima(self.fits, self._executor)
         self._note_improved({s for s, fitted in self.fits.done.items() if fitted is not before.get(s)})
         return self._spent(counted)
 
     def update_effective_samples(self) -> SimulationCount:
         """Update `share` from the residual of the best fit, taken as noise; returns what was simulated."""
         task = self.fits.task
-        best = min((f for f in self.fits.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
+        best = min((f for f in self.fits.done.values() if not f.redundant_effects), key=lambda f: (f.cost, f.free))
         values = {name: np.array([value]) for name, value in best.values.items()}
         problem = task.problem(best.structure)
         residual = problem.residuals(values, task.settings)[:, 0]
@@ -207,9 +207,9 @@ class LatticeEvaluator:
             self._assessed[shown.structure, shown.cost] = assessed
             spent += assessed[0].spent
         accurate, misfit = self._assessed[shown.structure, shown.cost]
-        best = own if own.idle else accurate
+        best = own if own.redundant_effects else accurate
         values = tuple((name, float(best.values[name])) for name in structure.parameters)
-        return Evaluated(values, replace(misfit, share=self.share), own.free, spent, own.idle)
+        return Evaluated(values, replace(misfit, share=self.share), own.free, spent, own.redundant_effects)
 
     def _restart_generations(self) -> set[int]:
         """Generations after which missed optima are looked for: early ones, too, since they say which structures lose.
@@ -254,7 +254,7 @@ class LatticeEvaluator:
         """Simulations of fits after the first `counted` entries."""
         return sum(self.fits.spent[counted:], SimulationCount())
 
-    def _assess(self, fitted: Fitted) -> tuple[Fitted, Misfit]:
+    def _assess(self, fitted: StructureFit) -> tuple[StructureFit, Misfit]:
         """A fit with its misfit, polished at level ``accurate`` where the search level's own error matters."""
         within_error = self._within_error(fitted)
         task = self._accurate if within_error else self.fits.task
@@ -262,14 +262,14 @@ class LatticeEvaluator:
         spent = own.spent + task.problem(fitted.structure).count(1)
         return replace(own, spent=spent), self._misfit(task, own)
 
-    def _within_error(self, fitted: Fitted) -> bool:
+    def _within_error(self, fitted: StructureFit) -> bool:
         """True if a fit's cost is no more than the error of the search's simulation."""
         task = self.fits.task
         weights = task.problem(fitted.structure).weights
         floor = float(task.error_floor(weights, FAST_LEVEL_ACCURACY).sum())
         return task.settings.level == "fast" and fitted.cost <= floor
 
-    def _polished(self, fitted: Fitted) -> Fitted:
+    def _polished(self, fitted: StructureFit) -> StructureFit:
         """The fit at level ``accurate``.
 
         Errors of the simulation are not random. Another effect removes part of them, and a criterion that assumes
@@ -282,7 +282,7 @@ class LatticeEvaluator:
         spent = self._accurate.problem(fitted.structure).count(end.simulations)
         return replace(fitted, values=values, cost=end.cost, spent=spent, information=None)
 
-    def _misfit(self, task: IdentificationTask, fitted: Fitted) -> Misfit:
+    def _misfit(self, task: IdentificationTask, fitted: StructureFit) -> Misfit:
         space = task.space(fitted.structure, initial=True)
         names = (*fitted.structure.parameters, *(n for n in space.names if n not in fitted.structure.parameters))
         (misfit,) = task.misfits(fitted.structure, {name: np.array([fitted.values[name]]) for name in names})

@@ -19,28 +19,28 @@ import numpy as np
 from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Placed, Structure
-from brightgrey.search.fitting import (
-    Fitted,
-    Options,
-    at_least_as_good,
-    best_of,
-    fit_one,
-    from_above,
-    from_everywhere,
-    tracked_from_above,
-)
 from brightgrey.search.lattice import complexity, contains, mass_chain_of, maximal_submodels, minimal_supermodels
 from brightgrey.search.parallel import in_dependency_order, in_order
 from brightgrey.search.policy import REFIT
+from brightgrey.search.structure_fit import (
+    Options,
+    StructureFit,
+    best_parents,
+    continue_from_supermodel,
+    fit_from_neighbours,
+    fit_multistart,
+    not_worse_than_submodels,
+    refit_from_supermodel,
+)
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 
-__all__ = ["Fits"]
+__all__ = ["FitTable"]
 
 _Item = tuple[bool, Structure]
 """A structure; True marks an anchor, which is fitted by multistart."""
 
 
-class Fits:
+class FitTable:
     """Best fit of each structure of a set, made when it is asked for.
 
     Attributes
@@ -48,10 +48,10 @@ class Fits:
     task : IdentificationTask
     structures : tuple of Structure
         Structures that may be asked for, fitted or not.
-    done : dict of Structure to Fitted
+    done : dict of Structure to StructureFit
         In the order in which they were fitted for the first time.
-    hubs : dict of Structure to Fitted
-    log : list of (bool, Fitted)
+    hubs : dict of Structure to StructureFit
+    log : list of (bool, StructureFit)
         All fits in their order, refits included; True marks those of anchors.
     spent : list of SimulationCount
         Simulations of the fits, and of offers that were not followed.
@@ -75,22 +75,22 @@ class Fits:
         should_refit: Callable[[Structure, float], bool] = lambda structure, cost: True,
         anchors: Sequence[Structure] | None = None,
     ) -> None:
-        self.task, self.done, self.hubs = task, dict[Structure, Fitted](), dict[Structure, Fitted]()
-        self.log: list[tuple[bool, Fitted]] = []
+        self.task, self.done, self.anchors = task, dict[Structure, StructureFit](), dict[Structure, StructureFit]()
+        self.log: list[tuple[bool, StructureFit]] = []
         self.spent: list[SimulationCount] = []
         self._should_refit = should_refit
         self._how, self._seed = options or Options(), seed
         self.structures = tuple(structures)
         self._order = {s: i for i, s in enumerate(structures)}
-        self._first = _hubs(structures) if anchors is None else list(anchors)
+        self._first = default_anchors(structures) if anchors is None else list(anchors)
         self.agreeing: dict[Structure, int] = {}  # independent starts that have ended at the best optimum
         self._sought: set[Structure] = set()
-        self._fields = 0  # calls of `anew`, each with starts of its own
+        self._fields = 0  # calls of `restart_many`, each with starts of its own
         self._followed: set[tuple[Structure, Structure, float]] = set()
         self._offered: set[tuple[Structure, Structure, float]] = set()
 
     def add(
-        self, structures: Sequence[Structure], workers: Executor, progress: Callable[[Fitted], None] | None = None
+        self, structures: Sequence[Structure], workers: Executor, progress: Callable[[StructureFit], None] | None = None
     ) -> set[Structure]:
         """Fit those of `structures` that are new; then refit their neighbours where that helps.
 
@@ -104,7 +104,7 @@ class Fits:
         self._new(rising, workers, progress)
         return self._settled(before, rising, workers) & set(before)
 
-    def seek(self, structure: Structure, workers: Executor) -> set[Structure]:
+    def restart(self, structure: Structure, workers: Executor) -> set[Structure]:
         """Fit a structure by multistart, once, refit its submodels from its optimum, and then its other neighbours.
 
         A submodel may have its own optimum nearby, although it is worse there at first.
@@ -117,19 +117,19 @@ class Fits:
         if structure in self._sought:
             return set()
         self._sought.add(structure)
-        (fitted,) = in_order(workers, from_everywhere, [(self.task, structure, self._how, self._seed)])
+        (fitted,) = in_order(workers, fit_multistart, [(self.task, structure, self._how, self._seed)])
         better = {structure} if self._taken(structure, fitted) else set()
         leader = self.done[structure]
-        if not leader.idle:
+        if not leader.redundant_effects:
             within = maximal_submodels(structure, self.done)
             worse = [t for t in within if leader.cost < REFIT.improved * self.done[t].cost]
             calls = [(self.task, self.done[t], [leader], self._how, True) for t in worse]
-            found = zip(worse, in_order(workers, from_above, calls), strict=True)
+            found = zip(worse, in_order(workers, refit_from_supermodel, calls), strict=True)
             better.update([t for t, result in found if self._handed(t, *result)])
         before = [s for s in self.done if s not in better]
         return self._settled(before, sorted(better, key=complexity), workers) | better if better else better
 
-    def anew(self, structures: Sequence[Structure], patience: int, workers: Executor) -> set[Structure]:
+    def restart_many(self, structures: Sequence[Structure], patience: int, workers: Executor) -> set[Structure]:
         """Fit structures by multistart, with their own optimum and that of a much better supermodel among the starts.
 
         Every call takes other random starts.
@@ -142,10 +142,12 @@ class Fits:
         how, self._fields = replace(self._how, patience=patience), self._fields + 1
         known = [self.done[s] for s in structures]
         calls = [(self.task, f.structure, how, self._seed + self._fields, [f, *self._ahead(f)]) for f in known]
-        found = in_order(workers, from_everywhere, calls)
+        found = in_order(workers, fit_multistart, calls)
         return {f.structure for f, new in zip(known, found, strict=True) if self._much_better(f, new)}
 
-    def up(self, before: Sequence[Structure], rising: Sequence[Structure], workers: Executor) -> list[Structure]:
+    def refit_supermodels(
+        self, before: Sequence[Structure], rising: Sequence[Structure], workers: Executor
+    ) -> list[Structure]:
         """Refit structures that are worse than a new fit of a submodel; returns those that got better."""
         better = []
         larger = [s for s in before if any(contains(s, t) for t in rising)]
@@ -156,10 +158,10 @@ class Fits:
             offers = self._fresh(s, [t for t in within[s] if self.done[t].cost < limit])
             if not offers:
                 return None
-            parents = best_of([self.done[t] for t in offers], self._how)
-            return fit_one, self.task, s, parents, [], self._how, (self._seed, self._number(s))
+            parents = best_parents([self.done[t] for t in offers], self._how)
+            return fit_from_neighbours, self.task, s, parents, [], self._how, (self._seed, self._number(s))
 
-        def take(s: Structure, fitted: Fitted | None) -> None:
+        def take(s: Structure, fitted: StructureFit | None) -> None:
             if fitted is not None and self._taken(s, fitted):
                 better.append(s)
 
@@ -168,42 +170,42 @@ class Fits:
         in_dependency_order(workers, larger, lambda s: [t for t in within[s] if t in chosen], call, take)
         return better
 
-    def spread(self, better: Collection[Structure], workers: Executor) -> None:
+    def propagate(self, better: Collection[Structure], workers: Executor) -> None:
         """Refit neighbours of `better` fits where that helps, and continue hard-limit optima to submodels."""
         if better:
             everything = tuple(self.done)
             self._settled(everything, sorted(better, key=complexity), workers)
-            self.follow(workers)
+            self.continue_to_submodels(workers)
 
-    def follow(self, workers: Executor) -> set[Structure]:
+    def continue_to_submodels(self, workers: Executor) -> set[Structure]:
         """Continue each optimum with a hard limit to its submodels once; returns the structures that got better."""
         better = self._follow(workers)
         return {*better, *self._settled(tuple(self.done), better, workers)}
 
-    def leader(self) -> Fitted:
+    def best(self) -> StructureFit:
         """Best fit without redundant effects."""
-        return min((f for f in self.done.values() if not f.idle), key=lambda f: (f.cost, f.free))
+        return min((f for f in self.done.values() if not f.redundant_effects), key=lambda f: (f.cost, f.free))
 
-    def near(self) -> float:
+    def cutoff_cost(self) -> float:
         """Cost above which a structure is far behind the best one."""
-        best = self.leader()
-        return REFIT.cutoff * (best.cost + self.doubt(best))
+        best = self.best()
+        return REFIT.cutoff * (best.cost + self.error_floor_cost(best))
 
-    def doubt(self, fitted: Fitted) -> float:
+    def error_floor_cost(self, fitted: StructureFit) -> float:
         """Cost of the simulation's own error at the level of the search."""
         return float(self.task.error_floor(self.task.problem(fitted.structure).weights, FAST_LEVEL_ACCURACY).sum())
 
-    def effort(self) -> int:
+    def simulated_samples(self) -> int:
         """Number of samples that have been simulated."""
         return sum(spent.samples for spent in self.spent)
 
-    def _ahead(self, fitted: Fitted) -> list[Fitted]:
+    def _ahead(self, fitted: StructureFit) -> list[StructureFit]:
         """Best of the smallest supermodels that fit much better, as a list of at most one."""
         around = [self.done[t] for t in minimal_supermodels(fitted.structure, self.done)]
-        ahead = [f for f in around if not f.idle and f.cost < REFIT.clear_gain * fitted.cost]
+        ahead = [f for f in around if not f.redundant_effects and f.cost < REFIT.clear_gain * fitted.cost]
         return sorted(ahead, key=lambda f: f.cost)[:1]
 
-    def _much_better(self, known: Fitted, new: Fitted) -> bool:
+    def _much_better(self, known: StructureFit, new: StructureFit) -> bool:
         """Keep a further fit if it is clearly better; returns True if it is."""
         if new.cost < known.cost / (1.0 + SAME_OPTIMUM_RTOL):
             self.agreeing[known.structure] = new.agreeing
@@ -217,17 +219,19 @@ class Fits:
     def _settled(self, before: Sequence[Structure], latest: Sequence[Structure], workers: Executor) -> set[Structure]:
         """Refit neighbours of the `latest` fits where that helps; returns those that got better."""
         hopeful = [s for s in before if self._should_refit(s, 0.0)]
-        better = {*self.up(hopeful, latest, workers), *self._down(workers)}
+        better = {*self.refit_supermodels(hopeful, latest, workers), *self._down(workers)}
         for s in sorted(self.done, key=complexity):
             within = [self.done[t] for t in maximal_submodels(s, self.done)]
-            self.done[s] = at_least_as_good(self.done[s], within)
+            self.done[s] = not_worse_than_submodels(self.done[s], within)
         return better
 
-    def _new(self, rising: Sequence[Structure], workers: Executor, progress: Callable[[Fitted], None] | None) -> None:
+    def _new(
+        self, rising: Sequence[Structure], workers: Executor, progress: Callable[[StructureFit], None] | None
+    ) -> None:
         """Fit structures for the first time, with the anchors that they need."""
         known = [*self.done, *rising]
         near = {s: [h for h in self._first if mass_chain_of(h) == mass_chain_of(s)] for s in rising}
-        hubs = [h for h in self._first if h not in self.hubs and any(h in n for n in near.values())]
+        hubs = [h for h in self._first if h not in self.anchors and any(h in n for n in near.values())]
         within = {s: maximal_submodels(s, known) for s in rising}
         around = {s: minimal_supermodels(s, self.done) for s in rising}
 
@@ -240,16 +244,16 @@ class Fits:
         def call(item: _Item) -> tuple[Any, ...]:
             hub, s = item
             if hub:
-                return from_everywhere, self.task, s, self._how, self._seed
-            parents = best_of([self.done[t] for t in within[s]], self._how)
-            others = [self.hubs[h] for h in near[s]] + best_of([self.done[t] for t in around[s]], self._how)
-            return fit_one, self.task, s, parents, others, self._how, (self._seed, self._number(s))
+                return fit_multistart, self.task, s, self._how, self._seed
+            parents = best_parents([self.done[t] for t in within[s]], self._how)
+            others = [self.anchors[h] for h in near[s]] + best_parents([self.done[t] for t in around[s]], self._how)
+            return fit_from_neighbours, self.task, s, parents, others, self._how, (self._seed, self._number(s))
 
-        def take(item: _Item, fitted: Fitted) -> None:
+        def take(item: _Item, fitted: StructureFit) -> None:
             hub, s = item
             self._noted(hub, fitted)
             if hub:
-                self.hubs[s] = fitted
+                self.anchors[s] = fitted
                 return
             self.done[s] = fitted
             if progress is not None:
@@ -265,16 +269,16 @@ class Fits:
         Without a hard limit a descent is cheap. It is made even from a bad start if the supermodel comes near the best
         fit, because other effects may take the removed one's part, as a dead time does of a lag.
         """
-        near = self.near() if self.done else np.inf
+        near = self.cutoff_cost() if self.done else np.inf
 
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
-            better = [t for t in around if self.done[t].cost < own.cost and not self.done[t].idle]
+            better = [t for t in around if self.done[t].cost < own.cost and not self.done[t].redundant_effects]
             better = [t for t in better if self._should_refit(s, self.done[t].cost)]
             offers = [self.done[t] for t in self._fresh(s, better)]
             telling = min((f.cost for f in offers), default=np.inf) < min(REFIT.clear_gain * own.cost, near)
             anyway = telling and not s.has_hard_limit
-            return (from_above, self.task, own, offers, self._how, anyway) if offers else None
+            return (refit_from_supermodel, self.task, own, offers, self._how, anyway) if offers else None
 
         return self._falling(list(self.done), call, workers)
 
@@ -283,17 +287,19 @@ class Fits:
 
         Supermodels far behind the best fit are left out: their submodels are no better.
         """
-        near = self.near()
+        near = self.cutoff_cost()
 
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
-            larger = min((self.done[t] for t in around if not self.done[t].idle), key=lambda f: f.cost, default=own)
+            larger = min(
+                (self.done[t] for t in around if not self.done[t].redundant_effects), key=lambda f: f.cost, default=own
+            )
             telling = larger.cost < min(REFIT.clear_gain * own.cost, near) and self._should_refit(s, larger.cost)
             trail = s, larger.structure, larger.cost
             if not telling or trail in self._followed:
                 return None
             self._followed.add(trail)
-            return tracked_from_above, self.task, own, larger, self._how
+            return continue_from_supermodel, self.task, own, larger, self._how
 
         return self._falling([s for s in self.done if s.has_hard_limit], call, workers)
 
@@ -307,7 +313,7 @@ class Fits:
         better = []
         around = {s: minimal_supermodels(s, self.done) for s in sorted(structures, key=complexity, reverse=True)}
 
-        def take(s: Structure, result: tuple[Fitted | None, SimulationCount] | None) -> None:
+        def take(s: Structure, result: tuple[StructureFit | None, SimulationCount] | None) -> None:
             if result is not None and self._handed(s, *result):
                 better.append(s)
 
@@ -321,7 +327,7 @@ class Fits:
         self._offered.update(offers.values())
         return fresh
 
-    def _handed(self, s: Structure, fitted: Fitted | None, spent: SimulationCount) -> bool:
+    def _handed(self, s: Structure, fitted: StructureFit | None, spent: SimulationCount) -> bool:
         """Keep a refit from a supermodel if it is better; returns True if it is."""
         if fitted is None:
             self.spent.append(spent)
@@ -332,11 +338,11 @@ class Fits:
         """Number of a structure, for the seed of its draws."""
         return self._order[s] if s in self._order else zlib.crc32(str(s).encode())
 
-    def _noted(self, hub: bool, fitted: Fitted) -> None:
+    def _noted(self, hub: bool, fitted: StructureFit) -> None:
         self.log.append((hub, fitted))
         self.spent.append(fitted.spent)
 
-    def _taken(self, s: Structure, fitted: Fitted) -> bool:
+    def _taken(self, s: Structure, fitted: StructureFit) -> bool:
         """Keep a further fit if it is better; returns True if it is."""
         self._noted(False, fitted)
         if not fitted.cost < self.done[s].cost:
@@ -345,7 +351,7 @@ class Fits:
         return True
 
 
-def _hubs(structures: Sequence[Structure]) -> list[Structure]:
+def default_anchors(structures: Sequence[Structure]) -> list[Structure]:
     """Two anchors for every number of masses, which find optima that simpler structures cannot.
 
     One has the most friction, and nothing else if possible: resonances show beside the friction that hides them. The

@@ -21,17 +21,17 @@ from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 from brightgrey.search.warm_start import handed_down, information
 
 __all__ = [
-    "Fitted",
     "Options",
-    "at_least_as_good",
-    "best_begins",
-    "best_of",
-    "fit_one",
-    "from_above",
-    "from_everywhere",
-    "is_narrow",
+    "StructureFit",
+    "best_parents",
+    "best_starts",
+    "continue_from_supermodel",
+    "fit_from_neighbours",
+    "fit_multistart",
     "last_descent",
-    "tracked_from_above",
+    "not_worse_than_submodels",
+    "ranges_within_decade",
+    "refit_from_supermodel",
 ]
 
 
@@ -52,7 +52,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class StructureFit:
     """One structure with its best parameters so far."""
 
     structure: Structure
@@ -61,7 +61,7 @@ class Fitted:
     cost: float  #: Weighted sum of squared residuals at the level of the search.
     free: int  #: Number of estimated parameters.
     #: Redundant effects: without them the structure fits better, and their values are meaningless.
-    idle: tuple[str, ...] = ()
+    redundant_effects: tuple[str, ...] = ()
     batches: int = 0  #: Batches of simulations.
     spent: SimulationCount = field(default_factory=SimulationCount)  #: What the latest fit has simulated.
     #: J' J by the estimated values, SI, shape (free, free).
@@ -71,14 +71,14 @@ class Fitted:
     agreeing: int = 0  #: Independent starts of a multistart that have ended there.
 
 
-def best_of(parents: Sequence[Fitted], options: Options) -> list[Fitted]:
+def best_parents(parents: Sequence[StructureFit], options: Options) -> list[StructureFit]:
     """Those of `parents` that are looked at."""
     return sorted(parents, key=lambda p: p.cost)[: options.parents]
 
 
-def from_above(
-    task: IdentificationTask, own: Fitted, larger: Sequence[Fitted], options: Options, anyway: bool = False
-) -> tuple[Fitted | None, SimulationCount]:
+def refit_from_supermodel(
+    task: IdentificationTask, own: StructureFit, larger: Sequence[StructureFit], options: Options, anyway: bool = False
+) -> tuple[StructureFit | None, SimulationCount]:
     """Descend once more from where `larger` structures did better; None if it is no better there, but for `anyway`.
 
     And what that took.
@@ -100,9 +100,9 @@ def from_above(
     return _fitted(own.structure, space, end, own.batches + 1 + end.evaluations, spent), spent
 
 
-def tracked_from_above(
-    task: IdentificationTask, own: Fitted, larger: Fitted, options: Options
-) -> tuple[Fitted | None, SimulationCount]:
+def continue_from_supermodel(
+    task: IdentificationTask, own: StructureFit, larger: StructureFit, options: Options
+) -> tuple[StructureFit | None, SimulationCount]:
     """Descend from where a `larger` structure did better, on growing beginnings of the recordings.
 
     With limits the least change of a parameter makes another motion in the end, so that the optimum of a structure that
@@ -140,44 +140,46 @@ def tracked_from_above(
     return _fitted(own.structure, space, end, batches, spent), spent
 
 
-def _given(space: ParameterSpace, structure: Structure, known: Sequence[Fitted]) -> list[Mapping[str, float]]:
+def _given(space: ParameterSpace, structure: Structure, known: Sequence[StructureFit]) -> list[Mapping[str, float]]:
     """Values of fits that say all that is searched for."""
     handed = (v for f in known for v in handed_down(f.values, f.information, f.structure, structure, space))
     return [v for v in handed if set(space.names) <= set(v)]
 
 
-def _fitted(structure: Structure, space: ParameterSpace, end: Optimum, batches: int, spent: SimulationCount) -> Fitted:
+def _fitted(
+    structure: Structure, space: ParameterSpace, end: Optimum, batches: int, spent: SimulationCount
+) -> StructureFit:
     """Fit that has come to its `end`."""
     values = dict(zip(space.names, end.values.tolist(), strict=True)) | dict(space.fixed)
     cost = end.cost if np.isfinite(end.cost) else np.inf
     known = information(end.curvature, space.scale_derivative(end.values))
-    return Fitted(structure, values, cost, len(space.names), (), batches, spent, known)
+    return StructureFit(structure, values, cost, len(space.names), (), batches, spent, known)
 
 
-def at_least_as_good(own: Fitted, within: Sequence[Fitted]) -> Fitted:
+def not_worse_than_submodels(own: StructureFit, within: Sequence[StructureFit]) -> StructureFit:
     """`own`, or what the best structure `within` it has if that is better: it could do without the effect."""
     best = min(within, key=lambda f: f.cost, default=own)
     if own.cost <= best.cost:
         return own
-    idle = (*best.idle, *added_effects(own.structure, best.structure))
+    redundant = (*best.redundant_effects, *added_effects(own.structure, best.structure))
     values, equals = {**own.values, **best.values}, best.equals or best.structure
-    return replace(own, values=values, cost=best.cost, idle=idle, information=None, equals=equals)
+    return replace(own, values=values, cost=best.cost, redundant_effects=redundant, information=None, equals=equals)
 
 
-def is_narrow(space: ParameterSpace) -> bool:
+def ranges_within_decade(space: ParameterSpace) -> bool:
     """Return True if all ranges of positive parameters are within a decade, as a user gives them."""
     return bool(space.log.any() and np.all(space.high[space.log] <= REFIT.narrow_range * space.low[space.log]))
 
 
-def from_everywhere(
-    task: IdentificationTask, structure: Structure, options: Options, seed: int, known: Sequence[Fitted] = ()
-) -> Fitted:
+def fit_multistart(
+    task: IdentificationTask, structure: Structure, options: Options, seed: int, known: Sequence[StructureFit] = ()
+) -> StructureFit:
     """Fit a structure of which nothing is known, or nothing but doubtful optima of its own or larger ones.
 
     Starts begin there, too.
     """
     problem, space = task.problem_and_space(structure)
-    starts = options.narrow if is_narrow(space) else options.fresh
+    starts = options.narrow if ranges_within_decade(space) else options.fresh
     given = _given(space, structure, known)
     found = multistart(problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed)
     end = min(found.optima, key=lambda e: e.cost)
@@ -185,23 +187,23 @@ def from_everywhere(
     return replace(fitted, agreeing=found.agreeing)
 
 
-def fit_one(
+def fit_from_neighbours(
     task: IdentificationTask,
     structure: Structure,
-    parents: Sequence[Fitted],
-    others: Sequence[Fitted],
+    parents: Sequence[StructureFit],
+    others: Sequence[StructureFit],
     options: Options,
     seed: Sequence[int],
-) -> Fitted:
+) -> StructureFit:
     """Fit one structure, begun where its best `parents` and `others`, hubs and larger ones, have ended."""
     problem, space = task.problem_and_space(structure)
     rng = np.random.default_rng(list(seed))
-    best = best_of(parents, options)
+    best = best_parents(parents, options)
     # What laws of two ports add was never sought in hubs, and the structure without them has begun there, too.
     origins = best if best and structure.has_hard_limit else [*best, *others]
     drawn = np.array_split(space.sample(options.drawn * len(origins), rng), len(origins), axis=1)
     tried = [_extended(space, f, part) for f, part in zip(origins, drawn, strict=True)]
-    chosen, count = best_begins(task, problem, space, tried, options.starts)
+    chosen, count = best_starts(task, problem, space, tried, options.starts)
     ends = fit_many(
         problem,
         space,
@@ -214,10 +216,10 @@ def fit_one(
     end = min(ends, key=lambda e: e.cost)
     batches = 2 + max(e.evaluations for e in ends)
     spent = problem.count(count + sum(e.simulations for e in ends))
-    return at_least_as_good(_fitted(structure, space, end, batches, spent), best)
+    return not_worse_than_submodels(_fitted(structure, space, end, batches, spent), best)
 
 
-def _extended(space: ParameterSpace, parent: Fitted, drawn: Array) -> Array:
+def _extended(space: ParameterSpace, parent: StructureFit, drawn: Array) -> Array:
     """Starts at another optimum, shape (P, K), SI.
 
     What the other structure lacks is drawn, and what is drawn with it; the first has it as declared.
@@ -237,7 +239,7 @@ def _extended(space: ParameterSpace, parent: Fitted, drawn: Array) -> Array:
     return np.asarray(np.clip(np.concatenate(tried, axis=1), space.low[:, None], space.high[:, None]))
 
 
-def best_begins(
+def best_starts(
     task: IdentificationTask, problem: SimulationErrorProblem, space: ParameterSpace, tried: Sequence[Array], count: int
 ) -> tuple[Array, int]:
     """Best of the starts at each optimum, of `count` optima, shape (P, count), best first; and how many were tried.

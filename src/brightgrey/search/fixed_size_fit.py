@@ -1,4 +1,4 @@
-"""Fits of a structure with an effect held at some size."""
+"""FitTable of a structure with an effect held at some size."""
 
 from __future__ import annotations
 

@@ -18,17 +18,17 @@ from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.criteria import bic
-from brightgrey.search.fits import Fits
+from brightgrey.search.fit_table import FitTable
 from brightgrey.search.lattice import complexity, mass_chain_of, one_smaller
 from brightgrey.search.policy import BUDGET, REFIT
 from brightgrey.search.task import TRUSTED_ACCURACY
 
-__all__ = ["seek_missed"]
+__all__ = ["find_missed_optima"]
 
 _Seeking = Callable[[Structure], None]
 
 
-def seek_missed(fits: Fits, workers: Executor, seeking: _Seeking | None = None) -> None:
+def find_missed_optima(fits: FitTable, workers: Executor, seeking: _Seeking | None = None) -> None:
     """Fit structures from everywhere until the best residual is white, or that seems to be in vain.
 
     Those without laws of two ports that lead; then the largest structure with such laws of every number of masses,
@@ -38,7 +38,7 @@ def seek_missed(fits: Fits, workers: Executor, seeking: _Seeking | None = None) 
 
     Parameters
     ----------
-    fits : Fits
+    fits : FitTable
         Better ones are kept there, and those of the largest structures.
     workers : concurrent.futures.Executor
     seeking : callable, optional
@@ -56,17 +56,17 @@ def seek_missed(fits: Fits, workers: Executor, seeking: _Seeking | None = None) 
         fresh = [s for s in (*_without_gaps(fits, top), top) if s not in fits.done]
         if fresh:
             better |= fits.add(fresh, workers)
-        found = fits.anew([top], 1, workers)
+        found = fits.restart_many([top], 1, workers)
         if found and _tells(fits, top) and not _explained(fits):
-            fits.anew([top], 2, workers)
+            fits.restart_many([top], 2, workers)
         if found:
             larger = [t for t in tops[number + 1 :] if t in fits.done]
-            better |= {top, *fits.up(larger, [top], workers)}
-    fits.spread(better, workers)
+            better |= {top, *fits.refit_supermodels(larger, [top], workers)}
+    fits.propagate(better, workers)
     _seek_gaps(fits, workers, seeking)
 
 
-def _seek_smooth(fits: Fits, workers: Executor, seeking: _Seeking) -> set[Structure]:
+def _seek_smooth(fits: FitTable, workers: Executor, seeking: _Seeking) -> set[Structure]:
     """Fit leading structures without laws of two ports from everywhere, until some rounds have brought nothing.
 
     Returns those that are better but do not lead, whose relatives have not been fitted once more for it.
@@ -76,52 +76,56 @@ def _seek_smooth(fits: Fits, workers: Executor, seeking: _Seeking) -> set[Struct
         leaders = _leaders(fits, idle, gaps=False)
         if not leaders or idle == BUDGET.fruitless_rounds or _explained(fits):
             break
-        least = fits.leader().cost
+        least = fits.best().cost
         better |= _anew(fits, leaders, workers, seeking)
         idle += 1
-        if fits.leader().cost < REFIT.improved * least:
-            fits.spread(better, workers)
+        if fits.best().cost < REFIT.improved * least:
+            fits.propagate(better, workers)
             idle, better = 0, set()
     return better
 
 
-def _seek_gaps(fits: Fits, workers: Executor, seeking: _Seeking) -> None:
+def _seek_gaps(fits: FitTable, workers: Executor, seeking: _Seeking) -> None:
     """Fit leading structures with laws of two ports from everywhere, until that has taken long and brought little.
 
     Not where such laws tell nothing.
     """
-    idle, since = 0, fits.effort()
+    idle, since = 0, fits.simulated_samples()
     for _ in range(BUDGET.max_rounds):
         tells = any(_tells(fits, top) for top in _tops(fits.done))
         leaders = _leaders(fits, idle, gaps=True)
-        if not (tells and leaders) or _explained(fits) or fits.effort() - since > BUDGET.fruitless_share * since:
+        if (
+            not (tells and leaders)
+            or _explained(fits)
+            or fits.simulated_samples() - since > BUDGET.fruitless_share * since
+        ):
             break
-        least = fits.leader().cost
-        fits.spread(_anew(fits, leaders, workers, seeking), workers)
+        least = fits.best().cost
+        fits.propagate(_anew(fits, leaders, workers, seeking), workers)
         idle += 1
-        if fits.leader().cost < BUDGET.round_gain * least:
-            idle, since = 0, fits.effort()
+        if fits.best().cost < BUDGET.round_gain * least:
+            idle, since = 0, fits.simulated_samples()
 
 
-def _anew(fits: Fits, leaders: Sequence[Structure], workers: Executor, seeking: _Seeking) -> set[Structure]:
+def _anew(fits: FitTable, leaders: Sequence[Structure], workers: Executor, seeking: _Seeking) -> set[Structure]:
     """Fit `leaders` from everywhere; returns those that got better."""
     for s in leaders:
         seeking(s)
-    return fits.anew(leaders, 1, workers)
+    return fits.restart_many(leaders, 1, workers)
 
 
-def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
+def _leaders(fits: FitTable, place: int, *, gaps: bool) -> list[Structure]:
     """Leading structures for each number of masses, or those `place` ranks below; with a hard limit if `gaps`.
 
     Structures with redundant effects and those far behind come last, if they lack one effect of the leader.
     """
-    near, doubt = fits.near(), fits.doubt(fits.leader())
+    near, doubt = fits.cutoff_cost(), fits.error_floor_cost(fits.best())
     n = sum(r.y.size for r in fits.task.recordings)
     ranked = dict[Placed, list[Structure]]()
     behind = dict[Placed, list[Structure]]()
     for fitted in sorted(fits.done.values(), key=lambda f: bic(f.cost + doubt, n, f.free)):
         s = fitted.structure
-        if s.has_hard_limit == gaps and not fitted.idle and fitted.cost < near:
+        if s.has_hard_limit == gaps and not fitted.redundant_effects and fitted.cost < near:
             ranked.setdefault(mass_chain_of(s), []).append(s)
         elif s.has_hard_limit == gaps:
             behind.setdefault(mass_chain_of(s), []).append(s)
@@ -130,30 +134,30 @@ def _leaders(fits: Fits, place: int, *, gaps: bool) -> list[Structure]:
     return [group[place % len(group)] for group in groups]
 
 
-def _tells(fits: Fits, top: Structure) -> bool:
+def _tells(fits: FitTable, top: Structure) -> bool:
     """Return True if a hard limit takes off a good part of the cost, with as many masses."""
     without = (f.cost for s, f in fits.done.items() if mass_chain_of(s) == mass_chain_of(top) and not s.has_hard_limit)
     return fits.done[top].cost < REFIT.clear_gain * min(without, default=np.inf)
 
 
-def _without_gaps(fits: Fits, top: Structure) -> list[Structure]:
+def _without_gaps(fits: FitTable, top: Structure) -> list[Structure]:
     """The largest structure without laws of two ports that has as many masses as `top`: what that is compared with."""
     smooth = (s for s in fits.structures if mass_chain_of(s) == mass_chain_of(top) and not s.has_hard_limit)
     return sorted(smooth, key=complexity)[-1:]
 
 
-def _explained(fits: Fits) -> bool:
+def _explained(fits: FitTable) -> bool:
     """Return True if the residual of the best fit is white, or within the trusted accuracy and the simulation error."""
-    best, task = fits.leader(), fits.task
+    best, task = fits.best(), fits.task
     problem = task.problem(best.structure)
     values = {name: np.array([value]) for name, value in best.values.items()}
     residual = problem.residuals(values, task.settings)[:, 0]
     fits.spent.append(problem.count(1))
-    if best.cost <= fits.doubt(best):  # the level of the search may be that far off, but seldom is
+    if best.cost <= fits.error_floor_cost(best):  # the level of the search may be that far off, but seldom is
         accurate = problem.residuals(values, replace(task.settings, level="accurate"))[:, 0]
         fits.spent.append(problem.count(1))
         off, trusted = residual - accurate, float(task.error_floor(problem.weights, TRUSTED_ACCURACY).sum())
-        if best.cost <= off @ off + trusted and accurate @ accurate <= fits.doubt(best):
+        if best.cost <= off @ off + trusted and accurate @ accurate <= fits.error_floor_cost(best):
             return True
     return is_white(residual, segment_lengths(problem.recordings))
 
