@@ -139,7 +139,7 @@ class RefutedPart(Part):
     ratio: float
     excess: float
     threshold: float
-    nearest: str
+    tried: str
     agreeing: int
 
 

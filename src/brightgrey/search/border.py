@@ -23,7 +23,7 @@ class Refutation:
     mask: int
     excess: float  #: Deviance of the best structure within it beyond the least one.
     threshold: float  #: The most with which it would be adequate.
-    nearest: int  #: The simplest structure within it that leaves hardly more than it.
+    witness: int  #: The structure within it that leaves the least.
 
 
 @dataclass(frozen=True)
@@ -63,18 +63,11 @@ def assess(table: Mapping[int, Deviance], circumstances: Round) -> Border:
     refuted, undecided = [], []
     for mask in largest_avoiding(minimal, lattice):
         if mask in table:
-            refuted.append(_refutation(mask, table, reached, limits[mask], max(limits.values())))
+            witness = min((m for m in table if not m & ~mask), key=lambda m: (table[m].value, table[m].free, m))
+            refuted.append(Refutation(mask, reached[mask], limits[mask], witness))
         else:
             undecided.append(mask)
     return Border(best, least, tuple(minimal), tuple(refuted), tuple(undecided), reached, frozenset(adequate))
-
-
-def _refutation(
-    mask: int, table: Mapping[int, Deviance], reached: Mapping[int, float], threshold: float, slack: float
-) -> Refutation:
-    most = reached[mask] + max(slack, 0.5 * reached[mask])
-    near = [m for m in table if not m & ~mask and reached[m] <= most]
-    return Refutation(mask, reached[mask], threshold, min(near, key=lambda m: (table[m].free, reached[m], m)))
 
 
 def inclusion_minimal(masks: Iterable[int]) -> list[int]:

@@ -7,16 +7,19 @@ So the effort goes there in the end: multistart until independent starts agree.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from functools import reduce
+from operator import and_
 
 import numpy as np
 
 from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.kit import Structure
 from brightgrey.search.adequacy import Deviance, Round
-from brightgrey.search.border import Border, assess
+from brightgrey.search.border import Border, Refutation, assess
+from brightgrey.search.coarse import coarse_task
 from brightgrey.search.fit_table import FitTable
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.missed_optima import find_missed_optima
@@ -67,8 +70,9 @@ class BorderSearch:
 
     def __post_init__(self) -> None:
         self.anchors = anchors(self.lattice)
-        self.fits = FitTable(self.task, (), options=self.options, seed=self.seed, anchors=self.anchors)
-        self.refined = RefinedFits(self.fits, self.executor)
+        self.fits = FitTable(coarse_task(self.task), (), options=self.options, seed=self.seed, anchors=self.anchors)
+        self.refined = RefinedFits(self.task, self.fits, self.executor)
+        self.tops: set[Structure] = set()
         self.restarts: dict[Structure, int] = {}
         self.flipped: set[int] = set()
 
@@ -104,8 +108,8 @@ class BorderSearch:
     def fit_everything(self) -> None:
         """Fit all structures, and look for missed optima among them."""
         structures = [self.lattice.structure(m) for m in self.lattice.masks()]
-        self.fits = FitTable(self.task, structures, seed=self.seed)
-        self.refined = RefinedFits(self.fits, self.executor)
+        self.fits = FitTable(coarse_task(self.task), structures, seed=self.seed)
+        self.refined = RefinedFits(self.task, self.fits, self.executor)
 
         def tell(fitted: StructureFit) -> None:
             self.progress("structures", len(self.fits.done), fitted.structure)
@@ -118,6 +122,7 @@ class BorderSearch:
         for masses in _mass_masks(self.lattice):
             top = self.lattice.structure(self.lattice.within(_beside(self.lattice) | masses))
             if top.has_hard_limit and top not in self.fits.done:
+                self.tops.add(top)
                 first = not any(s.has_hard_limit for s in self.fits.done)
                 self.fit([top])
                 if first and not self.is_explained():
@@ -146,7 +151,7 @@ class BorderSearch:
 
     def leaders(self) -> list[Structure]:
         """Structures that lead by BIC: without a hard limit, and with one if that takes off a good part of the cost."""
-        n = sum(r.y.size for r in self.task.recordings)
+        n = sum(r.y.size for r in self.fits.task.recordings)
         best: dict[bool, StructureFit] = {}
         for f in sorted(
             (f for f in self.fits.done.values() if not f.redundant_effects),
@@ -160,11 +165,11 @@ class BorderSearch:
     def is_explained(self) -> bool:
         """True if the residual of the best fit is white, or within the accuracy of the simulation."""
         best = self.fits.best()
-        problem = self.task.problem(best.structure)
+        problem = self.fits.task.problem(best.structure)
         if best.cost <= self.fits.error_floor_cost(best):
             return True
         values = {name: np.array([value]) for name, value in best.values.items()}
-        return is_white(problem.residuals(values, self.task.settings)[:, 0], problem.segment_lengths)
+        return is_white(problem.residuals(values, self.fits.task.settings)[:, 0], problem.segment_lengths)
 
     def deviances(self) -> dict[int, Deviance]:
         """Table of the fits in this round."""
@@ -197,34 +202,61 @@ class BorderSearch:
                 return border
 
     def wanted(self, border: Border) -> list[Structure]:
-        """Structures to be fitted next; the first rule that wants any."""
-        return self.shrink(border) or self.grow(border)
-
-    def shrink(self, border: Border) -> list[Structure]:
-        """What one minimal structure is compared with: all that lack one atom; or several that need not be there."""
+        """Structures to be fitted next: by the first rule that wants any."""
         done = {self.lattice.mask(s) for s in self.fits.done}
-        table = self.deviances()
-        for mask in sorted(border.minimal, key=lambda m: (table[m].free, border.excess[m])):
-            children = self.children(mask)
-            missing = [m for m in children if m not in done]
-            if missing:
-                return [self.lattice.structure(m) for m in missing]
+        for masks in (self.joint(border, done), self.shrunk(border, done), self.largest(border)):
+            if masks:
+                return [self.lattice.structure(m) for m in masks]
+        beside = (self.beside_refuted(r, border) for r in border.refuted)
+        return [self.lattice.structure(m) for m in dict.fromkeys(beside) if m not in done]
+
+    def joint(self, border: Border, done: Set[int]) -> list[int]:
+        """An adequate structure without all the atoms that can be removed one by one."""
+        for mask in sorted(border.adequate, key=lambda m: (m.bit_count(), border.excess[m], m)):
+            gone = [m for m in self.children(mask) if m in border.adequate]
+            if len(gone) < 2 or not any(m in border.minimal for m in gone):
+                continue
+            together = self.lattice.within(reduce(and_, gone))
+            if together not in done and not any(not m & ~together for m in border.minimal):
+                return [together]
         return []
+
+    def shrunk(self, border: Border, done: Set[int]) -> list[int]:
+        """What the simplest minimal structure is compared with: all that lack one of its atoms."""
+        for mask in sorted(border.minimal, key=lambda m: (m.bit_count(), border.excess[m], m)):
+            missing = [m for m in self.children(mask) if m not in done]
+            if missing:
+                return missing
+        return []
+
+    def largest(self, border: Border) -> list[int]:
+        """Largest structures that contain no adequate one, and that have not been fitted."""
+        return list(border.undecided[: self.policy.side_by_side])
+
+    def beside_refuted(self, found: Refutation, border: Border) -> int:
+        """The structure on which a refutation is tried: the part of the simplest adequate anchor within it.
+
+        It has enough effects for an optimum that its own parts miss, and few enough parameters for a multistart.
+        """
+        tops = [self.lattice.mask(s) for s in self.fits.done if self.is_anchor(s)]
+        tops = [m for m in tops if m in border.adequate] or [border.best]
+        simplest = min(tops, key=lambda m: (self.lattice.structure(m).has_hard_limit, m.bit_count(), m))
+        return self.lattice.within(found.mask & simplest)
+
+    def is_anchor(self, structure: Structure) -> bool:
+        """True for the structures that are fitted first."""
+        return structure in self.anchors or structure in self.tops
 
     def children(self, mask: int) -> list[int]:
         """Masks of the largest structures within `mask` that lack one of its atoms."""
         removed = (self.lattice.without(mask, bit) for bit in self.lattice.bits(mask & ~self.lattice.required))
         return [m for m in dict.fromkeys(removed) if not self.lattice.required & ~m]
 
-    def grow(self, border: Border) -> list[Structure]:
-        """Largest structures that contain no adequate one, and that have not been fitted."""
-        return [self.lattice.structure(m) for m in border.undecided[: self.policy.side_by_side]]
-
     def restart(self, border: Border) -> bool:
         """Restart where refutations rest, the nearest first; returns False if nothing is left to do."""
         far = self.policy.far * max((r.threshold for r in border.refuted), default=0.0)
         for found in sorted(border.refuted, key=lambda r: r.excess / r.threshold):
-            structure = self.lattice.structure(found.nearest)
+            structure = self.lattice.structure(self.beside_refuted(found, border))
             is_far = found.excess > far
             hopeless = is_far and structure.has_hard_limit
             if not hopeless and self.lacks_agreement(structure, 1 if is_far else None):

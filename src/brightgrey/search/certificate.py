@@ -17,7 +17,7 @@ class RefutedStructure:
     ratio: float  #: Its residual's RMS over that of the best structure.
     excess: float  #: Its deviance beyond the least one.
     threshold: float  #: The most that chance explains.
-    nearest: str  #: The simplest structure within it that leaves hardly more.
+    tried: str  #: The structure within it that was fitted by multistart.
     agreeing: int  #: Independent starts that have ended at the best optimum of that structure.
 
 

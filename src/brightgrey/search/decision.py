@@ -198,26 +198,30 @@ def _certificate(search: BorderSearch, border: Border, grammar: Grammar, found: 
         lattice.size,
         len(search.fits.done),
         tuple(map(str, found)),
-        tuple(_refuted(search, r, costs, least) for r in sorted(border.refuted, key=lambda r: (r.excess, r.mask))),
+        tuple(
+            _refuted(search, border, r, costs, least) for r in sorted(border.refuted, key=lambda r: (r.excess, r.mask))
+        ),
         tuple(str(lattice.structure(m)) for m in undecided),
         _unexplained(search, lattice.structure(border.best)),
     )
 
 
-def _refuted(search: BorderSearch, r: Refutation, costs: Mapping[int, float], least: float) -> RefutedStructure:
+def _refuted(
+    search: BorderSearch, border: Border, r: Refutation, costs: Mapping[int, float], least: float
+) -> RefutedStructure:
     lattice = search.lattice
     absent = lattice.everything & ~r.mask
     roots = [str(p) for i, p in enumerate(lattice.atoms) if absent >> i & 1 and not lattice.requires[i] & absent]
     within = min((cost for m, cost in costs.items() if not m & ~r.mask), default=np.inf)
-    nearest = lattice.structure(r.nearest)
+    tried = lattice.structure(search.beside_refuted(r, border))
     return RefutedStructure(
         tuple(roots),
         str(lattice.structure(r.mask)),
         float(np.sqrt(max(within / positive(least), 1.0))),
         r.excess,
         r.threshold,
-        str(nearest),
-        search.fits.agreeing.get(nearest, 0),
+        str(tried),
+        search.fits.agreeing.get(tried, 0),
     )
 
 
@@ -244,7 +248,7 @@ def _unsteady_effects(search: BorderSearch, border: Border, best: Structure) -> 
 
     own, found = blocks(best), set()
     for r in border.refuted:
-        grown = int(np.sum(blocks(lattice.structure(r.nearest)) > own))
+        grown = int(np.sum(blocks(lattice.structure(r.witness)) > own))
         if grown < SELECTION.steady_blocks:
             bare = lattice.structure(r.mask)
             found |= {str(p) for p in lattice.atoms if has(best, str(p)) and not has(bare, str(p))}

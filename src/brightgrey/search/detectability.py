@@ -110,7 +110,8 @@ class Detectability:
         for size in sizes:
             moved = {name: value for name, value in size.items() if name in structure.parameters}
             held = {name: value for name, value in size.items() if name not in moved}
-            call = (task, big, values, moved, held, own.cost)
+            rival = self.refined.fits.done[structure].cost
+            call = (self.refined.fits.task, task, big, values, moved, held, rival)
             refits.append(self.executor.submit(fit_at_fixed_size, *call, self.refined.whitening))
         worst = own.deviance + float(chi2.isf(SELECTION.false_alarm_level, 1))
         return lambda: all(refit.result().deviance > worst for refit in refits)

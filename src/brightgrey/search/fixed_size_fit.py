@@ -22,6 +22,7 @@ Values = Mapping[str, float]
 
 def fit_at_fixed_size(
     task: IdentificationTask,
+    whole: IdentificationTask,
     structure: Structure,
     values: Values,
     moved: Values,
@@ -30,6 +31,8 @@ def fit_at_fixed_size(
     whitening: Whitening,
 ) -> Refined:
     """Refined fit from `values` with some held and others moved; exact only as far as it may reach the cost `rival`.
+
+    Descents are made on `task`, whose recordings may be coarser, the last one on the `whole`.
 
     Starts in which another effect compensates for a held one are tried, too. With a hard limit the cost is rugged, and
     the optimum moves with the size. So the size is also approached in steps (continuation).
@@ -43,6 +46,7 @@ def fit_at_fixed_size(
     end = min(ends, key=lambda e: e.cost)
     space = fixed.problem_and_space(structure)[1]
     best = dict(zip(space.names, end.values.tolist(), strict=True))
+    fixed = replace(whole, fixed={**whole.fixed, **held})
     return refine(fixed, structure, best, whitening, np.inf if end.cost < REFIT.compared_below * rival else 0.0)
 
 

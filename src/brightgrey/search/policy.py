@@ -4,7 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["BUDGET", "REFIT", "SELECTION", "RefitPolicy", "SearchBudget", "SelectionPolicy"]
+__all__ = [
+    "BORDER",
+    "BUDGET",
+    "COARSE",
+    "REFINEMENT",
+    "REFIT",
+    "SELECTION",
+    "BorderPolicy",
+    "CoarsePolicy",
+    "RefinementPolicy",
+    "RefitPolicy",
+    "SearchBudget",
+    "SelectionPolicy",
+]
 
 
 @dataclass(frozen=True)
@@ -103,8 +116,22 @@ class BorderPolicy:
     max_fits: int = 400  #: Structures that are fitted at most.
 
 
+@dataclass(frozen=True)
+class CoarsePolicy:
+    """Samples that are left out for the descents of a search."""
+
+    largest_factor: int = 10
+    least_samples: int = 2000  #: Samples that every recording keeps.
+    #: Largest error of the motion of a rigid drive, as part of the noise of each output.
+    allowed_error: float = 0.5
+    #: Part of the input's power that may be lost: more may excite a resonance.
+    allowed_loss: float = 0.01
+    min_relative_noise: float = 1e-3  #: Least noise, as part of an output's standard deviation.
+
+
 SELECTION = SelectionPolicy()
 REFINEMENT = RefinementPolicy()
 BORDER = BorderPolicy()
+COARSE = CoarsePolicy()
 BUDGET = SearchBudget()
 REFIT = RefitPolicy()

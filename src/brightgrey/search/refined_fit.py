@@ -68,7 +68,7 @@ def _residual_and_jacobian(
 ) -> tuple[Array, Array, tuple[int, ...]]:
     """Weighted residuals and their Jacobian at level ``accurate``, and its columns of parameters not at a bound."""
     problem, space = task.problem_and_space(structure)
-    start = np.clip([values[name] for name in space.names], space.low, space.high)
+    start = np.clip([values.get(n, v) for n, v in zip(space.names, space.start, strict=True)], space.low, space.high)
     residual, jacobian = evaluate(problem, space, accurate(task).settings, space.to_scaled(start))
     return residual, jacobian, tuple(np.flatnonzero(space.active_bounds(start) == 0).tolist())
 
@@ -98,7 +98,7 @@ def refine(
     """
     problem, space = task.problem_and_space(structure)
     settings, (low, high) = accurate(task).settings, space.box
-    start = np.clip([values[name] for name in space.names], space.low, space.high)
+    start = np.clip([values.get(n, v) for n, v in zip(space.names, space.start, strict=True)], space.low, space.high)
     theta, damping = space.to_scaled(start), LM_DEFAULTS.initial_damping
     longest = np.where(space.log, LM_DEFAULTS.max_log_step, LM_DEFAULTS.max_linear_step)
     simulations, finished, scale, last = 0, True, np.zeros(len(theta)), np.inf
@@ -162,13 +162,14 @@ class RefinedFits:
 
     Parameters
     ----------
+    task : IdentificationTask
+        With all samples; those of the table may be fewer.
     fits : FitTable
-        The table.
     executor : Executor
     """
 
-    def __init__(self, fits: FitTable, executor: Executor) -> None:
-        self.fits, self.task, self._executor = fits, fits.task, executor
+    def __init__(self, task: IdentificationTask, fits: FitTable, executor: Executor) -> None:
+        self.fits, self.task, self._executor = fits, task, executor
         self._refined: dict[Structure, tuple[float, Refined]] = {}
         self._jacobians: dict[Structure, tuple[Refined, tuple[Array, Array, tuple[int, ...]]]] = {}
         self._starts: dict[Structure, Mapping[str, float]] = {}

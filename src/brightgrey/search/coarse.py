@@ -1,0 +1,95 @@
+"""Coarser recordings for the descents of a search: samples are left out where the motion does not need them.
+
+A step of the simulation is as long as a sample. So a recording with every k-th sample costs a k-th. The last descent of
+every structure is made on all samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from brightgrey.arrays import Array
+from brightgrey.estimation.problem.initial_state import output_noise
+from brightgrey.recordings import Recording
+from brightgrey.search.policy import COARSE, CoarsePolicy
+from brightgrey.search.task import IdentificationTask
+
+__all__ = ["coarse_task", "decimated"]
+
+
+def coarse_task(task: IdentificationTask, policy: CoarsePolicy = COARSE) -> IdentificationTask:
+    """The task with every k-th sample, for the largest k that all recordings allow; `task` itself if that is 1."""
+    factor = min(_largest_factor(r, task.scales.inertia, policy) for r in task.recordings)
+    return task if factor == 1 else replace(task, recordings=tuple(decimated(r, factor) for r in task.recordings))
+
+
+def decimated(recording: Recording, factor: int) -> Recording:
+    """Every `factor`-th sample of a recording.
+
+    A differenced velocity becomes the mean over `factor` samples, which is the difference over the longer interval. An
+    input that is held becomes the mean, which has the same impulse. An interpolated one becomes the polygon nearest to
+    it in the mean square, which has nearly the same impulse and moment on every interval.
+    """
+    r, last = recording, (recording.samples - 1) // factor * factor
+    y = r.y[:, : last + 1 : factor].copy()
+    for row, signal in zip(range(len(y)), r.outputs, strict=True):
+        if signal.kind == "velocity-differenced":
+            y[row, 1:] = r.y[row, 1 : last + 1].reshape(-1, factor).mean(axis=1)
+    if r.hold == "zoh":
+        u = np.append(r.u[:last].reshape(-1, factor).mean(axis=1), r.u[last])
+    else:
+        u = _nearest_polygon(r.u[: last + 1], factor)
+    return replace(r, t=r.t[: last + 1 : factor], u=u, y=y)
+
+
+def _nearest_polygon(u: Array, factor: int) -> Array:
+    """Values at every `factor`-th sample whose linear interpolation is nearest to `u` in the mean square."""
+    up = np.arange(factor) / factor  # of the hat function on the left of its knot
+    parts = u[:-1].reshape(-1, factor)
+    knots = len(parts) + 1
+    right, left = np.zeros(knots), np.zeros(knots)
+    right[:-1] = parts @ (1.0 - up)
+    left[1:] = parts @ up
+    left[-1] += u[-1]
+    diagonal = np.full(knots, np.square(1.0 - up).sum() + np.square(up).sum())
+    diagonal[0], diagonal[-1] = np.square(1.0 - up).sum(), np.square(up).sum() + 1.0
+    beside = np.full(knots, float(np.sum(up * (1.0 - up))))
+    return np.asarray(solve_banded((1, 1), np.stack([beside, diagonal, beside]), right + left))
+
+
+def _largest_factor(recording: Recording, inertia: float, policy: CoarsePolicy) -> int:
+    """Largest factor that keeps the input's power, and whose error moves a rigid drive by less than the noise."""
+    r = recording
+    noise = np.maximum(output_noise(r), policy.min_relative_noise * r.y.std(axis=1))
+    for factor in range(policy.largest_factor, 1, -1):
+        if r.samples < policy.least_samples * factor:
+            continue
+        lost = _interpolated(r, factor) - r.u
+        if lost @ lost > policy.allowed_loss * float(np.square(r.u - r.u.mean()).sum()):
+            continue
+        moved = _motions(lost, r.dt, inertia)
+        error = [float(np.sqrt(np.mean(np.square(moved[signal.kind.split("-")[0]])))) for signal in r.outputs]
+        if np.all(np.array(error) <= policy.allowed_error * noise):
+            return factor
+    return 1
+
+
+def _interpolated(recording: Recording, factor: int) -> Array:
+    """Input of the decimated recording at the samples of the whole one."""
+    coarse = decimated(recording, factor)
+    if recording.hold == "zoh":
+        held = np.repeat(coarse.u, factor)[: recording.samples]
+        return np.concatenate([held, recording.u[held.size :]])
+    return np.asarray(np.interp(recording.t, coarse.t, coarse.u))
+
+
+def _motions(torque: Array, dt: float, inertia: float) -> dict[str, Array]:
+    """Motion of a rigid drive by a torque, free from what grows without bounds."""
+    acceleration = torque / inertia
+    velocity = np.cumsum(acceleration) * dt
+    velocity -= velocity.mean()
+    position = np.cumsum(velocity) * dt
+    return {"acceleration": acceleration, "velocity": velocity, "position": position - position.mean()}
