@@ -144,7 +144,7 @@ class RefutedPart(Part):
 
 
 class CertificatePart(Part):
-    """What decides all structures of the grammar, conditional on the optima that were found (after a search)."""
+    """Fits that decide all structures of the grammar, conditional on the optima that were found (after a search)."""
 
     grammar: str
     structures: int

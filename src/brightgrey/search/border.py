@@ -28,7 +28,7 @@ class Refutation:
 
 @dataclass(frozen=True)
 class Border:
-    """What a table of fits decides."""
+    """Decision of a table of fits."""
 
     best: int  #: Structure with the least deviance.
     least: float  #: The least deviance.
@@ -36,7 +36,7 @@ class Border:
     refuted: tuple[Refutation, ...]  #: Largest structures that contain no adequate one.
     undecided: tuple[int, ...]  #: Largest structures that contain no adequate one and have not been fitted.
     excess: Mapping[int, float]  #: Deviance of each fitted structure, or of one within it, beyond the least one.
-    adequate: frozenset[int]  #: StructureFit structures that are adequate.
+    adequate: frozenset[int]  #: Fitted structures that are adequate.
 
 
 def assess(table: Mapping[int, Deviance], circumstances: Round) -> Border:
@@ -45,7 +45,7 @@ def assess(table: Mapping[int, Deviance], circumstances: Round) -> Border:
     Parameters
     ----------
     table : mapping of int to Deviance
-        StructureFit structures by mask.
+        Fitted structures by mask.
     circumstances : Round
 
     Returns

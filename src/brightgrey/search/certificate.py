@@ -23,7 +23,7 @@ class RefutedStructure:
 
 @dataclass(frozen=True)
 class Certificate:
-    """What decides all structures of a grammar. It is conditional on the optima that were found."""
+    """Fits that decide all structures of a grammar, conditional on the optima that were found."""
 
     grammar: str  #: Name of the function set.
     structures: int  #: Number of structures that are decided.

@@ -14,6 +14,7 @@ from brightgrey.estimation.noise.whitening import Whitening
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, evaluate
 from brightgrey.estimation.optimisation.levenberg_marquardt import NormalEquations, levenberg_marquardt_step
 from brightgrey.estimation.optimisation.options import LM_DEFAULTS
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Placed, Structure
@@ -97,10 +98,9 @@ def refine(
         Deviance above which the exact value does not matter: one step is predicted, but not taken.
     """
     problem, space = task.problem_and_space(structure)
-    settings, (low, high) = accurate(task).settings, space.box
+    settings = accurate(task).settings
     start = np.clip([values.get(n, v) for n, v in zip(space.names, space.start, strict=True)], space.low, space.high)
     theta, damping = space.to_scaled(start), LM_DEFAULTS.initial_damping
-    longest = np.where(space.log, LM_DEFAULTS.max_log_step, LM_DEFAULTS.max_linear_step)
     simulations, finished, scale, last = 0, True, np.zeros(len(theta)), np.inf
     for turn in range(REFINEMENT.iterations):
         residual, jacobian = evaluate(problem, space, settings, theta)
@@ -110,21 +110,7 @@ def refine(
         normal = NormalEquations(np.array([cost]), (white @ slopes)[None, :], (slopes.T @ slopes)[None, :, :])
         scale = np.maximum(LM_DEFAULTS.scale_decay * scale, np.diag(normal.curvature[0]))
         factors = np.array([LM_DEFAULTS.probe_damping, *(damping * f for f in LM_DEFAULTS.damping_factors)])
-        each = np.zeros(len(factors), int)
-        steps = (
-            levenberg_marquardt_step(
-                np.tile(theta, (len(factors), 1)),
-                normal.of(each),
-                np.tile(scale, (len(factors), 1)),
-                factors,
-                low,
-                high,
-                longest,
-                LM_DEFAULTS,
-            )
-            if len(theta)
-            else np.zeros((len(factors), 0))
-        )
+        steps = _steps(theta, normal, scale, factors, space)
         gain = -(2.0 * steps @ normal.gradient[0] + np.einsum("sp,pq,sq->s", steps, normal.curvature[0], steps))
         enough = max(REFINEMENT.negligible, REFINEMENT.relative * cost)
         if gain.max(initial=0.0) < enough or last - cost < 0.1 * enough:
@@ -154,6 +140,19 @@ def refine(
         tuple(bound),
         finished,
         problem.count(simulations),
+    )
+
+
+def _steps(theta: Array, normal: NormalEquations, scale: Array, factors: Array, space: ParameterSpace) -> Array:
+    """Steps of one fit with several damping factors, shape (factors, P)."""
+    if not len(theta):
+        return np.zeros((len(factors), 0))
+    longest = np.where(space.log, LM_DEFAULTS.max_log_step, LM_DEFAULTS.max_linear_step)
+    many = (len(factors), 1)
+    every = normal.of(np.zeros(len(factors), int))
+    low, high = space.box
+    return levenberg_marquardt_step(
+        np.tile(theta, many), every, np.tile(scale, many), factors, low, high, longest, LM_DEFAULTS
     )
 
 
