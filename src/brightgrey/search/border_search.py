@@ -66,7 +66,7 @@ class BorderSearch:
     seed: int = 0
     options: Options = field(default_factory=lambda: Options(patience=0))
     policy: BorderPolicy = BORDER
-    progress: Callable[[str, int, Structure], None] = lambda stage, fits, best: None
+    progress: Callable[[str, int, Structure], None] = field(default_factory=lambda: lambda stage, fits, best: None)
 
     def __post_init__(self) -> None:
         self.anchors = anchors(self.lattice)

@@ -33,9 +33,9 @@ class StructureOptions:
         typer.Option(
             "--search",
             metavar="NAME",
-            help="How to search: exhaustive fits every structure and gives evidence for each effect; genetic is the "
-            "paper's genetic programming (only in identify); auto (default) is exhaustive if that takes minutes at "
-            "most.",
+            help="How to search: auto (default) fits the few dozen structures that decide all others; exhaustive fits "
+            "every one and decides by the same rules; genetic is the paper's genetic programming, without verdicts "
+            "(only in identify).",
         ),
     ] = None
     require: Annotated[
