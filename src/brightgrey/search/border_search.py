@@ -64,7 +64,7 @@ class BorderSearch:
     lattice: Lattice
     executor: Executor
     seed: int = 0
-    options: Options = field(default_factory=lambda: Options(patience=0))
+    options: Options = field(default_factory=lambda: Options(patience=0, fresh_hard_limit=2))
     policy: BorderPolicy = BORDER
     progress: Callable[[str, int, Structure], None] = lambda stage, fits, best: None
 
@@ -131,7 +131,9 @@ class BorderSearch:
     def restart_at(self, structure: Structure) -> None:
         """Fit a structure by multistart, and its neighbours anew where that helps."""
         self.restarts[structure] = self.restarts.get(structure, 0) + 1
-        self.fits.propagate(self.fits.restart_many([structure], 0, self.executor), self.executor)
+        self.fits.propagate(
+            self.fits.restart_many([structure], 0, self.executor, fields=self.policy.fields), self.executor
+        )
         self.progress("restarts", len(self.fits.done), structure)
 
     def find_best(self) -> None:

@@ -129,7 +129,9 @@ class FitTable:
         before = [s for s in self.done if s not in better]
         return self._settled(before, sorted(better, key=complexity), workers) | better if better else better
 
-    def restart_many(self, structures: Sequence[Structure], patience: int, workers: Executor) -> set[Structure]:
+    def restart_many(
+        self, structures: Sequence[Structure], patience: int, workers: Executor, fields: int = 1
+    ) -> set[Structure]:
         """Fit structures by multistart, with their own optimum and that of a much better supermodel among the starts.
 
         Every call takes other random starts.
@@ -139,11 +141,15 @@ class FitTable:
         set of Structure
             Structures that got clearly better.
         """
-        how, self._fields = replace(self._how, patience=patience), self._fields + 1
+        how = replace(self._how, patience=patience, fresh=self._how.fresh // fields)
         known = [self.done[s] for s in structures]
-        calls = [(self.task, f.structure, how, self._seed + self._fields, [f, *self._ahead(f)]) for f in known]
+        calls = []
+        for _ in range(fields):
+            self._fields += 1
+            seed = self._seed + self._fields
+            calls += [(self.task, f.structure, how, seed, [f, *self._ahead(f)]) for f in known]
         found = in_order(workers, fit_multistart, calls)
-        return {f.structure for f, new in zip(known, found, strict=True) if self._much_better(f, new)}
+        return {new.structure for new in found if self._much_better(self.done[new.structure], new)}
 
     def refit_supermodels(
         self, before: Sequence[Structure], rising: Sequence[Structure], workers: Executor

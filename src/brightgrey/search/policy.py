@@ -113,6 +113,7 @@ class BorderPolicy:
     restarts_costly: int = 1  #: With a hard limit, or where the excess is far above its threshold.
     far: float = 4.0  #: Multiple of the largest threshold above which an excess is far above it.
     side_by_side: int = 2  #: Largest undecided structures that are fitted in parallel.
+    fields: int = 2  #: Parts of a multistart that are made in parallel.
     max_fits: int = 400  #: Structures that are fitted at most.
 
 

@@ -44,6 +44,7 @@ class Options:
     #: Starts of a field and fields without improvement, in the search for a hub.
     fresh: int = 8
     patience: int = 1
+    fresh_hard_limit: int | None = None  #: Starts of a field with a hard limit, which cost more; as many by default.
     #: Starts of a field where all ranges of positive parameters are within a decade, as those that a user gives.
     narrow: int = 8
     drawn: int = 15  #: Values of the further effect that are tried at each of these optima.
@@ -180,6 +181,7 @@ def fit_multistart(
     """
     problem, space = task.problem_and_space(structure)
     starts = options.narrow if ranges_within_decade(space) else options.fresh
+    starts = options.fresh_hard_limit or starts if structure.has_hard_limit else starts
     given = _given(space, structure, known)
     found = multistart(problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed)
     end = min(found.optima, key=lambda e: e.cost)
