@@ -15,6 +15,7 @@ from operator import and_
 
 import numpy as np
 
+from brightgrey.errors import SettingsError
 from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.kit import Structure
 from brightgrey.search.adequacy import Deviance, Round
@@ -84,6 +85,8 @@ class BorderSearch:
             self.fit(self.anchors)
             self.fit_hard_limits()
             self.find_best()
+        if not np.isfinite(self.fits.best().cost):
+            raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
         reference, last = self.fits.best().structure, None
         for _ in range(self.policy.rounds):
             self.refined.begin_round(reference)
@@ -93,7 +96,10 @@ class BorderSearch:
                 self.flipped = {m for m, adequate in last.items() if statuses.get(m, adequate) != adequate}
             table = self.deviances()
             simplest = self.lattice.structure(min(border.minimal, key=lambda m: (table[m].free, border.excess[m])))
-            if simplest == reference or (last is not None and not self.flipped):
+            if simplest == reference:  # the next round would be this one again
+                self.flipped = set()
+                break
+            if last is not None and not self.flipped:
                 break
             reference, last = simplest, statuses
         return border

@@ -10,7 +10,6 @@ from typing import Literal
 import numpy as np
 
 from brightgrey.arrays import Array, positive
-from brightgrey.errors import SettingsError
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.symptoms import residual_symptoms
 from brightgrey.estimation.uncertainty.estimates import estimates_of
@@ -267,9 +266,9 @@ def _ranking(search: BorderSearch, evidence: Evidence | None) -> tuple[Ranked, .
         refined = evidence.refined.get(own) if evidence else None
         shown[s] = own, refined
         calls.append((task, own, dict(refined.values if refined else fitted[own].values)))
-    misfits = dict(zip(fitted, in_order(search.executor, misfit_of, calls), strict=True))
-    if not any(np.isfinite(m.rss).all() for m in misfits.values()):
-        raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
+    # a search that was stopped has an executor that takes no more calls
+    found = in_order(search.executor, misfit_of, calls) if evidence else (misfit_of(*call) for call in calls)
+    misfits = dict(zip(fitted, found, strict=True))
     ranked = []
     for s, f in fitted.items():
         own, refined = shown[s]
