@@ -67,7 +67,7 @@ class BorderSearch:
     seed: int = 0
     options: Options = field(default_factory=lambda: Options(patience=0, fresh_hard_limit=2))
     policy: BorderPolicy = BORDER
-    progress: Callable[[str, int, Structure], None] = lambda stage, fits, best: None
+    progress: Callable[[str, int, Structure], None] = field(default_factory=lambda: lambda stage, fits, best: None)
 
     def __post_init__(self) -> None:
         self.anchors = anchors(self.lattice)
@@ -190,7 +190,7 @@ class BorderSearch:
 
     @property
     def round(self) -> Round:
-        """What the structures of this round have in common."""
+        """Circumstances that all structures of this round share."""
         whitening = self.refined.whitening
         least, largest = (self.lattice.structure(m) for m in (self.lattice.required, self.lattice.everything))
         free = [len(self.task.space(s, initial=True).names) for s in (least, largest)]
@@ -230,7 +230,7 @@ class BorderSearch:
         return []
 
     def shrunk(self, border: Border, done: Set[int]) -> list[int]:
-        """What the simplest minimal structure is compared with: all that lack one of its atoms."""
+        """Structures that the simplest minimal one is compared with: those that lack one of its atoms."""
         for mask in sorted(border.minimal, key=lambda m: (m.bit_count(), border.excess[m], m)):
             missing = [m for m in self.children(mask) if m not in done]
             if missing:
