@@ -166,7 +166,13 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
         "minimal structures, median (most)": lambda some: sizes([len(r["minimal"]) for r in some]),
         "optimum of the truth reached": lambda some: share_of([r["reached"] <= REACHED for r in some]),
         "effects called *needed* that are there": lambda some: share_of(flat(by_effect(some, "needed")), 1),
+        "effects that matter called *needed*": lambda some: share_of(flat(by_effect(some, "matters")), 1),
         "effects that matter called *not needed*": lambda some: share_of(flat(by_effect(some, "not needed")), 1),
+        "minimal structures, mean": lambda some: f"{np.mean([len(r['minimal']) for r in some]):.1f}",
+        "optional effects, mean": lambda some: f"{np.mean([len(r['optional']) for r in some]):.1f}",
+        "CPU seconds, mean (95 %)": lambda some: (
+            f"{np.mean(cpu_seconds(some)):.0f} ({np.quantile(cpu_seconds(some), 0.95):.0f})"
+        ),
         "truth first by evidence": lambda some: share_of([r["first"]["evidence"] == "truth" for r in some]),
     }
     for name in reversed(rows[0]["first"]):
@@ -198,9 +204,6 @@ def table(path: Path, *, to_file: bool) -> None:
         print(f"no rows in {path}")
         return
     publish("recovery", tables(rows), to_file=to_file)
-    seconds = [r["seconds"] for r in rows]
-    mean, median = np.mean(seconds), np.median(seconds)
-    print(f"\nCPU seconds of a row: mean {mean:.0f}, median {median:.0f}, most {max(seconds):.0f}\n")
     for r in filter(marks, rows):
         print(line(r))
 
@@ -208,6 +211,11 @@ def table(path: Path, *, to_file: bool) -> None:
 def flat(hits: Mapping[str, Sequence[bool]]) -> list[bool]:
     """Of all effects together."""
     return [h for some in hits.values() for h in some]
+
+
+def cpu_seconds(rows: Sequence[Mapping]) -> list[float]:
+    """CPU seconds of each row; the earlier search is given in two parts."""
+    return [float(np.sum(r["seconds"])) for r in rows]
 
 
 def sizes(counts: Sequence[int]) -> str:
@@ -240,8 +248,9 @@ def by_effect(rows: Sequence[Mapping], what: str) -> dict[str, list[bool]]:
         for effect, verdict in r["verdicts"].items():
             if what == "needed" and verdict == "needed":
                 found.setdefault(effect, []).append(has(truth, effect))
-            elif what == "not needed" and r["matters"].get(effect, 0.0) > MATTERS:
-                found.setdefault(effect, []).append(verdict == "not needed")
+            elif what != "needed" and r["matters"].get(effect, 0.0) > MATTERS:
+                wanted = "not needed" if what == "not needed" else "needed"
+                found.setdefault(effect, []).append(verdict == wanted)
     return found
 
 
