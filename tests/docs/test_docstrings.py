@@ -40,9 +40,10 @@ def public():
             if (inspect.isfunction(value) or inspect.isclass(value)) and value.__module__.startswith("brightgrey"):
                 seen[f"{value.__module__}.{value.__qualname__}"] = value
                 if inspect.isclass(value):
+                    defaults = getattr(value, "__dataclass_fields__", {})
                     for part, member in vars(value).items():
                         function = getattr(member, "__func__", member)
-                        if inspect.isfunction(function) and not part.startswith("_"):
+                        if part not in defaults and inspect.isfunction(function) and not part.startswith("_"):
                             seen[f"{value.__module__}.{value.__qualname__}.{part}"] = function
     return dict(sorted(seen.items()))
 

@@ -30,7 +30,7 @@ def make_model(structure, parameters, outputs, units, *, dt, f_tanh, speed, hold
     (f_unit, f_factor), (v_unit, v_factor) = units.of((0, -1, 1)), units.of((0, 1, -1))
     signals = [("torque", "input", units.input), *outputs]
     data = {
-        "schema": "brightgrey/model/1",
+        "schema": "brightgrey/model/2",
         "structure": structure.split("+"),
         "parameters": parameters,
         "signals": [
@@ -53,6 +53,7 @@ def make_model(structure, parameters, outputs, units, *, dt, f_tanh, speed, hold
         "criterion": None,
         "evidence": None,
         "ties": None,
+        "certificate": None,
         "outcome": {"kind": "converged", "text": "made for a test"},
         "seed": 0,
         "version": "0",

@@ -37,6 +37,7 @@ from brightgrey.simulation import Settings
 __all__ = ["SCHEMA", "Model", "load_model"]
 
 SCHEMA: Literal["brightgrey/model/2"] = "brightgrey/model/2"
+_READ = ("brightgrey/model/1", SCHEMA)  # the first has no certificate
 
 
 class Model(Part):
@@ -144,7 +145,7 @@ class Model(Part):
         if not isinstance(data, dict):
             raise SettingsError(f"a JSON object is wanted, this is a {type(data).__name__}")
         schema = data.get("schema")
-        if schema != SCHEMA:
+        if schema not in _READ:
             came = f"schema is '{schema}'" if schema else "there is no field 'schema'"
             raise SettingsError(f"{came}; this version reads '{SCHEMA}'")
         try:

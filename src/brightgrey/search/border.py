@@ -28,7 +28,7 @@ class Refutation:
 
 @dataclass(frozen=True)
 class Border:
-    """Decision of a table of fits."""
+    """What a table of fits decides."""
 
     best: int  #: Structure with the least deviance.
     least: float  #: The least deviance.
@@ -36,7 +36,7 @@ class Border:
     refuted: tuple[Refutation, ...]  #: Largest structures that contain no adequate one.
     undecided: tuple[int, ...]  #: Largest structures that contain no adequate one and have not been fitted.
     excess: Mapping[int, float]  #: Deviance of each fitted structure, or of one within it, beyond the least one.
-    adequate: frozenset[int]  #: Fitted structures that are adequate.
+    adequate: frozenset[int]  #: Fitted structures that are adequate: they contain a minimal one.
 
 
 def assess(table: Mapping[int, Deviance], circumstances: Round) -> Border:
@@ -58,8 +58,8 @@ def assess(table: Mapping[int, Deviance], circumstances: Round) -> Border:
     least = table[best].value
     reached = {m: min(d.value for n, d in table.items() if not n & ~m) - least for m in table}
     limits = {m: circumstances.threshold(d, least) for m, d in table.items()}
-    adequate = [m for m in table if reached[m] <= limits[m]]
-    minimal = inclusion_minimal(adequate)
+    minimal = inclusion_minimal(m for m in table if reached[m] <= limits[m])
+    adequate = frozenset(m for m in table if any(not small & ~m for small in minimal))
     refuted, undecided = [], []
     for mask in largest_avoiding(minimal, lattice):
         if mask in table:
@@ -67,7 +67,7 @@ def assess(table: Mapping[int, Deviance], circumstances: Round) -> Border:
             refuted.append(Refutation(mask, reached[mask], limits[mask], witness))
         else:
             undecided.append(mask)
-    return Border(best, least, tuple(minimal), tuple(refuted), tuple(undecided), reached, frozenset(adequate))
+    return Border(best, least, tuple(minimal), tuple(refuted), tuple(undecided), reached, adequate)
 
 
 def inclusion_minimal(masks: Iterable[int]) -> list[int]:

@@ -1,0 +1,71 @@
+"""The certificate of a search in words and numbers."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from brightgrey.kit import PAPER
+from brightgrey.search.border import Refutation
+from brightgrey.search.certificate import Certificate, RefutedStructure
+from brightgrey.search.decision import _refuted
+from brightgrey.search.lattice import Lattice
+
+
+def refuted(*without, ratio=3.4, agreeing=3):
+    return RefutedStructure(without, "one_mass", ratio, 812.3, 13.4, "one_mass", agreeing)
+
+
+def certificate(*refutations, unexplained=()):
+    return Certificate("paper", 1448, 31, ("two_mass+coulomb",), refutations, (), unexplained)
+
+
+def test_sentences__refuted_structure__says_what_is_missing_and_how_sure_it_is():
+    first, last = certificate(refuted("viscous")).sentences()
+    assert first == (
+        "Even with every other effect allowed, without viscous the residual is 3.4 times as large"
+        " (812 beyond the best, 13.4 at most by chance; 3 independent starts agree)."
+    )
+    assert last == ("31 fits decide all 1,448 structures of the function set 'paper', conditional on these optima.")
+
+
+def test_sentences__alternatives_and_single_start__titles_of_effects_are_used():
+    titles = (("coulomb", "Coulomb friction"), ("gravity", "a constant load"))
+    first, _ = certificate(refuted("coulomb", "gravity", agreeing=1)).sentences(titles)
+    assert "without Coulomb friction and a constant load the residual is" in first
+    assert "1 independent start agrees)" in first
+
+
+def test_sentences__unexplained_residual__said_first():
+    first, *_ = certificate(refuted("viscous"), unexplained=("it follows the position", "it is slow")).sentences()
+    assert first == (
+        "This recording holds something that none of the structures offered explains: it follows the position; it is"
+        " slow."
+    )
+
+
+def test_loss__several_refutations__least_residual_without_the_effect():
+    found = certificate(refuted("viscous", ratio=3.0), refuted("viscous", "gravity", ratio=1.5), refuted("delay"))
+    assert found.without("viscous").ratio == 1.5
+    assert found.loss("viscous") == pytest.approx(0.5)
+    assert found.loss("delay") == pytest.approx(2.4)
+    assert found.loss("coulomb") is None
+
+
+@pytest.mark.parametrize(
+    ("mask", "without"),
+    [
+        ("one_mass+coulomb+viscous+stribeck+gravity+current_control+delay", ("two_mass",)),
+        ("two_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay", ("three_mass",)),
+        ("four_mass+coulomb+viscous+stribeck+gravity+current_control", ("backlash", "delay")),
+    ],
+)
+def test_refuted_structure__masses_lacking__named_by_the_first_of_them(mask, without):
+    """Without a second mass there is no third one, and no gap: the second mass is what is missing."""
+    lattice = Lattice.of(PAPER)
+    bare, best = lattice.mask(PAPER.parse(mask)), lattice.everything
+    search = SimpleNamespace(lattice=lattice, fits=SimpleNamespace(agreeing={lattice.structure(bare): 2}))
+    found = _refuted(search, Refutation(bare, 30.0, 13.4, bare), {best: 4.0, bare: 9.0, lattice.required: 25.0}, 4.0)
+    assert found.without == without
+    assert found.structure == found.nearest == mask
+    assert found.ratio == pytest.approx(1.5)  # of the best within it, by the root of the sums of squares
+    assert (found.excess, found.threshold, found.agreeing) == (30.0, 13.4, 2)
