@@ -16,8 +16,8 @@ DOC = Path(__file__).parents[2] / "docs" / "reference" / "model-json.md"
 @pytest.fixture(scope="module")
 def example():
     """The example in the documentation."""
-    (block,) = re.findall(r"```json\n(.*?)```", DOC.read_text(encoding="utf-8"), re.DOTALL)
-    return json.loads(block)
+    blocks = map(json.loads, re.findall(r"```json\n(.*?)```", DOC.read_text(encoding="utf-8"), re.DOTALL))
+    return next(block for block in blocks if "schema" in block)
 
 
 def linear_axis(example):
@@ -39,7 +39,7 @@ def test_model__documented_example__is_read_and_written_unchanged(example):
 
 
 def test_model__fields__are_those_of_the_documentation_in_order(example):
-    table = re.findall(r"^\| `(\w+)` \| ", DOC.read_text(encoding="utf-8").partition("## ranking")[0], re.MULTILINE)
+    table = re.findall(r"^\| `(\w+)` \| ", DOC.read_text(encoding="utf-8").partition("\n## ")[0], re.MULTILINE)
     assert table == list(example) == list(json.loads(Model.check(example).text()))
 
 
@@ -50,6 +50,14 @@ def test_model__saved_and_loaded__is_equal(example, tmp_path):
     assert again == model
     assert again.text() == (tmp_path / "model.json").read_text(encoding="utf-8")
     assert list(tmp_path.iterdir()) == [tmp_path / "model.json"]
+
+
+def test_load__schema_1_without_certificate__still_read(example, tmp_path):
+    old = {name: part for name, part in example.items() if name != "certificate"} | {"schema": "brightgrey/model/1"}
+    (tmp_path / "model.json").write_text(json.dumps(old), encoding="utf-8")
+    model = load_model(tmp_path / "model.json")
+    assert model.certificate is None
+    assert model.values_si() == Model.check(example).values_si()
 
 
 def test_model__linear_axis_in_mm__gives_values_and_settings_in_si(example):
@@ -79,7 +87,7 @@ def changed(example, path, value):
 @pytest.mark.parametrize(
     ("path", "value", "words"),
     [
-        (["schema"], "brightgrey/model/2", ["'brightgrey/model/2'", "'brightgrey/model/1'"]),
+        (["schema"], "brightgrey/model/3", ["'brightgrey/model/3'", "'brightgrey/model/2'"]),
         (["schema"], ..., ["no field 'schema'"]),
         (["signals"], ..., ["'signals'", "missing"]),
         (["parameter"], {}, ["unknown field 'parameter'", "'parameters'"]),

@@ -25,14 +25,25 @@ def trace(residual, seed=0):
 
 
 def test_ranking_csv__reads_back_exactly():
-    rows = [Row("two_mass+coulomb", 5, 1 / 3, 99.9, -12.5, True), Row("one_mass", 1, 2e-300, -3.0, None)]
+    rows = [Row("two_mass+coulomb", 5, 1 / 3, 99.9, -12.5, True, "minimal"), Row("one_mass", 1, 2e-300, -3.0, None)]
     best, other = csv.DictReader(io.StringIO(ranking_csv(rows)))
-    assert list(best) == ["rank", "structure", "n_parameters", "rss", "fit_percent", "criterion", "tied", "front"]
+    assert list(best) == [
+        "rank",
+        "structure",
+        "n_parameters",
+        "rss",
+        "fit_percent",
+        "criterion",
+        "tied",
+        "front",
+        "status",
+    ]
     assert (best["rank"], other["rank"]) == ("1", "2")
     assert float(best["rss"]) == 1 / 3
     assert float(other["rss"]) == 2e-300
     assert (best["tied"], other["tied"]) == ("true", "false")
     assert other["criterion"] == ""
+    assert (best["status"], other["status"]) == ("minimal", "")  # nothing was decided of the other
 
 
 def test_front__has_the_structures_that_no_other_beats():

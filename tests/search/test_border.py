@@ -72,13 +72,14 @@ def test_assess__alternatives__both_minimal_and_their_common_lack_is_refuted():
     assert not border.undecided
 
 
-def test_refutation__nearest__simplest_that_leaves_hardly_more():
+def test_refutation__several_fits_within_it__rests_on_the_least_of_them():
+    """The largest has missed its optimum: it leaves no more than what it contains."""
     costs = {TOP: 100.0, "one_mass+coulomb": 103.0}
     bare = TOP.replace("+coulomb", "")
-    costs |= {bare: 500.0, "one_mass+viscous": 520.0, "one_mass": 5000.0}
+    costs |= {bare: 600.0, "one_mass+viscous": 520.0, "one_mass": 5000.0}
     (found,) = assess(table(costs), circumstances()).refuted
-    assert found.mask == mask(bare)
-    assert found.nearest == mask("one_mass+viscous")
+    assert (found.mask, found.witness) == (mask(bare), mask("one_mass+viscous"))
+    assert found.excess == 420.0
 
 
 def test_assess__rejected_structure_that_contains_a_minimal_one__adequate():

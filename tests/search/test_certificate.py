@@ -63,9 +63,11 @@ def test_refuted_structure__masses_lacking__named_by_the_first_of_them(mask, wit
     """Without a second mass there is no third one, and no gap: the second mass is what is missing."""
     lattice = Lattice.of(PAPER)
     bare, best = lattice.mask(PAPER.parse(mask)), lattice.everything
+    costs = {best: 4.0, bare: 9.0, lattice.required: 25.0}
     search = SimpleNamespace(lattice=lattice, fits=SimpleNamespace(agreeing={lattice.structure(bare): 2}))
-    found = _refuted(search, Refutation(bare, 30.0, 13.4, bare), {best: 4.0, bare: 9.0, lattice.required: 25.0}, 4.0)
+    search.beside_refuted = lambda refutation, border: refutation.mask
+    found = _refuted(search, None, Refutation(bare, 30.0, 13.4, bare), costs, 4.0)
     assert found.without == without
-    assert found.structure == found.nearest == mask
+    assert found.structure == found.tried == mask
     assert found.ratio == pytest.approx(1.5)  # of the best within it, by the root of the sums of squares
     assert (found.excess, found.threshold, found.agreeing) == (30.0, 13.4, 2)

@@ -56,7 +56,7 @@ def test_fit_table__any_order__no_structure_worse_than_submodel(pieces, true_val
 
 def test_fit_table__anchors__fitted_once_all_fits_logged(pieces):
     hubs = [f.structure for hub, f in pieces.log if hub]
-    assert sorted(map(str, hubs)) == sorted({str(h) for h in pieces.hubs})
+    assert sorted(map(str, hubs)) == sorted({str(h) for h in pieces.anchors})
     assert len(pieces.log) >= len(ALL) + len(hubs) + 1  # the last one was sought from everywhere
     assert all(f.spent.sets > 0 for _, f in pieces.log)
 
@@ -65,7 +65,7 @@ def test_fit_table__known_structures__no_further_fit(pieces):
     before = len(pieces.log)
     with thread_pool(None) as executor:
         assert pieces.add(ALL, executor) == set()
-        assert pieces.seek(PAPER.parse("two_mass+coulomb"), executor) == set()
+        assert pieces.restart(PAPER.parse("two_mass+coulomb"), executor) == set()
     assert len(pieces.log) == before
 
 
@@ -248,7 +248,7 @@ def test_genetic_search__structure_not_bred__has_tree(loose):
 @pytest.fixture
 def sought(task, monkeypatch):
     """Relatives of fits by hand, after missed optima have been sought in vain."""
-    monkeypatch.setattr("brightgrey.search.genetic.lattice_evaluator.seek_missed", lambda fits, workers: None)
+    monkeypatch.setattr("brightgrey.search.genetic.lattice_evaluator.find_missed_optima", lambda fits, workers: None)
 
     def made(costs, task=task, name="bic"):
         with thread_pool(None) as executor:
@@ -345,7 +345,9 @@ def test_identify__new_structures__optima_continued_to_submodels(task, monkeypat
     with thread_pool(None) as executor:
         relatives = LatticeEvaluator(task, structures, executor, criterion("bic"))
         fits = relatives.fits
-        monkeypatch.setattr(fits, "follow", lambda workers: asked.append(tuple(fits.done)) or {structures[0]})
+        monkeypatch.setattr(
+            fits, "continue_to_submodels", lambda workers: asked.append(tuple(fits.done)) or {structures[0]}
+        )
         relatives.identify(structures[:1])
         assert relatives.improved == ()  # they are of this generation
         relatives.identify(structures[:2])
