@@ -39,7 +39,18 @@ def on_terminal(*arguments, width, **environment):
 @pytest.mark.parametrize("width", [80, 40])
 def test_a_search_shows_how_far_it_is_and_the_time_left(drive, tmp_path, width):
     shown = on_terminal(
-        *("identify", drive.folder / "a.csv", *drive.options[:4], "--f-tanh", 4, *FAST, "--out", tmp_path),
+        *(
+            "identify",
+            drive.folder / "a.csv",
+            *drive.options[:4],
+            "--f-tanh",
+            4,
+            *FAST,
+            "--search",
+            "exhaustive",
+            "--out",
+            tmp_path,
+        ),
         width=width,
     )
     assert re.search(r"\d+ s left", shown)

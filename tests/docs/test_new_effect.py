@@ -75,8 +75,8 @@ def test_new_effect__search__includes_it_and_calls_it_needed(extended):
     model = json.loads((extended.folder / "found" / "model.json").read_text(encoding="utf-8"))
     assert model["evidence"]["drag"] == "needed"
     assert "drag" in model["structure"]
-    ranking = (extended.folder / "found" / "ranking.csv").read_text(encoding="utf-8").splitlines()
-    assert len(ranking) == 1 + 2**3
+    assert model["certificate"]["structures"] == 2**3
+    assert ["drag"] in [found["without"] for found in model["certificate"]["refuted"]]
     html = (extended.folder / "found" / "report.html").read_text(encoding="utf-8")
     assert 'data-effect="drag"' in html
 

@@ -66,7 +66,7 @@ def test_executors__cluster_loses_worker__same_bytes(small, whole, tmp_path):
 
 def test_executors__process_killed__error_and_resumable(small, whole, tmp_path):
     def kill(step):
-        if getattr(step, "done", 0) == 3:
+        if getattr(step, "done", 0) >= 3:
             for process in multiprocessing.active_children():
                 os.kill(process.pid, signal.SIGKILL)
 

@@ -3,14 +3,9 @@
 import numpy as np
 import pytest
 
-from brightgrey.estimation import scales
 from brightgrey.kit import PAPER
-from brightgrey.search import IdentificationTask
-from brightgrey.search.evidence import assess_effects
-from brightgrey.search.exhaustive import fit_all
-from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
-from support.recordings import make_recording
+from support.searches import decided, task_of_arrays
 
 DT, F_TANH = 0.002, 5.0
 RIGID = {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
@@ -19,14 +14,10 @@ T = DT * np.arange(500)
 REVERSING = 3.0 * np.sin(2.0 * np.pi * 2.0 * T + 0.7 * np.sin(40.0 * T)) * np.minimum(1.0, 20.0 * T)
 
 
-def cards(y, u, effects, ladders=("one_mass",), *, kind="velocity", hold="linear", unit_given=True):
+def cards(y, u, effects, *, kind="velocity", hold="linear", unit_given=True):
     """Evidence for every effect by name."""
-    made = make_recording(u, y, dt=DT, kind=kind, unit="rad/s", input_unit_given=unit_given, hold=hold)
-    known = scales(made)
-    settings = Settings(f_tanh=F_TANH, speed_scale=known.speed, level="fast", hold=hold)
-    task = IdentificationTask((made,), known, settings)
-    allowed = {*effects, *ladders}
-    found = assess_effects(task, fit_all(task, [s for s in PAPER.structures() if set(s.names) <= allowed]))
+    options = {"kind": kind, "unit": "rad/s", "input_unit_given": unit_given}
+    found = decided(task_of_arrays(u, y, dt=DT, f_tanh=F_TANH, hold=hold, **options), effects).evidence
     return {c.effect: c for c in found.cards}, found
 
 
@@ -92,7 +83,7 @@ def test_evidence__no_reversal__backlash_not_decidable():
     values = {"J1": 0.012, "J2": 0.012, "c1": 30.0, "d1": 0.05}
     for text, own in (("two_mass", values), ("two_mass+backlash", values | {"alpha": 0.01})):
         y = speed(own, u, text, noise=0.01)
-        found, _ = cards(y, u, ("viscous", "backlash"), ("one_mass", "two_mass"))
+        found, _ = cards(y, u, ("two_mass", "viscous", "backlash"))
         assert found["backlash"].verdict == "not decidable"
         assert found["two_mass"].verdict == "needed"
 
@@ -100,12 +91,12 @@ def test_evidence__no_reversal__backlash_not_decidable():
 def test_evidence__backlash_crossed__decided():
     values = {"J1": 0.012, "J2": 0.012, "c1": 30.0, "d1": 0.05, "f_v": 0.06}
     y = speed(values, REVERSING, "two_mass+viscous", noise=0.003)
-    found, _ = cards(y, REVERSING, ("viscous", "backlash"), ("one_mass", "two_mass"))
+    found, _ = cards(y, REVERSING, ("two_mass", "viscous", "backlash"))
     assert found["backlash"].verdict == "not needed"
     y = speed(values, REVERSING, "two_mass+viscous", noise=0.01)  # hides a gap of a hundred-thousandth of the way
-    found, _ = cards(y, REVERSING, ("viscous", "backlash"), ("one_mass", "two_mass"))
+    found, _ = cards(y, REVERSING, ("two_mass", "viscous", "backlash"))
     assert found["backlash"].verdict == "not decidable"
     assert "it would from alpha of " in found["backlash"].reason
     y = speed(values | {"alpha": 0.02}, REVERSING, "two_mass+viscous+backlash", noise=0.01)
-    found, _ = cards(y, REVERSING, ("viscous", "backlash"), ("one_mass", "two_mass"))
+    found, _ = cards(y, REVERSING, ("two_mass", "viscous", "backlash"))
     assert found["backlash"].verdict == "needed"

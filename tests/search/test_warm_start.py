@@ -1,24 +1,19 @@
 """Optima that larger structures hand down."""
 
-from concurrent.futures import Executor, Future
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
-from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, evaluate, normal_equations
+from brightgrey.estimation.optimisation.least_squares import normal_equations
 from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.kit import PAPER
 from brightgrey.search import IdentificationTask
-from brightgrey.search.comparison import Judged
-from brightgrey.search.exhaustive import fit_all
-from brightgrey.search.structure_fit import StructureFit, Options, refit_from_supermodel
-from brightgrey.search.judging import Bench
+from brightgrey.search.structure_fit import Options, StructureFit, refit_from_supermodel
 from brightgrey.search.warm_start import exchanged, handed_down, information
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording
+from support.searches import fit_all
 
 
 def parse(*names):
@@ -142,56 +137,6 @@ def test_fit_all__each_fit__has_information_matrix(friction):
         assert tuple(f.values) == space.names
         curvature = normal_equations(problem, space, task.settings, space.to_scaled(value)[None]).curvature[0]
         assert f.information == pytest.approx(information(curvature, space.scale_derivative(value)), rel=1e-6)
-
-
-class Noted(Executor):
-    """Does what it is asked at once, and notes it."""
-
-    def __init__(self):
-        self.calls = []
-
-    def submit(self, function, /, *rest):
-        self.calls.append(rest)
-        result = Future()
-        result.set_result(function(*rest))
-        return result
-
-
-def test_refine_from_supermodels__friction_compensates__lower_cost(friction):
-    """It has grown with the gravity that it cancels; without gravity it goes back before anything descends."""
-    task, _ = friction
-    larger, structure = parse("one_mass+coulomb+gravity", "one_mass+coulomb")
-
-    def judged(structure, **values):
-        problem, space = task.problem_and_space(structure)
-        value = np.array([values[name] for name in space.names])
-        residual, jacobian = evaluate(problem, space, task.settings, space.to_scaled(value))
-        descent = OptimumWithJacobian(value, float(residual @ residual), True, 1, 1, residual, jacobian)
-        return Judged(structure, values, descent, len(values), tuple(range(len(values))))
-
-    noted = Noted()
-    bench = Bench(task, {}, noted)
-    bench.judged[larger] = judged(larger, J1=0.02, M_C=1.6, M_G=1.3)
-    bench.judged[structure] = judged(structure, J1=0.04, M_C=0.1)
-    assert bench.judged[larger].cost < 0.5 * bench.judged[structure].cost
-    assert bench.improve(structure)
-    ((_, _, begins, _),) = noted.calls
-    assert [values["M_C"] for values in begins] == pytest.approx([1.6, 0.3], rel=0.02)
-    assert bench.judged[structure].values == pytest.approx({"J1": 0.02, "M_C": 0.3}, rel=0.02)
-
-
-def test_refine_from_supermodels__same_optimum__once(friction):
-    """It would end where it has ended."""
-    task, _ = friction
-    larger, structure = parse("one_mass+coulomb+viscous", "one_mass+coulomb")
-    noted = Noted()
-    bench = Bench(task, {}, noted)
-    least, found = bench.judge(structure).cost, bench.judge(larger)
-    noted.calls.clear()
-    for cost, calls in ((0.5 * least, 1), (0.5 * least, 1), (0.4 * least, 2)):
-        bench.judged[larger] = replace(found, descent=found.descent._replace(cost=cost))
-        assert not bench.improve(structure)
-        assert len(noted.calls) == calls
 
 
 def test_confounded_starts__sizes_of_one_unit__exchanged():

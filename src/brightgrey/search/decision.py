@@ -125,7 +125,8 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar) -> Evidenc
     status = {}
     for s in search.fits.done:
         mask = lattice.mask(s)
-        kind = "minimal" if mask in border.minimal else "adequate" if mask in border.adequate else "refuted"
+        adequate = any(not m & ~mask for m in border.minimal)  # also where it was fitted for a verdict only
+        kind = "minimal" if mask in border.minimal else "adequate" if adequate else "refuted"
         status[s] = "undecided" if mask in search.flipped else kind
     return Evidence(
         tuple(refined[s] for s in found),

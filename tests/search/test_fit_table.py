@@ -1,4 +1,4 @@
-"""All structures of a small set on one recording by the reference solver."""
+"""Fits of a small set of structures on one recording by the reference solver, and optima that they have missed."""
 
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -11,16 +11,16 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.search import IdentificationTask
-from brightgrey.search.exhaustive import fit_all
 from brightgrey.search.fit_table import FitTable
-from brightgrey.search.structure_fit import StructureFit, best_starts
 from brightgrey.search.lattice import complexity, contains
 from brightgrey.search.missed_optima import _leaders, find_missed_optima
 from brightgrey.search.parallel import thread_pool
+from brightgrey.search.structure_fit import StructureFit, best_starts
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording
+from support.searches import fit_all
 
 NAMES = (
     "one_mass",
@@ -57,7 +57,7 @@ def test_fit_all__supermodels__not_worse_than_submodels(fitted):
                 assert own.cost <= 1.001 * other.cost
 
 
-def test_the_truth_is_found_with_its_values(task, fitted, true_values):
+def test_fit_all__truth__is_found_with_its_values(task, fitted, true_values):
     truth = fitted[PAPER.parse("two_mass+coulomb")]
     exact = {name: np.array([value]) for name, value in true_values.items()}
     assert truth.cost <= 1.01 * task.problem(truth.structure).costs(exact, task.settings)[0]
@@ -67,7 +67,7 @@ def test_the_truth_is_found_with_its_values(task, fitted, true_values):
 
 def test_fit_all__no_redundant_effect__values_give_cost(task, fitted):
     for s, f in fitted.items():
-        if not f.idle:
+        if not f.redundant_effects:
             values = {name: np.array([f.values[name]]) for name in s.parameters}
             assert task.problem(s).costs(values, task.settings)[0] == pytest.approx(f.cost, rel=1e-6)
 
@@ -89,6 +89,7 @@ def test_fit_all__incomplete_set__no_structure_worse_than_submodel(task):
     assert costs == sorted(costs, reverse=True)
 
 
+@pytest.mark.long
 def test_fit_all__rattling_backlash__found_and_projected(loose):
     task, values = loose
     kept = {"two_mass", "coulomb", "viscous", "backlash", "delay"}
@@ -98,7 +99,7 @@ def test_fit_all__rattling_backlash__found_and_projected(loose):
     truth = fitted[PAPER.parse("two_mass+backlash+delay")]
     exact = {name: np.array([value]) for name, value in values.items()}
     assert truth.cost <= 1.01 * task.problem(truth.structure).costs(exact, task.settings)[0]
-    assert not truth.idle
+    assert not truth.redundant_effects
     assert [str(s) for s in sought] == ["two_mass+coulomb+viscous+backlash+delay"]
 
 
@@ -140,7 +141,7 @@ def spoilt(fits, structure, **changed):
     before = fits.done[structure]
     problem, values = fits.task.problem(structure), {**before.values, **changed}
     cost = problem.costs({n: np.array([values[n]]) for n in structure.parameters}, fits.task.settings)[0]
-    fits.done[structure] = replace(before, values=values, cost=float(cost), idle=())
+    fits.done[structure] = replace(before, values=values, cost=float(cost), redundant_effects=())
     return before.cost
 
 
@@ -180,7 +181,7 @@ def test_restart_many__better_supermodel__its_optimum_is_a_start(task):
     for better in ("two_mass+backlash", "two_mass+viscous", None):
         fits.restart_many([names["two_mass"], names["two_mass+coulomb"]], 1, asked)
         if better:
-            fits.done[names[better]] = replace(fits.done[names[better]], idle=(better.split("+")[1],))
+            fits.done[names[better]] = replace(fits.done[names[better]], redundant_effects=(better.split("+")[1],))
     begun = [[str(f.structure) for f in known] for *_, known in asked.calls]
     assert begun[::2] == [["two_mass", "two_mass+backlash"], ["two_mass", "two_mass+viscous"], ["two_mass"]]
     assert begun[1::2] == 3 * [["two_mass+coulomb"]]
@@ -195,8 +196,8 @@ def test_continue_to_submodels__same_optimum__once(task, monkeypatch):
         followed.append((own.structure, larger.structure))
         return None, SimulationCount()
 
-    monkeypatch.setattr("brightgrey.search.fit_table.tracked_from_above", in_vain)
-    monkeypatch.setattr("brightgrey.search.fit_table.from_above", lambda *_: (None, SimulationCount()))
+    monkeypatch.setattr("brightgrey.search.fit_table.continue_from_supermodel", in_vain)
+    monkeypatch.setattr("brightgrey.search.fit_table.refit_from_supermodel", lambda *_: (None, SimulationCount()))
     fits.done.update(
         {s: StructureFit(s, {}, c, complexity(s)) for s, c in zip(fits.structures, costs.values(), strict=True)}
     )
@@ -223,9 +224,9 @@ def test_continue_to_submodels__improved__neighbours_refitted(task, monkeypatch)
         asked.append((structure, [f.cost for f in parents]))
         return StructureFit(structure, {}, 65.0, complexity(structure))
 
-    monkeypatch.setattr("brightgrey.search.fit_table.tracked_from_above", lambda *_: (found, SimulationCount()))
-    monkeypatch.setattr("brightgrey.search.fit_table.from_above", lambda *_: (None, SimulationCount()))
-    monkeypatch.setattr("brightgrey.search.fit_table.fit_one", handed_on)
+    monkeypatch.setattr("brightgrey.search.fit_table.continue_from_supermodel", lambda *_: (found, SimulationCount()))
+    monkeypatch.setattr("brightgrey.search.fit_table.refit_from_supermodel", lambda *_: (None, SimulationCount()))
+    monkeypatch.setattr("brightgrey.search.fit_table.fit_from_neighbours", handed_on)
     fits.done.update(
         {s: StructureFit(s, {}, c, complexity(s)) for s, c in zip(fits.structures, costs.values(), strict=True)}
     )

@@ -1,0 +1,120 @@
+"""Refined fits in coloured noise, against scipy's least squares on the same whitened residuals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from brightgrey.kit import PAPER
+from brightgrey.search.fit_table import FitTable
+from brightgrey.search.parallel import thread_pool
+from brightgrey.search.policy import REFINEMENT
+from brightgrey.search.refined_fit import Refined, RefinedFits, _whitening, accurate, refine
+from brightgrey.search.structure_fit import StructureFit
+from brightgrey.simulation.reference import reference
+from support.searches import task_of_arrays
+
+DT, F_TANH = 0.002, 5.0
+TRUTH, VALUES = PAPER.parse("one_mass+coulomb+viscous"), {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
+
+
+@pytest.fixture(scope="module")
+def coloured():
+    """A drive in noise that hangs together over ten samples, quantised; its fit by unweighted squares; whitening."""
+    t = DT * np.arange(500)
+    u = 3.0 * np.sign(np.sin(2.0 * np.pi * 2.0 * t + 0.7)) * np.minimum(1.0, 20.0 * t)
+    (v,) = reference(str(TRUTH), VALUES, u, DT, f_tanh=F_TANH)
+    y = v + lfilter([0.3], [1.0, -0.9], np.random.default_rng(4).standard_normal(v.size))
+    task = task_of_arrays(u, 0.01 * np.round(y / 0.01), dt=DT, f_tanh=F_TANH)
+    with thread_pool(None) as workers:
+        fits = FitTable(task, [TRUTH])
+        fits.add([TRUTH], workers)
+    fitted = fits.done[TRUTH]
+    return task, fitted, _whitening(task, TRUTH, fitted.values)
+
+
+def residuals(task, whitening):
+    """Whitened residuals by the logarithms of the three parameters."""
+    problem, settings = task.problem(TRUTH), accurate(task).settings
+
+    def whitened(logs):
+        values = dict(zip(VALUES, np.exp(logs)[:, None], strict=True))
+        return whitening.whiten(problem.residuals(values, settings)[:, 0])
+
+    return whitened
+
+
+def test_refine__coloured_noise__lower_whitened_cost_at_scipys_optimum(coloured):
+    task, fitted, whitening = coloured
+    whitened = residuals(task, whitening)
+    begin = np.log([fitted.values[name] for name in VALUES])
+    unweighted = float(np.sum(whitened(begin) ** 2))
+    wanted = least_squares(whitened, begin, method="lm", xtol=1e-12, ftol=1e-12)
+    found = refine(task, TRUTH, {n: 1.05 * v for n, v in fitted.values.items()}, whitening, np.inf)
+    deviance = found.deviance - whitening.floor_deviance
+    assert found.finished
+    assert deviance < unweighted - REFINEMENT.negligible  # unweighted squares are not efficient here
+    assert 2.0 * wanted.cost <= deviance + 1e-6
+    assert deviance == pytest.approx(2.0 * wanted.cost, abs=0.2)  # noise has variance 1: chance makes more than that
+    spread = np.sqrt(np.diag(np.linalg.inv(wanted.jac.T @ wanted.jac)))
+    assert np.all(np.abs(np.log([found.values[n] for n in VALUES]) - wanted.x) < 0.3 * spread)
+
+
+def test_refine__free_parameters_and_cost__those_of_the_fit(coloured):
+    task, fitted, whitening = coloured
+    found = refine(task, TRUTH, fitted.values, whitening, np.inf)
+    values = {name: np.array([found.values[name]]) for name in VALUES}
+    assert found.free == 3
+    assert found.at_bound == ()
+    assert found.cost == pytest.approx(float(task.problem(TRUTH).costs(values, accurate(task).settings)[0]), rel=1e-9)
+
+
+def test_refine__far_above_hopeless__stops_after_one_derivative(coloured):
+    """What is left without friction is beyond all doubt: its exact optimum does not matter."""
+    task, _, whitening = coloured
+    bare = PAPER.parse("one_mass")
+    whole = refine(task, bare, {"J1": 0.03}, whitening, np.inf)
+    given_up = refine(task, bare, {"J1": 0.03}, whitening, 0.5 * whole.deviance)
+    assert not given_up.finished
+    assert given_up.spent.sets == 2  # the residual, and one derivative
+    assert given_up.deviance > 0.5 * whole.deviance
+    assert whole.finished
+    assert whole.deviance <= given_up.deviance * (1.0 + 1e-3) or whole.spent.sets > given_up.spent.sets
+
+
+def test_refined_fits__hopeless_fit__made_exact_when_it_is_asked_for(coloured):
+    task, fitted, _ = coloured
+    bare = PAPER.parse("one_mass")
+    with thread_pool(None) as workers:
+        fits = FitTable(task, [bare, TRUTH])
+        fits.done[TRUTH] = fitted
+        fits.done[bare] = StructureFit(bare, {"J1": 0.03}, 1e6 * fitted.cost, 1)
+        refined = RefinedFits(task, fits, workers)
+        with pytest.raises(RuntimeError, match="begin_round"):
+            _ = refined.whitening
+        refined.begin_round(TRUTH)
+        first = refined.all(lambda least: 10.0)
+        assert first[TRUTH].finished
+        assert not first[bare].finished
+        assert refined.of(bare).finished
+        assert refined.of(TRUTH) is first[TRUTH]  # made once
+        residual, jacobian, inside = refined.jacobian(TRUTH)
+    assert residual @ residual == pytest.approx(first[TRUTH].cost)
+    assert (jacobian.shape, inside) == ((residual.size, 3), (0, 1, 2))
+
+
+def test_runaway__parameter_at_bound__unless_the_bound_is_the_users(coloured):
+    """An inert mass that has run to its bound is a wall, or has vanished; the mass before it has not."""
+    task, fitted, whitening = coloured
+    three = PAPER.parse("three_mass+backlash")
+    made = refine(task, TRUTH, fitted.values, whitening, np.inf)
+    ran = Refined(three, {}, 0.0, 0.0, 8, ("J3", "d1"), True, made.spent)
+    own = replace(task, bounds={"J3": (0.001, 0.01)})
+    assert ran.runaway("three_mass", task)
+    assert not ran.runaway("three_mass", own)
+    assert not ran.runaway("backlash", task)
+    assert replace(ran, at_bound=("alpha",)).runaway("backlash", task)
+    assert not replace(ran, at_bound=("d1", "d2")).runaway("three_mass", task)
+    assert not made.runaway("coulomb", task)
