@@ -78,7 +78,13 @@ class BorderSearch:
         self.flipped: set[int] = set()
 
     def run(self, *, everything: bool = False) -> Border:
-        """Border of all structures; with `everything`, all of them are fitted first."""
+        """Border of all structures; with `everything`, all of them are fitted first.
+
+        Raises
+        ------
+        SettingsError
+            If no structure could be simulated.
+        """
         if everything:
             self.fit_everything()
         else:
