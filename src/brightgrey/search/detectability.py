@@ -113,7 +113,7 @@ class Detectability:
             rival = self.refined.fits.done[structure].cost
             call = (self.refined.fits.task, task, big, values, moved, held, rival)
             refits.append(self.executor.submit(fit_at_fixed_size, *call, self.refined.whitening))
-        worst = own.deviance + float(chi2.isf(SELECTION.false_alarm_level, 1))
+        worst = self._no_worse_than(structure)
         return lambda: all(refit.result().deviance > worst for refit in refits)
 
     def relevant_sizes(self, structure: Structure, effect: str) -> list[dict[str, float]]:
@@ -183,9 +183,13 @@ class Detectability:
         if big is None or not sizes or len(sizes[0]) != 1:
             return False
         ((name, value),) = sizes[0].items()
-        free, own = self.refined.of(big), self.refined.of(structure)
-        worst = own.deviance + float(chi2.isf(SELECTION.false_alarm_level, 1))
-        return abs(free.values[name]) >= abs(value) and free.deviance <= worst
+        free = self.refined.of(big)
+        return abs(free.values[name]) >= abs(value) and free.deviance <= self._no_worse_than(structure)
+
+    def _no_worse_than(self, structure: Structure) -> float:
+        """Deviance up to which a fit is no worse than that of `structure`."""
+        chance = float(chi2.isf(SELECTION.false_alarm_level, 1))
+        return self.refined.of(structure).deviance + max(chance, self.circumstances.error_floor)
 
     def _is_detectable(self, structure: Structure, big: Structure, jacobian: Array, change: Array) -> bool:
         """Return True if a change of the residuals would be detected, as far as the Jacobian does not explain it."""

@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 
 from brightgrey.kit import Placed, Structure
 from brightgrey.kit.structure import Verdict
+from brightgrey.numerics.distributions import f
 from brightgrey.search.border import Border
 from brightgrey.search.certificate import Certificate
 from brightgrey.search.detectability import Detectability, Obstacle, has
 from brightgrey.search.policy import SELECTION
-from brightgrey.search.refined_fit import Refined
+from brightgrey.search.refined_fit import Refined, stands_for
 from brightgrey.search.verdicts import EffectVerdict, Reason, Size, decisive
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
@@ -134,9 +135,33 @@ def _reservation(case: _Case, effect: str) -> Reason | None:
     late = _below_sampling(case, case.found[0], effect)
     if late:
         return late
-    if any(case.detectability.refined.of(s).runaway(effect, case.detectability.refined.task) for s in case.found):
-        return Reason("inertia at bound" if Placed.parse(effect).effect.masses else "gap at bound")
+    refined, placed = case.detectability.refined, Placed.parse(effect)
+    if any(refined.of(s).runaway(effect, refined.task) for s in case.found):
+        return Reason("inertia at bound" if placed.effect.masses else "gap at bound")
+    moving = placed.effect.masses or placed.effect.has_hard_limit
+    if moving and any(refined.of(s).slowest_mode_cycles(refined.task) < 1.0 for s in case.found):
+        return Reason("slow mode")
+    if moving and not _shows_in_few_samples(case, effect):
+        return Reason("few samples")
     return Reason("unsteady gain") if effect in case.unsteady else None
+
+
+def _shows_in_few_samples(case: _Case, effect: str) -> bool:
+    """Return True if a mass or gap passes an F test with the samples that are independent, or these are many.
+
+    A mass on a soft shaft follows any drift. With few independent samples the colour of the drift is not known, and the
+    whitened cost takes its fast part for evidence.
+    """
+    refined, found = case.detectability.refined, case.found[0]
+    samples, loss = refined.whitening.effective_samples, case.certificate.loss(effect)
+    left = samples - refined.of(found).free
+    if samples >= SELECTION.few_samples or loss is None:
+        return True
+    more = sum(1 for p in found.placed if stands_for(p, effect) for _ in p.effect.parameters) // max(found.masses, 1)
+    if left <= 0.0:
+        return False
+    ratio = ((1.0 + loss) ** 2 - 1.0) * left / max(more, 1)
+    return float(f.sf(ratio, max(more, 1), left)) <= SELECTION.false_alarm_level
 
 
 def _needed(loss: float | None) -> Reason:

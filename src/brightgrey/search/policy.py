@@ -41,6 +41,9 @@ class SelectionPolicy:
     rounding_quantile: float = 1.645
     #: Ratio of the ends of a 95 % interval from which a parameter counts as unknown.
     wide_interval: float = 10.0
+    #: Independent samples below which the colour of residuals is not known well: then a mass or gap also has to pass
+    #: an F test with so few.
+    few_samples: float = 50.0
     blocks: int = 8  #: Parts in time in which a gain is asked for where the residual holds something unexplained.
     steady_blocks: int = 6  #: Least number of them in which an effect that is needed helps.
     bound_slack: float = 1e-6  #: Part of a range within which a value counts as within its bound.

@@ -17,14 +17,14 @@ from brightgrey.estimation.optimisation.options import LM_DEFAULTS
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.estimation.problem.simulation_count import SimulationCount
-from brightgrey.kit import Placed, Structure
+from brightgrey.kit import Placed, Structure, assemble
 from brightgrey.search.fit_table import FitTable
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, REFINEMENT
 from brightgrey.search.structure_fit import StructureFit
 from brightgrey.search.task import TRUSTED_ACCURACY, IdentificationTask
 
-__all__ = ["Refined", "RefinedFits", "accurate", "refine"]
+__all__ = ["Refined", "RefinedFits", "accurate", "refine", "stands_for"]
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Refined:
 
         As a wall, an inert mass that has vanished, or without damping, they follow what they do not stand for.
         """
-        placed = next((p for p in self.structure.placed if _stands_for(p, effect)), None)
+        placed = next((p for p in self.structure.placed if stands_for(p, effect)), None)
         if placed is None or not (placed.effect.masses or placed.effect.has_hard_limit):
             return False
         last = placed.effect.masses
@@ -53,8 +53,20 @@ class Refined:
         of_last = [q.symbol for q in placed.effect.parameters if not last or q.dimension == INERTIA]
         return bool(ran & {placed.parameter(symbol) for symbol in of_last})
 
+    def slowest_mode_cycles(self, task: IdentificationTask) -> float:
+        """Undamped oscillations of the slowest mode of the masses in the longest recording; infinite with one mass."""
+        n = self.structure.masses
+        if n < 2:
+            return np.inf
+        values = {name: self.values[name] for name in self.structure.parameters}
+        rates = -assemble(self.structure, values, task.settings.f_tanh).A[n : 2 * n, :n]  # states are q, q', ...
+        square = float(np.sort(np.linalg.eigvals(rates).real)[1])  # the first is the motion of all together
+        longest = max(float(r.t[-1] - r.t[0]) for r in task.recordings)
+        return float(np.sqrt(max(square, 0.0))) * longest / (2.0 * np.pi)
 
-def _stands_for(placed: Placed, effect: str) -> bool:
+
+def stands_for(placed: Placed, effect: str) -> bool:
+    """Return True if a placed effect is `effect`, or brings at least as many masses."""
     asked = Placed.parse(effect)
     return placed.effect.masses >= asked.effect.masses > 0 if asked.effect.masses else placed == asked
 

@@ -19,6 +19,8 @@ ReasonKind = Literal[
     "small loss",
     "inertia at bound",
     "gap at bound",
+    "slow mode",
+    "few samples",
     "unsteady gain",
     "undecided",
     "sampling",
@@ -43,6 +45,10 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "small loss": "Without it the residual is about as large, but other effects would take its part.",
         "inertia at bound": "An inertia is at its bound, however: a lag, or a spring to a wall, looks like that.",
         "gap at bound": "The gap is at its bound, however: the fit uses it for something else.",
+        "slow mode": (
+            "Its masses swing less than once in the recording, however: that follows any drift of load or sensor."
+        ),
+        "few samples": "With residuals as slow as these that may be chance, however.",
         "unsteady gain": (
             "It helps in some parts of the recordings only, however, and they hold something that nothing explains."
         ),
