@@ -41,12 +41,12 @@ from brightgrey.paper.repetitions import (
 )
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.criteria import Misfit, criterion
-from brightgrey.search.fit_table import FitTable
+from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.genetic import estimator, evolve, genetic_search
 from brightgrey.search.genetic.job_evaluator import JobEvaluator
 from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
 from brightgrey.search.genetic.settings import PAPER_SETTINGS, PROBABILITIES, TUNED_SETTINGS
-from brightgrey.search.missed_optima import find_missed_optima
 from brightgrey.search.parallel import thread_pool
 from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings

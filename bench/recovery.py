@@ -33,9 +33,9 @@ from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.decision import Decision, decide_structures
 from brightgrey.search.detectability import has
-from brightgrey.search.fit_table import FitTable
+from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import Lattice, added_effects, contains, one_smaller
-from brightgrey.search.structure_fit import StructureFit
 from brightgrey.search.task import IdentificationTask
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import UnsettledError

@@ -6,8 +6,8 @@ from brightgrey.estimation import scales
 from brightgrey.kit import PAPER
 from brightgrey.search import IdentificationTask
 from brightgrey.search.decision import decide_structures
-from brightgrey.search.fit_table import FitTable
-from brightgrey.search.missed_optima import find_missed_optima
+from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.parallel import thread_pool
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference

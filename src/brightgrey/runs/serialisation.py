@@ -17,9 +17,9 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.search.criteria import Misfit
+from brightgrey.search.fitting.refined_fit import Refined
+from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.genetic.evaluation import Evaluated
-from brightgrey.search.refined_fit import Refined
-from brightgrey.search.structure_fit import StructureFit
 
 __all__ = ["call_text", "canonical", "digest", "name_of", "source_hash", "text_of", "to_plain", "value_of"]
 

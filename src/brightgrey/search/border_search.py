@@ -20,13 +20,13 @@ from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.kit import Structure
 from brightgrey.search.adequacy import Deviance, Round
 from brightgrey.search.border import Border, Refutation, assess
-from brightgrey.search.coarse import coarse_task
-from brightgrey.search.fit_table import FitTable
+from brightgrey.search.fitting.coarse import coarse_task
+from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.missed_optima import find_missed_optima
+from brightgrey.search.fitting.refined_fit import RefinedFits
+from brightgrey.search.fitting.structure_fit import Options, StructureFit
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.missed_optima import find_missed_optima
 from brightgrey.search.policy import BORDER, REFIT, BorderPolicy
-from brightgrey.search.refined_fit import RefinedFits
-from brightgrey.search.structure_fit import Options, StructureFit
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["BorderSearch", "anchors"]

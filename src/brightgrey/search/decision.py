@@ -20,12 +20,12 @@ from brightgrey.search.certificate import Certificate, RefutedStructure
 from brightgrey.search.criteria import Misfit, bic
 from brightgrey.search.detectability import Detectability, has
 from brightgrey.search.evidence import Evidence, assess_effects
+from brightgrey.search.fitting.refined_fit import Refined, accurate
+from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import SearchProgress
-from brightgrey.search.refined_fit import Refined, accurate
-from brightgrey.search.structure_fit import StructureFit
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["Decision", "Ranked", "decide_structures"]

@@ -12,9 +12,9 @@ from brightgrey.arrays import Array
 from brightgrey.kit import Placed, Structure
 from brightgrey.numerics.distributions import chi2, ncx2
 from brightgrey.search.adequacy import Round
-from brightgrey.search.fixed_size_fit import fit_at_fixed_size
+from brightgrey.search.fitting.fixed_size_fit import fit_at_fixed_size
+from brightgrey.search.fitting.refined_fit import RefinedFits, accurate
 from brightgrey.search.policy import SELECTION
-from brightgrey.search.refined_fit import RefinedFits, accurate
 from brightgrey.search.verdicts import ReasonKind
 
 __all__ = ["Detectability", "Obstacle", "has", "power"]

@@ -17,8 +17,8 @@ from brightgrey.numerics.distributions import f
 from brightgrey.search.border import Border
 from brightgrey.search.certificate import Certificate
 from brightgrey.search.detectability import Detectability, Obstacle, has
+from brightgrey.search.fitting.refined_fit import Refined, stands_for
 from brightgrey.search.policy import SELECTION
-from brightgrey.search.refined_fit import Refined, stands_for
 from brightgrey.search.verdicts import EffectVerdict, Reason, Size, decisive
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]

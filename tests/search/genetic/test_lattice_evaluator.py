@@ -14,14 +14,14 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Grammar
 from brightgrey.paper.experiment import reference_recording, task_of
 from brightgrey.search import criterion
-from brightgrey.search.fit_table import FitTable
+from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.missed_optima import find_missed_optima
+from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart, refit_from_supermodel
 from brightgrey.search.genetic import GeneticSettings, genetic_search
 from brightgrey.search.genetic.lattice_evaluator import LatticeEvaluator
 from brightgrey.search.genetic.settings import TUNED_SETTINGS
 from brightgrey.search.lattice import complexity, contains
-from brightgrey.search.missed_optima import find_missed_optima
 from brightgrey.search.parallel import thread_pool
-from brightgrey.search.structure_fit import Options, StructureFit, fit_multistart, refit_from_supermodel
 from brightgrey.simulation import response, squares
 
 FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})

@@ -13,15 +13,15 @@ from brightgrey.estimation.problem.segments import segment_lengths, split_segmen
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
 from brightgrey.search.criteria import Criterion, Misfit
-from brightgrey.search.fit_table import FitTable
+from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.missed_optima import find_missed_optima
+from brightgrey.search.fitting.structure_fit import Options, StructureFit, last_descent, ranges_within_decade
 from brightgrey.search.genetic.evaluation import Evaluated, Job
 from brightgrey.search.genetic.history import Evaluation, Run
 from brightgrey.search.genetic.offspring import Offspring
 from brightgrey.search.genetic.settings import HEURISTICS
 from brightgrey.search.genetic.tree import tree_of, with_values
 from brightgrey.search.lattice import contains
-from brightgrey.search.missed_optima import find_missed_optima
-from brightgrey.search.structure_fit import Options, StructureFit, last_descent, ranges_within_decade
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 
 __all__ = ["LatticeEvaluator"]

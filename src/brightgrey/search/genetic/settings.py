@@ -13,8 +13,8 @@ from typing import Literal, get_args
 from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation.optimisation.pattern_fit import ESTIMATORS, Estimator
 from brightgrey.search.criteria import CRITERIA
+from brightgrey.search.fitting.structure_fit import Options
 from brightgrey.search.genetic.mutation import MUTATIONS
-from brightgrey.search.structure_fit import Options
 
 __all__ = [
     "HEURISTICS",
@@ -94,7 +94,7 @@ class GeneticSettings:
         neighbours of the very best come first. The elite takes precedence (paper: 0).
     n_starts_narrow : int
         With `start_from` 'neighbours': starts of each multistart within narrow ranges, see
-        :class:`brightgrey.search.structure_fit.Options`.
+        :class:`brightgrey.search.fitting.structure_fit.Options`.
 
     Raises
     ------

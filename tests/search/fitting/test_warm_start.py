@@ -8,8 +8,8 @@ from brightgrey.estimation.optimisation.least_squares import normal_equations
 from brightgrey.estimation.problem.parameter_space import parameter_space
 from brightgrey.kit import PAPER
 from brightgrey.search import IdentificationTask
-from brightgrey.search.structure_fit import Options, StructureFit, refit_from_supermodel
-from brightgrey.search.warm_start import exchanged, handed_down, information
+from brightgrey.search.fitting.structure_fit import Options, StructureFit, refit_from_supermodel
+from brightgrey.search.fitting.warm_start import exchanged, handed_down, information
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording

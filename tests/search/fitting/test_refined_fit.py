@@ -8,11 +8,11 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from brightgrey.kit import PAPER
-from brightgrey.search.fit_table import FitTable
+from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.refined_fit import Refined, RefinedFits, _whitening, accurate, refine
+from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.parallel import thread_pool
 from brightgrey.search.policy import REFINEMENT
-from brightgrey.search.refined_fit import Refined, RefinedFits, _whitening, accurate, refine
-from brightgrey.search.structure_fit import StructureFit
 from brightgrey.simulation.reference import reference
 from support.searches import task_of_arrays
 

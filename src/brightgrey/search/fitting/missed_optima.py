@@ -18,7 +18,7 @@ from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.criteria import bic
-from brightgrey.search.fit_table import FitTable
+from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.lattice import complexity, mass_chain_of, one_smaller
 from brightgrey.search.policy import BUDGET, REFIT
 from brightgrey.search.task import TRUSTED_ACCURACY

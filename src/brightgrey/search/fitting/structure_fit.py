@@ -15,10 +15,10 @@ from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import Structure
+from brightgrey.search.fitting.warm_start import handed_down, information
 from brightgrey.search.lattice import added_effects
 from brightgrey.search.policy import REFIT
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
-from brightgrey.search.warm_start import handed_down, information
 
 __all__ = [
     "Options",

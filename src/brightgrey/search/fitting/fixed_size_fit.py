@@ -10,10 +10,10 @@ import numpy as np
 from brightgrey.estimation.noise.whitening import Whitening
 from brightgrey.estimation.optimisation.least_squares import Optimum, fit_many
 from brightgrey.kit import Structure
+from brightgrey.search.fitting.refined_fit import Refined, refine
+from brightgrey.search.fitting.warm_start import exchanged, growing_from_zero
 from brightgrey.search.policy import REFIT
-from brightgrey.search.refined_fit import Refined, refine
 from brightgrey.search.task import IdentificationTask
-from brightgrey.search.warm_start import exchanged, growing_from_zero
 
 __all__ = ["fit_at_fixed_size"]
 

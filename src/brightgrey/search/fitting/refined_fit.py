@@ -18,10 +18,10 @@ from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Placed, Structure, assemble
-from brightgrey.search.fit_table import FitTable
+from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, REFINEMENT
-from brightgrey.search.structure_fit import StructureFit
 from brightgrey.search.task import TRUSTED_ACCURACY, IdentificationTask
 
 __all__ = ["Refined", "RefinedFits", "accurate", "refine", "stands_for"]

@@ -11,11 +11,11 @@ from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.search import IdentificationTask
-from brightgrey.search.fit_table import FitTable
+from brightgrey.search.fitting.fit_table import FitTable
+from brightgrey.search.fitting.missed_optima import _leaders, find_missed_optima
+from brightgrey.search.fitting.structure_fit import StructureFit, best_starts
 from brightgrey.search.lattice import complexity, contains
-from brightgrey.search.missed_optima import _leaders, find_missed_optima
 from brightgrey.search.parallel import thread_pool
-from brightgrey.search.structure_fit import StructureFit, best_starts
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
@@ -36,6 +36,8 @@ NAMES = (
     "two_mass+coulomb+backlash",
     "two_mass+coulomb+viscous+backlash",
 )
+
+TABLE = "brightgrey.search.fitting.fit_table"
 STRUCTURES = [PAPER.parse(name) for name in NAMES]
 
 
@@ -196,8 +198,8 @@ def test_continue_to_submodels__same_optimum__once(task, monkeypatch):
         followed.append((own.structure, larger.structure))
         return None, SimulationCount()
 
-    monkeypatch.setattr("brightgrey.search.fit_table.continue_from_supermodel", in_vain)
-    monkeypatch.setattr("brightgrey.search.fit_table.refit_from_supermodel", lambda *_: (None, SimulationCount()))
+    monkeypatch.setattr(f"{TABLE}.continue_from_supermodel", in_vain)
+    monkeypatch.setattr(f"{TABLE}.refit_from_supermodel", lambda *_: (None, SimulationCount()))
     fits.done.update(
         {s: StructureFit(s, {}, c, complexity(s)) for s, c in zip(fits.structures, costs.values(), strict=True)}
     )
@@ -224,9 +226,9 @@ def test_continue_to_submodels__improved__neighbours_refitted(task, monkeypatch)
         asked.append((structure, [f.cost for f in parents]))
         return StructureFit(structure, {}, 65.0, complexity(structure))
 
-    monkeypatch.setattr("brightgrey.search.fit_table.continue_from_supermodel", lambda *_: (found, SimulationCount()))
-    monkeypatch.setattr("brightgrey.search.fit_table.refit_from_supermodel", lambda *_: (None, SimulationCount()))
-    monkeypatch.setattr("brightgrey.search.fit_table.fit_from_neighbours", handed_on)
+    monkeypatch.setattr(f"{TABLE}.continue_from_supermodel", lambda *_: (found, SimulationCount()))
+    monkeypatch.setattr(f"{TABLE}.refit_from_supermodel", lambda *_: (None, SimulationCount()))
+    monkeypatch.setattr(f"{TABLE}.fit_from_neighbours", handed_on)
     fits.done.update(
         {s: StructureFit(s, {}, c, complexity(s)) for s, c in zip(fits.structures, costs.values(), strict=True)}
     )

@@ -19,10 +19,7 @@ import numpy as np
 from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Placed, Structure
-from brightgrey.search.lattice import complexity, contains, mass_chain_of, maximal_submodels, minimal_supermodels
-from brightgrey.search.parallel import in_dependency_order, in_order
-from brightgrey.search.policy import REFIT
-from brightgrey.search.structure_fit import (
+from brightgrey.search.fitting.structure_fit import (
     Options,
     StructureFit,
     best_parents,
@@ -32,6 +29,9 @@ from brightgrey.search.structure_fit import (
     not_worse_than_submodels,
     refit_from_supermodel,
 )
+from brightgrey.search.lattice import complexity, contains, mass_chain_of, maximal_submodels, minimal_supermodels
+from brightgrey.search.parallel import in_dependency_order, in_order
+from brightgrey.search.policy import REFIT
 from brightgrey.search.task import FAST_LEVEL_ACCURACY, IdentificationTask
 
 __all__ = ["FitTable"]

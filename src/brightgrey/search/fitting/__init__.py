@@ -1,0 +1,1 @@
+"""Fits of structures: a table of the best ones, how each is made, and their refinement."""
