@@ -28,7 +28,7 @@ class Refutation:
 
 @dataclass(frozen=True)
 class Border:
-    """What a table of fits decides."""
+    """Decision of a table of fits."""
 
     best: int  #: Structure with the least deviance.
     least: float  #: The least deviance.
