@@ -14,8 +14,9 @@ from brightgrey.model.ranking import Row
 from brightgrey.model.schema import TiesPart
 from brightgrey.report.content import Content
 from brightgrey.report.page import page
-from brightgrey.search.evidence import EffectVerdict, Evidence
+from brightgrey.search.evidence import EffectVerdict
 from brightgrey.search.verdicts import Reason
+from support.evidence import evidence_of
 from support.genetic_runs import small_run
 from support.models import independent, model_with_intervals, trace_of
 
@@ -49,7 +50,7 @@ def report(tmp_path_factory):
     content = Content(
         model,
         [trace, replace(trace, name="b.csv", test=True)],
-        evidence=Evidence((), ("delay",), CARDS, {}, {}, 1.0),
+        evidence=evidence_of(CARDS),
         ranking=rows,
         correlation=independent(model),
         run=small_run(),
@@ -83,7 +84,8 @@ class Visit:
 
 
 SECTIONS = [
-    *("motion", "values", "commissioning", "evidence", "ties", "friction", "frequency", "backlash", "residuals"),
+    *("motion", "values", "commissioning", "evidence", "certificate", "ties"),
+    *("friction", "frequency", "backlash", "residuals"),
     *("structures", "history", "model", "recording", "repeat"),
 ]
 

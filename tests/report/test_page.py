@@ -19,8 +19,9 @@ from brightgrey.report.page import page
 from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
 from brightgrey.report.text.tables import parameter_rows, remarks, verdict_text
-from brightgrey.search.evidence import EffectVerdict, Evidence
+from brightgrey.search.evidence import EffectVerdict
 from brightgrey.search.verdicts import Reason
+from support.evidence import evidence_of
 from support.html_reader import read
 
 DOC = Path(__file__).parents[2] / "docs" / "reference" / "model-json.md"
@@ -34,7 +35,7 @@ CARDS = (
 @pytest.fixture
 def data():
     """The example of the documentation."""
-    return json.loads(re.findall(r"```json\n(.*?)```", DOC.read_text(encoding="utf-8"), re.DOTALL)[0])
+    return json.loads(re.findall(r"```json\n(.*?)```", DOC.read_text(encoding="utf-8"), re.DOTALL)[-1])
 
 
 def trace_for(model, samples=400):
@@ -179,7 +180,7 @@ def test_page__after_a_search__shows_evidence_ties_and_ranking(data):
     data["evidence"] = {card.effect: card.verdict for card in CARDS}
     data["ties"] = {"minimal": ["one_mass+coulomb", "one_mass+stribeck"], "optional": ["delay"]}
     model = Model.check(data)
-    evidence = Evidence((), ("delay",), CARDS, {}, {}, 100.0)
+    evidence = evidence_of(CARDS)
     rows = [
         Row("one_mass+coulomb", 2, 1.0, 99.5, -10.0, True),
         Row("one_mass", 1, 4.0, 90.0, None),
