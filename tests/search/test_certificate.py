@@ -23,7 +23,7 @@ def test_sentences__refuted_structure__says_what_is_missing_and_how_sure_it_is()
     first, last = certificate(refuted("viscous")).sentences()
     assert first == (
         "Even with every other effect allowed, without viscous the residual is 3.4 times as large"
-        " (812 beyond the best, 13.4 at most by chance; 3 independent starts agree)."
+        " (812 beyond the best, up to 13.4 does not count; 3 independent starts agree)."
     )
     assert last == ("31 fits decide all 1,448 structures of the function set 'paper', conditional on these optima.")
 

@@ -57,7 +57,7 @@ class Certificate:
             lacking = " and ".join(names.get(e, e) for e in r.without)
             out.append(
                 f"Even with every other effect allowed, without {lacking} the residual is {r.ratio:.3g} times as large"
-                f" ({r.excess:.3g} beyond the best, {r.threshold:.3g} at most by chance;"
+                f" ({r.excess:.3g} beyond the best, up to {r.threshold:.3g} does not count;"
                 f" {_starts(r.agreeing)})."
             )
         out.append(

@@ -153,7 +153,7 @@ def _shows_in_few_samples(case: _Case, effect: str) -> bool:
     whitened cost takes its fast part for evidence.
     """
     refined, found = case.detectability.refined, case.found[0]
-    samples, loss = refined.whitening.effective_samples, case.certificate.loss(effect)
+    samples, loss = refined.whitening.effective_samples, _least_loss(case, effect)
     left = samples - refined.of(found).free
     if samples >= SELECTION.few_samples or loss is None:
         return True
@@ -162,6 +162,15 @@ def _shows_in_few_samples(case: _Case, effect: str) -> bool:
         return False
     ratio = ((1.0 + loss) ** 2 - 1.0) * left / max(more, 1)
     return float(f.sf(ratio, max(more, 1), left)) <= SELECTION.false_alarm_level
+
+
+def _least_loss(case: _Case, effect: str) -> float | None:
+    """Loss without an effect, or without a further mass if the border refutes that: then it is at least as large."""
+    placed = Placed.parse(effect)
+    atoms = case.detectability.circumstances.lattice.atoms
+    further = [str(p) for p in atoms if placed.effect.masses and p.effect.masses > placed.effect.masses]
+    losses = (case.certificate.loss(e) for e in (effect, *further))
+    return next((loss for loss in losses if loss is not None), None)
 
 
 def _needed(loss: float | None) -> Reason:

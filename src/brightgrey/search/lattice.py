@@ -7,7 +7,7 @@ structure within it, and a grammar of millions of structures is never listed.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,7 +21,6 @@ __all__ = [
     "contains",
     "mass_chain_of",
     "maximal_submodels",
-    "minimal_elements",
     "minimal_supermodels",
     "one_larger",
     "one_smaller",
@@ -71,11 +70,6 @@ def minimal_supermodels(structure: Structure, among: Iterable[Structure]) -> lis
         if not any(contains(s, t) for t in found):
             found.append(s)
     return found
-
-
-def minimal_elements(structures: Collection[Structure]) -> list[Structure]:
-    """Structures that contain none of the others, in the order given."""
-    return [s for s in structures if not any(t != s and contains(s, t) for t in structures)]
 
 
 def added_effects(big: Structure, small: Structure) -> tuple[str, ...]:

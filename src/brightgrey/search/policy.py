@@ -25,10 +25,6 @@ class SelectionPolicy:
     """Statistical levels and material sizes by which structures are compared."""
 
     false_alarm_level: float = 0.02  #: Probability of calling for an effect that is not there.
-    #: Probability that chance explains the lead of a structure that is not examined any more.
-    screening_level: float = 1e-3
-    #: A further mass wins by chance this many times as often as Wilks's theorem says: its resonance may be anywhere.
-    mass_multiplicity: float = 10.0
     #: Ratio of sums of squares below which a difference does not matter, however significant it is.
     min_rss_ratio: float = 1.005
     min_power: float = 0.8  #: Power of the likelihood-ratio test from which a recording is said to show an effect.
@@ -36,7 +32,6 @@ class SelectionPolicy:
     notable_gain: float = 0.02
     reported_loss: float = 0.005  #: Relative growth of the residual's RMS from which it is reported as a number.
     zero_share: float = 0.01  #: Part of a size that matters below which an estimate is reported as zero.
-    slow_share: float = 0.5  #: Independent samples over all samples below which residuals are called slow.
     #: Quantile of the normal distribution: rounding leaves more than the floor in 5 % of the recordings.
     rounding_quantile: float = 1.645
     #: Ratio of the ends of a 95 % interval from which a parameter counts as unknown.
@@ -51,17 +46,8 @@ class SelectionPolicy:
 
 @dataclass(frozen=True)
 class SearchBudget:
-    """Effort of a search: the number of structures that are examined, and of restarts."""
+    """Effort of the search for optima that were missed where all structures are fitted."""
 
-    max_examined: int = 24  #: Structures that are examined for being minimal.
-    always_examined: float = 1.02  #: Ratio of costs to the least one within which a structure is always examined.
-    side_by_side: int = 2  #: Refits that are made in parallel; those behind the first successful one are wasted.
-    #: Multistarts of a structure before an effect beyond it is called for. The smaller number holds for a structure
-    #: with a hard limit and before a further mass that explains much.
-    restarts: int = 8
-    restarts_costly: int = 2
-    max_fruitless_restarts: int = 16  #: Multistarts without success, of any structures, after which no more are made.
-    small_difference: float = 1.1  #: Ratio of sums of squares up to which another optimum may explain the difference.
     leading_mass_chains: int = 2  #: Numbers of masses whose leading structures are restarted.
     max_rounds: int = 12  #: Rounds of restarts of leading structures.
     fruitless_rounds: int = 2  #: Rounds without a hard limit that bring nothing, after which they end.
@@ -69,7 +55,6 @@ class SearchBudget:
     fruitless_share: float = 0.6
     #: Ratio of costs that counts as a gain of such a round; coloured noise always offers another per mille.
     round_gain: float = 0.99
-    misfits_per_call: int = 32  #: Misfits that one call to a worker computes; a single simulation is not worth sending.
 
 
 @dataclass(frozen=True)
@@ -82,19 +67,14 @@ class RefitPolicy:
     #: A submodel is given up where, on part of the recording, it costs more than this multiple of its supermodel.
     keeps_up: float = 4.0
     narrow_range: float = 10.0  #: Ratio of upper to lower bound up to which a range counts as narrow.
-    neighbour_starts: int = 6  #: Starts that a refit takes over from neighbours.
-    random_starts: int = 8  #: Random values of missing parameters for each of them.
-    descents: int = 3  #: Best starts that are descended from.
     #: Limit of a descent, and its relative tolerance.
     iterations: int = 30
     tolerance: float = 1e-4
     #: Relative tolerance of the last descent: far below chance, which N samples put at 1/N.
     polish_tolerance: float = 1e-5
-    polish_below: float = 1.05  #: Multiple of the cost to beat below which the last descent may still win.
     compared_below: float = 2.0  #: Multiple of the cost to beat up to which a fit at a fixed size is made exact.
     #: Steps in which a fixed size is approached where a hard limit makes the cost rugged.
     path_steps: tuple[int, ...] = (2, 4)
-    first_restart_seed: int = 1000  #: Offset of the seeds of restarts from those of the search.
 
 
 @dataclass(frozen=True)
