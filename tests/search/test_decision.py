@@ -2,6 +2,7 @@
 
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
+import numpy as np
 import pytest
 from scipy.stats import binom
 
@@ -12,7 +13,8 @@ from brightgrey.search.decision import decide_structures
 from brightgrey.search.lattice import contains
 from brightgrey.search.parallel import Stopped
 from brightgrey.search.policy import SELECTION
-from support.searches import decided, minimal, simulated_task, verdicts
+from brightgrey.simulation.reference import reference
+from support.searches import decided, minimal, simulated_task, task_of_arrays, verdicts
 
 TRUTH = "one_mass+coulomb+viscous"
 VALUES = {"J1": 0.02, "M_C": 1.0, "f_v": 0.02}
@@ -97,6 +99,19 @@ def test_decide__required_effect__no_verdict_on_it(task):
     found = decided(task, FRICTION, require=("gravity",))
     assert "gravity" not in verdicts(found)
     assert all("gravity" in str(s) for s in found.fitted)
+
+
+def test_decide__gap_required_and_residual_not_white__decides():
+    """Then no structure is without a hard limit, and the leading ones are restarted."""
+    u = E.torque()[:300]
+    drift = 0.5 * np.cumsum(np.random.default_rng(5).normal(size=u.size)) * E.dt**0.5
+    (v,) = reference(TRUTH, VALUES, u, E.dt, f_tanh=E.f_tanh)
+    found = decided(
+        task_of_arrays(u, v + drift, dt=E.dt, f_tanh=E.f_tanh),
+        ("two_mass", "viscous", "backlash"),
+        require=("backlash",),
+    )
+    assert all("backlash" in name for name in minimal(found))
 
 
 def test_decide__unknown_effect__refused(task):

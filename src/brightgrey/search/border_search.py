@@ -143,9 +143,8 @@ class BorderSearch:
     def restart_at(self, structure: Structure) -> None:
         """Fit a structure by multistart, and its neighbours anew where that helps."""
         self.restarts[structure] = self.restarts.get(structure, 0) + 1
-        self.fits.propagate(
-            self.fits.restart_many([structure], 0, self.executor, fields=self.policy.fields), self.executor
-        )
+        better = self.fits.restart_many([structure], 0, self.executor, fields=self.policy.fields)
+        self.fits.propagate(better, self.executor)
         self.progress("restarts", len(self.fits.done), structure)
 
     def find_best(self) -> None:
@@ -172,9 +171,10 @@ class BorderSearch:
             key=lambda f: n * np.log(max(f.cost, 1e-300)) + f.free * np.log(n),
         ):
             best.setdefault(f.structure.has_hard_limit, f)
-        smooth, hard = best[False], best.get(True)
-        tells = hard is not None and hard.cost < REFIT.clear_gain * smooth.cost
-        return [smooth.structure, *([hard.structure] if hard and tells else [])]
+        if False not in best or True not in best:  # every structure may be required to have a gap
+            return [f.structure for f in best.values()]
+        tells = best[True].cost < REFIT.clear_gain * best[False].cost
+        return [best[False].structure, *([best[True].structure] if tells else [])]
 
     def is_explained(self) -> bool:
         """True if the residual of the best fit is white, or within the accuracy of the simulation."""

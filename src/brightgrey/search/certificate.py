@@ -60,6 +60,8 @@ class Certificate:
                 f" ({r.excess:.3g} beyond the best, up to {r.threshold:.3g} does not count;"
                 f" {_starts(r.agreeing)})."
             )
+        if self.undecided:
+            out.append(f"Left undecided within the budget: {', '.join(self.undecided)}.")
         out.append(
             f"{self.fitted} fits decide all {self.structures:,} structures of the function set '{self.grammar}',"
             " conditional on these optima."

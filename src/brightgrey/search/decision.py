@@ -12,6 +12,7 @@ import numpy as np
 from brightgrey.arrays import Array, positive
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.symptoms import residual_symptoms
+from brightgrey.estimation.optimisation.least_squares import polish
 from brightgrey.estimation.uncertainty.estimates import estimates_of
 from brightgrey.kit import Grammar, Structure
 from brightgrey.search.border import Border, Refutation
@@ -22,7 +23,7 @@ from brightgrey.search.detectability import Detectability, has
 from brightgrey.search.evidence import Evidence, assess_effects
 from brightgrey.search.fitting.refined_fit import Refined, accurate
 from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.lattice import Lattice
+from brightgrey.search.lattice import Lattice, one_larger
 from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import SearchProgress
@@ -98,9 +99,14 @@ def decide_structures(
     lattice = Lattice.of(grammar, require, exclude)
     tell = progress or (lambda step: None)
     with thread_pool(executor) as workers:
-        search = BorderSearch(task, lattice, workers, seed)
         total = lattice.size if how == "exhaustive" else None
-        search.progress = lambda stage, done, best: tell(SearchProgress(stage, done, total, best))
+        search = BorderSearch(
+            task,
+            lattice,
+            workers,
+            seed,
+            progress=lambda stage, done, best: tell(SearchProgress(stage, done, total, best)),
+        )
         evidence = None
         try:
             border = search.run(everything=how == "exhaustive")
@@ -172,8 +178,6 @@ def _is_identified(search: BorderSearch, refined: Refined) -> bool:
 
 def predict_left_out(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> float:
     """Mean fit in percent of each recording by a model that was fitted to the others, from `values`."""
-    from brightgrey.estimation.optimisation.least_squares import polish
-
     fits = []
     for k, recording in enumerate(task.recordings):
         others = replace(task, recordings=(*task.recordings[:k], *task.recordings[k + 1 :]))
@@ -274,7 +278,7 @@ def _ranking(search: BorderSearch, evidence: Evidence | None) -> tuple[Ranked, .
     for s, f in fitted.items():
         own, refined = shown[s]
         value = bic(positive(refined.deviance if refined else f.cost), samples, f.free)
-        one_more = any(_is_one_larger(s, m) and any(has(s, o) and not has(m, o) for o in optional) for m in minimal)
+        one_more = any(one_larger(m, [s]) and any(has(s, o) and not has(m, o) for o in optional) for m in minimal)
         status = evidence.status.get(s, "") if evidence else ""
         ranked.append(Ranked(s, f.free, misfits[s], value, s in minimal or one_more, status))
     place = {s: i for i, s in enumerate(minimal)}
@@ -287,8 +291,3 @@ def misfit_of(task: IdentificationTask, structure: Structure, values: Mapping[st
     unknown = [part.name for part in task.problem(structure).unknown_initial]
     names = (*structure.parameters, *(n for n in unknown if n in values))
     return task.misfits(structure, {n: np.array([values[n]]) for n in names})[0]
-
-
-def _is_one_larger(big: Structure, small: Structure) -> bool:
-    more = big.masses - small.masses + len(big.beside) - len(small.beside)
-    return more == 1 and small.masses <= big.masses and small.beside <= big.beside

@@ -17,11 +17,13 @@ from brightgrey.numerics.distributions import f
 from brightgrey.search.border import Border
 from brightgrey.search.certificate import Certificate
 from brightgrey.search.detectability import Detectability, Obstacle, has
-from brightgrey.search.fitting.refined_fit import Refined, stands_for
+from brightgrey.search.fitting.refined_fit import Refined
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.verdicts import EffectVerdict, Reason, Size, decisive
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
+
+_PARAMETERS_OF_A_MASS = 3  # an inertia, a spring and a damper
 
 
 @dataclass(frozen=True)
@@ -157,11 +159,12 @@ def _shows_in_few_samples(case: _Case, effect: str) -> bool:
     left = samples - refined.of(found).free
     if samples >= SELECTION.few_samples or loss is None:
         return True
-    more = sum(1 for p in found.placed if stands_for(p, effect) for _ in p.effect.parameters) // max(found.masses, 1)
+    added = Placed.parse(effect).effect
+    more = _PARAMETERS_OF_A_MASS if added.masses else len(added.parameters)
     if left <= 0.0:
         return False
-    ratio = ((1.0 + loss) ** 2 - 1.0) * left / max(more, 1)
-    return float(f.sf(ratio, max(more, 1), left)) <= SELECTION.false_alarm_level
+    ratio = ((1.0 + loss) ** 2 - 1.0) * left / more
+    return float(f.sf(ratio, more, left)) <= SELECTION.false_alarm_level
 
 
 def _least_loss(case: _Case, effect: str) -> float | None:

@@ -228,7 +228,7 @@ def _evidence(console: Console, evidence: Evidence) -> None:
 
 
 def _certificate(console: Console, evidence: Evidence) -> None:
-    """What decides the structures, the most important first."""
+    """Sentences of the certificate, the most important first."""
     titles = [(card.effect, card.title) for card in evidence.cards]
     for sentence in evidence.certificate.sentences(titles):
         _bullet(console, sentence)
