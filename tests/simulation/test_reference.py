@@ -1,5 +1,7 @@
 """The reference solvers against closed formulas, against each other and against the construction kit."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Structure, assemble
 from brightgrey.simulation.reference import UnsettledError, compare_solvers, reference
-from brightgrey.simulation.reference.adaptive import DriveEquations, ShaftPhase
+from brightgrey.simulation.reference.adaptive import DriveEquations, Phase
 from brightgrey.simulation.reference.plant import Plant
 
 DT = 1e-3
@@ -151,6 +153,46 @@ def test_reference__gap_of_no_width__same_bits_as_no_gap():
         np.testing.assert_array_equal(one, other)
 
 
+@METHODS
+def test_reference__exact_friction_under_a_ramp__breaks_away_at_its_instant(method):
+    # Mass 1 holds until u = 30 t passes M_C + M_S = 2.5 at t = 0.0833, and the torque beyond that accelerates it.
+    values = {"J1": 0.1, "M_C": 2.5, "f_v": 0.0}
+    v, a = solve("one_mass+coulomb+viscous", values, 30.0 * T, method, math.inf, outputs=("v1", "acceleration"))
+    since = np.clip(T - 2.5 / 30.0, 0.0, None)
+    assert np.all(v[since == 0.0] == 0.0)
+    np.testing.assert_allclose(v, 30.0 * since**2 / 2.0 / 0.1, atol=1e-12)
+    np.testing.assert_allclose(a, 30.0 * since / 0.1, atol=1e-10)
+
+
+@METHODS
+def test_reference__exact_friction__stops_and_is_held_against_gravity(method):
+    values = {"J1": 0.5, "M_C": 3.0, "M_G": -1.0}
+    x0 = np.array([0.0, -0.3])
+    q, v = solve("one_mass+coulomb+gravity", values, np.zeros(200), method, math.inf, x0=x0, outputs=("q1", "v1"))
+    stop = 0.3 / (2.0 / 0.5)
+    left = np.clip(stop - T, 0.0, None)
+    np.testing.assert_allclose(v, -4.0 * left, atol=1e-12)
+    np.testing.assert_allclose(q, -2.0 * (stop**2 - left**2), atol=1e-12)
+    assert np.all(v[stop + DT <= T] == 0.0)
+
+
+@METHODS
+def test_reference__exact_friction_and_reversing_torque__drives_straight_on(method):
+    # From -5 rad/s, a torque of 4 against a friction of 1 brakes with 5/J and then accelerates with 3/J.
+    (v,) = solve(
+        "one_mass+coulomb", {"J1": 0.1, "M_C": 1.0}, np.full(200, 4.0), method, math.inf, x0=np.array([0, -5.0])
+    )
+    np.testing.assert_allclose(v, np.where(T < 0.1, 50.0, 30.0) * (T - 0.1), atol=1e-11)
+
+
+@pytest.mark.parametrize(("method", "seconds"), [("events", 100), ("fixed", 2)])
+def test_reference__exact_friction_below_breakaway__does_not_move(method, seconds):
+    values = {"J1": 0.02, "J2": 0.01, "c1": 40.0, "d1": 0.02, "M_C": 1.0, "M_S": 0.5, "omega_S": 2.0}
+    torque = np.full(2 * seconds, 0.9 * 1.5)
+    options = {"f_tanh": math.inf, "method": method, "outputs": ("q1", "q2", "v1", "v2", "acceleration")}
+    assert np.all(reference("two_mass+coulomb+stribeck", values, torque, 0.5, **options) == 0.0)
+
+
 SAMPLE = [
     *("one_mass+coulomb+viscous+stribeck+gravity+current_control+delay", "two_mass+coulomb+viscous+stribeck"),
     *("two_mass+coulomb+viscous+backlash+current_control+delay", "three_mass+stribeck+delay"),
@@ -168,13 +210,49 @@ def test_compare_solvers__random_drives__methods_agree(name, hold):
     assert np.max(found.difference) < 1e-6
 
 
+@pytest.mark.parametrize("name", [*SAMPLE[:2], *SAMPLE[3:5]])
+def test_compare_solvers__exact_friction__methods_agree(name):
+    values = random_values(Structure.parse(name).parameters, np.random.default_rng(len(name)))
+    found = compare_solvers(name, values, E.torque()[:500], E.dt, f_tanh=math.inf)
+    assert not found.chaotic
+    assert np.max(found.difference) < 1e-6
+
+
+def test_reference__impact_on_a_mass_that_sticks__breaks_it_away():
+    """Mass 2 flies through the gap for 1/60 s; its impact of d v = 1.2 N m and the torque exceed the friction."""
+    values = BACKLASH | {"d1": 0.4, "M_C": 1.0}
+    x0 = np.array([0.0, 0.05, 0.0, -3.0, -0.05])
+    one, other = (
+        solve("two_mass+coulomb+backlash", values, np.full(100, -0.5), method, math.inf, x0=x0, outputs=("v1", "v2"))
+        for method in ("fixed", "events")
+    )
+    np.testing.assert_allclose(one, other, atol=1e-9)
+    assert np.all(one[0, :17] == 0.0)
+    assert one[0, 17] < 0.0
+
+
+def test_reference__steeper_smoothed_sign__converges_to_exact_friction():
+    """With the gain f the error falls as 1/f, where a mass creeps at rest as log(f)/f."""
+    values = random_values(Structure.parse("two_mass+coulomb+stribeck").parameters, np.random.default_rng(3))
+    u = E.torque()[:900]
+    (exact,) = reference("two_mass+coulomb+stribeck", values, u, E.dt, f_tanh=math.inf)
+    errors = []
+    for gain in (1e3, 1e4, 1e5):
+        (v,) = reference("two_mass+coulomb+stribeck", values, u, E.dt, f_tanh=gain / np.max(np.abs(exact)))
+        errors.append(np.max(np.abs(v - exact)) / np.max(np.abs(exact)))
+    shrinks = np.divide(errors[:2], errors[1:])
+    assert np.all((shrinks > 7.0) & (shrinks < 11.0))
+    assert errors[-1] < 1e-4
+
+
 @pytest.mark.long
+@pytest.mark.parametrize("f_tanh", [E.f_tanh, math.inf])
 @pytest.mark.parametrize("part", range(8))
-def test_compare_solvers__every_structure__methods_agree(part):
+def test_compare_solvers__every_structure__methods_agree(part, f_tanh):
     chaotic = 0
     for i, structure in list(enumerate(ALL))[part::8]:
         values = random_values(structure.parameters, np.random.default_rng([11, i]))
-        found = compare_solvers(structure, values, E.torque(), E.dt, f_tanh=E.f_tanh)
+        found = compare_solvers(structure, values, E.torque(), E.dt, f_tanh=f_tanh)
         chaotic += found.chaotic
         assert found.chaotic or np.max(found.difference[:2]) < 1e-6, f"{structure} {values}"
     assert chaotic <= 0.2 * len(ALL[part::8])
@@ -222,15 +300,15 @@ def test_construction_kit__right_hand_side__equals_newtons_law(structure):
     drive = DriveEquations(plant, None, 1e-9, np.zeros(1))
     for _ in range(20):
         x, u = rng.normal(size=len(system.states)), float(rng.normal())
-        phase = ShaftPhase(None)
+        phase = Phase(None)
         has_gap = plant.alpha is not None
         y = np.concatenate([x[:1], x[: n - 1] - x[1:n], x[n : 2 * n], x[2 * n + has_gap :]])
         if has_gap:
             pick = rng.integers(3)
             x[2 * n] = (0.0, -2.0 * plant.alpha, -plant.alpha)[pick]
-            phase = ShaftPhase((1, -1, 0)[pick], x[2 * n])
-            if phase.side and drive.guard(y, 0.0, phase) < 0.0:
-                phase = ShaftPhase(0, x[2 * n])
+            phase = Phase((1, -1, 0)[pick], x[2 * n])
+            if phase.side and drive.contact_guard(y, 0.0, phase) < 0.0:
+                phase = Phase(0, x[2 * n])
         expected = np.array(drive.rates(y.tolist(), u, phase))
         found = system.derivative(x, u)
         scale = np.max(np.abs(system.A), axis=1) * 10.0 + np.abs(found)
@@ -253,6 +331,8 @@ def test_construction_kit__right_hand_side__equals_newtons_law(structure):
         ("one_mass", {"J1": 1.0}, {"method": "event"}, SettingsError, "events"),
         ("one_mass", {"J1": 1.0}, {"outputs": ("speed",)}, SettingsError, "velocity"),
         ("one_mass", {"J1": 1.0}, {"f_tanh": 0.0}, SettingsError, "f_tanh = 0"),
+        ("one_mass", {"J1": 1.0}, {"f_tanh": math.nan}, SettingsError, "f_tanh = nan"),
+        ("one_mass+coulomb", {"J1": 1.0, "M_C": -1.0}, {"f_tanh": math.inf}, SettingsError, "must not be negative"),
         ("two_mass+backlash", BACKLASH | {"d1": 0.0}, {}, SettingsError, "d1 must be positive"),
         ("two_mass+backlash", BACKLASH, {"x0": np.array([0, 0, 0, 0, 0.1])}, SettingsError, "outside"),
         ("one_mass+viscous", {"J1": 1e-6, "f_v": -1.0}, {"x0": np.ones(2)}, UnsettledError, "finite"),

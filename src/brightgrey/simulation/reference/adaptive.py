@@ -1,16 +1,18 @@
 """Reference solution, method 'events': adaptive integration by scipy, restarted at every knot of the torque.
 
 Every piece on which the input is a straight line is integrated on its own (DOP853, order 8). No step can therefore
-reach across a knot or miss the excitation. Where the shaft leaves or meets a side of the backlash gap, the instant is
-located by integrating again from the beginning of the step, never by interpolation. The equations are written body by
-body in twists instead of positions, independently of the other method's compiled form.
+reach across a knot or miss the excitation. Where the shaft leaves or meets a side of the backlash gap, and where exact
+dry friction comes to rest or breaks away, the instant is located by integrating again from the beginning of the step,
+never by interpolation. The equations are written body by body in twists instead of positions, independently of the
+other method's compiled form.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from scipy.integrate import DOP853, Radau
@@ -20,18 +22,27 @@ from brightgrey.arrays import Array
 from brightgrey.simulation.reference.plant import Plant, Segments, Trajectory
 from brightgrey.simulation.reference.tolerances import REFERENCE_TOLERANCES
 
-__all__ = ["DriveEquations", "ShaftPhase", "solve_adaptive"]
+__all__ = ["DriveEquations", "Phase", "solve_adaptive"]
+
+
+Event = Literal["contact", "friction"]
+"""What ends a phase."""
+
+Guard = Callable[[Array, float], float]
+"""Of the state and the time since the phase began; below zero where the phase has ended."""
 
 
 @dataclass(frozen=True)
-class ShaftPhase:
-    """Contact of shaft 1."""
+class Phase:
+    """Contact of shaft 1 and friction of mass 1, as long as neither changes."""
 
     #: The shaft presses at lambda = 0 (1) or at lambda = -2 alpha (-1), or is open (0); None without a gap, one of 1,
     #: -1, 0, None.
     side: int | None
     gap: float = 0.0  #: lambda while it presses, or at the moment when it opened.
     twist: float = 0.0  #: Twist at the moment when it opened, so that tau = `twist` - `gap` then.
+    #: Direction in which mass 1 slides, 1 or -1; 0 while it sticks; None where its friction is smooth.
+    slides: int | None = None
 
 
 @dataclass(frozen=True)
@@ -45,24 +56,39 @@ class DriveEquations:
     solver: type[Any]
     rtol: float
     atol: Array
+    still: float = 0.0  #: Speed in rad/s below which mass 1 is at rest where it can stick: rounding.
 
-    def friction(self, v: float) -> float:
-        """Eq. (2) with |v| in the exponent; positive for v > 0."""
+    def friction(self, v: float, slides: int | None) -> float:
+        """Eq. (2) with |v| in the exponent; positive for v > 0.
+
+        Exact dry friction continues smoothly beyond v = 0, so that the solver's trial steps find no kink there; the
+        bound of the exponent keeps trial steps far beyond finite.
+        """
         p = self.plant
-        return p.f_v * v + math.tanh(p.f_tanh * v) * (p.M_C + p.M_S * math.exp(-abs(v) / p.fading))
+        if slides is None:
+            sign, faded = math.tanh(p.f_tanh * v), math.exp(-abs(v) / p.fading)
+        else:
+            sign, faded = float(slides), math.exp(min(-slides * v / p.fading, 1.0))
+        return p.f_v * v + sign * (p.M_C + p.M_S * faded)
 
-    def pressing(self, y: list[float], phase: ShaftPhase) -> float:
+    def pressing(self, y: list[float], phase: Phase) -> float:
         """Torque of shaft 1 in contact, c tau + d tau'."""
         n = self.plant.masses
         return self.plant.c[0] * (y[1] - phase.gap) + self.plant.d[0] * (y[n] - y[n + 1])
 
-    def rates(self, y: list[float], u: float, phase: ShaftPhase) -> list[float]:
+    def drive_torque(self, y: list[float], u: float, phase: Phase) -> float:
+        """Torque on mass 1 without its friction, which holds it against this torque while it sticks."""
+        motor = u if self.plant.T_1 is None else y[2 * self.plant.masses]
+        carried = 0.0 if self.plant.masses == 1 or phase.side == 0 else self.pressing(y, phase)
+        return motor + self.plant.M_G - carried
+
+    def rates(self, y: list[float], u: float, phase: Phase) -> list[float]:
         """Time derivative of the state for the delayed input `u`."""
         p, n = self.plant, self.plant.masses
         v = y[n : 2 * n]
         motor = u if p.T_1 is None else y[2 * n]
         load = [0.0] * n
-        load[0] = motor + p.M_G - self.friction(v[0])
+        load[0] = motor + p.M_G - self.friction(v[0], phase.slides)
         turning = [v[0]]
         for k in range(n - 1):
             turning.append(v[k] - v[k + 1])
@@ -72,10 +98,12 @@ class DriveEquations:
                 carried = 0.0 if phase.side == 0 else self.pressing(y, phase)
             load[k] -= carried
             load[k + 1] += carried
+        if phase.slides == 0:
+            load[0] = 0.0
         rates = turning + [torque / J for torque, J in zip(load, p.J, strict=True)]
         return rates if p.T_1 is None else [*rates, (u - motor) / p.T_1]
 
-    def stepper(self, y: Array, u: float, slope: float, length: float, phase: ShaftPhase) -> Any:
+    def stepper(self, y: Array, u: float, slope: float, length: float, phase: Phase) -> Any:
         """Solver of scipy over [0, length] with the input u + slope t."""
         return self.solver(
             lambda t, x: self.rates(x.tolist(), u + slope * t, phase),
@@ -87,7 +115,7 @@ class DriveEquations:
             first_step=min(length, 0.1 / self.plant.fastest_rate),
         )
 
-    def flow(self, y: Array, u: float, slope: float, length: float, phase: ShaftPhase) -> Array:
+    def flow(self, y: Array, u: float, slope: float, length: float, phase: Phase) -> Array:
         """State after `length`, ignoring events."""
         if length <= 0.0:
             return y
@@ -96,7 +124,7 @@ class DriveEquations:
             _step(stepper)
         return np.asarray(stepper.y)
 
-    def gap(self, y: Array, t: float, phase: ShaftPhase) -> float:
+    def gap(self, y: Array, t: float, phase: Phase) -> float:
         """Lambda the time t after the phase began; in the gap tau' = -(c/d) tau.
 
         It is computed as a change, so that just after a side was left the distance to it has no rounding error.
@@ -106,88 +134,135 @@ class DriveEquations:
         relaxing = (phase.twist - phase.gap) * math.expm1(-self.plant.c[0] / self.plant.d[0] * t)
         return phase.gap + (float(y[1]) - phase.twist) - relaxing
 
-    def guard(self, y: Array, t: float, phase: ShaftPhase) -> float:
-        """Quantity that falls below zero where a phase that began the time t ago ends."""
-        if phase.side is None:
-            return 1.0
+    def contact_guard(self, y: Array, t: float, phase: Phase) -> float:
+        """Quantity that falls below zero where a contact or gap that began the time t ago ends."""
         if phase.side:
             return phase.side * self.pressing(y.tolist(), phase)
         gap = self.gap(y, t, phase)
         return min(-gap, gap + 2.0 * (self.plant.alpha or 0.0))
 
-    def following(self, y: Array, t: float, phase: ShaftPhase) -> ShaftPhase:
-        """Phase that follows where the guard has fallen below zero."""
-        if phase.side:
-            return ShaftPhase(0, phase.gap, float(y[1]))
-        alpha = self.plant.alpha or 0.0
-        return ShaftPhase(1, 0.0) if self.gap(y, t, phase) > -alpha else ShaftPhase(-1, -2.0 * alpha)
+    def friction_guard(self, y: Array, u: float, phase: Phase) -> float:
+        """Quantity that falls below zero where mass 1 stops to slide, or breaks away."""
+        if phase.slides:
+            return phase.slides * float(y[self.plant.masses]) + self.still
+        return self.plant.breakaway - abs(self.drive_torque(y.tolist(), u, phase))
 
-    def piece(self, y: Array, u: float, slope: float, length: float, phase: ShaftPhase) -> tuple[Array, ShaftPhase]:
+    def following(self, y: Array, u: float, t: float, phase: Phase, event: Event) -> tuple[Array, Phase]:
+        """State and phase that follow an event."""
+        if event == "contact":
+            return self.with_friction(y, u, self.next_contact(y, t, phase))
+        phase = self.lasting(y, t, phase)
+        if phase.slides == 0:  # not asked again: the torque may have been located just before it breaks away
+            return y, replace(phase, slides=1 if self.drive_torque(y.tolist(), u, phase) > 0.0 else -1)
+        y = y.copy()
+        y[self.plant.masses] = 0.0
+        return self.with_friction(y, u, phase)
+
+    def next_contact(self, y: Array, t: float, phase: Phase) -> Phase:
+        """Contact or gap that follows."""
+        if phase.side:
+            return Phase(0, phase.gap, float(y[1]))
+        alpha = self.plant.alpha or 0.0
+        return Phase(1, 0.0) if self.gap(y, t, phase) > -alpha else Phase(-1, -2.0 * alpha)
+
+    def lasting(self, y: Array, t: float, phase: Phase) -> Phase:
+        """Return the phase that began the time t ago as one that begins now."""
+        return replace(phase, gap=self.gap(y, t, phase), twist=float(y[1])) if phase.side == 0 else phase
+
+    def with_friction(self, y: Array, u: float, phase: Phase) -> tuple[Array, Phase]:
+        """State and phase with the direction of sliding that follows from speed and torque.
+
+        At rest, the mass sticks below the breakaway torque; above it, it slides the way that the torque drives it.
+        """
+        if not self.plant.sticks:
+            return y, phase
+        v = float(y[self.plant.masses])
+        if abs(v) > self.still:
+            return y, replace(phase, slides=1 if v > 0.0 else -1)
+        y = y.copy()
+        y[self.plant.masses] = 0.0
+        torque = self.drive_torque(y.tolist(), u, phase)
+        return y, replace(phase, slides=(torque > 0.0) - (torque < 0.0) if abs(torque) >= self.plant.breakaway else 0)
+
+    def piece(self, y: Array, u: float, slope: float, length: float, phase: Phase) -> tuple[Array, Phase]:
         """Integrate over one straight piece of the input and through all events in it."""
         done = 0.0
+        y, phase = self.with_friction(y, u, phase)
         for attempt in range(REFERENCE_TOLERANCES.max_switches):
-            t, y, ended = self.until(
+            t, y, event = self.until(
                 y, u + slope * done, slope, length - done, phase, watch=attempt < REFERENCE_TOLERANCES.max_switches - 1
             )
             done += t
-            if not ended:
+            if event is None:
                 break
-            phase = self.following(y, t, phase)
+            y, phase = self.following(y, u + slope * done, t, phase, event)
             if done >= length:
                 return y, phase
-        return y, ShaftPhase(0, self.gap(y, t, phase), float(y[1])) if phase.side == 0 else phase
+        return y, self.lasting(y, t, phase)
+
+    def guards(self, u: float, slope: float, phase: Phase) -> dict[Event, Guard]:
+        """Guards of the events that can end the phase, for the input u + slope t."""
+        guards: dict[Event, Guard] = {}
+        if phase.side is not None:
+            guards["contact"] = lambda y, t: self.contact_guard(y, t, phase)
+        if phase.slides is not None:
+            guards["friction"] = lambda y, t: self.friction_guard(y, u + slope * t, phase)
+        return guards
 
     def until(
-        self, y: Array, u: float, slope: float, length: float, phase: ShaftPhase, *, watch: bool
-    ) -> tuple[float, Array, bool]:
-        """Integrate to the end of phase or piece: (time passed, state, True if the phase has ended)."""
-        if watch and self.guard(y, 0.0, phase) < 0.0:
-            return 0.0, y, True
+        self, y: Array, u: float, slope: float, length: float, phase: Phase, *, watch: bool
+    ) -> tuple[float, Array, Event | None]:
+        """Integrate to the end of phase or piece: (time passed, state, event that has ended the phase)."""
+        guards = self.guards(u, slope, phase) if watch else {}
+        for event, guard in guards.items():
+            if guard(y, 0.0) < 0.0:
+                return 0.0, y, event
         stepper = self.stepper(y, u, slope, length, phase)
         while stepper.status == "running":
             begin, before = float(stepper.t), np.array(stepper.y)
             _step(stepper)
-            ahead = self.dip(stepper, begin, phase) if watch else 0.0
-            if ahead > 0.0:
-                after = self.locate(before, u + slope * begin, slope, begin, ahead, phase)
-                return begin + after, self.flow(before, u + slope * begin, slope, after, phase), True
-        return length, np.asarray(stepper.y), False
+            start, events = u + slope * begin, []
+            for event, guard in guards.items():
+                ahead = _dip(stepper, begin, guard)
+                if ahead > 0.0:
+                    events.append((self.locate(before, start, slope, begin, ahead, phase, guard), event))
+            if events:
+                after, event = min(events)
+                return begin + after, self.flow(before, start, slope, after, phase), event
+        return length, np.asarray(stepper.y), None
 
-    def dip(self, stepper: Any, begin: float, phase: ShaftPhase) -> float:
-        """Time into the last step at which the guard is below zero, 0 if it never is.
-
-        Points between the ends of the step are tested too, as a shaft may leave a side and return within one step.
-        """
-        if phase.side is None:
-            return 0.0
-        if self.guard(stepper.y, stepper.t, phase) < 0.0:
-            return float(stepper.t) - begin
-        inside = stepper.dense_output()
-        times = np.linspace(begin, stepper.t, REFERENCE_TOLERANCES.inner_points)
-        depths = [self.guard(y, t, phase) for t, y in zip(times, inside(times).T, strict=True)]
-        k = int(np.argmin(depths[1:])) + 1
-        if k == REFERENCE_TOLERANCES.inner_points - 1:
-            return 0.0
-        lowest = minimize_scalar(
-            lambda t: self.guard(inside(t), t, phase), bounds=(times[k - 1], times[k + 1]), method="bounded"
-        )
-        return float(lowest.x) - begin if lowest.fun < 0.0 else 0.0
-
-    def locate(self, y: Array, u: float, slope: float, begin: float, ahead: float, phase: ShaftPhase) -> float:
+    def locate(self, y: Array, u: float, slope: float, begin: float, ahead: float, phase: Phase, guard: Guard) -> float:
         """Time within a step at which the guard passes zero."""
 
-        def guard(t: float) -> float:
-            return self.guard(self.flow(y, u, slope, t, phase), begin + t, phase)
+        def after(t: float) -> float:
+            return guard(self.flow(y, u, slope, t, phase), begin + t)
 
         low = 0.0
-        if guard(low) <= 0.0:  # the phase has only just begun, on the border: find where it is well inside
+        if after(low) <= 0.0:  # the phase has only just begun, on the border: find where it is well inside
             inside = (ahead * 0.5**k for k in range(1, 30))
-            low = next((t for t in inside if guard(t) > 0.0), -1.0)
+            low = next((t for t in inside if after(t) > 0.0), -1.0)
         if low < 0.0:
             return 0.0
-        if guard(ahead) >= 0.0:  # integrated at once it just reaches the border
+        if after(ahead) >= 0.0:  # integrated at once it just reaches the border
             return ahead
-        return float(brentq(guard, low, ahead, xtol=1e-18, rtol=1e-13))
+        return float(brentq(after, low, ahead, xtol=1e-18, rtol=1e-13))
+
+
+def _dip(stepper: Any, begin: float, guard: Guard) -> float:
+    """Time into the last step at which the guard is below zero, 0 if it never is.
+
+    Points between the ends of the step are tested too, as a shaft may leave a side and return within one step.
+    """
+    if guard(stepper.y, stepper.t) < 0.0:
+        return float(stepper.t) - begin
+    inside = stepper.dense_output()
+    times = np.linspace(begin, stepper.t, REFERENCE_TOLERANCES.inner_points)
+    depths = [guard(y, t) for t, y in zip(times, inside(times).T, strict=True)]
+    k = int(np.argmin(depths[1:])) + 1
+    if k == REFERENCE_TOLERANCES.inner_points - 1:
+        return 0.0
+    lowest = minimize_scalar(lambda t: guard(inside(t), t), bounds=(times[k - 1], times[k + 1]), method="bounded")
+    return float(lowest.x) - begin if lowest.fun < 0.0 else 0.0
 
 
 def _step(stepper: Any) -> None:
@@ -197,18 +272,18 @@ def _step(stepper: Any) -> None:
         raise FloatingPointError("the solution left the finite numbers")
 
 
-def _initial_phase(drive: DriveEquations, x: Array) -> tuple[Array, ShaftPhase]:
+def _initial_phase(drive: DriveEquations, x: Array) -> tuple[Array, Phase]:
     """Split an initial state in the order of the plant's names into the state of `DriveEquations` and the phase."""
     plant, n = drive.plant, drive.plant.masses
     q, v, last = x[:n], x[n : 2 * n], x[2 * n + (plant.alpha is not None) :]
     y = np.concatenate([q[:1], q[:-1] - q[1:], v, last])
     if not plant.alpha:
-        return y, ShaftPhase(None)
+        return y, Phase(None)
     gap = float(x[2 * n])
-    for contact in (ShaftPhase(1, 0.0), ShaftPhase(-1, -2.0 * plant.alpha)):
-        if gap == contact.gap and drive.guard(y, 0.0, contact) >= 0.0:
+    for contact in (Phase(1, 0.0), Phase(-1, -2.0 * plant.alpha)):
+        if gap == contact.gap and drive.contact_guard(y, 0.0, contact) >= 0.0:
             return y, contact
-    return y, ShaftPhase(0, gap, float(y[1]))
+    return y, Phase(0, gap, float(y[1]))
 
 
 def _scales(plant: Plant, segments: Segments, x: Array) -> Array:
@@ -250,16 +325,19 @@ def solve_adaptive(
     FloatingPointError
         If the solution leaves the finite numbers.
     """
-    drive = DriveEquations(plant, Radau if implicit else DOP853, rtol, rtol * _scales(plant, segments, x0))
+    n, s, scales = plant.masses, segments, _scales(plant, segments, x0)
+    still = REFERENCE_TOLERANCES.still * float(scales[n])
+    drive = DriveEquations(plant, Radau if implicit else DOP853, rtol, rtol * scales, still)
     y, phase = _initial_phase(drive, x0)
-    n, s = plant.masses, segments
     rows, gaps = np.zeros((len(s.at_sample), len(y))), np.zeros(len(s.at_sample))
     acceleration = np.zeros(len(s.at_sample))
 
     def record(k: int) -> None:
         rows[k] = y
         gaps[k] = phase.gap
-        acceleration[k] = drive.rates(y.tolist(), float(s.at_sample[k]), phase)[n]
+        u = float(s.at_sample[k])
+        _, now = drive.with_friction(y, u, phase)  # a held input may jump at the sample
+        acceleration[k] = drive.rates(y.tolist(), u, now)[n]
 
     record(0)
     for length, start, end, sample in zip(s.length, s.start, s.end, s.sample, strict=True):

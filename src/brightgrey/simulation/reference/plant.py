@@ -47,7 +47,7 @@ class Plant:
     M_S: float
     fading: float
     M_G: float
-    f_tanh: float  #: Gain of eq. (2), s/rad.
+    f_tanh: float  #: Gain of eq. (2), s/rad; infinite for exact dry friction.
     alpha: float | None  #: Half the gap between mass 1 and 2 in rad; None without backlash.
     T_1: float | None  #: Reset time of the current loop in s; None without it.
     T_d: float  #: Dead time of the input in s.
@@ -67,9 +67,25 @@ class Plant:
         return tuple(names)
 
     @property
+    def breakaway(self) -> float:
+        """Torque in N m that dry friction withstands at rest, A(0) = M_C + M_S."""
+        return self.M_C + self.M_S
+
+    @property
+    def sticks(self) -> bool:
+        """Mass 1 has exact dry friction, so that it can stick."""
+        return math.isinf(self.f_tanh) and (self.M_C != 0.0 or self.M_S != 0.0)
+
+    @property
     def fastest_rate(self) -> float:
-        """Upper estimate of the fastest rate in 1/s, without the gap's c/d, which is solved exactly."""
-        friction = (self.f_tanh * (abs(self.M_C) + abs(self.M_S)) + abs(self.f_v)) / self.J[0]
+        """Upper estimate of the fastest rate in 1/s, without the gap's c/d, which is solved exactly.
+
+        Exact dry friction has no slope at standstill; sliding, its rate is that of Stribeck's exponential.
+        """
+        slope = abs(self.M_S) / self.fading
+        if math.isfinite(self.f_tanh):
+            slope = self.f_tanh * (abs(self.M_C) + abs(self.M_S))
+        friction = (slope + abs(self.f_v)) / self.J[0]
         shafts = 0.0
         for k, (c, d) in enumerate(zip(self.c, self.d, strict=True)):
             lightness = 1.0 / self.J[k] + 1.0 / self.J[k + 1]
@@ -85,7 +101,8 @@ class Plant:
         StructureError
             For an unknown effect, or not exactly one multiple-mass system.
         SettingsError
-            For a missing or unknown parameter, or a value that is not physical.
+            For a missing or unknown parameter, or a value that is not physical; for exact dry friction that would
+            push at standstill instead of holding.
         """
         names = structure.split("+")
         known = (*_MASSES, *_PARAMETERS)
@@ -108,7 +125,7 @@ class Plant:
         def optional(symbol: str, neutral: float = 0.0) -> float:
             return float(values[symbol]) if symbol in has else neutral
 
-        return cls(
+        plant = cls(
             J=tuple(float(values[f"J{i + 1}"]) for i in range(n)),
             c=tuple(float(values[f"c{k + 1}"]) for k in range(n - 1)),
             d=tuple(float(values[f"d{k + 1}"]) for k in range(n - 1)),
@@ -122,6 +139,9 @@ class Plant:
             T_1=optional("T_1") if "T_1" in has else None,
             T_d=optional("T_d"),
         )
+        if plant.sticks and plant.breakaway < 0.0:
+            raise SettingsError(f"M_C + M_S = {plant.breakaway:g} must not be negative with exact dry friction")
+        return plant
 
     def initial(self, x0: Array | None, u_first: float) -> Array:
         """Return `x0` checked, or standstill at 0 with lambda = 0 and T = u[0]. Raises SettingsError."""
@@ -152,8 +172,8 @@ def _check_values(structure: str, symbols: list[str], values: Mapping[str, float
         wrong |= kind in _NOT_NEGATIVE and not value >= 0.0
         if wrong:
             raise SettingsError(f"{symbol} = {value:g} is not physical")
-    if not (math.isfinite(f_tanh) and f_tanh > 0.0):
-        raise SettingsError(f"f_tanh = {f_tanh:g} must be a positive number")
+    if not f_tanh > 0.0:
+        raise SettingsError(f"f_tanh = {f_tanh:g} must be a positive number, or infinite for exact dry friction")
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,8 @@ def reference(
     dt : float
         Sampling interval in s.
     f_tanh : float
-        Gain of eq. (2) in s/rad (s/m).
+        Gain of eq. (2) in s/rad (s/m). ``math.inf`` is exact dry friction: the sign of the speed is set-valued at
+        standstill (Filippov 1988, doi:10.1007/978-94-015-7793-9), and a mass can stick.
     x0 : ndarray, shape (states,), optional
         q.., v.., lambda1, T as far as they exist; standstill at 0 with T = u[0] if not given.
     hold : {'linear', 'zoh'}

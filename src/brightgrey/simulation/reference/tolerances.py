@@ -16,6 +16,8 @@ class ReferenceTolerances:
     finest_step: float = 5e-8  #: Last step in s.
     settled: float = 1e-9  #: Change of position and velocity by a halving at which the step is small enough.
     unsettled: float = 1e-6  #: Larger changes are refused: the solution is no reference.
+    #: Speed, in parts of the largest one expected, that the method 'events' takes for rest where a mass can stick.
+    still: float = 1e-14
     inner_points: int = 17  #: Points within a step at which the method 'events' looks for an event.
     #: Events in one piece of the input, after which chattering within the rounding error is ignored.
     max_switches: int = 50
