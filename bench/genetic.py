@@ -185,7 +185,7 @@ def exhaustive(seed: int, first: int, last: int, setting: str, grammar: Grammar,
         }:
             continue
         try:
-            drive = RandomDrive(seed, number, structures)
+            drive = RandomDrive(seed, number, structures, PAPER_EXPERIMENT.f_tanh)
         except UnsettledError as why:
             print(f"{number:4d} left out: {why}", flush=True)
             continue

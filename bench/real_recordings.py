@@ -12,13 +12,17 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 
-from brightgrey import Result, identify
-from brightgrey.estimation import scales, settings_for
+from brightgrey import Recording, Result, identify
+from brightgrey.api.to_si import identification_task
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.kit import PAPER, Structure
+from brightgrey.recordings.window import cut_window
 from brightgrey.report.quantities.number_format import significant, with_uncertainty
+from brightgrey.report.text.tables import friction_width_text
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search import IdentificationTask
 from brightgrey.search.decision import decide_structures
@@ -47,17 +51,14 @@ def agreeing(result: Result) -> str:
 
 
 def emps(starts: int) -> list[Table]:
-    """Position of the EMPS from its force: four settings of f_tanh."""
+    """Position of the EMPS from its force: width of friction's reversal estimated and given."""
     recording = emps_recording()
-    default = identify(recording, EMPS, starts=starts)
-    f_tanh = default.model.settings.f_tanh
-    runs = [(f"{f_tanh:.4g} (default)", default)]
-    for text, value in (
-        ("1000", 1000.0),
-        (f"{f_tanh / 3:.4g} (a third)", f_tanh / 3),
-        (f"{3 * f_tanh:.4g} (three times)", 3 * f_tanh),
-    ):
-        runs.append((text, identify(recording, EMPS, f_tanh=value, starts=starts)))
+    free = identify(recording, EMPS, starts=starts)
+    speed = free.model.settings.speed_scale
+    runs = [(f"{friction_width_text(free.model.settings)}", free)]
+    for share in (100.0, 1000.0):
+        found = identify(recording, EMPS, f_tanh=share / speed, starts=starts)
+        runs.append((f"within {significant(speed / share, 3)} m/s (given: the largest speed over {share:g})", found))
     rows = []
     for text, result in runs:
         fit = result.model.fit.train["qm"]
@@ -73,7 +74,7 @@ def emps(starts: int) -> list[Table]:
             ]
         )
     header = [
-        "f_tanh in s/m",
+        "friction reverses",
         "mass J1 in kg",
         "f_v in N s/m",
         "M_C in N",
@@ -82,7 +83,23 @@ def emps(starts: int) -> list[Table]:
         "fit in %",
     ]
     title = f"EMPS, `{EMPS}`, {recording.samples} samples"
-    return [Table(title, [*header, "starts at the optimum", "outcome"], rows)]
+    return [Table(title, [*header, "starts at the optimum", "outcome"], rows), emps_halves(recording, starts)]
+
+
+def emps_halves(recording: Recording, starts: int) -> Table:
+    """One half of the EMPS fitted, the other predicted: width of the reversal estimated, and the old default."""
+    middle = float(recording.t[recording.samples // 2])
+    halves = {"first": cut_window(recording, end=middle), "second": cut_window(recording, start=middle)}
+    rows = []
+    for name, train in halves.items():
+        (test,) = (half for other, half in halves.items() if other != name)
+        free = identify(train, EMPS, test=test, starts=starts)
+        smooth = identify(train, EMPS, test=test, f_tanh=100.0 / free.model.settings.speed_scale, starts=starts)
+        for result, text in ((free, friction_width_text(free.model.settings)), (smooth, "largest speed over 100")):
+            fit = result.model.fit
+            rows.append([name, text, f"{1e3 * fit.train['qm'].rmse:.3f}", f"{1e3 * fit.test['qm'].rmse:.3f}"])
+    header = ["half fitted", "friction reverses", "RMSE in mm, fitted", "RMSE in mm, other half"]
+    return Table(f"EMPS, `{EMPS}`, one half predicted from the other", header, rows)
 
 
 def mte360(starts: int) -> list[Table]:
@@ -164,10 +181,9 @@ def structures(exclude: tuple[str, ...]) -> list[Table]:
         ("MTE360 square", (square,)),
         ("MTE360 square, sine 1 and 3 Hz jointly", (square, sine_1, sine_3)),
     ):
-        known = scales(recordings)
         began, clock = time.process_time(), time.perf_counter()
         with ThreadPoolExecutor(2) as workers:
-            task = IdentificationTask(recordings, known, settings_for(recordings, known, None))
+            task = identification_task(recordings, None, {}, {}, None)
             found = decide_structures(task, PAPER, exclude=exclude, executor=workers).evidence
         card = next(c for c in found.cards if c.effect == "two_mass")
         minimal = ", ".join(f"`{j.structure}`" for j in found.minimal)
@@ -191,14 +207,13 @@ def left_out() -> list[Table]:
     rows = []
     for name, test in recordings.items():
         train = tuple(r for other, r in recordings.items() if other != name)
-        known = scales(train)
-        task = IdentificationTask(train, known, settings_for(train, known, None))
+        task = identification_task(train, None, {}, {}, None)
         with ThreadPoolExecutor(2) as workers:
             found = decide_structures(task, PAPER, executor=workers)
-        judge = IdentificationTask((test,), known, task.settings)
+        judge = replace(task, recordings=(test,))
 
         def unseen(structure: Structure, values: Mapping[str, float], judge: IdentificationTask = judge) -> float:
-            own = {n: np.array([values[n]]) for n in structure.parameters}
+            own = {n: np.array([values[n]]) for n in (*structure.parameters, FRICTION_WIDTH) if n in values}
             return judge.misfits(structure, own)[0].fit_percent
 
         ones = {s: unseen(s, f.values) for s, f in found.fitted.items() if s.masses == 1}

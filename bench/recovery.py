@@ -5,29 +5,29 @@
     python bench/recovery.py table --seed 18
 
 A drive is known by its number: true structure (of the candidates), values over wide ranges
-(`brightgrey.excitation.random_drives`), motion (reversing, chirp, multisine, in turn), colour of the noise, encoder
-or not. Data come from the reference solver. `--noise` is the standard deviation over the peak speed. Rows are kept in
-bench/results/recovery_seed<seed>.jsonl.gz; `run` skips those that the file already holds, so that several processes may
-add to one file. Held-out error is that on another motion of the same drive with the same noise. An effect matters if
-removing it from the true structure and fitting anew raises that error by more than 5 % (noise counts as at least 1e-4
-of the standard deviation, or nothing but rounding would be left to compare with).
+(`brightgrey.excitation.random_drives`), motion (reversing, chirp, multisine, in turn), sharpness of friction's sign
+(exact, or a gain of 1,000, 100 or 30 over the largest speed, in turn), colour of the noise, encoder or not. Data come
+from the reference solver. `--noise` is the standard deviation over the peak speed.
+
+Rows are kept in bench/results/recovery_seed<seed>.jsonl.gz; `run` skips those that the file already holds, so that
+several processes may add to one file. Held-out error is that on another motion of the same drive with the same noise.
+An effect matters if removing it from the true structure and fitting anew raises that error by more than 5 % (noise
+counts as at least 1e-4 of the standard deviation, or nothing but rounding would be left to compare with).
 """
 
 from __future__ import annotations
 
 import argparse
-import gzip
-import json
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from brightgrey.estimation.problem.scales import scales
+from brightgrey.api.to_si import identification_task
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
-from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Structure
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import limit_blas_threads
@@ -37,10 +37,10 @@ from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import Lattice, added_effects, contains, one_smaller
 from brightgrey.search.task import IdentificationTask
-from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import UnsettledError
 from support.drives import RandomDrive
 from support.results import RESULTS, Table, arguments, code_version, publish
+from support.rows import append_row, read_rows
 from support.statistics import share_of
 
 MATTERS = 1.05
@@ -52,11 +52,11 @@ def held_out(
     task: IdentificationTask, fitted: Mapping[Structure, StructureFit], test: Recording
 ) -> dict[Structure, float]:
     """Mean squared error of every structure on another recording, with the floor."""
-    other = IdentificationTask((test,), task.scales, task.settings)
+    other = replace(task, recordings=(test,))
     floor = (FLOOR * float(test.y.std())) ** 2
     found = {}
     for s, f in fitted.items():
-        values = {name: np.array([f.values.get(name, v)]) for name, v in {**task.default_start(s), **f.values}.items()}
+        values = {name: np.array([v]) for name, v in {**task.default_start(s), **f.values}.items()}
         problem = SimulationErrorProblem.of(s, other.recordings, initial="rest")
         cost = float(problem.costs(values, other.settings)[0])
         found[s] = cost / problem.weights[0] ** 2 / test.samples + floor
@@ -77,9 +77,7 @@ def examine(
 ) -> dict[str, object]:
     """One row of the file."""
     train, test = drive.recordings(noise)
-    known = scales([train])
-    settings = Settings(f_tanh=PAPER_EXPERIMENT.f_tanh, speed_scale=known.speed, level="fast")
-    task = IdentificationTask((train,), known, settings)
+    task = identification_task([train], None, {}, {}, None)
     begin = time.process_time()
     found = decide_structures(task, PAPER, how=how, seed=drive.seed, executor=pool)
     seconds = time.process_time() - begin
@@ -109,6 +107,9 @@ def row(
     problem = task.problem(truth)
     exact = {name: np.array([value]) for name, value in drive.values.items()}
     exact |= {part.name: np.clip([0.0], part.low, part.high) for part in problem.unknown_initial}
+    if problem.friction_width is not None:
+        width = problem.friction_width
+        exact[width.name] = np.clip([1.0 / drive.f_tanh], width.low, width.high)
     lattice = Lattice.of(PAPER)
     inside = [m for m in found.refined if not lattice.mask(m) & ~lattice.mask(truth)]
     best = min(r.deviance for r in found.refined.values())
@@ -121,6 +122,7 @@ def row(
         "motion": drive.motion,
         "pole": drive.pole,
         "encoder": drive.encoder,
+        "sharpness": round(drive.sharpness) if np.isfinite(drive.sharpness) else "exact",
         "values": drive.values,
         "fits": len(decision.fitted),
         "reached": fits.done[truth].cost / max(float(problem.costs(exact, task.settings)[0]), 1e-300),
@@ -158,8 +160,7 @@ def line(r: Mapping) -> str:
 
 def tables(rows: Sequence[Mapping]) -> list[Table]:
     """Shares of all rows by noise: of the structures, and of the verdicts for every effect."""
-    levels = sorted({r["noise"] for r in rows})
-    columns = {f"{100 * noise:g} %": [r for r in rows if r["noise"] == noise] for noise in levels} | {"all": rows}
+    columns = columns_of(rows)
     asked: dict[str, Callable[[Sequence[Mapping]], str]] = {
         "a minimal structure ⊆ truth ⊆ it ∪ optional": lambda some: share_of([r["covered"] for r in some], 1),
         "... or all it lacks does not matter": lambda some: share_of([covered_but_for_trifles(r) for r in some], 1),
@@ -197,9 +198,19 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
     return made
 
 
+def columns_of(rows: Sequence[Mapping]) -> dict[str, Sequence[Mapping]]:
+    """Rows by noise, and by the sharpness of friction's sign, if there are several; and all."""
+    found: dict[str, Sequence[Mapping]] = {}
+    for key, title in (("noise", lambda n: f"{100 * n:g} %"), ("sharpness", str)):
+        kinds = sorted({r.get(key) for r in rows} - {None}, key=str)
+        if len(kinds) > 1:
+            found |= {title(kind): [r for r in rows if r.get(key) == kind] for kind in kinds}
+    return found | {"all": rows}
+
+
 def table(path: Path, *, to_file: bool) -> None:
     """Print everything that was collected, and every row with something wrong."""
-    rows = read(path)
+    rows = read_rows(path)
     if not rows:
         print(f"no rows in {path}")
         return
@@ -259,7 +270,7 @@ def run(options: argparse.Namespace, path: Path) -> None:
     candidates = [
         s for s in PAPER.structures() if s.masses <= options.masses and not set(s.names) & set(options.without)
     ]
-    done = {(r["seed"], r["number"], r["noise"]) for r in read(path)}
+    done = {(r["seed"], r["number"], r["noise"]) for r in read_rows(path)}
     with ThreadPoolExecutor(options.workers) as pool:
         for number in range(options.first, options.last):
             left = [noise for noise in options.noise if (options.seed, number, noise) not in done]
@@ -272,17 +283,8 @@ def run(options: argparse.Namespace, path: Path) -> None:
                 continue
             for noise in left:
                 r = examine(drive, noise, candidates, pool, options.search)
-                with path.open("ab") as file:  # one member in one write: several processes may add to the file
-                    file.write(gzip.compress((json.dumps(r) + "\n").encode()))
+                append_row(path, r)
                 print(line(r), flush=True)
-
-
-def read(path: Path) -> list[dict]:
-    """Rows collected so far."""
-    if not path.exists():
-        return []
-    with gzip.open(path, "rt", encoding="utf-8") as file:
-        return [json.loads(text) for text in file]
 
 
 def main() -> None:

@@ -15,9 +15,11 @@ from brightgrey.recordings import Recording, Signal
 from brightgrey.recordings.recording import Hold
 from brightgrey.simulation.reference import reference
 
-__all__ = ["MOTIONS", "RandomDrive", "coloured_noise", "excitation", "rounded", "simulated_recording"]
+__all__ = ["MOTIONS", "SHARPNESS", "RandomDrive", "coloured_noise", "excitation", "rounded", "simulated_recording"]
 
 MOTIONS = ("reversing", "chirp", "multisine")
+SHARPNESS = (np.inf, 1000.0, 100.0, 30.0)
+"""Gains of friction's sign over the largest speed, in turn: an exact sign, and three smoothed ones."""
 AR_POLE = 0.9
 """Pole of the first-order autoregression that half of the random drives have as noise."""
 
@@ -66,10 +68,11 @@ class RandomDrive:
 
     The structure is drawn from `candidates`, the values come from
     :func:`brightgrey.excitation.random_drives.random_values`. Half of the drives have noise of an autoregression with
-    pole `AR_POLE`, a third of them an encoder.
+    pole `AR_POLE`, a third of them an encoder. The gain of friction's sign is `f_tanh` in s/rad; by default it is one
+    of `SHARPNESS` over the largest speed, in turn.
     """
 
-    def __init__(self, seed: int, number: int, candidates: Sequence[Structure]) -> None:
+    def __init__(self, seed: int, number: int, candidates: Sequence[Structure], f_tanh: float | None = None) -> None:
         rng = np.random.default_rng([seed, number])
         self.seed, self.number = seed, number
         self.truth = candidates[int(rng.integers(len(candidates)))]
@@ -79,8 +82,14 @@ class RandomDrive:
         self.encoder = bool(rng.random() < 1.0 / 3.0)
         kinds = (self.motion, MOTIONS[(number + 1) % 3])
         self.u = [excitation(kind, rng) for kind in kinds]
-        e = PAPER_EXPERIMENT
-        self.y = [reference(str(self.truth), self.values, u, e.dt, f_tanh=e.f_tanh)[0] for u in self.u]
+        largest = float(np.abs(self._velocity(self.u[0], f_tanh or PAPER_EXPERIMENT.f_tanh)).max())
+        self.f_tanh = f_tanh or SHARPNESS[number % len(SHARPNESS)] / largest
+        self.sharpness = self.f_tanh * largest
+        self.y = [self._velocity(u, self.f_tanh) for u in self.u]
+
+    def _velocity(self, u: Array, f_tanh: float) -> Array:
+        """Velocity without noise."""
+        return reference(str(self.truth), self.values, u, PAPER_EXPERIMENT.dt, f_tanh=f_tanh)[0]
 
     def recordings(self, noise: float) -> list[Recording]:
         """Return a recording to identify from and one of another motion to test on.

@@ -33,7 +33,8 @@ def test_identify_finds_the_drive(drive):
     # 497 degrees of freedom: RMSE is the noise within 1/sqrt(2·497) = 3.2 %, here five times that.
     assert model["fit"]["train"]["speed"]["rmse"] == pytest.approx(drive.noise, rel=0.16)
     assert model["fit"]["test"] is None
-    assert model["settings"]["f_tanh"] == pytest.approx(4.0, rel=1e-12)
+    assert model["settings"]["friction_width"] == pytest.approx(0.25, rel=1e-12)
+    assert model["settings"]["friction_width_ci95"] is None
 
 
 def test_ranking_has_the_one_structure(drive):
@@ -118,8 +119,8 @@ def test_bounds_and_values_stand_in_the_recordings_units(drive, tmp_path, call):
         # The same optimum, reached from other numbers: far within its uncertainty.
         assert part["value"] / factor == pytest.approx(other["value"], abs=0.05 * other["std"])
         assert part["std"] / factor == pytest.approx(other["std"], rel=0.05)
-    assert model["settings"]["f_tanh"] == pytest.approx(f_tanh, rel=1e-12)
-    assert model["settings"]["f_tanh_unit"] == "s/deg"
+    assert model["settings"]["friction_width"] == pytest.approx(1.0 / f_tanh, rel=1e-12)
+    assert model["settings"]["friction_width_unit"] == "deg/s"
 
 
 def test_simulate_gives_the_fit_of_the_identification(drive, tmp_path, call):
@@ -163,7 +164,7 @@ def test_demo_leaves_recording_and_finds_its_drive(tmp_path, call):
     assert "+".join(model["structure"]) == PAPER_EXPERIMENT.structure
     for name, truth in PAPER_EXPERIMENT.values.items():
         part = model["parameters"][name]
-        # Five standard deviations, doubled: the recording is rounded, and f_tanh is not exactly the true one.
+        # Five standard deviations, doubled: the recording is rounded.
         assert abs(part["value"] - truth) < 10 * part["std"], name
     again = call("simulate", tmp_path / "demo" / "model.json", tmp_path / "demo" / "recording.csv", "--json")
     expected = {name: pytest.approx(fit, rel=1e-6) for name, fit in model["fit"]["train"].items()}

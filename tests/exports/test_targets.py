@@ -221,7 +221,7 @@ def test_mat_file__has_matrices_parameters_and_settings():
     np.testing.assert_array_equal(content["A"], numeric.low.A[:, :, 0])
     assert content["parameters"]["J1"]["value"] == numeric.model.parameters["J1"].value
     assert content["parameters"]["J1"]["unit"] == "kg m²"
-    assert content["settings"]["f_tanh"] == numeric.model.settings.f_tanh
+    assert content["settings"]["friction_width"] == numeric.model.settings.friction_width
     assert content["structure"] == str(numeric.model.structure)
 
 

@@ -28,7 +28,7 @@ def linear_axis(example):
         data["parameters"][name]["unit"] = unit
     data["signals"][0]["unit"] = "V"
     data["signals"][1]["unit"] = "mm/s"
-    data["settings"] |= {"f_tanh_unit": "s/mm", "speed_scale_unit": "mm/s"}
+    data["settings"] |= {"friction_width_unit": "mm/s", "speed_scale_unit": "mm/s"}
     return data
 
 
@@ -70,6 +70,14 @@ def test_model__linear_axis_in_mm__gives_values_and_settings_in_si(example):
     assert settings.f_tanh * settings.speed_scale == pytest.approx(100.0, rel=1e-12)
 
 
+def test_model__gain_of_the_sign_in_an_earlier_file__becomes_the_width(example):
+    settings = {k: v for k, v in example["settings"].items() if not k.startswith("friction_width")}
+    model = Model.check(example | {"settings": settings | {"f_tanh": 2.5, "f_tanh_unit": "s/rad"}})
+    assert model.settings.friction_width == pytest.approx(0.4, rel=1e-12)
+    assert model.settings.friction_width_unit == "rad/s"
+    assert model.settings.friction_width_ci95 is None
+
+
 def changed(example, path, value):
     """Copy of `example` with another value at `path`; ... removes the field."""
     data = copy.deepcopy(example)
@@ -104,8 +112,8 @@ def changed(example, path, value):
         (["signals", 1, "kind"], "speed", ["'speed'", "velocity"]),
         (["signals", 1, "unit"], "furlong", ["'furlong'"]),
         (["signals", 1, "hold"], "cubic", ["'signals.1.hold'", "'cubic'"]),
-        (["settings", "f_tanh_unit"], "s/mm", ["'settings.f_tanh_unit'", "'s/mm'", "'s/rad'"]),
-        (["settings", "f_tanh"], -1.0, ["f_tanh", "positive"]),
+        (["settings", "friction_width_unit"], "mm/s", ["'settings.friction_width_unit'", "'mm/s'", "'rad/s'"]),
+        (["settings", "friction_width"], -1.0, ["friction_width", "greater than 0"]),
         (["settings", "level"], "exact", ["'settings.level'", "'exact'"]),
         (["settings", "substeps"], 0, ["substeps"]),
         (["seed"], 1.5, ["'seed'", "1.5"]),

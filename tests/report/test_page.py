@@ -220,5 +220,8 @@ def test_page__command__is_the_given_one_or_derived_from_the_model(data):
         "brightgrey demo --seed 3" in read(page(content_for(model, request="brightgrey demo --seed 3"))).text["repeat"]
     )
     made = read(page(content_for(model))).text["repeat"]
-    for word in ("--input torque", "--output velocity:velocity", "--structure", "--seed 0", "--f-tanh 2.5"):
+    for word in ("--input torque", "--output velocity:velocity", "--structure", "--seed 0"):
         assert word in made
+    assert "--f-tanh" not in made  # the width is estimated again
+    given = Model.check(data | {"settings": data["settings"] | {"friction_width_ci95": None}})
+    assert "--f-tanh 2.5" in read(page(content_for(given))).text["repeat"]

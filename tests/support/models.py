@@ -27,7 +27,7 @@ def make_model(structure, parameters, outputs, units, *, dt, f_tanh, speed, hold
 
     `outputs` lists name, kind and unit of each output. `parts` replace whole parts of model.json.
     """
-    (f_unit, f_factor), (v_unit, v_factor) = units.of((0, -1, 1)), units.of((0, 1, -1))
+    v_unit, v_factor = units.of((0, 1, -1))
     signals = [("torque", "input", units.input), *outputs]
     data = {
         "schema": "brightgrey/model/2",
@@ -37,8 +37,8 @@ def make_model(structure, parameters, outputs, units, *, dt, f_tanh, speed, hold
             {"name": n, "kind": k, "unit": u, "gain": 1.0, "sampling_time": dt, "hold": hold} for n, k, u in signals
         ],
         "settings": {
-            "f_tanh": f_tanh * f_factor,
-            "f_tanh_unit": f_unit,
+            "friction_width": v_factor / f_tanh,
+            "friction_width_unit": v_unit,
             "speed_scale": speed * v_factor,
             "speed_scale_unit": v_unit,
             "level": "accurate",

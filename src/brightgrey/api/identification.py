@@ -82,8 +82,8 @@ def identify(
     fixed : mapping of str to float, optional
         Parameters that are not estimated, in the recording's units.
     f_tanh : float, optional
-        Gain of the smoothed sign of friction, in s per unit of motion of the recording. Default: 100 over the
-        largest speed.
+        Gain of the smoothed sign of friction (eq. 2), in s per unit of motion of the recording. By default its
+        inverse, the width of friction's reversal, is estimated with the parameters.
     start : Model, optional
         The estimation of a given structure starts from this model's values, too.
     test : Recording, optional
@@ -149,7 +149,7 @@ def identify(
         several,
         bounds=task.bounds_of(chosen),
         fixed=constants,
-        f_tanh=task.settings.f_tanh,
+        f_tanh=None if task.friction_width else task.settings.f_tanh,
         start=found.values if found else start_si(chosen, start, several[0].units, constants),
         starts=starts,
         patience=_PATIENCE_AFTER_SEARCH if found else _PATIENCE,

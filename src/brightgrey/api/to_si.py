@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from brightgrey.effects import PER_SPEED
 from brightgrey.errors import RecordingError, SettingsError, unknown_name
 from brightgrey.estimation import scales, settings_for
+from brightgrey.estimation.problem.nuisance import friction_width_nuisance
 from brightgrey.kit import Structure, function_set
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording, Signal
@@ -56,7 +57,7 @@ def identification_task(
     bounds, fixed : mapping
         Ranges and values by parameter, in the recording's units.
     f_tanh : float or None
-        In the recording's units; the default if it is None.
+        In the recording's units; its inverse is estimated with the parameters if it is None.
 
     Raises
     ------
@@ -74,6 +75,7 @@ def identification_task(
         settings=settings_for(recordings, known, None if f_tanh is None else _f_tanh_si(f_tanh, units)),
         bounds=_bounds_si(allowed, bounds, units),
         fixed=_fixed_si(allowed, fixed, units),
+        friction_width=friction_width_nuisance(known.speed) if f_tanh is None else None,
     )
 
 

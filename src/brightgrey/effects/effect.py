@@ -223,6 +223,11 @@ class Effect:
         return len(after.states) > len(before.states)
 
     @property
+    def is_dry_friction(self) -> bool:
+        """Its torque reverses with the motion."""
+        return self.law is not None and self.law.amplitude is not None
+
+    @property
     def has_hard_limit(self) -> bool:
         """One of its states is kept between limits, as a position in a gap is; costs are rugged then."""
         return any(e.limits is not None for e in self._stamped[1].elements)

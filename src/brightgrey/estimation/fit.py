@@ -27,11 +27,13 @@ from brightgrey.estimation.optimisation.pattern_fit import (
     pattern_searches,
 )
 from brightgrey.estimation.problem.initial_state import Initial
+from brightgrey.estimation.problem.nuisance import FrictionWidthRange, friction_width_nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.problem.segments import segments
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.estimation.uncertainty.estimates import Estimate, estimates_of
+from brightgrey.estimation.uncertainty.friction_width import FrictionWidth, estimated_width
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
@@ -44,7 +46,6 @@ __all__ = ["Estimate", "Fit", "FitOptions", "Outcome", "OutputFit", "Start", "fi
 class FitOptions:
     """Heuristics of a fit."""
 
-    sharpness: float = 100.0  #: Default of f_tanh times the largest speed.
     finalists: int = 2  #: Largest number of optima that are fitted again at the final level.
     #: Largest cost of these, relative to the least one; the ``fast`` level is off by about so much.
     finalist_cost: float = 1.01
@@ -101,6 +102,8 @@ class Fit:
         without an interval are left out.
     symptoms : tuple of Symptom
         Signs of effects that the structure lacks; none if nothing could be fitted.
+    friction_width : FrictionWidth or None
+        Width of friction's reversal; None if it was given, or if no friction reverses.
     """
 
     structure: Structure
@@ -115,6 +118,7 @@ class Fit:
     starts: tuple[Start, ...]
     correlation: Mapping[tuple[str, str], float] = field(default_factory=dict)
     symptoms: tuple[Symptom, ...] = ()
+    friction_width: FrictionWidth | None = None
 
 
 def fit(
@@ -149,7 +153,8 @@ def fit(
     fixed : mapping of str to float, optional
         SI.
     f_tanh : float, optional
-        s/rad (s/m); 100 over the largest speed by default.
+        Gain of the smoothed sign of friction, s/rad (s/m). By default its inverse, the width of friction's reversal,
+        is estimated, too.
     start : mapping of str to float or sequence of them, optional
         Start values, SI; parameters that are not named take their declared ones.
     starts : int
@@ -182,9 +187,10 @@ def fit(
     if starts < 1:
         raise SettingsError(f"starts is {starts}; at least 1 is needed")
     known = scales(recordings)
-    settings = settings_for(recordings, known, f_tanh, "euler" if level == "euler" else "fast", options)
-    problem = SimulationErrorProblem.of(structure, recordings, threads, initial)
-    space = parameter_space(structure, known, bounds or {}, fixed or {}, problem.unknown_initial)
+    settings = settings_for(recordings, known, f_tanh, "euler" if level == "euler" else "fast")
+    width = friction_width_nuisance(known.speed) if f_tanh is None else None
+    problem = SimulationErrorProblem.of(structure, recordings, threads, initial, width)
+    space = parameter_space(structure, known, bounds or {}, fixed or {}, problem.nuisances)
     final = replace(settings, level=level)
     on_recordings = recording_findings(recordings)
     uninformative = any(finding.kind == "not identifiable" for finding in on_recordings)
@@ -196,6 +202,8 @@ def fit(
     else:
         descent = _by_multistart(problem, space, settings, final, given, starts, patience, seed, options)
     best, equivalent = resolve_lag_pole_exchange(problem, space, final, descent.best)
+    reversal, space, best = estimated_width(problem, space, final, best)
+    final = final if reversal is None else replace(final, f_tanh=1.0 / reversal.value)
     estimates = estimates_of(problem, space, final, best)
     named = {name: estimates.by_name[name] for name in structure.parameters}
     context = FitContext(problem, space, final, best, estimates)
@@ -215,6 +223,7 @@ def fit(
         starts=descent.starts,
         correlation=estimates.correlation,
         symptoms=() if outcome.kind == "diverged" or uninformative else symptoms(context, known),
+        friction_width=reversal,
     )
 
 
@@ -276,11 +285,12 @@ def settings_for(
     known: Scales,
     f_tanh: float | None,
     level: Level = "fast",
-    options: FitOptions = FIT_DEFAULTS,
 ) -> Settings:
-    """Settings with which recordings are simulated: `f_tanh` in s/rad (s/m), by default 100 over the largest speed."""
-    sharpness = options.sharpness / known.speed if f_tanh is None else f_tanh
-    return Settings(f_tanh=sharpness, speed_scale=known.speed, level=level, hold=recordings[0].hold)
+    """Settings with which recordings are simulated: `f_tanh` in s/rad (s/m), by default nearly infinite."""
+    sharpest = 1.0 / (FrictionWidthRange().low * known.speed)
+    return Settings(
+        f_tanh=sharpest if f_tanh is None else f_tanh, speed_scale=known.speed, level=level, hold=recordings[0].hold
+    )
 
 
 def predict(

@@ -12,6 +12,7 @@ from brightgrey.arrays import Array
 from brightgrey.errors import one_of
 from brightgrey.estimation.fit import Fit
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_to_convergence
+from brightgrey.estimation.problem.nuisance import friction_width_nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
@@ -87,11 +88,15 @@ def profile(
     """
     bounds = {n: found.bounds[n] for n in found.structure.parameters if n in found.bounds}
     name = one_of("estimated parameter", name, bounds)
-    problem = SimulationErrorProblem.of(found.structure, recordings)
-    fixed = {n: e.value for n, e in found.estimates.items() if n not in bounds}
-    space = parameter_space(found.structure, scales(recordings), bounds, fixed)
+    known, width = scales(recordings), found.friction_width
+    free_width = friction_width_nuisance(known.speed) if width is not None and not width.is_sharp else None
+    problem = SimulationErrorProblem.of(found.structure, recordings, friction_width=free_width)
+    values = {n: e.value for n, e in found.estimates.items()}
+    fixed = {n: value for n, value in values.items() if n not in bounds}
+    nuisances = [] if free_width is None else [free_width]
+    space = parameter_space(found.structure, known, bounds, fixed, nuisances)
     k = space.names.index(name)
-    start = np.array([found.estimates[n].value for n in space.names])
+    start = np.array([values.get(n, 1.0 / found.settings.f_tanh) for n in space.names])
     best = fit_to_convergence(problem, space, found.settings, start)
     half, rise = _calibration(problem, best, k)
     low, high, middle = (float(v[k]) for v in (*space.box, space.to_scaled(best.values)))

@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from brightgrey.arrays import Array
 from brightgrey.effects import Draft, Stage
 from brightgrey.errors import SettingsError, one_of
 from brightgrey.kit.state_space import StateSpace
@@ -24,7 +25,7 @@ _SELECT_BEFORE = _STAGE_ORDER.index("current control")
 def assemble(
     structure: Structure,
     values: Mapping[str, Any],
-    f_tanh: float,
+    f_tanh: float | Array,
     outputs: Sequence[str] = ("velocity",),
 ) -> StateSpace:
     """Assemble the state space of `structure`.
@@ -38,8 +39,8 @@ def assemble(
         A legal structure; see :class:`brightgrey.kit.Grammar`.
     values : mapping of str to float or ndarray of shape (K,)
         Parameter values in SI units by name. Arrays give K systems at once.
-    f_tanh : float
-        Gain of eq. (2) in s/rad (s/m), fixed upfront.
+    f_tanh : float or ndarray of shape (K,)
+        Gain of eq. (2) in s/rad (s/m): the inverse of the width of friction's reversal.
     outputs : sequence of str
         ``position``, ``velocity``, ``acceleration`` of mass 1.
 

@@ -130,6 +130,11 @@ class Structure:
         return any(p.effect.has_hard_limit for p in self.placed)
 
     @cached_property
+    def has_dry_friction(self) -> bool:
+        """There is friction that reverses with the motion."""
+        return any(p.effect.is_dry_friction for p in self.placed)
+
+    @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
         """Declarations of all parameters by their names in this structure."""
         return MappingProxyType(

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
-from brightgrey.effects import PER_SPEED, SPEED
+from brightgrey.effects import SPEED
 from brightgrey.estimation import Estimate, Fit, Profile
+from brightgrey.estimation.uncertainty.friction_width import FrictionWidth
 from brightgrey.kit import assemble
 from brightgrey.model.model import SCHEMA, Model
 from brightgrey.model.schema import (
@@ -151,11 +152,11 @@ def _settings_part(
     fit: Fit, recording: Recording, factors: Mapping[str, float], fixed: Mapping[str, float]
 ) -> SettingsPart:
     speed_unit, speed = recording.units.of(SPEED)
-    gain_unit, gain = recording.units.of(PER_SPEED)
-    s = fit.settings
+    s, width = fit.settings, fit.friction_width
     return SettingsPart(
-        f_tanh=s.f_tanh * gain,
-        f_tanh_unit=gain_unit,
+        friction_width=speed / s.f_tanh,
+        friction_width_unit=speed_unit,
+        friction_width_ci95=None if width is None else _friction_width_interval(width, speed),
         speed_scale=s.speed_scale * speed,
         speed_scale_unit=speed_unit,
         level=s.level,
@@ -169,6 +170,12 @@ def _settings_part(
         },
         fixed={name: factors[name] * value for name, value in fixed.items()},
     )
+
+
+def _friction_width_interval(width: FrictionWidth, factor: float) -> tuple[float, float | None]:
+    """Interval in shown units, without a high end where there is no upper limit."""
+    low, high = (factor * end for end in width.ci95)
+    return low, high if math.isfinite(high) else None
 
 
 def _initial_states(fit: Fit, recordings: Sequence[Recording], units: Units) -> tuple[InitialPart, ...]:

@@ -11,7 +11,7 @@ from typing import Any, Literal, Self
 
 from pydantic import ConfigDict, Field, ValidationError
 
-from brightgrey.effects import PER_SPEED, SPEED, Element
+from brightgrey.effects import SPEED, Element
 from brightgrey.errors import BrightgreyError, SettingsError, nearest, unknown_name
 from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.kit.structure import Verdict
@@ -100,7 +100,7 @@ class Model(Part):
         s = self.settings
         speed = self.units.of(SPEED)[1]
         return Settings(
-            f_tanh=s.f_tanh * speed,
+            f_tanh=speed / s.friction_width,
             speed_scale=s.speed_scale / speed,
             level=s.level,
             hold=s.hold,
@@ -241,9 +241,9 @@ def _check_consistent(model: Model) -> None:
         raise SettingsError("field 'signals': the input comes first, then at least one output")
     wanted = {f"parameters.{name}.unit": parameter.dimension for name, parameter in declared.items()}
     came = {f"parameters.{name}.unit": part.unit for name, part in model.parameters.items()}
-    wanted |= {"settings.f_tanh_unit": PER_SPEED, "settings.speed_scale_unit": SPEED}
+    wanted |= {"settings.friction_width_unit": SPEED, "settings.speed_scale_unit": SPEED}
     came |= {
-        "settings.f_tanh_unit": model.settings.f_tanh_unit,
+        "settings.friction_width_unit": model.settings.friction_width_unit,
         "settings.speed_scale_unit": model.settings.speed_scale_unit,
     }
     for field, dimension in wanted.items():

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 __all__ = [
     "CertificatePart",
@@ -77,11 +77,15 @@ class SignalPart(Part):
 class SettingsPart(Part):
     """Settings that simulating and estimating again need beside structure, parameters and input.
 
-    f_tanh and speed_scale carry their units beside them; bounds and fixed stand in the parameters' units.
+    friction_width and speed_scale carry their units beside them; bounds and fixed stand in the parameters' units.
+    friction_width is the speed within which dry friction reverses. friction_width_ci95 is its 95 % interval. Its
+    low end is 0 if the recording shows no width, and its high end null if it shows no upper limit. The whole is
+    null if the width was given or nothing reverses.
     """
 
-    f_tanh: float
-    f_tanh_unit: str
+    friction_width: float = Field(gt=0.0)
+    friction_width_unit: str
+    friction_width_ci95: tuple[float, float | None] | None = None
     speed_scale: float
     speed_scale_unit: str
     level: Literal["accurate", "fast", "euler"]
@@ -90,6 +94,16 @@ class SettingsPart(Part):
     sampling_time: float
     bounds: Mapping[str, tuple[float, float]]
     fixed: Mapping[str, float]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_gain(cls, data: Any) -> Any:
+        """Earlier files hold f_tanh, the inverse of the width."""
+        gain = data.get("f_tanh") if isinstance(data, dict) else None
+        if not isinstance(gain, float | int) or not gain > 0.0:
+            return data
+        rest = {name: value for name, value in data.items() if name not in ("f_tanh", "f_tanh_unit")}
+        return {"friction_width": 1.0 / gain, "friction_width_unit": data.get("speed_scale_unit"), **rest}
 
 
 class InitialPart(Part):

@@ -29,7 +29,9 @@ def _derived_command(content: Content) -> str:
     words += [] if model.evidence is not None else ["--structure", str(model.structure)]
     for name, value in fixed.items():
         words += ["--fix", f"{name}={value!r}"]
-    words += ["--f-tanh", repr(s.f_tanh), "--hold", s.hold, "--seed", str(model.seed)]
+    if s.friction_width_ci95 is None and model.structure.has_dry_friction:
+        words += ["--f-tanh", repr(1.0 / s.friction_width)]
+    words += ["--hold", s.hold, "--seed", str(model.seed)]
     for trace in content.traces:
         words += ["--test-recording", trace.name] if trace.test else []
     return shlex.join(words)

@@ -18,7 +18,7 @@ from brightgrey.report.drawing.plotly_figure import library, plot, script
 from brightgrey.report.options import REPORT_OPTIONS
 from brightgrey.report.quantities.number_format import significant
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
-from brightgrey.report.text.tables import fit_rows, parameter_rows, remarks, verdict_text
+from brightgrey.report.text.tables import fit_rows, friction_width_text, parameter_rows, remarks, verdict_text
 from brightgrey.search.genetic import Run
 
 __all__ = ["page"]
@@ -117,7 +117,7 @@ def _trees(run: Run) -> list[tuple[str, list[tuple[str, Markup]]]]:
 def _setting_rows(model: Model) -> list[tuple[str, str]]:
     s = model.settings
     rows = [
-        ("f_tanh, gain of the smoothed sign of the speed", f"{significant(s.f_tanh)} {s.f_tanh_unit}"),
+        *([("reversal of friction", friction_width_text(s))] if model.structure.has_dry_friction else []),
         ("sampling time", f"{s.sampling_time:.6g} s"),
         ("input between samples", {"linear": "interpolated linearly", "zoh": "held"}[s.hold]),
         ("integration level", s.level),

@@ -199,7 +199,7 @@ class BorderSearch:
         """Circumstances that all structures of this round share."""
         whitening = self.refined.whitening
         least, largest = (self.lattice.structure(m) for m in (self.lattice.required, self.lattice.everything))
-        free = [len(self.task.space(s, initial=True).names) for s in (least, largest)]
+        free = [len(self.task.space(s, nuisances=True).names) for s in (least, largest)]
         return Round(self.lattice, free[0], free[1], min(whitening.floor_deviance, float(whitening.samples)))
 
     def decide(self) -> Border:

@@ -172,7 +172,8 @@ def _is_identified(search: BorderSearch, refined: Refined) -> bool:
         return False
     problem, space = search.task.problem_and_space(refined.structure)
     found = estimates_of(problem, space, accurate(search.task).settings, search.refined.optimum(refined.structure))
-    intervals = [found.by_name[n].ci95 for n, log in zip(space.names, space.log, strict=True) if log]
+    own = refined.structure.parameters
+    intervals = [found.by_name[n].ci95 for n, log in zip(space.names, space.log, strict=True) if log and n in own]
     return all(low > 0.0 and high < SELECTION.wide_interval * low for low, high in intervals)
 
 
@@ -288,6 +289,6 @@ def _ranking(search: BorderSearch, evidence: Evidence | None) -> tuple[Ranked, .
 
 def misfit_of(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> Misfit:
     """Misfit of a structure with its values, at the level of the search."""
-    unknown = [part.name for part in task.problem(structure).unknown_initial]
-    names = (*structure.parameters, *(n for n in unknown if n in values))
+    nuisances = [part.name for part in task.problem(structure).nuisances]
+    names = (*structure.parameters, *(n for n in nuisances if n in values))
     return task.misfits(structure, {n: np.array([values[n]]) for n in names})[0]

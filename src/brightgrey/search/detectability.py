@@ -58,7 +58,7 @@ class Detectability:
 
     def critical(self, structure: Structure, big: Structure) -> float:
         """Deviance by which `big` has to be better than `structure` to be called for."""
-        free = [len(self.refined.task.space(s, initial=True).names) for s in (structure, big)]
+        free = [len(self.refined.task.space(s, nuisances=True).names) for s in (structure, big)]
         chance = float(chi2.isf(SELECTION.false_alarm_level, max(free[1] - free[0], 1)))
         least = self.refined.of(structure).deviance
         return max(chance, (SELECTION.min_rss_ratio - 1.0) * least, self.circumstances.error_floor)
@@ -144,7 +144,7 @@ class Detectability:
             return ()
         residual, jacobian, _ = self.refined.jacobian(structure)
         problem = task.problem(big)
-        start = {part.name: part.start for part in problem.unknown_initial}
+        start = {part.name: part.start for part in problem.nuisances}
         values = {**start, **task.default_start(big), **self.refined.of(structure).values, **size}
         names = (*big.parameters, *start)
         moved = problem.residuals({n: np.array([values[n]]) for n in names}, accurate(task).settings)[:, 0]
@@ -194,7 +194,7 @@ class Detectability:
     def _is_detectable(self, structure: Structure, big: Structure, jacobian: Array, change: Array) -> bool:
         """Return True if a change of the residuals would be detected, as far as the Jacobian does not explain it."""
         size, _ = self.refined.whitening.explain(jacobian, change)
-        free = [len(self.refined.task.space(s, initial=True).names) for s in (structure, big)]
+        free = [len(self.refined.task.space(s, nuisances=True).names) for s in (structure, big)]
         return power(size, free[1] - free[0], self.critical(structure, big)) >= SELECTION.min_power
 
     def _confounder(self, structure: Structure, effect: str, change: Array) -> str | None:
@@ -218,9 +218,9 @@ class Detectability:
     def _is_allowed(self, structure: Structure, big: Structure, steps: Array) -> bool:
         """Return True if small `steps`, shape (P,), keep the effects of `big` beyond `structure` within their bounds.
 
-        Initial states that both structures estimate are not tested.
+        Nuisances that both structures estimate are not tested.
         """
-        space, values = self.refined.task.space(big, initial=True), self.refined.of(big).values
+        space, values = self.refined.task.space(big, nuisances=True), self.refined.of(big).values
         value = np.array([values[name] for name in space.names])
         moved = value + space.scale_derivative(value) * steps
         slack = SELECTION.bound_slack * (space.high - space.low)

@@ -12,7 +12,7 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.effects import Parameter, Scales
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.problem.initial_state import InitialStateParameter
+from brightgrey.estimation.problem.nuisance import Nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
 from brightgrey.kit import Grammar, Placed, Structure
@@ -39,6 +39,7 @@ class IdentificationTask:
     fixed: Mapping[str, float] = field(default_factory=dict)  #: SI; these are not estimated.
     #: SI; standard start of parameters, instead of the one found in the recordings.
     start: Mapping[str, float] = field(default_factory=dict)
+    friction_width: Nuisance | None = None  #: None if the settings give it.
 
     def check(self, grammar: Grammar) -> None:
         """Refuse bounds and values of parameters that no structure of `grammar` has (SettingsError)."""
@@ -47,17 +48,17 @@ class IdentificationTask:
             if name not in known:
                 raise SettingsError(unknown_name("parameter", name, sorted(known)))
 
-    def space(self, structure: Structure, *, initial: bool = False) -> ParameterSpace:
-        """Ranges of the free parameters of `structure`; with `initial` those of unknown initial states, too."""
-        return self.problem_and_space(structure)[1] if initial else self._space(structure, ())
+    def space(self, structure: Structure, *, nuisances: bool = False) -> ParameterSpace:
+        """Ranges of the free parameters of `structure`; with `nuisances` those of the nuisances, too."""
+        return self.problem_and_space(structure)[1] if nuisances else self._space(structure, ())
 
     def problem_and_space(self, structure: Structure) -> tuple[SimulationErrorProblem, ParameterSpace]:
-        """Residuals of `structure`, and ranges of its free parameters and of unknown initial states."""
+        """Residuals of `structure`, and ranges of its free parameters and of the nuisances."""
         problem = self.problem(structure)
-        return problem, self._space(structure, problem.unknown_initial)
+        return problem, self._space(structure, problem.nuisances)
 
-    def _space(self, structure: Structure, unknown: Sequence[InitialStateParameter]) -> ParameterSpace:
-        return parameter_space(structure, self.scales, self.bounds_of(structure), self.fixed_of(structure), unknown)
+    def _space(self, structure: Structure, nuisances: Sequence[Nuisance]) -> ParameterSpace:
+        return parameter_space(structure, self.scales, self.bounds_of(structure), self.fixed_of(structure), nuisances)
 
     def bounds_of(self, structure: Structure) -> dict[str, tuple[float, float]]:
         """Those of `bounds` that `structure` has."""
@@ -70,7 +71,9 @@ class IdentificationTask:
     def problem(self, structure: Structure) -> SimulationErrorProblem:
         """Residuals of `structure`, weighted by the noise of each output; made once for each structure."""
         if structure not in self._problems:
-            self._problems[structure] = SimulationErrorProblem.of(structure, self.recordings)
+            self._problems[structure] = SimulationErrorProblem.of(
+                structure, self.recordings, friction_width=self.friction_width
+            )
         return self._problems[structure]
 
     @cached_property
@@ -117,13 +120,15 @@ class IdentificationTask:
     def misfits(self, structure: Structure, values: Mapping[str, Array]) -> list[Misfit]:
         """Misfit of each of K parameter sets; `values` holds arrays of shape (K,), SI.
 
-        Unknown parts of initial states that `values` lack are taken from the first samples.
+        Unknown parts of initial states that `values` lack are taken from the first samples, and a width of friction's
+        reversal that they lack from the settings.
         """
         outputs = len(self.recordings[0].outputs)
         rss: Array = np.zeros((outputs, 1))
         least, spread = np.zeros(outputs), np.zeros(outputs)
-        known = len(values) > len(structure.parameters)
-        onsets = self.problem(structure).initial_states if known else (None,) * len(self.recordings)
+        problem = self.problem(structure)
+        known = all(part.name in values for part in problem.unknown_initial)
+        onsets = problem.initial_states if known else (None,) * len(self.recordings)
         for r, onset in zip(self.recordings, onsets, strict=True):
             y = predict_many(structure, values, r, self.settings, initial_state=onset)
             apart = np.moveaxis(y, 1, 2) - r.y[:, None, :]

@@ -283,7 +283,7 @@ def test_propagate__lag_removed__dead_time_grows():
 def test_best_starts__early_termination__same_choice(task, rng):
     """The best start at each of some optima, of as many optima as asked for, as if all had been simulated through."""
     structure = PAPER.parse("two_mass+coulomb+viscous")
-    problem, space = task.problem(structure), task.space(structure, initial=True)
+    problem, space = task.problem(structure), task.space(structure, nuisances=True)
     tried = [space.sample(count, rng) for count in (8, 1, 16)]
     costs = [problem.costs(space.named(begins), task.settings) for begins in tried]
     order = np.argsort([cost.min() for cost in costs])

@@ -36,7 +36,8 @@ class EstimationOptions:
         typer.Option(
             "--f-tanh",
             metavar="X",
-            help="Gain of the smoothed sign of friction per unit of speed. Default: 100 over the largest speed.",
+            help="Gain of the smoothed sign of friction, the inverse of the speed within which it reverses. By default "
+            "that speed is estimated.",
             rich_help_panel=ESTIMATION,
         ),
     ] = None

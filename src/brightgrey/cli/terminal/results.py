@@ -103,7 +103,7 @@ def result(found: Result, folder: Path, *, quiet: bool, json: bool) -> None:
 
 
 def _print_result(console: Console, found: Result, folder: Path) -> None:
-    from brightgrey.report.text.tables import FIXED, fit_rows, parameter_rows, remarks, sentence
+    from brightgrey.report.text.tables import FIXED, fit_rows, friction_width_text, parameter_rows, remarks, sentence
 
     console.print(Text(str(found.model.structure), style="bold"))
     rows = parameter_rows(found.model)
@@ -114,6 +114,8 @@ def _print_result(console: Console, found: Result, folder: Path) -> None:
         cells = (row.name, row.estimate, row.unit, *([row.note] if noted else []))
         table.add_row(*cells, style="yellow" if doubtful else None)
     console.print(table)
+    if found.model.structure.has_dry_friction:
+        console.print(f"Friction reverses {friction_width_text(found.model.settings)}.")
     console.print()
     _fits(console, fit_rows(found.model))
     console.print()

@@ -18,7 +18,7 @@ EFFECT = Effect(
     name="coulomb",
     number=5,
     title="Coulomb friction",
-    about="Friction of constant size against the motion; f_tanh, fixed upfront, smooths the reversal.",
+    about="Friction of constant size against the motion. It reverses within a speed of 1/f_tanh.",
     equation="M_F = -M_C tanh(f_tanh v)",
     source="paper eq. (2), (11)",
     stage="friction",

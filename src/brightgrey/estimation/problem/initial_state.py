@@ -12,6 +12,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Element
+from brightgrey.estimation.problem.nuisance import Nuisance
 from brightgrey.estimation.problem.scales import DERIVATIVE_ORDER, speed_of
 from brightgrey.kit import Placed, StateSpace
 from brightgrey.recordings import Recording
@@ -21,7 +22,6 @@ __all__ = [
     "Initial",
     "InitialState",
     "InitialStateOptions",
-    "InitialStateParameter",
     "initial_state",
     "output_noise",
 ]
@@ -50,18 +50,6 @@ class InitialStateOptions:
 
 
 INITIAL_STATE_DEFAULTS = InitialStateOptions()
-
-
-@dataclass(frozen=True)
-class InitialStateParameter:
-    """A part of the initial state that is estimated, in SI, on a linear scale."""
-
-    name: str
-    #: Bounds and start value.
-    low: float
-    high: float
-    start: float
-    sampled: bool = True  #: False if all samples of a search have the start value.
 
 
 @lru_cache(maxsize=_CACHED_RECORDINGS)
@@ -101,7 +89,7 @@ class InitialState:
     position: float
     speed: float
     torque: float = 0.0  #: Largest input in SI. Twists are relative to those of even acceleration by it.
-    unknown: tuple[InitialStateParameter, ...] = ()  #: Parts that are estimated. Their names end in `tag`.
+    unknown: tuple[Nuisance, ...] = ()  #: Parts that are estimated. Their names end in `tag`.
     tag: str = ""  #: Distinguishes recordings.
 
     @classmethod
@@ -140,10 +128,10 @@ class InitialState:
         if initial == "rest" or (initial == "auto" and not moving):
             return cls(position, 0.0, 0.0, (), tag)
         torque = float(np.abs(recording.u).max())
-        unknown: list[InitialStateParameter] = []
+        unknown: list[Nuisance] = []
         if initial != "samples":
             unknown += _rigid_motion(recording, output, tag, options)
-            unknown += [InitialStateParameter(f"{name}(0)/width{tag}", -1.0, 0.0, -0.5) for name in limited]
+            unknown += [Nuisance(f"{name}(0)/width{tag}", -1.0, 0.0, -0.5) for name in limited]
             if torque > 0.0:
                 twist = float(recording.u[0]) / torque
                 unknown += _relative_motion(masses, twist, options.max_speed_difference * largest, tag, options)
@@ -197,29 +185,29 @@ class InitialState:
 
 def _rigid_motion(
     recording: Recording, output: int | None, tag: str, options: InitialStateOptions
-) -> Iterator[InitialStateParameter]:
+) -> Iterator[Nuisance]:
     """Position (of output number `output`) and speed of the whole drive within the noise of the first samples."""
     noise = output_noise(recording)
     if output is not None:
         position, slack = float(recording.y[output][0]), options.sensor_std * float(noise[output])
-        yield InitialStateParameter(f"position(0){tag}", position - slack, position + slack, position)
+        yield Nuisance(f"position(0){tag}", position - slack, position + slack, position)
     speed, by_parabola, _ = _first_speed(recording, options.first_samples)
     slack = options.sensor_std * _first_speed_std(recording, noise, options) + abs(by_parabola - speed)
     low, high = speed - slack, speed + slack
     if abs(speed) <= options.sensor_std * _first_speed_std_of_slow_noise(recording, options):
         low, high = min(low, 0.0), max(high, 0.0)  # it may be at rest, too
-    yield InitialStateParameter(f"speed(0){tag}", low, high, speed)
+    yield Nuisance(f"speed(0){tag}", low, high, speed)
 
 
 def _relative_motion(
     masses: int, twist: float, max_difference: float, tag: str, options: InitialStateOptions
-) -> Iterator[InitialStateParameter]:
+) -> Iterator[Nuisance]:
     """Twist of each shaft and speed difference of its masses; twists begin at `twist`."""
     for i in range(1, masses):
         high = options.max_twist
-        yield InitialStateParameter(f"twist{i}(0)/full{tag}", -high, high, twist, sampled=False)
+        yield Nuisance(f"twist{i}(0)/full{tag}", -high, high, twist, sampled=False)
         name = f"speed{i + 1}-speed{i}(0){tag}"
-        yield InitialStateParameter(name, -max_difference, max_difference, 0.0, sampled=False)
+        yield Nuisance(name, -max_difference, max_difference, 0.0, sampled=False)
 
 
 def _relax(x: Array, system: StateSpace, element: Element) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from brightgrey.arrays import Array
 from brightgrey.effects import Scales, SearchHints
 from brightgrey.errors import SettingsError, unknown_name
-from brightgrey.estimation.problem.initial_state import InitialStateParameter
+from brightgrey.estimation.problem.nuisance import Nuisance
 from brightgrey.kit import Structure
 from brightgrey.numerics.sobol import sobol_points
 
@@ -141,7 +141,7 @@ def parameter_space(
     scales: Scales,
     bounds: Mapping[str, tuple[float, float]],
     fixed: Mapping[str, float],
-    unknown: Sequence[InitialStateParameter] = (),
+    nuisances: Sequence[Nuisance] = (),
 ) -> ParameterSpace:
     """Bounds and start values of the free parameters of `structure`.
 
@@ -154,8 +154,8 @@ def parameter_space(
         Bounds in SI that replace the declared ones.
     fixed : mapping of str to float
         Values in SI of parameters that are not estimated.
-    unknown : sequence of InitialStateParameter
-        Parts of initial states that are estimated, too.
+    nuisances : sequence of Nuisance
+        Estimated, too.
 
     Raises
     ------
@@ -177,12 +177,12 @@ def parameter_space(
             raise SettingsError(f"bound of {name}: low {low:g} has to be positive")
         ranges.append((low, high))
         starts.append(float(np.clip(parameter.start(scales), low, high)))
-    log = np.array([declared[name].scale == "log" for name in names] + [False] * len(unknown), bool)
-    table = np.array(ranges + [(part.low, part.high) for part in unknown]).reshape(-1, 2)
-    starts += [part.start for part in unknown]
-    names += tuple(part.name for part in unknown)
+    log = np.array([declared[name].scale == "log" for name in names] + [part.log for part in nuisances], bool)
+    table = np.array(ranges + [(part.low, part.high) for part in nuisances]).reshape(-1, 2)
+    starts += [part.start for part in nuisances]
+    names += tuple(part.name for part in nuisances)
     blocks = tuple(_blocks(structure, names, bounds))
-    not_sampled = np.array([False] * len(ranges) + [not part.sampled for part in unknown], bool)
+    not_sampled = np.array([False] * len(ranges) + [not part.sampled for part in nuisances], bool)
     return ParameterSpace(
         names, table[:, 0], table[:, 1], np.array(starts), log, dict(fixed), scales, blocks, not_sampled
     )

@@ -10,8 +10,9 @@ from typing import Self
 import numpy as np
 
 from brightgrey.arrays import Array, positive
-from brightgrey.estimation.problem.initial_state import Initial, InitialState, InitialStateParameter, output_noise
+from brightgrey.estimation.problem.initial_state import Initial, InitialState, output_noise
 from brightgrey.estimation.problem.normal_equations import LARGEST, add_products, add_squares
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, Nuisance
 from brightgrey.estimation.problem.output_feedback import measured_speed, with_output_feedback
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.estimation.problem.simulation_count import SimulationCount
@@ -44,7 +45,7 @@ def predict_many(
     ----------
     structure : Structure
     values : mapping of str to ndarray, shape (K,)
-        Parameters and estimated parts of the initial state, SI.
+        Parameters and nuisances, SI.
     recording : Recording
     settings : Settings
     initial_state : InitialState, optional
@@ -94,10 +95,14 @@ def systems(
 def system_for(
     structure: Structure, values: Mapping[str, Array], recording: Recording, settings: Settings
 ) -> StateSpace:
-    """K systems with the outputs of a recording; a differenced velocity has the position as its output."""
+    """K systems with the outputs of a recording; a differenced velocity has the position as its output.
+
+    The width of friction's reversal is that of the settings, unless it is among the values.
+    """
     kinds = [signal.kind for signal in recording.outputs]
     outputs = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
-    return assemble(structure, {name: values[name] for name in structure.parameters}, settings.f_tanh, outputs)
+    f_tanh = 1.0 / values[FRICTION_WIDTH] if FRICTION_WIDTH in values else settings.f_tanh
+    return assemble(structure, {name: values[name] for name in structure.parameters}, f_tanh, outputs)
 
 
 def _truncated(recording: Recording, share: float) -> Recording:
@@ -129,10 +134,16 @@ class SimulationErrorProblem:
     initial_states: tuple[InitialState, ...]  #: One per recording.
     threads: int = 1  #: Threads to simulate on.
     gain: float = 0.0  #: Output feedback in torque per speed, N m s/rad (N s/m).
+    friction_width: Nuisance | None = None  #: None if the settings give it, or if no friction reverses.
 
     @classmethod
     def of(
-        cls, structure: Structure, recordings: Sequence[Recording], threads: int = 1, initial: Initial = "auto"
+        cls,
+        structure: Structure,
+        recordings: Sequence[Recording],
+        threads: int = 1,
+        initial: Initial = "auto",
+        friction_width: Nuisance | None = None,
     ) -> Self:
         """Problem with weights from the noise of the recordings; `initial` as for :meth:`InitialState.of`."""
         noise = np.median([output_noise(r) for r in recordings], axis=0)
@@ -143,10 +154,23 @@ class SimulationErrorProblem:
         states = tuple(
             InitialState.of(r, initial, tag, limited, structure.masses) for r, tag in zip(recordings, tags, strict=True)
         )
-        return cls(structure, tuple(recordings), 1.0 / np.where(floor > 0.0, floor, 1.0), states, threads)
+        return cls(
+            structure,
+            tuple(recordings),
+            1.0 / np.where(floor > 0.0, floor, 1.0),
+            states,
+            threads,
+            friction_width=friction_width if structure.has_dry_friction else None,
+        )
 
     @property
-    def unknown_initial(self) -> tuple[InitialStateParameter, ...]:
+    def nuisances(self) -> tuple[Nuisance, ...]:
+        """Parts of the initial states and the width of friction's reversal, if they are estimated."""
+        width = () if self.friction_width is None else (self.friction_width,)
+        return (*self.unknown_initial, *width)
+
+    @property
+    def unknown_initial(self) -> tuple[Nuisance, ...]:
         """Parts of the initial states that are estimated with the parameters."""
         return tuple(unknown for state in self.initial_states for unknown in state.unknown)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from brightgrey.effects import Element
+from brightgrey.effects import PER_SPEED, Element
 from brightgrey.exports.expressions.languages import LATEX, latex_name, latex_number, spell
 from brightgrey.exports.expressions.trace import rename_symbols, traced
 from brightgrey.exports.external_tools import MissingToolError, program, run_program
@@ -154,8 +154,8 @@ def _parameter_rows(numeric: NumericModel) -> Iterable[str]:
         deviation = "" if part.std is None else rf" \pm {part.std:.1g}".replace("e", r"\mathrm{e}")
         value = f"{latex_number(part.value)}{deviation}"
         yield rf"${latex_name(name)}$ & ${value}$ & {_escaped(part.unit)} & {_escaped(declared.about)} \\ % {name}"
-    unit = _escaped(numeric.model.settings.f_tanh_unit)
-    yield rf"${latex_name('f_tanh')}$ & ${latex_number(numeric.model.settings.f_tanh)}$ & {unit} & fixed upfront \\"
+    unit, gain = _escaped(numeric.model.units.of(PER_SPEED)[0]), 1.0 / numeric.model.settings.friction_width
+    yield rf"${latex_name('f_tanh')}$ & ${latex_number(gain)}$ & {unit} & inverse of the width of the reversal \\"
 
 
 def verify(folder: Path, numeric: NumericModel, run: VerificationRun) -> Verified:

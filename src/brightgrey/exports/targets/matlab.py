@@ -72,7 +72,7 @@ def _mat_variables(numeric: NumericModel) -> dict[str, Any]:
             name.replace("@", "_at_"): {"value": p.value, "unit": p.unit, "std": np.nan if p.std is None else p.std}
             for name, p in model.parameters.items()
         },
-        "settings": model.settings.model_dump(exclude={"bounds", "fixed"}),
+        "settings": model.settings.model_dump(exclude={"bounds", "fixed", "friction_width_ci95"}),
         "structure": str(model.structure),
         "states": _cell_array(np.array(numeric.system.state_names)[:, None, None]),
     }

@@ -88,7 +88,7 @@ def _friction_chart(
         levels=(0.0,),
     )
     names = ", ".join(dict.fromkeys(e.name.removesuffix("@1") for e in elements))
-    caption = f"Sum of {names} over the speeds of the recording, the step at standstill smoothed with the gain f_tanh."
+    caption = f"Sum of {names} over the speeds of the recording, with the width of the reversal at standstill."
     if drawn:
         draws = REPORT_OPTIONS.friction_draws
         caption += f" The band holds 95 % of {draws} draws from the joint distribution of the estimates."

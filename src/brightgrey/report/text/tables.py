@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from brightgrey.model.model import Model
-from brightgrey.model.schema import OutputFitPart, ParameterPart
+from brightgrey.model.schema import OutputFitPart, ParameterPart, SettingsPart
 from brightgrey.report.quantities.number_format import is_drowned, significant, with_uncertainty
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "ParameterRow",
     "fit_row",
     "fit_rows",
+    "friction_width_text",
     "interval_text",
     "parameter_rows",
     "remarks",
@@ -90,6 +91,22 @@ def _reservation(part: ParameterPart, half_width: float | None, positive: bool) 
     if half_width is None:
         return UNKNOWN
     return NOT_IDENTIFIABLE if positive and is_drowned(part.value, half_width) else ""
+
+
+def friction_width_text(settings: SettingsPart) -> str:
+    """Speed within which dry friction reverses, with what is known of it."""
+    unit, interval = settings.friction_width_unit, settings.friction_width_ci95
+    if interval is None:
+        return f"within {significant(settings.friction_width, 3)} {unit} (given)"
+    low, high = interval
+    if high is None and low == 0.0:
+        return "within a speed that this recording does not tell"
+    if high is None:
+        return f"within {significant(low, 2)} {unit} or more: this recording gives no upper limit"
+    if low == 0.0:
+        return f"as sharp as this recording can show: within less than {significant(high, 2)} {unit}"
+    shown = with_uncertainty(settings.friction_width, 0.5 * (high - low))[0]
+    return f"within {shown} {unit} ({interval_text((low, high))})"
 
 
 def fit_rows(model: Model) -> list[FitRow]:

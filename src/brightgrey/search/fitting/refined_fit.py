@@ -142,7 +142,8 @@ def refine(
         last, theta = cost, theta + steps[1 + best]
         damping = float(np.clip(factors[1 + best], LM_DEFAULTS.min_damping, LM_DEFAULTS.max_damping))
     end = space.from_scaled(theta[:, None])[:, 0]
-    bound = [n for n, side in zip(space.names, space.active_bounds(end), strict=True) if side]
+    sides = zip(space.names, space.active_bounds(end), strict=True)
+    bound = [n for n, side in sides if side and n in structure.parameters]
     return Refined(
         structure,
         dict(zip(space.names, end.tolist(), strict=True)) | dict(space.fixed),

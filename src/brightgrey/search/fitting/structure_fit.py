@@ -169,7 +169,8 @@ def not_worse_than_submodels(own: StructureFit, within: Sequence[StructureFit]) 
 
 def ranges_within_decade(space: ParameterSpace) -> bool:
     """Return True if all ranges of positive parameters are within a decade, as a user gives them."""
-    return bool(space.log.any() and np.all(space.high[space.log] <= REFIT.narrow_range * space.low[space.log]))
+    own = space.log & ~space.not_sampled
+    return bool(own.any() and np.all(space.high[own] <= REFIT.narrow_range * space.low[own]))
 
 
 def fit_multistart(

@@ -145,7 +145,7 @@ class LatticeEvaluator:
     def narrow(self) -> bool:
         """True if the ranges of all structures are narrow, as a user gives them."""
         task = self.fits.task
-        return all(ranges_within_decade(task.space(s, initial=True)) for s in self.fits.structures)
+        return all(ranges_within_decade(task.space(s, nuisances=True)) for s in self.fits.structures)
 
     def can_still_win(self, structure: Structure, cost: float = 0.0) -> bool:
         """Return False if a structure cannot reach the best value of the criterion.
@@ -165,7 +165,7 @@ class LatticeEvaluator:
             around = (f.cost for t, f in fits.done.items() if contains(t, structure))
             bar.least[structure] = min(around, default=0.0)
         if structure not in self._free:
-            self._free[structure] = len(task.space(structure, initial=True).names)
+            self._free[structure] = len(task.space(structure, nuisances=True).names)
         least = bar.least[structure]
         return least == 0.0 or self._value(max(cost, least), self._free[structure]) >= bar.best
 
@@ -275,7 +275,7 @@ class LatticeEvaluator:
         Errors of the simulation are not random. Another effect removes part of them, and a criterion that assumes
         random noise takes that for evidence.
         """
-        space = self._accurate.space(fitted.structure, initial=True)
+        space = self._accurate.space(fitted.structure, nuisances=True)
         start = np.array([fitted.values[name] for name in space.names])
         end = last_descent(self._accurate, fitted.structure, start)
         values = {**fitted.values, **dict(zip(space.names, end.values.tolist(), strict=True))}
@@ -283,7 +283,7 @@ class LatticeEvaluator:
         return replace(fitted, values=values, cost=end.cost, spent=spent, information=None)
 
     def _misfit(self, task: IdentificationTask, fitted: StructureFit) -> Misfit:
-        space = task.space(fitted.structure, initial=True)
+        space = task.space(fitted.structure, nuisances=True)
         names = (*fitted.structure.parameters, *(n for n in space.names if n not in fitted.structure.parameters))
         (misfit,) = task.misfits(fitted.structure, {name: np.array([fitted.values[name]]) for name in names})
         return misfit
