@@ -23,9 +23,14 @@ def test_sentences__refuted_structure__says_what_is_missing_and_how_sure_it_is()
     first, last = certificate(refuted("viscous")).sentences()
     assert first == (
         "Even with every other effect allowed, without viscous the residual is 3.4 times as large"
-        " (812 beyond the best, up to 13.4 does not count; 3 independent starts agree)."
+        " (whitened sum of squares 812 above the least one, chance explains 13.4; 3 independent starts agree)."
     )
     assert last == ("31 fits decide all 1,448 structures of the function set 'paper', conditional on these optima.")
+
+
+def test_sentences__mass_is_missing__it_is_counted():
+    first, _ = certificate(refuted("three_mass")).sentences((("three_mass", "Three-mass system"),))
+    assert "without a third mass the residual is" in first
 
 
 def test_sentences__alternatives_and_single_start__titles_of_effects_are_used():

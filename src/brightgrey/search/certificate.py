@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from brightgrey.kit import Placed
+
 __all__ = ["Certificate", "RefutedStructure"]
 
 
@@ -54,10 +56,10 @@ class Certificate:
                 + "."
             )
         for r in self.refuted:
-            lacking = " and ".join(names.get(e, e) for e in r.without)
+            lacking = " and ".join(_in_words(e, names.get(e, e)) for e in r.without)
             out.append(
                 f"Even with every other effect allowed, without {lacking} the residual is {r.ratio:.3g} times as large"
-                f" ({r.excess:.3g} beyond the best, up to {r.threshold:.3g} does not count;"
+                f" (whitened sum of squares {r.excess:.3g} above the least one, chance explains {r.threshold:.3g};"
                 f" {_starts(r.agreeing)})."
             )
         if self.undecided:
@@ -67,6 +69,12 @@ class Certificate:
             " conditional on these optima."
         )
         return tuple(out)
+
+
+def _in_words(effect: str, title: str) -> str:
+    """Effect within a sentence; masses count cumulatively."""
+    masses = Placed.parse(effect).effect.masses
+    return ("a motor", "a second mass", "a third mass", "a fourth mass")[masses - 1] if masses else title
 
 
 def _starts(count: int) -> str:

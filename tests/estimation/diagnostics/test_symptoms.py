@@ -205,6 +205,16 @@ def test_detect_regressors__have_their_size__once_per_kind():
     assert second.coefficients[0] == pytest.approx(0.3, rel=0.2)
 
 
+def slipping(v, q, distance):
+    """Friction of size 1 that is a spring over a distance after each reversal, and slips then (Jenkins)."""
+    course = np.empty(q.size)
+    state = 0.0
+    for k, step in enumerate(np.diff(q, prepend=q[0])):
+        state = np.clip(state + step / distance, -1.0, 1.0)
+        course[k] = state
+    return course
+
+
 @pytest.mark.parametrize(
     ("title", "torque"),
     [
@@ -213,6 +223,9 @@ def test_detect_regressors__have_their_size__once_per_kind():
             "Torque or friction depends on the position",
             lambda v, q: (q - 0.5 * (q.max() + q.min())) / (0.5 * np.ptp(q)),
         ),
+        ("Torque repeats with the position", lambda v, q: np.sin(4.0 * np.pi * q / np.ptp(q))),
+        ("Friction repeats with the position", lambda v, q: np.sign(v) * np.sin(4.0 * np.pi * q / np.ptp(q) + 1.0)),
+        ("Friction builds up over a distance", lambda v, q: slipping(v, q, 5e-3 * np.ptp(q)) - np.sign(v)),
     ],
 )
 def test_symptoms__pattern_that_no_effect_describes__is_named(title, torque):

@@ -29,6 +29,27 @@ class SimulatedMotion:
         return np.asarray((self.position - middle) / max(0.5 * float(np.ptp(self.position)), np.finfo(float).tiny))
 
 
+_HARMONICS = 4  # periods over the travel of the fastest wave
+_SLIPS = (1e-3, 1e-2)  # distances over which friction builds up, as parts of the travel
+
+
+def _harmonics(motion: SimulatedMotion) -> tuple[Array, ...]:
+    """Waves over the position, with one to four periods over the travel."""
+    angle = np.pi * motion.relative_position()
+    return tuple(np.asarray(wave(k * angle)) for k in range(1, _HARMONICS + 1) for wave in (np.sin, np.cos))
+
+
+def _slipping(motion: SimulatedMotion, sign: Array, share: float) -> Array:
+    """Friction of size 1 that builds up over a part of the travel (Dahl 1968), from rest."""
+    distance = share * float(np.ptp(motion.position))
+    kept = np.exp(-np.abs(np.diff(motion.position, prepend=motion.position[0])) / distance)
+    state, course = 0.0, np.empty(sign.size)
+    for k, (keep, side) in enumerate(zip(kept.tolist(), sign.tolist(), strict=True)):
+        state = side + (state - side) * keep
+        course[k] = state
+    return course
+
+
 @dataclass(frozen=True)
 class TorquePattern:
     """Torque that may be missing in a model, and the symptom if the residual follows it.
@@ -76,6 +97,29 @@ TORQUE_PATTERNS = (
         "Torque or friction depends on the position",
         "the position",
         "no effect describes it (cables, springs, a misaligned guide); record only the part of the travel in use",
+    ),
+    TorquePattern(
+        "torque ripple with position",
+        lambda m, sign, scales: _harmonics(m),
+        "Torque repeats with the position",
+        "a torque that repeats with the position",
+        "no effect describes it (an eccentric load, cogging, a toothed belt); look for the part that repeats so",
+    ),
+    TorquePattern(
+        "friction ripple with position",
+        lambda m, sign, scales: tuple(sign * wave for wave in _harmonics(m)),
+        "Friction repeats with the position",
+        "friction that repeats with the position",
+        "no effect describes it (a bent spindle, joints of a rail); look for the part that repeats so",
+    ),
+    TorquePattern(
+        "presliding",
+        lambda m, sign, scales: tuple(
+            _slipping(m, sign, share) - sign for share in _SLIPS if share * float(np.ptp(m.position)) > 0.0
+        ),
+        "Friction builds up over a distance",
+        "friction that builds up over a distance after each reversal (presliding)",
+        "no effect describes it; friction near standstill is uncertain, and a gap or a soft shaft may stand for it",
     ),
 )
 """All patterns that are tried, in the order in which symptoms are named."""
