@@ -273,6 +273,7 @@ def _shape_of(job: _Job, lanes: _LaneAssignment, cut: int) -> Shape:
         group=lanes.width,
         samples=len(job.u),
         euler=int(settings.level == "euler"),
+        dry=int(lowered.dry),
     )
 
 

@@ -20,7 +20,8 @@ class Settings:
     Attributes
     ----------
     f_tanh : float
-        Gain of the paper's eq. (2) in s/rad (s/m): 1/f_tanh is the speed within which friction reverses.
+        Gain of the paper's eq. (2) in s/rad (s/m): 1/f_tanh is the speed within which friction reverses. With
+        ``math.inf``, friction has an exact sign, and what rests stays at rest up to its breakaway torque.
     speed_scale : float
         Largest expected speed in rad/s (m/s); the tolerances are relative to it.
     level : {'accurate', 'fast', 'euler'}
@@ -40,10 +41,12 @@ class Settings:
     def __post_init__(self) -> None:
         for name in ("f_tanh", "speed_scale"):
             value = getattr(self, name)
-            if not 0.0 < value < float("inf"):
+            if not 0.0 < value < float("inf") and not (name == "f_tanh" and value == float("inf")):
                 raise SettingsError(f"{name} is {value}; it has to be a positive number")
         one_of("level", self.level, get_args(Level))
         one_of("hold", self.hold, HOLDS)
+        if self.level == "euler" and self.f_tanh == float("inf"):
+            raise SettingsError("level 'euler' needs a finite f_tanh: it cannot stop a mass")
         if self.substeps < 1:
             raise SettingsError(f"substeps is {self.substeps}; at least 1 is needed")
 

@@ -10,7 +10,13 @@ import math
 from typing import Any
 
 from brightgrey.simulation.kernel.contact_modes import mode_bits, set_force, set_mode
-from brightgrey.simulation.kernel.law_dispatch import channel_force
+from brightgrey.simulation.kernel.dry_friction import (
+    force_at_point,
+    friction_interval,
+    set_dry_forces,
+    sticks,
+    switch_friction,
+)
 from brightgrey.simulation.kernel.machine.compilation import Entry, inner
 from brightgrey.simulation.kernel.machine.memory_layout import call_of, plant_of, shape_of, work_of
 from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, splat, whole
@@ -30,10 +36,7 @@ def _linearised(shape: Any, plant: Any, value: Any, slope: Any, work: Any, lane:
         put(work.system, n + 1, i, get(plant.B, i, lane) * slope)
     for k in range(shape.channels):
         through = get(plant.K, k, lane)
-        port = through * value
-        for i in range(n):
-            port += get(plant.H, k * n + i, lane) * get(work.point, 0, i)
-        phi, by_port = channel_force(shape, plant, k, port, lane)
+        port, phi, by_port = force_at_point(shape, plant, k, value, work, lane)
         rest = phi + by_port * (through * value - port)
         for i in range(n):
             g = get(plant.G, k * n + i, lane)
@@ -44,6 +47,12 @@ def _linearised(shape: Any, plant: Any, value: Any, slope: Any, work: Any, lane:
             for j in range(n):
                 change = g * by_port * get(plant.H, k * n + j, lane)
                 put(work.system, j, i, get(work.system, j, i) + change)
+    for k in range(shape.channels):
+        if sticks(plant, work, k, lane):
+            row = whole(plant.stopped, k)
+            for j in range(n + 2):
+                put(work.holding, k, j, -get(work.system, j, row) / get(plant.G, k * n + row, lane))
+                put(work.system, j, row, 0.0)
 
 
 @inner
@@ -161,11 +170,10 @@ def _course_root(course: Any, terms: Any, off: Any, rate: Any, limit: Any, left:
 
 
 @inner
-def _first_crossing(shape: Any, plant: Any, work: Any, b: Any, terms: Any, lane: Any) -> Any:
-    """First part of the reach at which limited state b reaches a limit or leaves it, or -1, and which limit."""
+def _limit_course(shape: Any, plant: Any, work: Any, b: Any, terms: Any, lane: Any) -> None:
+    """Write the watched quantity of limited state b to ``work.course``."""
     n = shape.n
     free = whole(work.mode, b * LANES + lane) == 0
-    course = work.course
     for k in range(terms):
         term = 0.0
         if free:
@@ -173,9 +181,25 @@ def _first_crossing(shape: Any, plant: Any, work: Any, b: Any, terms: Any, lane:
         else:
             for j in range(n):
                 term += get(plant.rate, b * n + j, lane) * real(work.series, k * LANES + j)
-        put(course, 0, k, term)
-    low, high = get(work.low, b, lane), get(work.high, b, lane)
-    off, rate = get(work.fading, 0, b), get(work.fading, 1, b)
+        put(work.course, 0, k, term)
+
+
+@inner
+def _friction_course(shape: Any, plant: Any, work: Any, c: Any, terms: Any, reach: Any, lane: Any) -> None:
+    """Write what ends the mode of channel c to ``work.course``: side times speed, or the friction that rest needs."""
+    side, n = get(work.side, c, lane), shape.n
+    for k in range(terms):
+        term = side * real(work.series, k * LANES + whole(plant.stopped, c))
+        if side == 0.0:
+            term = get(work.holding, c, n) if k == 0 else reach * get(work.holding, c, n + 1) if k == 1 else 0.0
+            for j in range(n):
+                term += get(work.holding, c, j) * real(work.series, k * LANES + j)
+        put(work.course, 0, k, term)
+
+
+@inner
+def _first_crossing(course: Any, terms: Any, off: Any, rate: Any, low: Any, high: Any) -> Any:
+    """First part of the reach at which a course leaves its interval, or -1, and at which end."""
     before, f_before = 0.0, real(course, 0) + off
     for quarter in range(1, 5):
         now = 0.25 * quarter
@@ -190,17 +214,35 @@ def _first_crossing(shape: Any, plant: Any, work: Any, b: Any, terms: Any, lane:
 
 
 @inner
+def _first_event(shape: Any, plant: Any, terms: Any, reach: Any, work: Any, lane: Any) -> Any:
+    """Part of the reach at which the first mode ends, or 1, which limited state or channel behind them, and the end."""
+    part, which, side = 1.0, -1, 0
+    for b in range(shape.limits):
+        if whole(work.mode, b * LANES + lane) != 2:
+            _limit_course(shape, plant, work, b, terms, lane)
+            off, rate = get(work.fading, 0, b), get(work.fading, 1, b)
+            low, high = get(work.low, b, lane), get(work.high, b, lane)
+            moment, at = _first_crossing(work.course, terms, off, rate, low, high)
+            if 0.0 <= moment <= part:
+                part, which, side = moment, b, at
+    if shape.dry == 1:
+        for c in range(shape.channels):
+            if whole(plant.stopped, c) >= 0:
+                _friction_course(shape, plant, work, c, terms, reach, lane)
+                low, high = friction_interval(shape, plant, work, c, lane)
+                moment, at = _first_crossing(work.course, terms, 0.0, 0.0, low, high)
+                if 0.0 <= moment <= part:
+                    part, which, side = moment, shape.limits + c, at
+    return part, which, side
+
+
+@inner
 def _pass_all_events(shape: Any, plant: Any, length: Any, value: Any, slope: Any, work: Any, lane: Any) -> None:
     """Carry ``work.point`` of one lane over `length` in s, through all events on the way."""
     time = 0.0
     for _ in range(TOLERANCES.max_events):
         s, terms = _motion_series(shape, plant, length - time, value + slope * time, slope, work, lane)
-        part, which, side = 1.0, -1, 0
-        for b in range(shape.limits):
-            if whole(work.mode, b * LANES + lane) != 2:
-                moment, at = _first_crossing(shape, plant, work, b, terms, lane)
-                if 0.0 <= moment <= part:
-                    part, which, side = moment, b, at
+        part, which, side = _first_event(shape, plant, terms, s, work, lane)
         put(work.point, 0, None, value_at(work, terms, part))
         for b in range(shape.limits):
             off = get(work.fading, 0, b)
@@ -208,14 +250,16 @@ def _pass_all_events(shape: Any, plant: Any, length: Any, value: Any, slope: Any
                 row = whole(plant.limited, b)
                 rest = off * math.exp(-get(work.fading, 1, b) * part)
                 put(work.point, 0, row, get(work.point, 0, row) + rest)
-        if which >= 0:
+        time += s * part
+        if which >= shape.limits:
+            switch_friction(shape, plant, which - shape.limits, side, value + slope * time, work, lane)
+        elif which >= 0:
             if whole(work.mode, which * LANES + lane) == 0:
                 limit = get(plant.high, which, lane) if side > 0 else get(plant.low, which, lane)
                 put(work.point, 0, whole(plant.limited, which), limit)
                 set_mode(plant, work, which, lane, side)
             else:
                 set_mode(plant, work, which, lane, 0)
-        time += s * part
         if time >= length * (1.0 - 1e-12):
             return
     put(work.point, 0, None, splat(float("nan"), None))  # too many events: no result is better than a wrong one
@@ -249,4 +293,7 @@ def locate_events(block: Any, start: Any, lane: Any) -> None:
         value += slope * length
     for i in range(n):
         put(work.end, i, lane, get(work.point, 0, i))
-    set_force(shape, plant, value, work, lane)
+    if shape.dry == 1:
+        set_dry_forces(shape, plant, value, work, lane)
+    else:
+        set_force(shape, plant, value, work, lane)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.kernel.contact_modes import drive_lane, set_force, set_mode, use_table
+from brightgrey.simulation.kernel.dry_friction import set_initial_sides
 from brightgrey.simulation.kernel.machine.compilation import Entry
 from brightgrey.simulation.kernel.machine.memory_layout import call_of, plant_of, shape_of, work_of
 from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, whole
@@ -37,4 +38,7 @@ def set_initial_state(block: Any) -> None:
             put(work.watched, b, lane, watched_quantity(shape, plant, work, b, work.x, lane))
         use_table(shape, work, lane)
         drive_lane(shape, plant, call.u, 0, 0.0, 0.0, 1.0, real(call.numbers, 0), work, lane)
-        set_force(shape, plant, get(work.drive, 0, lane), work, lane)
+        if shape.dry == 1:
+            set_initial_sides(shape, plant, get(work.drive, 0, lane), work, lane)
+        else:
+            set_force(shape, plant, get(work.drive, 0, lane), work, lane)

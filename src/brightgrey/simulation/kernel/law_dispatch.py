@@ -6,11 +6,11 @@ from collections.abc import Callable
 from typing import Any
 
 from brightgrey.effects import Law, registry
-from brightgrey.effects.arithmetic import tanh
+from brightgrey.effects.arithmetic import positive_part, tanh
 from brightgrey.simulation.kernel.machine.compilation import inlined, inner
 from brightgrey.simulation.kernel.machine.simd import get, splat, whole
 
-__all__ = ["channel_force", "channel_forces", "smooth_laws"]
+__all__ = ["channel_force", "channel_forces", "dry_forces", "smooth_laws"]
 
 
 def smooth_laws() -> tuple[Law, ...]:
@@ -118,3 +118,23 @@ def channel_force(shape: Any, plant: Any, k: Any, z: Any, who: Any) -> Any:
     """Sum of all laws of channel k and its slope at one port."""
     force, slope, _, _ = channel_forces(shape, plant, k, z, z, who)
     return force, slope
+
+
+@inner
+def dry_forces(shape: Any, plant: Any, k: Any, z1: Any, z2: Any, side: Any, lane: Any) -> Any:
+    """As `channel_forces`, with dry friction of a mass that slides to `side`; where side is 0, it has no friction here.
+
+    On the wrong side of zero, the tangent continues the law.
+    """
+    off1, off2 = side * z1, side * z2
+    speed1, speed2 = positive_part(off1), positive_part(off2)
+    f1, d1, f2, d2 = 0.0, 0.0, 0.0, 0.0
+    for e in range(shape.elements):
+        if whole(plant.channel, e) == k:
+            law, first = whole(plant.law, e), whole(plant.first, e)
+            a1, rise1, a2, rise2 = _friction_amplitudes(law, plant.p, first, lane, speed1, speed2)
+            f1, d1 = f1 - side * (a1 + rise1 * (off1 - speed1)), d1 - side * side * rise1
+            f2, d2 = f2 - side * (a2 + rise2 * (off2 - speed2)), d2 - side * side * rise2
+            v1, s1, v2, s2 = _other_laws(law, plant.p, first, lane, z1, z2)
+            f1, d1, f2, d2 = f1 + v1, d1 + s1, f2 + v2, d2 + s2
+    return f1, d1, f2, d2

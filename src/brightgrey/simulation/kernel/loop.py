@@ -56,6 +56,11 @@ def _record_sample(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any
                 drive_lane(shape, plant, call.u, k, 0.0, 0.0, 1.0, real(call.numbers, 0), work, lane)
         else:
             put(work.drive, 0, None, splat(real(call.u, k), None))
+        moves = splat(1.0, None)
+        if shape.dry == 1:
+            for c in range(shape.channels):
+                if whole(plant.stopped, c) == row:  # a mass that sticks has no acceleration
+                    moves = get(work.side, c, None) * get(work.side, c, None)
         value = get(plant.c, row, None) + get(plant.B, row, None) * get(work.drive, 0, None)
         for i in range(n):
             value = value + get(plant.A, row * n + i, None) * get(work.x, i, None)
@@ -66,6 +71,8 @@ def _record_sample(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any
             for i in range(n):
                 rate = rate + get(plant.rate, b * n + i, None) * get(work.x, i, None)
             value = value + get(plant.column, b * n + row, None) * rate * get(work.free, b, None)
+        if shape.dry == 1:
+            value = value * moves
         _write_output(call, samples, out, k, at, value, work)
     lost = lanes_not_less(total, splat(real(call.numbers, 3), None))
     if call.target != 0:
@@ -103,6 +110,7 @@ def _rejoin_leaders(shape: Any, plant: Any, call: Any, number: Any, k: Any, apar
             for c in range(shape.channels):
                 put(work.force, c, lane, get(work.force, c, leader))
                 put(work.slope, c, lane, get(work.slope, c, leader))
+                put(work.side, c, lane, get(work.side, c, leader))
             for b in range(shape.limits):
                 row, mode = whole(plant.limited, b), whole(work.mode, b * LANES + leader)
                 low, high = get(plant.low, b, lane), get(plant.high, b, lane)
@@ -134,6 +142,16 @@ def _step_all_lanes(block: Any, shape: Any, plant: Any, call: Any, k: Any, base:
         accept(shape, plant, work, h, None)
         return
     invoke(call.accept_or_refine, (block, k, base, failed | left, coarse, dead))
+
+
+@inlined
+def _step_each_lane(block: Any, shape: Any, call: Any, k: Any, base: Any, dead: Any) -> None:
+    """Carry all lanes over one base step with dry friction, which has modes of its own in every lane."""
+    for lane in range(LANES):
+        leader = lane - lane % shape.group
+        if not (dead >> lane) & 1:
+            follow = 1 if lane > leader and not (dead >> leader) & 1 else 0
+            invoke(call.refine_lane, (block, k, base, lane, follow, 0, 1 << shape.ticks, shape.ticks))
 
 
 @cached
@@ -168,6 +186,8 @@ def run_batch(block: Any, first: Any, last: Any) -> None:
                     if shape.euler == 1:
                         drive_all(shape, plant, call, k - 1, base << shape.ticks, 1 << shape.ticks, work)
                         invoke(call.euler_step, (block,))
+                    elif shape.dry == 1:
+                        _step_each_lane(block, shape, call, k - 1, base, dead)
                     else:
                         _step_all_lanes(block, shape, plant, call, k - 1, base, work, dead)
             lost = _record_sample(shape, plant, call, k, number * LANES, work) & ~dead

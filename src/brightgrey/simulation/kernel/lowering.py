@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Element
+from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
 from brightgrey.simulation.kernel.law_dispatch import smooth_laws
 from brightgrey.simulation.kernel.machine.buffers import PlantBuffers, plants_for
@@ -42,6 +43,15 @@ class Lowered(NamedTuple):
     limited: tuple[Element, ...]  #: Integrators with saturation.
     outputs: tuple[int, ...]  #: i for state i, n + i for its derivative.
     delay: Array  #: Dead time in samples, shape (K,).
+    #: State that is the speed which dry friction of a channel stops, and its position (-1: none); -1 where the channel
+    #: has no friction or a smoothed one. Shape (channels,).
+    stopped: tuple[int, ...]
+    held: tuple[int, ...]
+
+    @property
+    def dry(self) -> bool:
+        """Friction has its exact, set-valued sign."""
+        return max(self.stopped, default=-1) >= 0
 
 
 def lower(system: StateSpace, dt: float) -> Lowered:
@@ -93,7 +103,26 @@ def lower(system: StateSpace, dt: float) -> Lowered:
         for out, row in enumerate(system.derivative_rows)
     )
     delay = np.maximum(batched(system.dead_time, 0) / dt, 0.0)
-    return Lowered(A, B, c, G, H, through, tuple(smooth), tuple(limited), outputs, delay)
+    stopped = _stopped(smooth, H[..., 0], through[..., 0])
+    held = tuple(_position(A[..., 0], speed) for speed in stopped)
+    return Lowered(A, B, c, G, H, through, tuple(smooth), tuple(limited), outputs, delay, stopped, held)
+
+
+def _stopped(smooth: Sequence[tuple[Element, int]], H: Array, through: Array) -> tuple[int, ...]:
+    """Speed that the dry friction of each channel stops, else -1; `H` and `through` are those of one set."""
+    states = [-1] * len(H)
+    for element, k in smooth:
+        if element.law.amplitude is not None and np.isinf(element.p[-1]).all():
+            states[k] = int(np.argmax(H[k]))
+            if through[k] or np.count_nonzero(H[k]) != 1 or H[k, states[k]] != 1.0:
+                raise SettingsError(f"dry friction '{element.name}' has to act at a speed that is a state")
+    return tuple(states)
+
+
+def _position(A: Array, speed: int) -> int:
+    """State whose rate is nothing but that speed, else -1."""
+    rows = [i for i, row in enumerate(A) if row[speed] == 1.0 and np.count_nonzero(row) == 1]
+    return rows[0] if speed >= 0 and rows else -1
 
 
 def _nothing(n: int, sets: int) -> tuple[Array, Array, Array]:
@@ -133,7 +162,7 @@ def tabulate(lowered: Lowered, x0: Array) -> Rows:
         "H": lowered.H.reshape(-1, sets),
         "K": lowered.through,
         "gain": np.abs(lowered.G).max(axis=1, initial=0.0),
-        "p": stack([value for element, _ in lowered.smooth for value in element.p], 1),
+        "p": stack([value for element, k in lowered.smooth for value in _parameters(element, lowered.stopped[k])], 1),
         "rate": stack([e.H[0] for e in lowered.limited], n),
         "column": stack([e.G for e in lowered.limited], n),
         "low": stack([limit.lower for limit in limits], 1),
@@ -141,6 +170,12 @@ def tabulate(lowered: Lowered, x0: Array) -> Rows:
         "delay": np.array([whole, lowered.delay - whole]),
         "x0": x0,
     }
+
+
+def _parameters(element: Element, stopped: int) -> tuple[Any, ...]:
+    """Parameters of a law; dry friction has no use for its infinite gain."""
+    dry = stopped >= 0 and element.law.amplitude is not None
+    return (*element.p[:-1], 0.0) if dry else tuple(element.p)
 
 
 def is_sound(rows: Rows) -> NDArray[np.bool_]:
@@ -171,6 +206,8 @@ def fill_lanes(lowered: Lowered, rows: Rows, pick: NDArray[np.int64]) -> PlantBu
         "first": first,
         "turning": turning,
         "limited": [e.limits.state for e in lowered.limited if e.limits is not None],
+        "stopped": lowered.stopped,
+        "held": lowered.held,
         "outputs": lowered.outputs,
     }
     return plants_for(rows, numbers, pick)

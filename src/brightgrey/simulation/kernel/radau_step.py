@@ -30,7 +30,9 @@ __all__ = [
     "estimate",
     "lanes_leaving_interval",
     "radau_step",
+    "solve_ports",
     "solve_stages",
+    "stage_guess",
     "watched_quantity",
 ]
 
@@ -106,6 +108,14 @@ def _newton(shape: Any, plant: Any, table: Any, middle: Any, stride: Any, end: A
             for j in range(size):
                 entry = -(slope * get(table, weights + j, who))
                 put(work.M, row * size + j, who, entry + 1.0 if j == row else entry)
+    return solve_ports(shape, table, middle, stride, end, work, who)
+
+
+@inlined
+def solve_ports(shape: Any, table: Any, middle: Any, stride: Any, end: Any, work: Any, who: Any) -> Any:
+    """Solve ``work.M`` F = ``work.rhs`` for the forces at both stages, and move the ports; the largest change."""
+    m = shape.channels
+    size = 2 * m
     for i in range(size):
         pivot = 1.0 / get(work.M, i * size + i, who)
         for r in range(i + 1, size):
@@ -180,6 +190,19 @@ def watched_quantity(shape: Any, plant: Any, work: Any, b: Any, state: Any, who:
 
 
 @inlined
+def stage_guess(shape: Any, table: Any, middle: Any, stride: Any, end: Any, h: Any, work: Any, who: Any) -> None:
+    """First guess of forces and ports at both stages: F goes on as before."""
+    m = shape.channels
+    for k in range(m):
+        force, rate = get(work.force, k, who), get(work.slope, k, who) * h
+        put(work.F1, k, who, force + rate * (1.0 / 3.0))
+        put(work.F2, k, who, force + rate)
+    for k in range(m):
+        put(work.z1, k, who, _add_forces(shape, table, middle + k * stride, work, get(work.a1, k, who), who))
+        put(work.z2, k, who, _add_forces(shape, table, end + k * 2 * m, work, get(work.a2, k, who), who))
+
+
+@inlined
 def solve_stages(
     shape: Any,
     plant: Any,
@@ -198,13 +221,7 @@ def solve_stages(
     there from row `middle` on for h/3, with `stride` rows per port, and from row `end` on for the end of the step.
     """
     m = shape.channels
-    for k in range(m):
-        force, rate = get(work.force, k, who), get(work.slope, k, who) * h
-        put(work.F1, k, who, force + rate * (1.0 / 3.0))
-        put(work.F2, k, who, force + rate)
-    for k in range(m):
-        put(work.z1, k, who, _add_forces(shape, table, middle + k * stride, work, get(work.a1, k, who), who))
-        put(work.z2, k, who, _add_forces(shape, table, end + k * 2 * m, work, get(work.a2, k, who), who))
+    stage_guess(shape, table, middle, stride, end, h, work, who)
     change = splat(0.0, who)
     for _ in range(shape.newton):
         if m == 1:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from brightgrey.simulation.kernel.dry_friction import solve_dry_stages
 from brightgrey.simulation.kernel.machine.compilation import inlined, inner
 from brightgrey.simulation.kernel.machine.memory_layout import column_rows, end_rows, points_of, table_rows
 from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, set_whole, skip, whole
@@ -86,7 +87,10 @@ def step_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, h: Any, 
                 at = (n + 3 + j) * high * LANES
                 put(work.coupled, k * 2 * m + j, lane, real(solo, at + n + k))
                 put(work.coupled, (m + k) * 2 * m + j, lane, real(solo, at + last + k))
-        failed = solve_stages(shape, plant, call, work.coupled, 0, 2 * m, 2 * m * m, h, work, lane)
+        if shape.dry == 1:
+            failed = solve_dry_stages(shape, plant, call, work.coupled, h, work, lane)
+        else:
+            failed = solve_stages(shape, plant, call, work.coupled, 0, 2 * m, 2 * m * m, h, work, lane)
         coarse = estimate(shape, plant, call, h, work, lane)
         for q in range(used):
             total = get(work.column, q, None)

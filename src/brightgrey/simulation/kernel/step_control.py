@@ -9,6 +9,12 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.kernel.contact_modes import drive_all, drive_lane, mode_bits, use_table, use_table_of
+from brightgrey.simulation.kernel.dry_friction import (
+    follow_input,
+    leaves_friction_mode,
+    part_in_friction_mode,
+    stop_end,
+)
 from brightgrey.simulation.kernel.machine.compilation import Entry, inlined
 from brightgrey.simulation.kernel.machine.memory_layout import (
     call_of,
@@ -56,6 +62,8 @@ def _attempt_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work
     for b in range(shape.limits):
         end = watched_quantity(shape, plant, work, b, work.end, lane)
         out |= lanes_leaving_interval(shape, work, b, points_of(shape, level), end, lane)
+    if shape.dry == 1:
+        out |= leaves_friction_mode(shape, plant, work, lane)
     return out, coarse
 
 
@@ -85,6 +93,8 @@ def _part_before_limit(shape: Any, plant: Any, work: Any, level: Any, lane: Any)
                 first = min(first, t0 + (t1 - t0) * max((limit - s0) / (s1 - s0), 0.0))
                 break
             t0, s0 = t1, s1
+    if shape.dry == 1:
+        first = min(first, part_in_friction_mode(shape, plant, work, lane))
     return first
 
 
@@ -138,6 +148,8 @@ def refine_lane(block: Any, k: Any, base: Any, lane: Any, follow: Any, position:
         size = 1 << level
         start = (base << shape.ticks) + position
         drive_lane(shape, plant, call.u, k, float(start), float(size), per_sample, dt, work, lane)
+        if shape.dry == 1:
+            follow_input(shape, plant, work, lane)
         out, coarse = _attempt_lane(shape, plant, call, mode_bits(shape, work, lane), level, work, lane)
         if level > 0 and (out or (coarse and not follow)):
             level = _shorter_step(shape, plant, call, work, level, lane)
@@ -145,6 +157,8 @@ def refine_lane(block: Any, k: Any, base: Any, lane: Any, follow: Any, position:
         if out:
             _pass_event(block, shape, plant, call, start, work, lane)
         else:
+            if shape.dry == 1:
+                stop_end(shape, plant, work, lane)
             accept(shape, plant, work, size * (dt / per_sample), lane)
         if not follow:
             for i in range(position, position + size):

@@ -26,7 +26,7 @@ __all__ = ["PlantBuffers", "address", "aligned", "block_for", "plants_for", "wor
 
 _ENTRY = np.dtype(np.float64).itemsize  # bytes of a number
 _LINE = 64  # bytes of a cache line: a register that lies across two of them takes two accesses
-_SHARED_FIELDS = ("law", "channel", "first", "turning", "limited", "outputs")
+_SHARED_FIELDS = ("law", "channel", "first", "turning", "limited", "stopped", "held", "outputs")
 _FIELDS_BY_LANE = tuple(name for name in PlantRows._fields if name not in _SHARED_FIELDS)
 
 
@@ -148,6 +148,8 @@ def _work_places(shape: Shape) -> tuple[int, tuple[int, ...]]:
         columns_current=modes * levels,
         column=int(column_rows(shape)),
         coupled=4 * m * m,
+        side=m,
+        holding=m,
     )
     starts = accumulate(rows, initial=0)
     return sum(rows), tuple(start * LANES * _ENTRY for start, _ in zip(starts, rows, strict=False))

@@ -49,6 +49,7 @@ class Shape(NamedTuple):
     group: int
     samples: int  #: Length of the input.
     euler: int  #: 1 for the paper's explicit Euler method, where a base step is one step.
+    dry: int  #: 1 if friction has its exact sign, so that masses slide or stick; 0 if its sign is smoothed.
 
 
 class PlantRows(NamedTuple):
@@ -74,6 +75,9 @@ class PlantRows(NamedTuple):
     low: Any
     high: Any
     limited: Any  #: Index of the limited state.
+    #: Speed that dry friction of a channel stops, and its position; -1 if there is none.
+    stopped: Any
+    held: Any
     outputs: Any  #: State number i for a row of x, n + i for a row of x'.
     delay: Any  #: Dead time in whole samples, and the rest in samples.
     x0: Any
@@ -120,6 +124,8 @@ class Work(NamedTuple):
     columns_current: Any
     column: Any
     coupled: Any
+    side: Any  #: of dry friction, per channel: 1 or -1 where the mass slides, 0 where it sticks
+    holding: Any  #: rows of the friction that masses at rest need, over the states, 1 and t
 
 
 class Call(NamedTuple):
