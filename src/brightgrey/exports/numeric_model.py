@@ -6,14 +6,15 @@ computed here, once, so that the target needs none.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 
 from brightgrey.arrays import Array
-from brightgrey.effects import Dimension, Element
+from brightgrey.effects import Dimension, Element, Law
 from brightgrey.kit import StateSpace, assemble
 from brightgrey.model.model import Model
 from brightgrey.recordings.recording import Hold
@@ -24,7 +25,18 @@ from brightgrey.simulation.kernel.lowering import Lowered, lower
 from brightgrey.simulation.response import parts_per_sample
 from brightgrey.simulation.settings import Tolerances, tolerances
 
-__all__ = ["ModelOutput", "NumericModel", "PropagatorTables", "numeric_model", "propagator_tables"]
+__all__ = [
+    "ModelOutput",
+    "NumericModel",
+    "PortLaw",
+    "PropagatorTables",
+    "amplitude_of",
+    "numeric_model",
+    "propagator_tables",
+]
+
+SMOOTHED_WIDTH = 1e-4
+"""Speed within which friction reverses where a target cannot stop a mass, in parts of the largest speed."""
 
 _COHERENT_MOTIONS = ("rad", "m")
 _COHERENT_INPUTS = ("N m", "N", "V", "A")
@@ -41,6 +53,14 @@ class ModelOutput:
     row: int  #: Row of x, or n + row of x' for an acceleration.
     differenced: bool  #: Difference of this and the sample before, over the sampling interval.
     factor: float  #: Shown value over SI value.
+
+
+class PortLaw(NamedTuple):
+    """Law that exports call at a port."""
+
+    element: Element  #: Of one port. Of dry friction its law is the amplitude, for speeds >= 0.
+    port: int
+    dry: bool
 
 
 @dataclass(frozen=True)
@@ -76,6 +96,24 @@ class NumericModel:
     def limited(self) -> tuple[Element, ...]:
         """Integrators with saturation."""
         return self.low.limited
+
+    @cached_property
+    def laws(self) -> tuple[PortLaw, ...]:
+        """Laws of all ports."""
+        return tuple(
+            PortLaw(amplitude_of(e), k, True) if self.is_dry(e) else PortLaw(e, k, False) for e, k in self.low.smooth
+        )
+
+    def is_dry(self, element: Element) -> bool:
+        """Return True for friction with an exact sign."""
+        return element.law.amplitude is not None and np.isinf(self.settings.f_tanh)
+
+    def smoothed(self) -> NumericModel:
+        """Same model with a smoothed sign of dry friction, for targets that cannot stop a mass."""
+        if not self.low.dry:
+            return self
+        f_tanh = 1.0 / (SMOOTHED_WIDTH * self.settings.speed_scale)
+        return _lowered(self.model, replace(self.settings, f_tanh=f_tanh))
 
     @property
     def delay(self) -> tuple[int, float]:
@@ -136,7 +174,8 @@ class NumericModel:
 
         ``A`` (n, n), ``B`` (n,) and ``c`` (n,) of ``x' = A x + B u + c + G' F``; ``G``, ``H`` (m, n) and ``K`` (m,) of
         the ports; ``gain`` (m,), largest entry of each row of G; ``rate``, ``column`` (l, n), ``low``, ``high`` and
-        ``limited`` (l,), limits and state; ``rest`` (n,), states at rest over the input; ``row``, ``differenced`` and
+        ``limited`` (l,), limits and state; ``stopped`` and ``held`` (m,), speed that dry friction stops and its
+        position, or -1; ``rest`` (n,), states at rest over the input; ``row``, ``differenced`` and
         ``output_factor`` (r,).
         """
         low, b = self.low, range(len(self.limited))
@@ -155,6 +194,8 @@ class NumericModel:
             "low": np.array([end[1] for end in ends]),
             "high": np.array([end[2] for end in ends]),
             "limited": np.array([end[0] for end in ends], np.int64),
+            "stopped": np.array(low.stopped, np.int64),
+            "held": np.array(low.held, np.int64),
             "rest": np.array([float(state.at_rest == "input") for state in self.system.states]),
             "row": np.array([o.row for o in self.outputs], np.int64),
             "differenced": np.array([o.differenced for o in self.outputs], np.bool_),
@@ -192,10 +233,32 @@ class PropagatorTables:
     coupling: Array  #: Ports at both stages from F at both stages, shape (modes, levels, 2 m, 2 m).
 
 
-def numeric_model(model: Model) -> NumericModel:
-    """Lower `model`; level ``accurate`` whatever the model was fitted at."""
+def amplitude_of(element: Element) -> Element:
+    """Dry friction as an element of its amplitude."""
+    amplitude = element.law.amplitude
+    assert amplitude is not None
+
+    def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+        a, slope = amplitude(z[0], p)
+        return a, (slope,)
+
+    return replace(element, law=Law(element.law.parameters[:-1], value), p=element.p[:-1])
+
+
+def numeric_model(model: Model, f_tanh: float | None = None) -> NumericModel:
+    """Lower `model`; level ``accurate`` whatever the model was fitted at.
+
+    Parameters
+    ----------
+    model : Model
+    f_tanh : float, optional
+        Gain of friction's sign in s/rad (s/m) instead of the model's; ``math.inf`` for exact friction.
+    """
     own = model.settings_si()
-    settings = Settings(own.f_tanh, own.speed_scale, "accurate", own.hold)
+    return _lowered(model, Settings(own.f_tanh if f_tanh is None else f_tanh, own.speed_scale, "accurate", own.hold))
+
+
+def _lowered(model: Model, settings: Settings) -> NumericModel:
     kinds = [signal.kind for signal in model.outputs]
     natural = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
     system = assemble(model.structure, model.values_si(), settings.f_tanh, natural)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,15 @@ from brightgrey.exports.verification import VerificationRun, Verified
 
 __all__ = ["EXPORTER", "sources"]
 
+_CALL = "        law_{law}(z, &f, &d);\n        *force += f;\n        *slope += d;"
+_DRY_CALL = """        law_{law}(speed, &f, &d);
+        *force -= side * (f + d * (side * z - speed));
+        *slope -= side * side * d;"""
+
 
 def sources(numeric: NumericModel) -> dict[str, str]:
     """Text of ``drive.h`` and ``drive.c``."""
-    laws = [_law_function(i, e) for i, (e, _) in enumerate(numeric.low.smooth)]
+    laws = [_law_function(i, law.element) for i, law in enumerate(numeric.laws)]
     words = header_words(numeric) | {
         "n": str(numeric.n),
         "r": str(len(numeric.outputs)),
@@ -37,18 +43,18 @@ def sources(numeric: NumericModel) -> dict[str, str]:
 
 def _law_function(i: int, element: Element) -> str:
     """C function of a law, from the declared Python function."""
-    body = "\n".join(f"    {line}" for line in law_statements(element, C, "*force", "*slope"))
+    lines = law_statements(element, C, "*force", "*slope")
+    unused = [] if any(re.search(r"\bz\b", line) for line in lines) else ["(void)z;"]
+    body = "\n".join(f"    {line}" for line in [*unused, *lines])
     return f"/* {element.name} */\nstatic void law_{i}(double z, double *force, double *slope)\n{{\n{body}\n}}"
 
 
 def _case(numeric: NumericModel, k: int) -> str:
     """Case of the switch over the ports that calls the laws of port k."""
-    calls = [
-        f"        law_{i}(z, &f, &d);\n        *force += f;\n        *slope += d;"
-        for i, (_, port) in enumerate(numeric.low.smooth)
-        if port == k
-    ]
-    return "\n".join([f"    case {k}:", *calls, "        break;"])
+    calls = [_DRY_CALL if law.dry else _CALL for law in numeric.laws if law.port == k]
+    numbers = [i for i, law in enumerate(numeric.laws) if law.port == k]
+    lines = [call.format(law=i) for i, call in zip(numbers, calls, strict=True)]
+    return "\n".join([f"    case {k}:", *lines, "        break;"])
 
 
 def _macros(numeric: NumericModel) -> list[str]:

@@ -13,7 +13,7 @@ from brightgrey.effects import PER_SPEED, Element
 from brightgrey.exports.expressions.languages import LATEX, latex_name, latex_number, spell
 from brightgrey.exports.expressions.trace import rename_symbols, traced
 from brightgrey.exports.external_tools import MissingToolError, program, run_program
-from brightgrey.exports.numeric_model import NumericModel, numeric_model
+from brightgrey.exports.numeric_model import NumericModel, amplitude_of, numeric_model
 from brightgrey.exports.registry import Exporter
 from brightgrey.exports.verification import VerificationRun, Verified, native
 
@@ -116,8 +116,12 @@ def _law_equations(numeric: NumericModel) -> str:
             port_names = [f"port{i}" for i in range(len(ports))]
             spelled = {q.symbol: placed.parameter(q.symbol) for q in placed.effect.parameters}
             spelled |= {port: f"={text}" for port, text in zip(port_names, ports, strict=True)}
-            phi = traced(element.law, port_names)[0]
-            lines.append(left + spell(rename_symbols(phi, spelled), LATEX))
+            dry = numeric.is_dry(element)
+            phi = traced(amplitude_of(element).law if dry else element.law, port_names)[0]
+            text = spell(rename_symbols(phi, spelled), LATEX)
+            if dry:  # at rest it is what keeps the mass there, up to its size at zero speed
+                text = rf"-\operatorname{{sgn}}\left({ports[0]}\right)\,\left({text}\right)"
+            lines.append(left + text)
     return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
 
 
@@ -154,8 +158,11 @@ def _parameter_rows(numeric: NumericModel) -> Iterable[str]:
         deviation = "" if part.std is None else rf" \pm {part.std:.1g}".replace("e", r"\mathrm{e}")
         value = f"{latex_number(part.value)}{deviation}"
         yield rf"${latex_name(name)}$ & ${value}$ & {_escaped(part.unit)} & {_escaped(declared.about)} \\ % {name}"
-    unit, gain = _escaped(numeric.model.units.of(PER_SPEED)[0]), 1.0 / numeric.model.settings.friction_width
-    yield rf"${latex_name('f_tanh')}$ & ${latex_number(gain)}$ & {unit} & inverse of the width of the reversal \\"
+    if np.isinf(numeric.settings.f_tanh):
+        return
+    unit, factor = numeric.model.units.of(PER_SPEED)
+    gain = latex_number(numeric.settings.f_tanh * factor)
+    yield rf"${latex_name('f_tanh')}$ & ${gain}$ & {_escaped(unit)} & inverse of the width of the reversal \\"
 
 
 def verify(folder: Path, numeric: NumericModel, run: VerificationRun) -> Verified:
@@ -164,7 +171,7 @@ def verify(folder: Path, numeric: NumericModel, run: VerificationRun) -> Verifie
     parameters = {
         name: part.model_copy(update={"value": read[name]}) for name, part in numeric.model.parameters.items()
     }
-    again = numeric_model(numeric.model.model_copy(update={"parameters": parameters}))
+    again = numeric_model(numeric.model.model_copy(update={"parameters": parameters}), numeric.settings.f_tanh)
     y = native(replace(again, outputs=numeric.outputs), run.u, run.x0)
     by = "native simulation of the values as printed"
     try:

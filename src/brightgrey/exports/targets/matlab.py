@@ -25,15 +25,22 @@ _MATLAB_LAW_CALL = """\
   [f, d] = law_{law}(z({port}));
   force({port}) = force({port}) + f;
   slope({port}) = slope({port}) + d;"""
+_MATLAB_DRY_CALL = """
+  speed = max(side({port}) * z({port}), 0);
+  [f, d] = law_{law}(speed);
+  force({port}) = force({port}) - side({port}) * (f + d * (side({port}) * z({port}) - speed));
+  slope({port}) = slope({port}) - side({port}) ^ 2 * d;"""
 
 
 def files_of(numeric: NumericModel) -> dict[str, bytes]:
     """Files ``drive.m`` and ``drive.mat``."""
-    smooth = numeric.low.smooth
+    calls = [
+        (_MATLAB_DRY_CALL if law.dry else _MATLAB_LAW_CALL).format(law=i, port=law.port + 1)
+        for i, law in enumerate(numeric.laws)
+    ]
     words = header_words(numeric) | {
-        "dispatch": "\n".join(_MATLAB_LAW_CALL.format(law=i, port=k + 1) for i, (_, k) in enumerate(smooth))
-        or "  % none",
-        "laws": "\n\n".join(_law_subfunction(i, element) for i, (element, _) in enumerate(smooth)),
+        "dispatch": "\n".join(calls) or "  % none",
+        "laws": "\n\n".join(_law_subfunction(i, law.element) for i, law in enumerate(numeric.laws)),
     }
     content = io.BytesIO()
     savemat(content, _mat_variables(numeric), oned_as="column")  # type: ignore[arg-type]  # it takes streams too
@@ -57,6 +64,7 @@ def _mat_variables(numeric: NumericModel) -> dict[str, Any]:
     system = {name: a[name] for name in ("A", "B", "c")}
     system |= {"C": C, "D": D, "G": a["G"].T, "H": a["H"], "K": a["K"][:, None]}
     system |= {"rate": a["rate"], "column": a["column"].T, "limited": a["limited"] + 1.0}
+    system |= {"stopped": a["stopped"] + 1.0, "held": a["held"] + 1.0}
     system |= {name: a[name] for name in ("low", "high", "gain", "rest")}
     outputs = {"row": a["row"] + 1.0, "differenced": a["differenced"].astype(float)}
     model = numeric.model
@@ -72,7 +80,8 @@ def _mat_variables(numeric: NumericModel) -> dict[str, Any]:
             name.replace("@", "_at_"): {"value": p.value, "unit": p.unit, "std": np.nan if p.std is None else p.std}
             for name, p in model.parameters.items()
         },
-        "settings": model.settings.model_dump(exclude={"bounds", "fixed", "friction_width_ci95"}),
+        "settings": model.settings.model_dump(exclude={"bounds", "fixed", "friction_width_ci95"})
+        | ({"friction_width": 0.0} if numeric.low.dry else {}),
         "structure": str(model.structure),
         "states": _cell_array(np.array(numeric.system.state_names)[:, None, None]),
     }

@@ -32,8 +32,8 @@ _STAGES: tuple[str, ...] = get_args(Stage)
 
 
 def files_of(numeric: NumericModel) -> dict[str, bytes]:
-    """File ``Drive.mo``."""
-    drawn = all(placed.effect.modelica for placed in numeric.model.structure.placed)
+    """File ``Drive.mo``; dry friction needs equations, because it knows what keeps its mass at rest."""
+    drawn = not numeric.low.dry and all(placed.effect.modelica for placed in numeric.model.structure.placed)
     return {_MODEL_FILE: (component_model(numeric) if drawn else equation_model(numeric)).encode()}
 
 
@@ -51,7 +51,9 @@ def _interface(numeric: NumericModel) -> list[str]:
     for name, declared in numeric.model.structure.parameters.items():
         typed = f"{MODELICA.name(name)}{_unit_attribute(numeric, declared.dimension)}"
         lines.append(f'parameter Real {typed} = {number_literal(values[name])} "{declared.about}";')
-    lines.append(f'parameter Real f_tanh = {number_literal(numeric.settings.f_tanh)} "Gain that smooths reversals";')
+    if not numeric.low.dry:
+        gain = number_literal(numeric.settings.f_tanh)
+        lines.append(f'parameter Real f_tanh = {gain} "Gain that smooths reversals";')
     lines += [
         f'parameter Real start_{s.name}{_unit_attribute(numeric, s.dimension)} = 0 "State {s.name} at the begin";'
         for s in numeric.system.states
@@ -152,17 +154,30 @@ def equation_model(numeric: NumericModel) -> str:
     x = [f"x_{name}" for name in names]
     limited = range(len(numeric.limited))
     declarations = [f"Real {x_i}(start = start_{name}, fixed = true);" for x_i, name in zip(x, names, strict=True)]
-    declarations += [f"Real F{i + 1};" for i in range(len(low.smooth))]
+    declarations += [f"Real F{i + 1};" for i, law in enumerate(numeric.laws) if not law.dry]
+    stops = [k for k in range(numeric.m) if low.stopped[k] >= 0]
+    for k in stops:
+        declarations += _dry_declarations(numeric, k, names[low.stopped[k]])
     declarations += [f"Real rate{b + 1};" for b in limited]
     declarations.append('Real delayed "Input after the dead time";')
-    late = sum(numeric.delay) * numeric.dt
-    equations = [f"delayed = delay(u, {number_literal(late)})" if late > 0.0 else "delayed = u"]
+    late, equations = sum(numeric.delay) * numeric.dt, ["delayed = u"]
+    if late > 0.0:
+        declarations.append(f"Modelica.Blocks.Nonlinear.FixedDelay dead_time(delayTime = {number_literal(late)});")
+        equations = ["dead_time.u = u", "delayed = dead_time.y"]
     for i in range(numeric.n):
         row = [*zip(low.A[i, :, 0], x, strict=True), (low.B[i, 0], "delayed"), (low.c[i, 0], "1")]
-        row += [(low.G[k, i, 0], f"F{e + 1}") for e, (_, k) in enumerate(low.smooth)]
+        row += [(low.G[law.port, i, 0], f"F{e + 1}") for e, law in enumerate(numeric.laws) if not law.dry]
         row += [(numeric.column(b)[i], f"rate{b + 1}") for b in limited]
-        equations.append(f"der({x[i]}) = {_modelica_sum(row)}")
-    for e, (element, k) in enumerate(low.smooth):
+        own = [k for k in stops if low.stopped[k] == i]
+        equations += [f"needed{k + 1} = -{_modelica_sum(row)} / ({number_literal(low.G[k, i, 0])})" for k in own]
+        row += [(low.G[k, i, 0], f"friction{k + 1}") for k in stops]
+        still = "".join(f"if side{k + 1} == 0 then 0 else " for k in own)
+        equations.append(f"der({x[i]}) = {still}{_modelica_sum(row)}")
+    for k in stops:
+        equations += _dry_equations(numeric, k, x[low.stopped[k]])
+    for e, (element, k, dry) in enumerate(numeric.laws):
+        if dry:
+            continue
         port = _modelica_sum([*zip(low.H[k, :, 0], x, strict=True), (low.through[k, 0], "delayed")])
         phi = traced(element.law, ("z",))[0]
         named = rename_symbols(phi, {**parameter_literals(element), "z": f"({port})"})
@@ -173,6 +188,43 @@ def equation_model(numeric: NumericModel) -> str:
         for i, o in enumerate(numeric.outputs)
     ]
     return _model(numeric, declarations, equations)
+
+
+def _dry_size(numeric: NumericModel, k: int, speed: str) -> str:
+    """Size of the dry friction at port k for a speed >= 0."""
+    sizes = [
+        spell(
+            rename_symbols(traced(law.element.law, ("z",))[0], {**parameter_literals(law.element), "z": speed}),
+            MODELICA,
+        )
+        for law in numeric.laws
+        if law.dry and law.port == k
+    ]
+    return f"({' + '.join(sizes)})"
+
+
+def _dry_declarations(numeric: NumericModel, k: int, speed: str) -> list[str]:
+    number, start = k + 1, f"start_{speed}"
+    return [
+        f'parameter Real most{number} = {_dry_size(numeric, k, "0")} "Breakaway torque";',
+        f'Real needed{number} "Friction that keeps the mass at rest";',
+        f"Real friction{number};",
+        f"discrete Integer side{number}(start = if {start} > 0 then 1 elseif {start} < 0 then -1 else 0, fixed = true)"
+        ' "1 or -1 where the mass slides, 0 where it sticks";',
+    ]
+
+
+def _dry_equations(numeric: NumericModel, k: int, speed: str) -> list[str]:
+    """Friction of port k, and the events at which its mass stops or breaks away."""
+    side, needed, most = f"side{k + 1}", f"needed{k + 1}", f"most{k + 1}"
+    sliding = _dry_size(numeric, k, f"max({side} * {speed}, 0)")
+    yields = f"if {needed} > {most} then -1 elseif {needed} < -{most} then 1 else 0"
+    return [
+        f"friction{k + 1} = if {side} == 0 then {needed} else -{side} * {sliding}",
+        f"when pre({side}) * {speed} < 0 then\n    {side} = {yields};\n    reinit({speed}, 0);\n"
+        f"  elsewhen {{initial(), pre({side}) == 0 and abs({needed}) > {most}}} then\n"
+        f"    {side} = if pre({side}) <> 0 then pre({side}) else{yields};\n  end when",
+    ]
 
 
 def _saturated_rate(numeric: NumericModel, b: int, x: list[str]) -> str:

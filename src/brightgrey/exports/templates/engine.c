@@ -6,19 +6,22 @@
  *
  * Exponential Radau IIA with two stages: the linear part and the input are exact (tables E and T, matrix
  * exponentials over a step and a third of it), the forces F run linearly through both stages and are found by
- * Newton's method. A step is halved where its error estimate asks for it; limits are located.
+ * Newton's method. A step is halved where its error estimate asks for it; limits are located. So is the moment at
+ * which a mass with dry friction stops or breaks away: it has v = 0 and as much friction as that takes meanwhile.
  */
 #include <math.h>
 #include "@name@.h"
 
 @data@
 
-/* ---- friction laws: force and its slope at port z ---- */
+/* ---- friction laws: force and its slope at port z; of dry friction, its size and slope at a speed >= 0 ---- */
 
 @laws@
 
-static void laws(int channel, double z, double *force, double *slope)
+/* Of dry friction, what a mass feels that slides; on the wrong side of zero, the tangent goes on. */
+static void laws(const @name@_state *s, int channel, double z, double *force, double *slope)
 {
+    const double side = s->side[channel], speed = fmax(side * z, 0.0);
     double f = 0.0, d = 0.0;
     *force = 0.0;
     *slope = 0.0;
@@ -28,6 +31,8 @@ static void laws(int channel, double z, double *force, double *slope)
         break;
     }
     (void)z;
+    (void)side;
+    (void)speed;
     (void)f;
     (void)d;
 }
@@ -108,24 +113,85 @@ static int mode_bits(const @name@_state *s)
     return bits;
 }
 
+/* Row of x'. */
+static double rate_of(const @name@_state *s, int row, double u)
+{
+    double rate = C0[row] + B[row] * u + dot(A[row], s->x);
+    for (int k = 0; k < M; k++)
+        rate += G[k][row] * s->force[k];
+    for (int b = 0; b < L; b++)
+        if (s->mode[b] == FREE)
+            rate += COLUMN[b][row] * dot(RATE[b], s->x);
+    return rate;
+}
+
+static int sticks(const @name@_state *s, int k)
+{
+    return STOPPED[k] >= 0 && s->side[k] == 0.0;
+}
+
+/* Friction of the masses that stick, as it has to be: it follows the input at once. */
+static void hold(@name@_state *s, double value)
+{
+    for (int k = 0; k < M; k++)
+        if (sticks(s, k))
+            s->force[k] -= rate_of(s, STOPPED[k], value) / G[k][STOPPED[k]];
+}
+
+/* Forces of the present state; their rate of change is not known and taken as zero. */
+static void set_force(@name@_state *s, double value)
+{
+    for (int k = 0; k < M; k++) {
+        double unused;
+        laws(s, k, dot(H[k], s->x) + K[k] * value, &s->force[k], &unused);
+        s->slope[k] = 0.0;
+    }
+    hold(s, value);
+}
+
+/* Largest friction at rest. */
+static double breakaway(int k)
+{
+    @name@_state slides;
+    double force, unused;
+    slides.side[k] = 1.0;
+    laws(&slides, k, 0.0, &force, &unused);
+    return -force;
+}
+
+/* A mass that has stopped sticks if friction can hold it, else it follows what drives it. */
+static void settle(@name@_state *s, int k, double value)
+{
+    s->side[k] = 0.0;
+    set_force(s, value);
+    if (fabs(s->force[k]) > breakaway(k))
+        s->side[k] = s->force[k] > 0.0 ? -1.0 : 1.0;
+}
+
 /* Limited state b if it is free, else its rate. */
 static double watch(const @name@_state *s, int b, const double *x)
 {
     return s->mode[b] == FREE ? x[LIMITED[b]] : dot(RATE[b], x);
 }
 
-/* Where the watched quantity has to stay. */
+/* Where the watched quantity has to stay. Behind the limited states come the ports of dry friction: side times speed of
+   a mass that slides, friction of one that sticks. */
 static void interval(const @name@_state *s, int b, double *low, double *high)
 {
+    if (b >= L) {
+        const double most = sticks(s, b - L) ? breakaway(b - L) : HUGE_VAL;
+        *low = sticks(s, b - L) ? -most : 0.0;
+        *high = most;
+        return;
+    }
     *low = s->mode[b] == FREE ? LOW[b] : s->mode[b] == 1 ? 0.0 : -HUGE_VAL;
     *high = s->mode[b] == FREE ? HIGH[b] : s->mode[b] == -1 ? 0.0 : HUGE_VAL;
 }
 
 /* Whether the watched quantity leaves its interval in a step: a parabola stands for its course. */
-static int leaves(const @name@_state *s, int b, const double *middle, const double *end)
+static int leaves(const @name@_state *s, int b, double s0, double s1, double s2)
 {
     double low, high;
-    const double s0 = watch(s, b, s->x), s1 = watch(s, b, middle), s2 = watch(s, b, end);
     const double slope = (s1 - s0) * 4.5 - (s2 - s0) * 0.5, bend = (s2 - s0) - slope;
     const double peak = bend != 0.0 ? slope * -0.5 / bend : -1.0;
     const double extreme = 0.0 < peak && peak < 1.0 ? s0 + peak * (slope + peak * bend) : s2;
@@ -136,6 +202,26 @@ static int leaves(const @name@_state *s, int b, const double *middle, const doub
     return !(low < s2 && s2 < high && low < extreme && extreme < high);
 }
 
+/* Whether a mode ends in a step with the states, ports and forces at a third and the end of it. */
+static int ends(const @name@_state *s, const double *middle, const double *end, const double *z, const double *F)
+{
+    int out = 0;
+    for (int b = 0; b < L; b++)
+        out |= leaves(s, b, watch(s, b, s->x), watch(s, b, middle), watch(s, b, end));
+    for (int k = 0; k < M; k++) {
+        if (STOPPED[k] < 0)
+            continue;
+        const double side = s->side[k], s0 = side * s->x[STOPPED[k]], s1 = side * z[k], s2 = side * z[M + k];
+        if (side == 0.0)
+            out |= leaves(s, L + k, s->force[k], F[k], F[M + k]);
+        else if (s0 == 0.0) /* it breaks away, and bends more than a parabola */
+            out |= leaves(s, L + k, s0, fmin(s1, s2), fmin(s1, s2));
+        else
+            out |= leaves(s, L + k, s0, s1, s2);
+    }
+    return out;
+}
+
 /* Row of a step table times state, input and its knot, without the forces. */
 static double weigh(const double *row, const double *x, const drive_t *d)
 {
@@ -143,16 +229,20 @@ static double weigh(const double *row, const double *x, const drive_t *d)
            row[N + 4 + 2 * M] * d->ramp;
 }
 
-/* One Newton iteration, (I - D S) F = phi + D (a - z), then z = a + S F; returns the largest change of a port. */
-static double newton(const double weights[2 * M1][2 * M1], const double *a, double *z, double *F)
+/* One Newton iteration, (I - D S) F = phi + D (a - z), then z = a + S F; returns the largest change of a port. The row
+   of a mass that sticks is z = 0. */
+static double newton(const @name@_state *s, const double weights[2 * M1][2 * M1], const double *a, double *z, double *F)
 {
     double X[2 * M1][2 * M1], change = 0.0;
     for (int i = 0; i < 2 * M; i++) {
-        double force, slope;
-        laws(i % M1, z[i], &force, &slope);
+        double force = -z[i], slope = -1.0, unit = 0.0;
+        if (!sticks(s, i % M1)) {
+            laws(s, i % M1, z[i], &force, &slope);
+            unit = 1.0;
+        }
         F[i] = force + slope * (a[i] - z[i]);
         for (int j = 0; j < 2 * M; j++)
-            X[i][j] = (i == j ? 1.0 : 0.0) - slope * weights[i][j];
+            X[i][j] = (i == j ? unit : 0.0) - slope * weights[i][j];
     }
     for (int i = 0; i < 2 * M; i++)
         for (int r = i + 1; r < 2 * M; r++) {
@@ -176,13 +266,14 @@ static double newton(const double weights[2 * M1][2 * M1], const double *a, doub
     return change;
 }
 
-/* Two-stage step over 2^level ticks: states at a third and at the end, forces F at both; returns 1 if Newton failed. */
-static int attempt(const @name@_state *s, int level, const drive_t *d, double *middle, double *end, double *F,
-                   double *error)
+/* Two-stage step over 2^level ticks: states at a third and at the end, ports z and forces F at both; returns 1 if
+   Newton failed. */
+static int attempt(const @name@_state *s, int level, const drive_t *d, double *middle, double *end, double *z,
+                   double *F, double *error)
 {
     const int mode = mode_bits(s);
     const double h = DT / ((double)SIZE * BASES) * (1 << level);
-    double a[2 * M1], z[2 * M1], change = 0.0;
+    double a[2 * M1], change = 0.0;
     for (int i = 0; i < N; i++) {
         middle[i] = weigh(T[mode][level][i], s->x, d);
         end[i] = weigh(E[mode][level][i], s->x, d);
@@ -197,10 +288,12 @@ static int attempt(const @name@_state *s, int level, const drive_t *d, double *m
         z[i] = a[i];
         for (int j = 0; j < 2 * M; j++)
             z[i] += S[mode][level][i][j] * F[j];
+        if (sticks(s, i % M1))
+            z[i] = 0.0;
     }
     if (M > 0)
         for (int i = 0; i < NEWTON; i++)
-            change = newton(S[mode][level], a, z, F);
+            change = newton(s, S[mode][level], a, z, F);
     *error = 0.0;
     for (int k = 0; k < M; k++) {
         const double bend = s->force[k] - (F[k] * 1.5 - F[M + k] * 0.5);
@@ -216,15 +309,6 @@ static int attempt(const @name@_state *s, int level, const drive_t *d, double *m
 }
 
 @events@
-static void set_force(@name@_state *s, double value)
-{
-    for (int k = 0; k < M; k++) {
-        double unused;
-        laws(k, dot(H[k], s->x) + K[k] * value, &s->force[k], &unused);
-        s->slope[k] = 0.0;
-    }
-}
-
 /* One base step, halved where it has to be. */
 static void base_step(@name@_state *s, int base)
 {
@@ -234,11 +318,9 @@ static void base_step(@name@_state *s, int base)
         const int size = 1 << level;
         const drive_t d = drive(s, base * SIZE + position, size);
         const double h = tick * size;
-        double middle[N], end[N], F[2 * M1], error;
-        const int failed = attempt(s, level, &d, middle, end, F, &error);
-        int out = 0;
-        for (int b = 0; b < L; b++)
-            out |= leaves(s, b, middle, end);
+        double middle[N], end[N], z[2 * M1], F[2 * M1], error;
+        hold(s, d.value);
+        const int failed = attempt(s, level, &d, middle, end, z, F, &error), out = ends(s, middle, end, z, F);
         if (level > 0 && (failed || out || !(error < ERROR))) {
             level--;
             continue;
@@ -255,6 +337,12 @@ static void base_step(@name@_state *s, int base)
             }
             set_force(s, value);
         } else {
+            for (int k = 0; k < M; k++)
+                if (sticks(s, k)) {
+                    end[STOPPED[k]] = 0.0;
+                    if (HELD[k] >= 0)
+                        end[HELD[k]] = s->x[HELD[k]];
+                }
             for (int i = 0; i < N; i++)
                 s->x[i] = end[i];
             for (int k = 0; k < M; k++) {
@@ -268,15 +356,15 @@ static void base_step(@name@_state *s, int base)
     }
 }
 
-/* Row of x'. */
-static double rate_of(const @name@_state *s, int row, double u)
+/* Acceleration or another row of x'. The input may have jumped: friction of a mass at rest takes what it can. */
+static double shown_rate(const @name@_state *s, int row, double u)
 {
-    double rate = C0[row] + B[row] * u + dot(A[row], s->x);
+    const double rate = rate_of(s, row, u);
     for (int k = 0; k < M; k++)
-        rate += G[k][row] * s->force[k];
-    for (int b = 0; b < L; b++)
-        if (s->mode[b] == FREE)
-            rate += COLUMN[b][row] * dot(RATE[b], s->x);
+        if (sticks(s, k) && STOPPED[k] == row) {
+            const double needed = s->force[k] - rate / G[k][row], most = breakaway(k);
+            return G[k][row] * (fmin(fmax(needed, -most), most) - needed);
+        }
     return rate;
 }
 
@@ -299,6 +387,13 @@ void @name@_init(@name@_state *s, const double *x0, double u)
         else if (state <= LOW[b] && rate <= 0.0)
             s->mode[b] = -1;
     }
+    for (int k = 0; k < M; k++) {
+        const double speed = STOPPED[k] >= 0 ? s->x[STOPPED[k]] : 0.0;
+        s->side[k] = (speed > 0.0) - (speed < 0.0);
+    }
+    for (int k = 0; k < M; k++)
+        if (sticks(s, k))
+            settle(s, k, u);
     set_force(s, u);
     for (int r = 0; r < R; r++)
         s->before[r] = ROW[r] < N ? s->x[ROW[r]] - DT * rate_of(s, ROW[r], u) : 0.0;
@@ -313,7 +408,7 @@ void @name@_outputs(const @name@_state *s, double u, double *y)
     } else if (WHOLE > 0)
         u = s->begin[place(s, WHOLE - 1)];
     for (int r = 0; r < R; r++) {
-        y[r] = ROW[r] < N ? s->x[ROW[r]] : rate_of(s, ROW[r] - N, u);
+        y[r] = ROW[r] < N ? s->x[ROW[r]] : shown_rate(s, ROW[r] - N, u);
         if (DIFFERENCED[r])
             y[r] = (y[r] - s->before[r]) / DT;
         y[r] *= OUTPUT_FACTOR[r];

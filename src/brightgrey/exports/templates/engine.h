@@ -27,6 +27,7 @@ typedef struct {
     double x[@n@];        /* states */
     double force[@m1@];    /* of the friction laws, at the present time */
     double slope[@m1@];    /* their rate of change */
+    double side[@m1@];     /* of dry friction: 1 or -1 where the mass slides, 0 where it sticks */
     int mode[@l1@];        /* of the limited states: 0 free, 1 and -1 at upper and lower limit, 2 closed */
     double begin[@buffer@];   /* input at begin and end of the latest intervals, a ring */
     double end[@buffer@];

@@ -18,7 +18,8 @@ function [y, x] = @name@(u, x0)
 %   exact (tables E and T, matrix exponentials over a step and a third of it),
 %   the forces F run linearly through both stages and are found by Newton's
 %   method. A step is halved where its error estimate asks for it; limits are
-%   located.
+%   located. So is the moment at which a mass with dry friction stops or breaks
+%   away: it has v = 0 and as much friction as that takes meanwhile.
   m = load(fullfile(fileparts(mfilename('fullpath')), '@name@.mat'));
   u = m.input_factor * u(:)';
   if nargin < 2
@@ -37,6 +38,14 @@ function [y, x] = @name@(u, x0)
       s.mode(b) = -1;
     end
   end
+  s.force = zeros(m.channels, 1);
+  s.side = zeros(m.channels, 1);
+  for k = find(m.stopped(:)')
+    s.side(k) = sign(s.x(m.stopped(k)));
+  end
+  for k = sticking(m, s)
+    s = settle(m, s, k, u(1));
+  end
   s = set_force(m, s, u(1));
   x = zeros(m.n, numel(u));
   xdot = x;
@@ -48,6 +57,12 @@ function [y, x] = @name@(u, x0)
     end
     x(:, k) = s.x;
     xdot(:, k) = rates(m, s, delayed(m, u, k));
+    for port = sticking(m, s) % the input may have jumped: friction at rest takes what it can
+      i = m.stopped(port);
+      needed = s.force(port) - xdot(i, k) / m.G(i, port);
+      most = breakaway(m, port);
+      xdot(i, k) = m.G(i, port) * (min(max(needed, -most), most) - needed);
+    end
   end
   both = [x; xdot];
   y = both(m.row, :);
@@ -131,9 +146,41 @@ function s = set_force(m, s, u)
 % Forces of the present state; their rate of change is not known and taken as zero.
   s.force = zeros(m.channels, 1);
   if m.channels > 0
-    s.force = laws(m.H * s.x + m.K * u);
+    s.force = laws(s.side, m.H * s.x + m.K * u);
   end
   s.slope = zeros(m.channels, 1);
+  s = hold_masses(m, s, u);
+end
+
+function k = sticking(m, s)
+% Channels with dry friction whose mass sticks: side 1 or -1 means that it slides.
+  k = find(m.stopped(:)' > 0 & s.side(:)' == 0);
+end
+
+function s = hold_masses(m, s, u)
+% Friction of the masses that stick, as it has to be: it follows the input at once.
+  stuck = sticking(m, s);
+  if ~isempty(stuck)
+    v = rates(m, s, u);
+    for k = stuck
+      s.force(k) = s.force(k) - v(m.stopped(k)) / m.G(m.stopped(k), k);
+    end
+  end
+end
+
+function most = breakaway(m, k)
+% Largest friction at rest.
+  force = laws(ones(m.channels, 1), zeros(m.channels, 1));
+  most = -force(k);
+end
+
+function s = settle(m, s, k, u)
+% A mass that has stopped sticks if friction can hold it, else it follows what drives it.
+  s.side(k) = 0;
+  s = set_force(m, s, u);
+  if abs(s.force(k)) > breakaway(m, k)
+    s.side(k) = -sign(s.force(k));
+  end
 end
 
 function w = watch(m, s, b, x)
@@ -146,9 +193,18 @@ function w = watch(m, s, b, x)
 end
 
 function [low, high] = interval(m, s, b)
-% Where the watched quantity has to stay.
+% Where the watched quantity has to stay. Behind the limited states come the channels of
+% dry friction: side times speed of a mass that slides, friction of one that sticks.
   low = -Inf;
   high = Inf;
+  if b > m.limits
+    low = 0;
+    if s.side(b - m.limits) == 0
+      high = breakaway(m, b - m.limits);
+      low = -high;
+    end
+    return
+  end
   switch s.mode(b)
     case 0
       low = m.low(b);
@@ -160,13 +216,28 @@ function [low, high] = interval(m, s, b)
   end
 end
 
-function out = leaves(m, s, middle, final)
+function out = leaves(m, s, middle, final, z, F)
 % Whether a watched quantity leaves its interval; a parabola stands for its course.
   out = false;
-  for b = 1:m.limits
-    s0 = watch(m, s, b, s.x);
-    s1 = watch(m, s, b, middle);
-    s2 = watch(m, s, b, final);
+  for b = [1:m.limits, m.limits + find(m.stopped(:)')]
+    k = b - m.limits;
+    if k <= 0
+      s0 = watch(m, s, b, s.x);
+      s1 = watch(m, s, b, middle);
+      s2 = watch(m, s, b, final);
+    elseif s.side(k) == 0
+      s0 = s.force(k);
+      s1 = F(k);
+      s2 = F(m.channels + k);
+    else
+      s0 = s.side(k) * s.x(m.stopped(k));
+      s1 = s.side(k) * z(k);
+      s2 = s.side(k) * z(m.channels + k);
+      if s0 == 0 % it breaks away, and bends more than a parabola
+        s1 = min(s1, s2);
+        s2 = s1;
+      end
+    end
     slope = (s1 - s0) * 4.5 - (s2 - s0) * 0.5;
     bend = (s2 - s0) - slope;
     peak = slope * -0.5 / bend;
@@ -180,8 +251,8 @@ function out = leaves(m, s, middle, final)
   end
 end
 
-function [failed, middle, final, F, err] = attempt(m, s, level, d)
-% Two-stage step: states at a third and at the end, forces at both.
+function [failed, middle, final, z, F, err] = attempt(m, s, level, d)
+% Two-stage step: states at a third and at the end, ports and forces at both.
   bits = 1 + sum(2 .^ (find(s.mode == 0) - 1));
   h = m.dt / (m.ticks * m.bases) * 2 ^ level;
   E = m.E{bits, level + 1};
@@ -193,6 +264,7 @@ function [failed, middle, final, F, err] = attempt(m, s, level, d)
   middle = T(:, 1:n) * known + T(:, end - 1:end) * [d.jump; d.ramp];
   final = E(:, 1:n) * known + E(:, end - 1:end) * [d.jump; d.ramp];
   F = zeros(0, 1);
+  z = F;
   err = 0;
   failed = false;
   if c == 0
@@ -201,11 +273,18 @@ function [failed, middle, final, F, err] = attempt(m, s, level, d)
   a = [m.H * middle + m.K * seen(d, h / 3); m.H * final + m.K * seen(d, h)];
   F = [s.force + s.slope * h / 3; s.force + s.slope * h];
   z = a + S * F;
+  stuck = [sticking(m, s), c + sticking(m, s)]; % their rows are z = 0
+  z(stuck) = 0;
+  unit = ones(2 * c, 1);
+  unit(stuck) = 0;
   for i = 1:m.newton
-    [f1, d1] = laws(z(1:c));
-    [f2, d2] = laws(z(c + 1:end));
+    [f1, d1] = laws(s.side, z(1:c));
+    [f2, d2] = laws(s.side, z(c + 1:end));
+    force = [f1; f2];
     by_port = [d1; d2];
-    F = (eye(2 * c) - diag(by_port) * S) \ ([f1; f2] + by_port .* (a - z));
+    force(stuck) = -z(stuck);
+    by_port(stuck) = -1;
+    F = (diag(unit) - diag(by_port) * S) \ (force + by_port .* (a - z));
     next = a + S * F;
     change = max(abs(next - z));
     z = next;
@@ -225,8 +304,9 @@ function s = base_step(m, s, u, k, base)
     count = 2 ^ level;
     h = count * tick;
     d = segment(m, u, k, base * m.ticks + position, count);
-    [failed, middle, final, F, err] = attempt(m, s, level, d);
-    out = leaves(m, s, middle, final);
+    s = hold_masses(m, s, d.value);
+    [failed, middle, final, z, F, err] = attempt(m, s, level, d);
+    out = leaves(m, s, middle, final, z, F);
     if level > 0 && (failed || out || ~(err < m.error))
       level = level - 1;
       continue
@@ -246,6 +326,12 @@ function s = base_step(m, s, u, k, base)
       end
       s = set_force(m, s, value);
     else
+      for port = sticking(m, s)
+        final(m.stopped(port)) = 0;
+        if m.held(port) > 0
+          final(m.held(port)) = s.x(m.held(port));
+        end
+      end
       s.x = final;
       c = m.channels;
       if c > 0
@@ -260,19 +346,28 @@ function s = base_step(m, s, u, k, base)
   end
 end
 
-function [terms, off, rate, span] = series_at(m, s, value, slope, span)
+function [terms, off, rate, span, needed] = series_at(m, s, value, slope, span)
 % Taylor series of the motion from the present state, the laws replaced by their tangents, and the time it reaches.
 % As long as a gap is open its damper may relax in nanoseconds (d/c); the other
 % states do not feel it, and its position follows them; what it is off that at first fades with exp(-rate t).
+% Masses that stick need the friction `needed`, by the states, 1 and t.
   A = matrix(m, s);
   b0 = m.B * value + m.c;
   b1 = m.B * slope;
   if m.channels > 0
     z = m.H * s.x + m.K * value;
-    [force, by_port] = laws(z);
+    [force, by_port] = laws(s.side, z);
     A = A + m.G * diag(by_port) * m.H;
     b0 = b0 + m.G * (force + by_port .* (m.K * value - z));
     b1 = b1 + m.G * (by_port .* m.K) * slope;
+  end
+  needed = zeros(m.channels, m.n + 2);
+  for k = sticking(m, s)
+    i = m.stopped(k);
+    needed(k, :) = -[A(i, :), b0(i), b1(i)] / m.G(i, k);
+    A(i, :) = 0;
+    b0(i) = 0;
+    b1(i) = 0;
   end
   fast = [];
   for b = find(s.mode == 0)
@@ -341,9 +436,22 @@ function span = reach(terms, span)
   end
 end
 
-function [moment, side] = crossing(m, s, b, terms, off, rate, span)
-% First moment in (0, span] at which limited state b reaches or leaves a limit, or -1.
-  course = fliplr(watch(m, s, b, terms));
+function course = course_of(m, s, b, terms, needed)
+% Watched quantity b as a series.
+  k = b - m.limits;
+  if k <= 0
+    course = watch(m, s, b, terms);
+  elseif s.side(k) == 0
+    course = needed(k, 1:m.n) * terms;
+    course(1:2) = course(1:2) + needed(k, m.n + 1:end);
+  else
+    course = s.side(k) * terms(m.stopped(k), :);
+  end
+end
+
+function [moment, side] = crossing(m, s, b, course, off, rate, span)
+% First moment in (0, span] at which watched quantity b leaves its interval, or -1.
+  course = fliplr(course);
   [low, high] = interval(m, s, b);
   moment = -1;
   side = 0;
@@ -384,10 +492,13 @@ function s = creep(m, s, span, value, slope)
 % Through all events of a short span.
   time = 0;
   for event = 1:200
-    [terms, off, rate, piece] = series_at(m, s, value + slope * time, slope, span - time);
+    [terms, off, rate, piece, needed] = series_at(m, s, value + slope * time, slope, span - time);
     which = 0;
-    for b = find(s.mode ~= 2)
-      [moment, at_side] = crossing(m, s, b, terms, off(b), rate(b), piece);
+    ports = zeros(1, m.channels);
+    for b = [find(s.mode ~= 2), m.limits + find(m.stopped(:)')]
+      fades = [off, ports; rate, ports];
+      course = course_of(m, s, b, terms, needed);
+      [moment, at_side] = crossing(m, s, b, course, fades(1, b), fades(2, b), piece);
       if moment >= 0
         piece = moment;
         which = b;
@@ -396,7 +507,16 @@ function s = creep(m, s, span, value, slope)
     end
     s.x = terms * (piece .^ (0:15))';
     s.x(m.limited) = s.x(m.limited) + (off .* exp(-rate * piece))';
-    if which > 0
+    time = time + piece;
+    k = which - m.limits;
+    if k > 0
+      if s.side(k) == 0
+        s.side(k) = -side; % friction pushes to `side`, and the mass yields to the other
+      else
+        s.x(m.stopped(k)) = 0;
+        s = settle(m, s, k, value + slope * time);
+      end
+    elseif which > 0
       if s.mode(which) == 0
         ends = [m.low(which), m.high(which)];
         s.x(m.limited(which)) = ends(1 + (side > 0));
@@ -405,7 +525,6 @@ function s = creep(m, s, span, value, slope)
         s.mode(which) = 0;
       end
     end
-    time = time + piece;
     if time >= span * (1 - 1e-12)
       return
     end
@@ -421,8 +540,9 @@ function value = choose(condition, yes, no)
   end
 end
 
-function [force, slope] = laws(z)
-% Friction laws: force and its slope at every port.
+function [force, slope] = laws(side, z)
+% Friction laws: force and its slope at every port. Of dry friction, what a mass feels that slides;
+% on the wrong side of zero, the tangent goes on.
   force = zeros(size(z));
   slope = zeros(size(z));
 @dispatch@

@@ -1,16 +1,18 @@
-/* ---- limits that are reached within a step ---- */
+/* ---- limits that are reached, and masses that stop or break away, within a step ---- */
 
 #define TERMS 16
 #define EVENTS 200
 #define STIFF 8.0 /* time constants in a reach, from which on a free state stands as what follows the others and fades */
 
-/* A motion as a power series; limited states are off theirs at first, which fades with exp(-rate t). */
+/* A motion as a power series; limited states are off theirs at first, which fades with exp(-rate t). Masses that stick
+   need the friction `needed`, by the states, 1 and t. */
 typedef struct {
-    double series[TERMS][N], off[L + 1], rate[L + 1];
+    double series[TERMS][N], off[L + 1], rate[L + 1], needed[M1][N + 2];
 } motion;
 
 /* The motion from the present state, x' = X x + b0 + b1 t, the laws replaced by their tangents. */
-static void tangent(const @name@_state *s, double value, double slope, double X[N][N], double b0[N], double b1[N])
+static void tangent(const @name@_state *s, double value, double slope, double X[N][N], double b0[N], double b1[N],
+                    motion *m)
 {
     for (int i = 0; i < N; i++) {
         b0[i] = B[i] * value + C0[i];
@@ -25,7 +27,7 @@ static void tangent(const @name@_state *s, double value, double slope, double X[
     for (int k = 0; k < M; k++) {
         double force, by_port;
         const double port = dot(H[k], s->x) + K[k] * value;
-        laws(k, port, &force, &by_port);
+        laws(s, k, port, &force, &by_port);
         for (int i = 0; i < N; i++) {
             b0[i] += G[k][i] * (force + by_port * (K[k] * value - port));
             b1[i] += G[k][i] * by_port * K[k] * slope;
@@ -33,6 +35,17 @@ static void tangent(const @name@_state *s, double value, double slope, double X[
                 X[i][j] += G[k][i] * by_port * H[k][j];
         }
     }
+    for (int k = 0; k < M; k++)
+        if (sticks(s, k)) {
+            const int i = STOPPED[k];
+            for (int j = 0; j < N; j++) {
+                m->needed[k][j] = -X[i][j] / G[k][i];
+                X[i][j] = 0.0;
+            }
+            m->needed[k][N] = -b0[i] / G[k][i];
+            m->needed[k][N + 1] = -b1[i] / G[k][i];
+            b0[i] = b1[i] = 0.0;
+        }
 }
 
 /* Taylor series of the motion. */
@@ -45,13 +58,24 @@ static void expand(const @name@_state *s, double X[N][N], double b0[N], double b
             series[term][i] = (dot(X[i], series[term - 1]) + (term == 1 ? b0[i] : term == 2 ? b1[i] : 0.0)) / term;
 }
 
-/* Watched quantity of limited state b at a moment of a motion. */
-static double follow(const @name@_state *s, int b, motion *m, double time)
+/* Term of the watched quantity in the series of a motion. */
+static double watched_term(const @name@_state *s, int b, const motion *m, int term)
+{
+    const int k = b - L;
+    if (b < L)
+        return watch(s, b, m->series[term]);
+    if (!sticks(s, k))
+        return s->side[k] * m->series[term][STOPPED[k]];
+    return dot(m->needed[k], m->series[term]) + (term < 2 ? m->needed[k][N + term] : 0.0);
+}
+
+/* Watched quantity at a moment of a motion. */
+static double follow(const @name@_state *s, int b, const motion *m, double time)
 {
     double total = 0.0;
     for (int term = TERMS - 1; term >= 0; term--)
-        total = total * time + watch(s, b, m->series[term]);
-    return total + m->off[b] * exp(-m->rate[b] * time);
+        total = total * time + watched_term(s, b, m, term);
+    return b < L ? total + m->off[b] * exp(-m->rate[b] * time) : total;
 }
 
 /* Longest time / 2^i for which the last term of the series is below rounding. */
@@ -112,7 +136,7 @@ static double course(const @name@_state *s, double value, double slope, double t
 {
     double X[N][N], b0[N], b1[N];
     int left_out[L + 1], any = 0, all = 1;
-    tangent(s, value, slope, X, b0, b1);
+    tangent(s, value, slope, X, b0, b1, m);
     for (int b = 0; b < L; b++) {
         m->off[b] = m->rate[b] = 0.0;
         left_out[b] = stiff(s, b, X, time);
@@ -131,13 +155,13 @@ static double course(const @name@_state *s, double value, double slope, double t
         return span;
     for (int b = 0; b < L; b++)
         m->off[b] = m->rate[b] = 0.0;
-    tangent(s, value, slope, X, b0, b1);
+    tangent(s, value, slope, X, b0, b1, m);
     expand(s, X, b0, b1, m->series);
     return reach(m->series, time);
 }
 
-/* First moment in (0, time] at which limited state b reaches or leaves a limit, or -1; `side` says which. */
-static double crossing(const @name@_state *s, int b, motion *m, double time, int *side)
+/* First moment in (0, time] at which watched quantity b leaves its interval, or -1; `side` says at which end. */
+static double crossing(const @name@_state *s, int b, const motion *m, double time, int *side)
 {
     double low, high, before = 0.0, f_before = follow(s, b, m, 0.0);
     interval(s, b, &low, &high);
@@ -173,8 +197,8 @@ static void creep(@name@_state *s, double length, double value, double slope)
         motion m;
         int which = -1, side = 0;
         double span = course(s, value + slope * time, slope, length - time, &m);
-        for (int b = 0; b < L; b++)
-            if (s->mode[b] != CLOSED) {
+        for (int b = 0; b < L + M; b++)
+            if (b < L ? s->mode[b] != CLOSED : STOPPED[b - L] >= 0) {
                 int at = 0;
                 const double moment = crossing(s, b, &m, span, &at);
                 if (moment >= 0.0) {
@@ -191,14 +215,22 @@ static void creep(@name@_state *s, double length, double value, double slope)
         }
         for (int b = 0; b < L; b++)
             s->x[LIMITED[b]] += m.off[b] * exp(-m.rate[b] * span);
-        if (which >= 0) {
+        time += span;
+        if (which >= L) {
+            const int k = which - L;
+            if (sticks(s, k))
+                s->side[k] = -side; /* friction pushes to `side`, and the mass yields to the other */
+            else {
+                s->x[STOPPED[k]] = 0.0;
+                settle(s, k, value + slope * time);
+            }
+        } else if (which >= 0) {
             if (s->mode[which] == FREE) {
                 s->x[LIMITED[which]] = side > 0 ? HIGH[which] : LOW[which];
                 s->mode[which] = side;
             } else
                 s->mode[which] = FREE;
         }
-        time += span;
         if (time >= length * (1.0 - 1e-12))
             return;
     }

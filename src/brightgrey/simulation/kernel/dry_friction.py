@@ -17,7 +17,7 @@ from brightgrey.simulation.kernel.machine.simd import LANES, get, lanes_not_less
 from brightgrey.simulation.kernel.radau_step import solve_ports, stage_guess
 
 __all__ = [
-    "breakaway",
+    "correct_rates_at_rest",
     "follow_input",
     "force_at_point",
     "friction_interval",
@@ -39,7 +39,7 @@ def sticks(plant: Any, work: Any, k: Any, lane: Any) -> Any:
 
 
 @inner
-def breakaway(shape: Any, plant: Any, k: Any, lane: Any) -> Any:
+def _breakaway(shape: Any, plant: Any, k: Any, lane: Any) -> Any:
     """Largest friction of channel k at rest."""
     return -dry_forces(shape, plant, k, 0.0, 0.0, 1.0, lane)[0]
 
@@ -80,7 +80,7 @@ def _needed(shape: Any, plant: Any, k: Any, value: Any, work: Any, lane: Any) ->
 def _settle(shape: Any, plant: Any, k: Any, value: Any, work: Any, lane: Any) -> None:
     """Mode of a mass at rest: it sticks if friction can hold it, else it follows what drives it."""
     needed = _needed(shape, plant, k, value, work, lane)
-    most = breakaway(shape, plant, k, lane)
+    most = _breakaway(shape, plant, k, lane)
     put(work.side, k, lane, -1.0 if needed > most else 1.0 if needed < -most else 0.0)
 
 
@@ -125,6 +125,24 @@ def follow_input(shape: Any, plant: Any, work: Any, lane: Any) -> None:
 
 
 @inner
+def correct_rates_at_rest(shape: Any, plant: Any, row: Any, work: Any) -> None:
+    """Correct the rates of state `row` in the first row of ``work.rhs`` where they belong to masses that stick.
+
+    The input may have jumped since the friction was found. It takes what it can, so that only an excess accelerates.
+    """
+    for k in range(shape.channels):
+        if whole(plant.stopped, k) != row:
+            continue
+        for lane in range(LANES):
+            if sticks(plant, work, k, lane):
+                by_force = get(plant.G, k * shape.n + row, lane)
+                needed = get(work.force, k, lane) - get(work.rhs, 0, lane) / by_force
+                most = _breakaway(shape, plant, k, lane)
+                excess = min(max(needed, -most), most) - needed
+                put(work.rhs, 0, lane, excess * by_force)
+
+
+@inner
 def solve_dry_stages(shape: Any, plant: Any, call: Any, table: Any, h: Any, work: Any, lane: Any) -> Any:
     """As `radau_step.solve_stages`, for one lane: (s I - d S) F = phi + d (a - z), where rows of rest have s = 0.
 
@@ -164,7 +182,7 @@ def friction_interval(shape: Any, plant: Any, work: Any, k: Any, lane: Any) -> A
     """Interval of what ends the mode: side times speed of a mass that slides, friction of one that sticks."""
     if get(work.side, k, lane) != 0.0:
         return 0.0, float("inf")
-    most = breakaway(shape, plant, k, lane)
+    most = _breakaway(shape, plant, k, lane)
     return -most, most
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.kernel.contact_modes import drive_all, drive_lane, set_mode, use_table_of
+from brightgrey.simulation.kernel.dry_friction import correct_rates_at_rest
 from brightgrey.simulation.kernel.machine.compilation import cached, inlined, inner
 from brightgrey.simulation.kernel.machine.memory_layout import call_of, plant_of, shape_of, use_batch, work_of
 from brightgrey.simulation.kernel.machine.simd import (
@@ -56,11 +57,6 @@ def _record_sample(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any
                 drive_lane(shape, plant, call.u, k, 0.0, 0.0, 1.0, real(call.numbers, 0), work, lane)
         else:
             put(work.drive, 0, None, splat(real(call.u, k), None))
-        moves = splat(1.0, None)
-        if shape.dry == 1:
-            for c in range(shape.channels):
-                if whole(plant.stopped, c) == row:  # a mass that sticks has no acceleration
-                    moves = get(work.side, c, None) * get(work.side, c, None)
         value = get(plant.c, row, None) + get(plant.B, row, None) * get(work.drive, 0, None)
         for i in range(n):
             value = value + get(plant.A, row * n + i, None) * get(work.x, i, None)
@@ -72,7 +68,9 @@ def _record_sample(shape: Any, plant: Any, call: Any, k: Any, at: Any, work: Any
                 rate = rate + get(plant.rate, b * n + i, None) * get(work.x, i, None)
             value = value + get(plant.column, b * n + row, None) * rate * get(work.free, b, None)
         if shape.dry == 1:
-            value = value * moves
+            put(work.rhs, 0, None, value)
+            correct_rates_at_rest(shape, plant, row, work)
+            value = get(work.rhs, 0, None)
         _write_output(call, samples, out, k, at, value, work)
     lost = lanes_not_less(total, splat(real(call.numbers, 3), None))
     if call.target != 0:

@@ -60,6 +60,11 @@ class DryFriction:
         by_force = self.low.G[k, state, 0]
         return float(force[k] - rates[state] / by_force)
 
+    def rate_at_rest(self, k: int, rates: Array, force: Array) -> float:
+        """Acceleration of a mass at rest: friction takes what it can, so that only an excess accelerates."""
+        needed, most = self.needed(k, rates, force), self.breakaway(k)
+        return float(self.low.G[k, self.low.stopped[k], 0] * (np.clip(needed, -most, most) - needed))
+
     def side_of(self, k: int, needed: float) -> float:
         """Mode of a mass at rest: it sticks if friction can hold it, else it follows what drives it."""
         return 0.0 if abs(needed) <= self.breakaway(k) else -float(np.sign(needed))

@@ -62,7 +62,8 @@ def plain_response(system: StateSpace, u: ArrayLike, dt: float, x0: ArrayLike, s
             for base in range(bases):
                 _step_base(run, drive, (k - 1) * dt, base)
         rates = run.rates(drive(k * dt, 0.0)[0], run.force)
-        rates[[low.stopped[k] for k in run.friction.sticking]] = 0.0
+        for channel in run.friction.sticking:
+            rates[low.stopped[channel]] = run.friction.rate_at_rest(channel, rates, run.force)
         y[:, k] = np.concatenate([run.x, rates])[list(low.outputs)]
     return y
 
