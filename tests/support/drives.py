@@ -20,11 +20,11 @@ def system_of(text, outputs=("velocity",), **changed):
     return assemble(Structure.parse(text), values_of(text, **changed), E.f_tanh, outputs)
 
 
-def recorded(text, seed, noise=0.02, torque=0.0, **changed):
+def recorded(text, seed, noise=0.02, torque=0.0, f_tanh=E.f_tanh, **changed):
     """Recording by the reference solver with white noise, and a disturbance that is not recorded."""
     rng = np.random.default_rng(seed)
     u, hold = E.torque()[::2], "zoh" if torque else "linear"
     pushed = u + torque * rng.normal(size=len(u))
-    v = reference(text, values_of(text, **changed), pushed, 2 * E.dt, f_tanh=E.f_tanh, hold=hold)[0]
+    v = reference(text, values_of(text, **changed), pushed, 2 * E.dt, f_tanh=f_tanh, hold=hold)[0]
     y = v + noise * rng.normal(size=len(v))
     return make_recording(u, y, dt=2 * E.dt, names=("torque", "velocity"), hold=hold, name="simulated")

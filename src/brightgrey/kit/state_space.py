@@ -76,6 +76,8 @@ class StateSpace:
 
     def g(self, x: Array, u: float) -> Array:
         """Non-linear part of the outputs, shape (outputs,) (eq. 18): rows of f where an output is a row of x'."""
+        if max(self.derivative_rows, default=-1) < 0:
+            return np.zeros(len(self.derivative_rows))
         f = self.f(x, u)
         return np.array([f[row] if row >= 0 else 0.0 for row in self.derivative_rows])
 

@@ -1,5 +1,6 @@
 """Kalman filters: state transition, consistency of the innovations, estimated states."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -98,6 +99,45 @@ def test_kalman_filters__true_model__have_consistent_innovations(run):
     found = run(prepared.filter_input, Noise(torque, np.array([0.02])))
     low, high = chi2.ppf([5e-5, 1 - 5e-5], recording.samples)
     assert low < found.nis.sum() < high
+
+
+EXACT = replace(SETTINGS, f_tanh=math.inf)
+
+
+@pytest.mark.parametrize(
+    ("text", "run", "seeds"),
+    [
+        ("two_mass+coulomb+viscous+stribeck+gravity", extended_kalman_filter, 2),
+        ("two_mass+coulomb+viscous+stribeck+gravity", unscented_kalman_filter, 1),
+        ("two_mass+coulomb+viscous+backlash", gaussian_sum_filter, 1),
+    ],
+)
+def test_filters__exact_friction__are_consistent_in_reversals_and_at_rest(text, run, seeds):
+    """A right filter leaves such a band once in 10,000 times."""
+    torque, noise = 0.05, np.array([0.02])
+    still, moving = np.zeros(2), np.zeros(2)
+    for seed in range(seeds):
+        recording = recorded(text, seed, torque=torque, f_tanh=math.inf)
+        prepared = prepare(Structure.parse(text), values_of(text), recording, EXACT)
+        found = run(prepared.filter_input, Noise(torque, noise))
+        slow = np.abs(recording.y[0]) < 0.1
+        near = np.convolve(slow, np.ones(7), mode="same") > 0.0  # rest and reversals, and three samples around them
+        for total, samples in ((still, near), (moving, ~near)):
+            total += found.nis[samples].sum(), np.count_nonzero(samples)
+    for total, samples in (still, moving):
+        low, high = chi2.ppf([5e-5, 1 - 5e-5], samples)
+        assert low < total < high
+
+
+def test_extended_filter__exact_friction_at_rest__does_not_drift():
+    """Under 0.9 of breakaway the estimated speed stays within the noise, and the variance is bounded."""
+    values = values_of("one_mass+coulomb")
+    y = 0.02 * np.random.default_rng(1).normal(size=400)
+    recording = make_recording(np.full(400, 0.9 * values["M_C"]), y)
+    filter_input = prepare(Structure.parse("one_mass+coulomb"), values, recording, EXACT).filter_input
+    found = extended_kalman_filter(filter_input, Noise(0.05, np.array([0.02])))
+    assert np.abs(found.z[20:, 0, 0]).max() < 0.01
+    assert found.std[20:, 0, 0].max() < 0.01
 
 
 @pytest.mark.parametrize("text", ["two_mass+viscous+current_control+delay", "two_mass+viscous+delay"])

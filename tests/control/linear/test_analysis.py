@@ -1,5 +1,7 @@
 """The linear model against formulas, finite differences and python-control."""
 
+import math
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -12,7 +14,7 @@ from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.errors import SettingsError
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, Linear, assemble
-from support.drives import VALUES, system_of
+from support.drives import VALUES, system_of, values_of
 
 control = pytest.importorskip("control", reason="python-control is not installed")
 
@@ -55,6 +57,32 @@ def test_contact_mode__jacobian__agrees_with_the_kit(text):
         mine = on.jacobian(both.W @ x, 0.0)
         assert_allclose(mine.A, A, rtol=1e-9, atol=1e-9 * np.abs(A).max())
         assert_allclose(mine.C[1], A[names.index("v1")], atol=1e-9 * np.abs(A).max())
+
+
+def exact(text, outputs=("velocity",), **changed):
+    return assemble(PAPER.parse(text), values_of(text, **changed), math.inf, outputs)
+
+
+def test_analysis__exact_friction_at_standstill__slides_and_says_that_it_sticks():
+    found = analyse_system(exact("one_mass+coulomb+viscous+stribeck+gravity"))
+    slope = VALUES["f_v"] - VALUES["M_S"] / VALUES["omega_S"]  # Stribeck friction falls with speed
+    assert_allclose(found.poles, [-slope / VALUES["J1"]])
+    assert found.operating_point.u == pytest.approx(-VALUES["M_G"])
+    assert found.sticking_torque == pytest.approx(VALUES["M_C"] + VALUES["M_S"])
+    assert found.stability == "unstable"
+
+
+@pytest.mark.parametrize("speed", [5.0, -5.0])
+@pytest.mark.parametrize("text", ["two_mass+coulomb+stribeck", "two_mass+coulomb+viscous+stribeck+backlash"])
+def test_analysis__exact_friction_in_motion__is_that_of_a_steep_sign(text, speed):
+    found, steep = (
+        analyse_system(assemble(PAPER.parse(text), values_of(text), f, ("acceleration",)), speed=speed)
+        for f in (math.inf, 1e3)
+    )
+    assert_allclose(found.linear.A, steep.linear.A, rtol=1e-12)
+    assert_allclose(found.linear.C, steep.linear.C, rtol=1e-12)
+    assert found.operating_point.u == pytest.approx(steep.operating_point.u, rel=1e-12)
+    assert found.sticking_torque == 0.0
 
 
 def test_trim_point__torque__carries_friction_gravity_and_acceleration():

@@ -1,10 +1,13 @@
 """Differences for control between models of one drive."""
 
+import math
+
 import numpy as np
 import pytest
 
 from brightgrey.control.linear.model_differences import FrequencyBand, excited_band, model_figures
 from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.kit import PAPER, assemble
 from support.drives import system_of, values_of
 
 SPEED = 0.5 * E.speed
@@ -49,4 +52,12 @@ def test_model_figures__friction_and_gravity__are_separated(text):
     slow = 3.0 / E.f_tanh
     expected = np.tanh(3.0) * (values["M_C"] + values["M_S"] * np.exp(-slow / values["omega_S"]))
     assert found.standstill_friction == pytest.approx(expected, rel=1e-9)
+    assert found.constant_input == pytest.approx(-values["M_G"], rel=1e-9)
+
+
+def test_model_figures__exact_friction__has_its_breakaway_torque():
+    text = "two_mass+coulomb+stribeck+gravity+backlash"
+    values = values_of(text)
+    (found,) = model_figures([assemble(PAPER.parse(text), values, math.inf)], SPEED, math.inf, OVER)
+    assert found.standstill_friction == pytest.approx(values["M_C"] + values["M_S"], rel=1e-9)
     assert found.constant_input == pytest.approx(-values["M_G"], rel=1e-9)

@@ -55,6 +55,7 @@ def show_analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json
             {
                 "speed": found.operating_point.speed,
                 "input": found.operating_point.u,
+                "sticking_torque": found.sticking_torque,
                 "contact": found.operating_point.contact_mode.contact,
                 "states": found.states,
                 "stability": found.stability,
@@ -79,6 +80,8 @@ def show_analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json
             style="bold",
         )
     )
+    if found.sticking_torque:
+        out.print(f"at rest the drive sticks within ±{found.sticking_torque:.4g} (SI) of this input; here it slides")
     rows = plain_table("pole in 1/s", "frequency in Hz >", "damping >")
     for pole in found.poles.tolist():
         if pole.imag > 0.0:

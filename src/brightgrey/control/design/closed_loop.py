@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.control.dry_friction import is_dry
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
 from brightgrey.simulation import Settings, response
@@ -100,9 +101,12 @@ def closed_loop(
     Raises
     ------
     SettingsError
-        If the loop diverges.
+        If the loop diverges, or for an acceleration that is measured on a drive with exact dry friction: at rest it
+        does not follow from the state.
     """
     n = len(system.states)
+    if max(system.derivative_rows) >= 0 and any(is_dry(e) for e in system.elements):
+        raise SettingsError("a closed loop with an acceleration output needs a finite f_tanh")
     delay = float(np.asarray(system.dead_time)) / dt
     whole = int(np.floor(delay + 1e-9))
     part = max(delay - whole, 0.0)

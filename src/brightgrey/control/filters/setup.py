@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -36,7 +37,7 @@ class FilterSetup:
 
     #: Standard deviation of the first speed over the largest speed, and of a lagging input over the largest input.
     initial_std: float = 0.02
-    step_tolerance: float = 0.1  #: Error of a step over the noise of the speed.
+    step_tolerance: float = 0.1  #: Error of a step over the noise of the speed; exact friction reverses within it.
     #: Limits of that noise, over the largest speed.
     min_speed_noise: float = 1e-4
     max_speed_noise: float = 1e-2
@@ -85,7 +86,8 @@ def prepare(
     recording : Recording or sequence of Recording
         One for all parameter sets, or one for each; then of the same length, signals, sampling time and hold.
     settings : Settings
-        ``f_tanh`` and ``speed_scale`` are used.
+        ``f_tanh`` and ``speed_scale`` are used. With exact dry friction the filters still need a slope: its sign
+        then reverses within the error that is tolerated in a step, which no measured speed resolves.
     setup : FilterSetup
 
     Returns
@@ -101,7 +103,7 @@ def prepare(
     kinds = [signal.kind for signal in first.outputs]
     differenced = tuple(kind == "velocity-differenced" for kind in kinds)
     outputs = ["position" if d else kind for d, kind in zip(differenced, kinds, strict=True)]
-    system = assemble(structure, values, settings.f_tanh, outputs)
+    system = assemble(structure, values, _sharpness(first, settings, setup), outputs)
     K = system.batch[0] if system.batch else 1
     each = [first] * K if isinstance(recording, Recording) else list(recording)
     _check_compatible(each, K)
@@ -125,6 +127,15 @@ def prepare(
         setup.step_tolerance * speed_noise,
     )
     return PreparedRecording(filter_input, coordinates, sensors)
+
+
+def _sharpness(recording: Recording, settings: Settings, setup: FilterSetup) -> float:
+    """Gain of the sign of speed, s/rad (s/m); of an exact sign one that reverses within the error of a step."""
+    if math.isfinite(settings.f_tanh):
+        return settings.f_tanh
+    kinds = [signal.kind for signal in recording.outputs]
+    noise = _speed_noise_of(kinds, output_noise(recording)[None], settings, setup)
+    return 1.0 / (setup.step_tolerance * float(noise[0]))
 
 
 def _check_compatible(each: Sequence[Recording], sets: int) -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
 from brightgrey.arrays import Array, Complex
+from brightgrey.control.dry_friction import sliding
 from brightgrey.control.limit_cycles.harmonic_balance import GapLoop, HarmonicBalanceOptions, harmonic_balance
 from brightgrey.control.linear.margins import Compensator
 from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
@@ -75,6 +76,7 @@ def describing_function(element: Element, amplitude: Array) -> Array:
     amplitude : ndarray
         Above 0, any shape.
     """
+    element = sliding(element)
     points = QUADRATURE_POINTS
     angle = (np.arange(points) + 0.5) * (0.5 * np.pi / points)  # a quarter of the period, because the law is odd
     # Denser at the zero crossing, where friction reverses within a small part of the period.

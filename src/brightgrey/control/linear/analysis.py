@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import eig
 
 from brightgrey.arrays import Array, Complex
+from brightgrey.control.dry_friction import breakaway_torque
 from brightgrey.control.linear.controllability import (
     Controllability,
     controllability,
@@ -62,6 +63,16 @@ class Analysis:
     states: tuple[str, ...]
     outputs: tuple[str, ...]
     dead_time: float
+
+    @property
+    def sticking_torque(self) -> float:
+        """Largest torque beside the operating point's input under which the drive sticks, N m (N); 0 if it slides.
+
+        With exact dry friction and at standstill, `linear` is the sliding drive. It holds once the drive has broken
+        away.
+        """
+        point = self.operating_point
+        return breakaway_torque(point.contact_mode.system) if point.speed == 0.0 else 0.0
 
     @cached_property
     def poles(self) -> Complex:

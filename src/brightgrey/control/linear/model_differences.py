@@ -24,7 +24,8 @@ class ComparisonOptions:
 
     energy: float = 0.99  #: Part of the inputs' energy that the band holds.
     points: int = 400  #: Frequencies of the band.
-    #: Speed near standstill, over the speed scale of the smoothed sign of speed. The sign is 0.995 there.
+    #: Speed near standstill, over the speed scale of the smoothed sign of speed. The sign is 0.995 there. An exact sign
+    #: has none, and any speed will do.
     creep: float = 3.0
 
 
@@ -91,7 +92,7 @@ def model_figures(
     speed : float
         Of the operating point, rad/s (m/s).
     f_tanh : float
-        Gain of the smoothed sign of speed that they were assembled with.
+        Gain of the sign of speed that they were assembled with, may be infinite.
     band : FrequencyBand
     options : ComparisonOptions
 
@@ -107,7 +108,7 @@ def model_figures(
         point = analyse_system(transformed, speed=speed)
         response = frequency_response(point.linear, omega, point.dead_time)[0]
         ratio, phase, at = _largest_difference(response, found[0].response if found else response, omega)
-        friction, constant = _standstill_input(transformed, options.creep / f_tanh)
+        friction, constant = _standstill_input(transformed, options.creep / f_tanh or np.finfo(float).tiny)
         poles = tuple(complex(p) for p in point.poles)
         found.append(
             ModelFigures(response, ratio, phase, at, poles, point.resonances, point.dead_time, friction, constant)

@@ -14,6 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.control.dry_friction import sliding
 from brightgrey.control.linear.twist_coordinates import TwistModel
 from brightgrey.effects import Element
 from brightgrey.errors import SettingsError, unknown_name
@@ -44,8 +45,8 @@ class ContactMode:
 
     @cached_property
     def without_limits(self) -> StateSpace:
-        """The system without the elements that have limits, so that gaps keep their position."""
-        return replace(self.system, elements=tuple(e for e in self.system.elements if e.limits is None))
+        """The system without the elements that have limits, so that gaps keep their position, and in sliding."""
+        return replace(self.system, elements=tuple(sliding(e) for e in self.system.elements if e.limits is None))
 
     @cached_property
     def limited_elements(self) -> tuple[Element, ...]:
@@ -108,7 +109,7 @@ class ContactMode:
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Steady motion in one contact mode."""
+    """Steady motion in one contact mode. A drive with exact dry friction is taken in sliding, at standstill, too."""
 
     contact_mode: ContactMode
     z: Array  #: State in twist coordinates, shape (m,).
