@@ -9,6 +9,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from brightgrey.arrays import Array
+from brightgrey.simulation.kernel.machine.memory_layout import SERIES_TERMS
+from brightgrey.simulation.kernel.tolerances import TOLERANCES
 from brightgrey.simulation.plain.state import FREE, Simulation
 
 __all__ = ["pass_events"]
@@ -24,7 +26,7 @@ def pass_events(run: Simulation, span: float, value: float, slope: float) -> Non
         def state(s: float, M: Array = M, start: Array = start) -> Array:
             return np.asarray(expm(M * s) @ start)
 
-        moment, which, side = left, -1, 0
+        moment, which, side = left if run.modes else _reach(M, start, n, left), -1, 0
         for number, (row, low, high) in enumerate(_limit_rows(run, holding)):
             grid = np.linspace(0.0, moment, 5)
             for s, e in pairwise(grid):
@@ -49,6 +51,27 @@ def pass_events(run: Simulation, span: float, value: float, slope: float) -> Non
         if left <= 1e-12 * span:
             return
     run.x = np.full(n, np.nan)
+
+
+def _reach(M: Array, start: Array, n: int, span: float) -> float:
+    """Part of `span` that the kernel's power series reaches; it takes new tangents there.
+
+    Not for gaps: their dampers may relax in nanoseconds, and the kernel leaves them out of its series.
+    """
+    terms = [start]
+    for k in range(1, SERIES_TERMS):
+        terms.append(M @ terms[-1] * span / k)
+    size = np.abs(terms)[:, :n]
+    rounding = TOLERANCES.series_rounding
+    for k in range(4, SERIES_TERMS):
+        if (size[k] + size[k - 1] < size[:k].sum(axis=0) * rounding + 1e-300).all():
+            return span
+    for halved in range(60):
+        powers = 0.5 ** (halved * np.arange(SERIES_TERMS))
+        part = size * powers[:, None]
+        if (part[-1] < part[:-2].sum(axis=0) * (100.0 * rounding) + 1e-300).all():
+            return span * float(powers[1])
+    return span * float(powers[1])
 
 
 def _tangent(run: Simulation, value: float, slope: float) -> tuple[Array, dict[int, Array]]:
