@@ -113,7 +113,7 @@ def changed(example, path, value):
         (["signals", 1, "unit"], "furlong", ["'furlong'"]),
         (["signals", 1, "hold"], "cubic", ["'signals.1.hold'", "'cubic'"]),
         (["settings", "friction_width_unit"], "mm/s", ["'settings.friction_width_unit'", "'mm/s'", "'rad/s'"]),
-        (["settings", "friction_width"], -1.0, ["friction_width", "greater than 0"]),
+        (["settings", "friction_width"], -1.0, ["friction_width", "greater than or equal to 0"]),
         (["settings", "level"], "exact", ["'settings.level'", "'exact'"]),
         (["settings", "substeps"], 0, ["substeps"]),
         (["seed"], 1.5, ["'seed'", "1.5"]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -86,6 +87,7 @@ class Fit:
         All parameters; a fixed one has standard deviation 0.
     bounds : mapping of str to (low, high)
     settings : Settings
+        To simulate the result: friction whose width does not show has an exact sign.
     initial_states : tuple of mapping of str to float
         One per recording, by state name.
     train : mapping of str to OutputFit
@@ -214,7 +216,7 @@ def fit(
         structure=structure,
         estimates=named,
         bounds=dict(zip(space.names, zip(space.low.tolist(), space.high.tolist(), strict=True), strict=True)),
-        settings=final,
+        settings=_exact(final) if reversal is not None and reversal.is_sharp else final,
         initial_states=problem.states(space.by_name(best.values), final.f_tanh),
         train=_output_fits(problem, best.residual),
         outcome=outcome,
@@ -291,6 +293,11 @@ def settings_for(
     return Settings(
         f_tanh=sharpest if f_tanh is None else f_tanh, speed_scale=known.speed, level=level, hold=recordings[0].hold
     )
+
+
+def _exact(settings: Settings) -> Settings:
+    """Settings with an exact sign of friction; the paper's method of integration cannot stop a mass."""
+    return settings if settings.level == "euler" else replace(settings, f_tanh=math.inf)
 
 
 def predict(

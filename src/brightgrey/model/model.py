@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import math
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -100,7 +101,7 @@ class Model(Part):
         s = self.settings
         speed = self.units.of(SPEED)[1]
         return Settings(
-            f_tanh=speed / s.friction_width,
+            f_tanh=speed / s.friction_width if s.friction_width else math.inf,
             speed_scale=s.speed_scale / speed,
             level=s.level,
             hold=s.hold,

@@ -78,12 +78,12 @@ class SettingsPart(Part):
     """Settings that simulating and estimating again need beside structure, parameters and input.
 
     friction_width and speed_scale carry their units beside them; bounds and fixed stand in the parameters' units.
-    friction_width is the speed within which dry friction reverses. friction_width_ci95 is its 95 % interval. Its
-    low end is 0 if the recording shows no width, and its high end null if it shows no upper limit. The whole is
-    null if the width was given or nothing reverses.
+    friction_width is the speed within which dry friction reverses, 0 for an exact sign. friction_width_ci95 is its 95 %
+    interval. Its low end is 0 if the recording shows no width, and its high end null if it shows no upper limit. The
+    whole is null if the width was given or nothing reverses.
     """
 
-    friction_width: float = Field(gt=0.0)
+    friction_width: float = Field(ge=0.0)
     friction_width_unit: str
     friction_width_ci95: tuple[float, float | None] | None = None
     speed_scale: float

@@ -29,7 +29,7 @@ def _derived_command(content: Content) -> str:
     words += [] if model.evidence is not None else ["--structure", str(model.structure)]
     for name, value in fixed.items():
         words += ["--fix", f"{name}={value!r}"]
-    if s.friction_width_ci95 is None and model.structure.has_dry_friction:
+    if s.friction_width_ci95 is None and s.friction_width and model.structure.has_dry_friction:
         words += ["--f-tanh", repr(1.0 / s.friction_width)]
     words += ["--hold", s.hold, "--seed", str(model.seed)]
     for trace in content.traces:

@@ -151,6 +151,8 @@ class IdentificationTask:
         return dict(zip(space.names, values, strict=True)) | held
 
     def clip_starts(self, space: ParameterSpace, starts: Sequence[tuple[tuple[str, float], ...]]) -> Array:
-        """Starts within the ranges, shape (P, K), SI."""
-        table = np.array([[dict(start)[name] for name in space.names] for start in starts]).T.reshape(-1, len(starts))
+        """Starts within the ranges, shape (P, K), SI; nuisances that they lack have their own start."""
+        own = dict(zip(space.names, space.start.tolist(), strict=True))
+        table = np.array([[{**own, **dict(start)}[name] for name in space.names] for start in starts])
+        table = table.T.reshape(-1, len(starts))
         return np.asarray(np.clip(table, space.low[:, None], space.high[:, None]))

@@ -78,9 +78,11 @@ def estimated_width(
         return None, space, best
     row = space.names.index(FRICTION_WIDTH)
     low, high = float(space.low[row]), float(space.high[row])
+    value = float(best.values[row])
     begin, end = _interval(_Profile.of(problem, space, settings, best, options or WidthOptions()), low, high)
-    if begin > 0.0:
-        return FrictionWidth(float(best.values[row]), (begin, end)), space, best
+    if begin > 0.0 and space.active_bounds(best.values)[row] >= 0:
+        # Whitened and not, the least sum of squares may differ where the residual is no noise.
+        return FrictionWidth(value, (min(begin, value), max(end, value))), space, best
     sharp = space.fix(FRICTION_WIDTH, low)
     again = fit_to_convergence(problem, sharp, settings, np.delete(best.values, row))
     return FrictionWidth(low, (0.0, end)), sharp, again

@@ -96,6 +96,8 @@ def _reservation(part: ParameterPart, half_width: float | None, positive: bool) 
 def friction_width_text(settings: SettingsPart) -> str:
     """Speed within which dry friction reverses, with what is known of it."""
     unit, interval = settings.friction_width_unit, settings.friction_width_ci95
+    if interval is None and settings.friction_width == 0.0:
+        return "at once (given)"
     if interval is None:
         return f"within {significant(settings.friction_width, 3)} {unit} (given)"
     low, high = interval

@@ -29,7 +29,7 @@ class PatternSearch:
 
     def __call__(self, structure: Structure, starts: Sequence[NamedValues]) -> Sequence[Evaluated]:
         """Identify `structure` from each of `starts`."""
-        space, problem = self.task.space(structure), self.task.problem(structure)
+        problem, space = self.task.problem_and_space(structure)
 
         cost_many = cost_function(problem, space, self.task.settings)
         low, high = space.box
@@ -49,7 +49,7 @@ class LeastSquares:
 
     def __call__(self, structure: Structure, starts: Sequence[NamedValues]) -> Sequence[Evaluated]:
         """Identify `structure` from each of `starts`."""
-        space, problem = self.task.space(structure), self.task.problem(structure)
+        problem, space = self.task.problem_and_space(structure)
         begins = self.task.clip_starts(space, starts)
         ends = [
             fit_to_convergence(problem, space, self.task.settings, begin, limit=self.iterations) for begin in begins.T
