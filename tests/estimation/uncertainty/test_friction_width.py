@@ -70,7 +70,7 @@ def test_profile__width_is_estimated__is_fitted_again_with_it(smooth):
     ("interval", "words"),
     [
         (None, "within 0.400 rad/s (given)"),
-        ((0.0, 0.02), "as sharp as this recording can show: within less than 0.020 rad/s"),
+        ((0.0, 0.02), "as sharply as this recording can show: within less than 0.020 rad/s"),
         ((0.38, 0.42), "within 0.400 rad/s (0.380 … 0.420)"),
         ((0.38, None), "within 0.38 rad/s or more: this recording gives no upper limit"),
         ((0.0, None), "within a speed that this recording does not tell"),

@@ -101,6 +101,14 @@ def test_friction_chart__is_the_sum_of_the_laws():
     assert [line.label for line in alone.panels[0].lines] == ["estimate"]
 
 
+def test_friction_chart__exact_sign__jumps_at_standstill():
+    model = model_with_intervals("one_mass+coulomb")
+    exact = model.settings.model_copy(update={"friction_width": 0.0})
+    (chart,) = friction_charts(AssembledModel(model.model_copy(update={"settings": exact})), {})
+    (line,) = chart.panels[0].lines
+    np.testing.assert_allclose(line.y, VALUES["M_C"] * np.sign(line.x), rtol=1e-12)
+
+
 def test_measured_response__of_a_known_filter__is_its_response():
     rng = np.random.default_rng(3)
     u = rng.normal(size=(1, 20_000))

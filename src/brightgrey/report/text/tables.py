@@ -106,7 +106,7 @@ def friction_width_text(settings: SettingsPart) -> str:
     if high is None:
         return f"within {significant(low, 2)} {unit} or more: this recording gives no upper limit"
     if low == 0.0:
-        return f"as sharp as this recording can show: within less than {significant(high, 2)} {unit}"
+        return f"as sharply as this recording can show: within less than {significant(high, 2)} {unit}"
     shown = with_uncertainty(settings.friction_width, 0.5 * (high - low))[0]
     return f"within {shown} {unit} ({interval_text((low, high))})"
 
