@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rich.table import Table
 from rich.text import Text
 
 from brightgrey.cli.terminal.results import as_json, plain_table, screen
@@ -82,6 +83,20 @@ def show_analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json
     )
     if found.sticking_torque:
         out.print(f"at rest the drive sticks within ±{found.sticking_torque:.4g} (SI) of this input; here it slides")
+    out.print(_pole_table(found))
+    for i, name in enumerate(found.outputs):
+        dips = ", ".join(f"{s.frequency:.4g} Hz (damping {s.damping:.3g})" for s in found.antiresonances(i))
+        out.print(f"antiresonances of {name}: {dips or 'none'}")
+    for word, reach in (("controllable", found.controllability), ("observable", found.observability)):
+        out.print(f"{word}: {reach.rank} of {reach.order} states, distance to losing one {reach.distance:.2g}")
+    if found.dead_time:
+        out.print(f"dead time: {1e3 * found.dead_time:.4g} ms")
+    if margins is not None:
+        out.print(f"with the controller: {_margins_line(margins)}", soft_wrap=True)
+
+
+def _pole_table(found: Analysis) -> Table:
+    """Poles, of each pair the upper one."""
     rows = plain_table("pole in 1/s", "frequency in Hz >", "damping >")
     for pole in found.poles.tolist():
         if pole.imag > 0.0:
@@ -92,16 +107,7 @@ def show_analysis(found: Analysis, margins: Margins | None, *, quiet: bool, json
             )
         elif pole.imag == 0.0:
             rows.add_row(f"{pole.real:.4g}", "", "")
-    out.print(rows)
-    for i, name in enumerate(found.outputs):
-        dips = ", ".join(f"{s.frequency:.4g} Hz (damping {s.damping:.3g})" for s in found.antiresonances(i))
-        out.print(f"antiresonances of {name}: {dips or 'none'}")
-    for word, reach in (("controllable", found.controllability), ("observable", found.observability)):
-        out.print(f"{word}: {reach.rank} of {reach.order} states, distance to losing one {reach.distance:.2g}")
-    if found.dead_time:
-        out.print(f"dead time: {1e3 * found.dead_time:.4g} ms")
-    if margins is not None:
-        out.print(f"with the controller: {_margins_line(margins)}", soft_wrap=True)
+    return rows
 
 
 def show_design(found: Design, *, quiet: bool, json: bool) -> None:
