@@ -39,12 +39,6 @@ def sticks(plant: Any, work: Any, k: Any, lane: Any) -> Any:
 
 
 @inner
-def _breakaway(shape: Any, plant: Any, k: Any, lane: Any) -> Any:
-    """Largest friction of channel k at rest."""
-    return -dry_forces(shape, plant, k, 0.0, 0.0, 1.0, lane)[0]
-
-
-@inner
 def force_at_point(shape: Any, plant: Any, k: Any, value: Any, work: Any, lane: Any) -> Any:
     """Port of channel k at the state in ``work.point``, and force and slope there, without friction of rest."""
     port = get(plant.K, k, lane) * value
@@ -80,7 +74,7 @@ def _needed(shape: Any, plant: Any, k: Any, value: Any, work: Any, lane: Any) ->
 def _settle(shape: Any, plant: Any, k: Any, value: Any, work: Any, lane: Any) -> None:
     """Mode of a mass at rest: it sticks if friction can hold it, else it follows what drives it."""
     needed = _needed(shape, plant, k, value, work, lane)
-    most = _breakaway(shape, plant, k, lane)
+    most = get(work.breakaway, k, lane)
     put(work.side, k, lane, -1.0 if needed > most else 1.0 if needed < -most else 0.0)
 
 
@@ -96,6 +90,7 @@ def set_initial_sides(shape: Any, plant: Any, value: Any, work: Any, lane: Any) 
     _point_at_state(shape, work, lane)
     for k in range(shape.channels):
         if whole(plant.stopped, k) >= 0:
+            put(work.breakaway, k, lane, -dry_forces(shape, plant, k, 0.0, 0.0, 1.0, lane)[0])
             speed = get(work.x, whole(plant.stopped, k), lane)
             put(work.side, k, lane, 1.0 if speed > 0.0 else -1.0 if speed < 0.0 else 0.0)
     for k in range(shape.channels):
@@ -137,7 +132,7 @@ def correct_rates_at_rest(shape: Any, plant: Any, row: Any, work: Any) -> None:
             if sticks(plant, work, k, lane):
                 by_force = get(plant.G, k * shape.n + row, lane)
                 needed = get(work.force, k, lane) - get(work.rhs, 0, lane) / by_force
-                most = _breakaway(shape, plant, k, lane)
+                most = get(work.breakaway, k, lane)
                 excess = min(max(needed, -most), most) - needed
                 put(work.rhs, 0, lane, excess * by_force)
 
@@ -178,11 +173,11 @@ def solve_dry_stages(shape: Any, plant: Any, call: Any, table: Any, h: Any, work
 
 
 @inner
-def friction_interval(shape: Any, plant: Any, work: Any, k: Any, lane: Any) -> Any:
+def friction_interval(work: Any, k: Any, lane: Any) -> Any:
     """Interval of what ends the mode: side times speed of a mass that slides, friction of one that sticks."""
     if get(work.side, k, lane) != 0.0:
         return 0.0, float("inf")
-    most = _breakaway(shape, plant, k, lane)
+    most = get(work.breakaway, k, lane)
     return -most, most
 
 
@@ -206,7 +201,7 @@ def leaves_friction_mode(shape: Any, plant: Any, work: Any, lane: Any) -> Any:
     for k in range(shape.channels):
         if whole(plant.stopped, k) >= 0:
             s0, s1, s2 = _course(plant, work, k, lane)
-            low, high = friction_interval(shape, plant, work, k, lane)
+            low, high = friction_interval(work, k, lane)
             slack = (magnitude(s0) + magnitude(s2)) * 1e-12 + 1e-300
             slope = (s1 - s0) * 4.5 - (s2 - s0) * 0.5
             bend = (s2 - s0) - slope
@@ -224,7 +219,7 @@ def part_in_friction_mode(shape: Any, plant: Any, work: Any, lane: Any) -> Any:
     for k in range(shape.channels):
         if whole(plant.stopped, k) >= 0:
             s0, s1, s2 = _course(plant, work, k, lane)
-            low, high = friction_interval(shape, plant, work, k, lane)
+            low, high = friction_interval(work, k, lane)
             t0, t1 = 0.0, 1.0 / 3.0
             if low <= s1 <= high:
                 t0, t1, s0, s1 = t1, 1.0, s1, s2

@@ -229,7 +229,7 @@ def _first_event(shape: Any, plant: Any, terms: Any, reach: Any, work: Any, lane
         for c in range(shape.channels):
             if whole(plant.stopped, c) >= 0:
                 _friction_course(shape, plant, work, c, terms, reach, lane)
-                low, high = friction_interval(shape, plant, work, c, lane)
+                low, high = friction_interval(work, c, lane)
                 moment, at = _first_crossing(work.course, terms, 0.0, 0.0, low, high)
                 if 0.0 <= moment <= part:
                     part, which, side = moment, shape.limits + c, at

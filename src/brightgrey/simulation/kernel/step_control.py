@@ -93,21 +93,19 @@ def _part_before_limit(shape: Any, plant: Any, work: Any, level: Any, lane: Any)
                 first = min(first, t0 + (t1 - t0) * max((limit - s0) / (s1 - s0), 0.0))
                 break
             t0, s0 = t1, s1
-    if shape.dry == 1:
-        first = min(first, part_in_friction_mode(shape, plant, work, lane))
     return first
 
 
 @inlined
-def _shorter_step(shape: Any, plant: Any, call: Any, work: Any, level: Any, lane: Any) -> Any:
-    """Level of the next attempt: it ends before the first limit, and its expected error is small enough.
+def _shorter_step(shape: Any, plant: Any, call: Any, work: Any, level: Any, lane: Any, within: Any) -> Any:
+    """Level of the next attempt: it ends before the first limit and `within` a part of the step, with a small error.
 
     For the error's sake a step is cut to a quarter at most, because the estimate exaggerates where friction reverses
     within the step. Without long steps (level ``accurate``, as in the exported programs), a step is halved.
     """
     if shape.jump == 0:
         return level - 1
-    size = float(1 << level) * _part_before_limit(shape, plant, work, level, lane)
+    size = float(1 << level) * min(_part_before_limit(shape, plant, work, level, lane), within)
     ratio = get(work.error, 0, lane) / real(call.numbers, 1) * 0.125 if shape.channels > 0 else 0.0
     least = max(level - 2, 0)
     level -= 1
@@ -152,7 +150,8 @@ def refine_lane(block: Any, k: Any, base: Any, lane: Any, follow: Any, position:
             follow_input(shape, plant, work, lane)
         out, coarse = _attempt_lane(shape, plant, call, mode_bits(shape, work, lane), level, work, lane)
         if level > 0 and (out or (coarse and not follow)):
-            level = _shorter_step(shape, plant, call, work, level, lane)
+            within = part_in_friction_mode(shape, plant, work, lane) if shape.dry == 1 else 1.0
+            level = _shorter_step(shape, plant, call, work, level, lane, within)
             continue
         if out:
             _pass_event(block, shape, plant, call, start, work, lane)
@@ -185,7 +184,7 @@ def accept_or_refine(block: Any, k: Any, base: Any, failed: Any, coarse: Any, de
     exceptional &= ~dead
     for lane in range(LANES):  # before any attempt of one group writes over what the full step says of the others
         if (exceptional >> lane) & 1:
-            set_whole(work.first_level, lane, _shorter_step(shape, plant, call, work, shape.ticks, lane))
+            set_whole(work.first_level, lane, _shorter_step(shape, plant, call, work, shape.ticks, lane, 1.0))
     accept_some(shape, plant, work, h, ~exceptional)
     for leader in range(0, LANES, group):
         led = (exceptional >> leader) & ((1 << group) - 1)
@@ -218,7 +217,7 @@ def refine_group(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: A
         bits = mode_bits(shape, work, leader)
         out, coarse = _attempt_all_lanes(shape, plant, call, bits, level, work)
         if level > 0 and ((out | coarse) >> leader) & 1:
-            level = _shorter_step(shape, plant, call, work, level, leader)
+            level = _shorter_step(shape, plant, call, work, level, leader, 1.0)
             continue
         after = _longer_step(shape, call, work, level, position + size, leader)
         for i in range(position, position + size):
@@ -236,7 +235,7 @@ def refine_group(block: Any, k: Any, base: Any, leader: Any, level: Any, dead: A
             if mode_bits(shape, work, lane) != bits:
                 invoke(call.refine_lane, (block, k, base, lane, 1, position, position + size, level))
             elif level > 0:
-                own = _shorter_step(shape, plant, call, work, level, lane)
+                own = _shorter_step(shape, plant, call, work, level, lane, 1.0)
                 invoke(call.refine_lane, (block, k, base, lane, 1, position, position + size, own))
             else:
                 _pass_event(block, shape, plant, call, (base << shape.ticks) + position, work, lane)

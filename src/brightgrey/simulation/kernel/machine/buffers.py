@@ -149,6 +149,7 @@ def _work_places(shape: Shape) -> tuple[int, tuple[int, ...]]:
         column=int(column_rows(shape)),
         coupled=4 * m * m,
         side=m,
+        breakaway=m,
         holding=m,
     )
     starts = accumulate(rows, initial=0)

@@ -125,6 +125,7 @@ class Work(NamedTuple):
     column: Any
     coupled: Any
     side: Any  #: of dry friction, per channel: 1 or -1 where the mass slides, 0 where it sticks
+    breakaway: Any  #: largest dry friction at rest, per channel
     holding: Any  #: rows of the friction that masses at rest need, over the states, 1 and t
 
 
