@@ -186,7 +186,7 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
         str(sum(has(PAPER.parse(r["truth"]), "backlash") for r in some)) for some in columns.values()
     ]
     cells |= {what: [cell(some) for some in columns.values()] for what, cell in asked.items()}
-    made = [Table("Structures", ["", *columns], [[what, *shares] for what, shares in cells.items()])]
+    made = [Table(title_of(rows), ["", *columns], [[what, *shares] for what, shares in cells.items()])]
     for title, hits in (
         ("Effects called *needed*: is there", lambda some: by_effect(some, "needed")),
         ("Effects that are there: called *needed*", recalled),
@@ -198,11 +198,20 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
     return made
 
 
+def title_of(rows: Sequence[Mapping]) -> str:
+    """Title of the table: where the sharpness of friction differs, rows of one seed and one noise are asked for it."""
+    sharpness, seeds, noises = ({r.get(key) for r in rows} for key in ("sharpness", "seed", "noise"))
+    if len(sharpness) == 1:
+        return "Structures"
+    shown = [", ".join(f"{100 * n:g} %" for n in sorted(noises)), ", ".join(map(str, sorted(seeds)))]
+    return f"Structures, by the sharpness of friction (seed {shown[1]}, {shown[0]} noise)"
+
+
 def columns_of(rows: Sequence[Mapping]) -> dict[str, Sequence[Mapping]]:
     """Rows by noise, and by the sharpness of friction's sign, if there are several; and all."""
     found: dict[str, Sequence[Mapping]] = {}
     for key, title in (("noise", lambda n: f"{100 * n:g} %"), ("sharpness", str)):
-        kinds = sorted({r.get(key) for r in rows} - {None}, key=str)
+        kinds = sorted({r.get(key) for r in rows} - {None}, key=lambda kind: -np.inf if kind == "exact" else kind)
         if len(kinds) > 1:
             found |= {title(kind): [r for r in rows if r.get(key) == kind] for kind in kinds}
     return found | {"all": rows}
