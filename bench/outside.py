@@ -23,10 +23,9 @@ from brightgrey.kit import PAPER
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.detectability import has
-from brightgrey.simulation.reference import UnsettledError
 from support.foreign_drives import KINDS, ForeignDrive
 from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import append_row, read_rows
+from support.rows import add_rows, read_rows
 from support.statistics import share_of
 
 MATTERS = 1.05
@@ -104,18 +103,14 @@ def line(r: Mapping) -> str:
 def run(options: argparse.Namespace, path: Path) -> None:
     code_version()  # before anybody changes it while rows are made
     done = {(r["seed"], r["number"]) for r in read_rows(path)}
+    left = [n for n in range(options.first, options.last) if (options.seed, n) not in done]
     with ThreadPoolExecutor(1) as pool:
-        for number in range(options.first, options.last):
-            if (options.seed, number) in done:
-                continue
-            try:
-                drive = ForeignDrive(options.seed, number, list(PAPER.structures()))
-            except UnsettledError as why:
-                print(f"{number:4d} left out: {why}", flush=True)
-                continue
-            r = examine(drive, pool)
-            append_row(path, r)
-            print(line(r), flush=True)
+        add_rows(
+            path,
+            left,
+            lambda number: [examine(ForeignDrive(options.seed, number, list(PAPER.structures())), pool)],
+            line,
+        )
 
 
 def main() -> None:

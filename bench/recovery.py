@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -37,10 +37,9 @@ from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import Lattice, added_effects, contains, one_smaller
 from brightgrey.search.task import IdentificationTask
-from brightgrey.simulation.reference import UnsettledError
 from support.drives import RandomDrive
 from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import append_row, read_rows
+from support.rows import add_rows, read_rows
 from support.statistics import share_of
 
 MATTERS = 1.05
@@ -280,20 +279,17 @@ def run(options: argparse.Namespace, path: Path) -> None:
         s for s in PAPER.structures() if s.masses <= options.masses and not set(s.names) & set(options.without)
     ]
     done = {(r["seed"], r["number"], r["noise"]) for r in read_rows(path)}
+    left = {
+        number: [noise for noise in options.noise if (options.seed, number, noise) not in done]
+        for number in range(options.first, options.last)
+    }
+
+    def rows(number: int) -> Iterator[dict[str, object]]:
+        drive = RandomDrive(options.seed, number, candidates)
+        yield from (examine(drive, noise, candidates, pool, options.search) for noise in left[number])
+
     with ThreadPoolExecutor(options.workers) as pool:
-        for number in range(options.first, options.last):
-            left = [noise for noise in options.noise if (options.seed, number, noise) not in done]
-            if not left:
-                continue
-            try:
-                drive = RandomDrive(options.seed, number, candidates)
-            except UnsettledError as why:
-                print(f"{number:4d} left out: {why}", flush=True)
-                continue
-            for noise in left:
-                r = examine(drive, noise, candidates, pool, options.search)
-                append_row(path, r)
-                print(line(r), flush=True)
+        add_rows(path, [number for number, noises in left.items() if noises], rows, line)
 
 
 def main() -> None:

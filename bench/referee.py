@@ -24,10 +24,9 @@ from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.decision import Decision, decide_structures
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.task import IdentificationTask
-from brightgrey.simulation.reference import UnsettledError
 from support.drives import RandomDrive
 from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import append_row, read_rows
+from support.rows import add_rows, read_rows
 from support.statistics import share_of
 
 NOISES = (0.0, 1e-3, 1e-2, 5e-2)
@@ -130,17 +129,9 @@ def line(r: Mapping) -> str:
 def run(options: argparse.Namespace, path: Path) -> None:
     code_version()  # before anybody changes it while rows are made
     done = {(r["seed"], r["number"]) for r in read_rows(path)}
+    left = [n for n in range(options.first, options.last) if (options.seed, n) not in done]
     with ThreadPoolExecutor(1) as pool:
-        for number in range(options.first, options.last):
-            if (options.seed, number) in done:
-                continue
-            try:
-                r = examine(options.seed, number, pool)
-            except UnsettledError as why:
-                print(f"{number:4d} left out: {why}", flush=True)
-                continue
-            append_row(path, r)
-            print(line(r), flush=True)
+        add_rows(path, left, lambda number: [examine(options.seed, number, pool)], line)
 
 
 def main() -> None:

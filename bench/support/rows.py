@@ -4,13 +4,42 @@ from __future__ import annotations
 
 import gzip
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-__all__ = ["append_row", "read_rows"]
+from brightgrey.simulation.reference import UnsettledError
+
+__all__ = ["add_rows", "read_rows"]
 
 
-def append_row(path: Path, row: Mapping[str, object]) -> None:
+def add_rows(
+    path: Path,
+    numbers: Iterable[int],
+    make: Callable[[int], Iterable[Mapping[str, object]]],
+    line: Callable[[Mapping], str],
+) -> None:
+    """Make the rows of each drive, add them to the file and print them; what the reference cannot settle is left out.
+
+    Parameters
+    ----------
+    path : Path
+    numbers : iterable of int
+        Of drives.
+    make : callable
+        ``make(number)`` gives the rows of one drive.
+    line : callable
+        ``line(row)`` is the row in words.
+    """
+    for number in numbers:
+        try:
+            for row in make(number):
+                _append(path, row)
+                print(line(row), flush=True)
+        except UnsettledError as why:
+            print(f"{number:4d} left out: {why}", flush=True)
+
+
+def _append(path: Path, row: Mapping[str, object]) -> None:
     """Add a row as a gzip member of its own, in one write."""
     with path.open("ab") as file:
         file.write(gzip.compress((json.dumps(row) + "\n").encode()))
