@@ -25,7 +25,7 @@ from brightgrey.search.decision import decide_structures
 from brightgrey.search.detectability import has
 from support.foreign_drives import KINDS, ForeignDrive
 from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import add_rows, read_rows
+from support.rows import add_rows, drives_left, read_rows
 from support.statistics import share_of
 
 MATTERS = 1.05
@@ -102,8 +102,7 @@ def line(r: Mapping) -> str:
 
 def run(options: argparse.Namespace, path: Path) -> None:
     code_version()  # before anybody changes it while rows are made
-    done = {(r["seed"], r["number"]) for r in read_rows(path)}
-    left = [n for n in range(options.first, options.last) if (options.seed, n) not in done]
+    left = drives_left(path, options.seed, options.first, options.last)
     with ThreadPoolExecutor(1) as pool:
         add_rows(
             path,

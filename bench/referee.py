@@ -26,7 +26,7 @@ from brightgrey.search.lattice import Lattice
 from brightgrey.search.task import IdentificationTask
 from support.drives import RandomDrive
 from support.results import RESULTS, Table, arguments, code_version, publish
-from support.rows import add_rows, read_rows
+from support.rows import add_rows, drives_left, read_rows
 from support.statistics import share_of
 
 NOISES = (0.0, 1e-3, 1e-2, 5e-2)
@@ -128,8 +128,7 @@ def line(r: Mapping) -> str:
 
 def run(options: argparse.Namespace, path: Path) -> None:
     code_version()  # before anybody changes it while rows are made
-    done = {(r["seed"], r["number"]) for r in read_rows(path)}
-    left = [n for n in range(options.first, options.last) if (options.seed, n) not in done]
+    left = drives_left(path, options.seed, options.first, options.last)
     with ThreadPoolExecutor(1) as pool:
         add_rows(path, left, lambda number: [examine(options.seed, number, pool)], line)
 

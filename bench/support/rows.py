@@ -9,7 +9,7 @@ from pathlib import Path
 
 from brightgrey.simulation.reference import UnsettledError
 
-__all__ = ["add_rows", "read_rows"]
+__all__ = ["add_rows", "drives_left", "read_rows"]
 
 
 def add_rows(
@@ -37,6 +37,12 @@ def add_rows(
                 print(line(row), flush=True)
         except UnsettledError as why:
             print(f"{number:4d} left out: {why}", flush=True)
+
+
+def drives_left(path: Path, seed: int, first: int, last: int) -> list[int]:
+    """Numbers from `first` to before `last` of drives that the file does not hold."""
+    done = {row["number"] for row in read_rows(path) if row["seed"] == seed}
+    return [number for number in range(first, last) if number not in done]
 
 
 def _append(path: Path, row: Mapping[str, object]) -> None:

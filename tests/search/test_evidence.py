@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
+from brightgrey.estimation.noise.error_floor import TRUSTED_ACCURACY
 from brightgrey.kit import PAPER, Placed
 from brightgrey.recordings import Signal
 from brightgrey.search import IdentificationTask
 from brightgrey.search.lattice import contains
-from brightgrey.search.task import TRUSTED_ACCURACY
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 from support.searches import decided, simulated_task, task_of_arrays

@@ -13,12 +13,7 @@ import numpy as np
 from brightgrey.effects import Element, Law
 from brightgrey.kit import StateSpace
 
-__all__ = ["breakaway_torque", "is_dry", "sliding"]
-
-
-def is_dry(element: Element) -> bool:
-    """Return True for friction whose sign is exact."""
-    return element.law.amplitude is not None and bool(np.all(np.isinf(element.p[-1])))
+__all__ = ["breakaway_torque", "sliding"]
 
 
 def sliding(element: Element) -> Element:
@@ -26,10 +21,9 @@ def sliding(element: Element) -> Element:
 
     At standstill it has the slope of the sliding drive, and the mean of both directions, 0.
     """
-    if not is_dry(element):
-        return element
     amplitude = element.law.amplitude
-    assert amplitude is not None
+    if amplitude is None or not element.has_exact_sign:
+        return element
 
     def value(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
         a, slope = amplitude(np.abs(z[0]), p)
@@ -43,6 +37,6 @@ def breakaway_torque(system: StateSpace) -> float:
     """Torque, N m (N), that exact dry friction of all masses withstands at rest; 0 where friction is smooth."""
     total = 0.0
     for e in system.elements:
-        if is_dry(e) and e.law.amplitude is not None:
+        if e.law.amplitude is not None and e.has_exact_sign:
             total += float(e.law.amplitude(0.0, e.p[:-1])[0])
     return total

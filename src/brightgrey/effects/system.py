@@ -88,6 +88,11 @@ class Element:
     p: tuple[Any, ...]
     limits: Limits | None = None
 
+    @property
+    def has_exact_sign(self) -> bool:
+        """It is dry friction that reverses at once: its mass may stick."""
+        return self.law.amplitude is not None and bool(np.all(np.isinf(self.p[-1])))
+
     def with_state(self) -> Element:
         """Return the element in a system with one more state, to which it is not connected."""
         H = np.zeros((self.H.shape[0], self.H.shape[1] + 1, *self.H.shape[2:]))

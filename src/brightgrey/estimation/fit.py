@@ -28,7 +28,7 @@ from brightgrey.estimation.optimisation.pattern_fit import (
     pattern_searches,
 )
 from brightgrey.estimation.problem.initial_state import Initial
-from brightgrey.estimation.problem.nuisance import FrictionWidthRange, friction_width_nuisance
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH_RANGE, friction_width_nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.problem.segments import segments
@@ -289,7 +289,7 @@ def settings_for(
     level: Level = "fast",
 ) -> Settings:
     """Settings with which recordings are simulated: `f_tanh` in s/rad (s/m), by default nearly infinite."""
-    sharpest = 1.0 / (FrictionWidthRange().low * known.speed)
+    sharpest = 1.0 / (FRICTION_WIDTH_RANGE.low * known.speed)
     return Settings(
         f_tanh=sharpest if f_tanh is None else f_tanh, speed_scale=known.speed, level=level, hold=recordings[0].hold
     )

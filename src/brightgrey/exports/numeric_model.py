@@ -101,12 +101,8 @@ class NumericModel:
     def laws(self) -> tuple[PortLaw, ...]:
         """Laws of all ports."""
         return tuple(
-            PortLaw(amplitude_of(e), k, True) if self.is_dry(e) else PortLaw(e, k, False) for e, k in self.low.smooth
+            PortLaw(amplitude_of(e), k, True) if e.has_exact_sign else PortLaw(e, k, False) for e, k in self.low.smooth
         )
-
-    def is_dry(self, element: Element) -> bool:
-        """Return True for friction with an exact sign."""
-        return element.law.amplitude is not None and np.isinf(self.settings.f_tanh)
 
     def smoothed(self) -> NumericModel:
         """Same model with a smoothed sign of dry friction, for targets that cannot stop a mass."""

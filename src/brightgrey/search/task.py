@@ -12,6 +12,7 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.effects import Parameter, Scales
 from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.estimation.noise.error_floor import error_variances
 from brightgrey.estimation.problem.nuisance import Nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
@@ -20,10 +21,8 @@ from brightgrey.recordings import Recording
 from brightgrey.search.criteria import Misfit
 from brightgrey.simulation import Settings
 
-__all__ = ["FAST_LEVEL_ACCURACY", "TRUSTED_ACCURACY", "IdentificationTask"]
+__all__ = ["FAST_LEVEL_ACCURACY", "IdentificationTask"]
 
-TRUSTED_ACCURACY = 1e-4
-"""Trusted accuracy of simulation and sensor, as part of an output's standard deviation."""
 FAST_LEVEL_ACCURACY = 3e-4
 """Accuracy of the simulation at level ``fast``, that of searches; few of a hundred drives are worse."""
 
@@ -115,7 +114,8 @@ class IdentificationTask:
 
         Shapes (outputs,) of the weights and (recordings, outputs) of the result.
         """
-        return np.array([r.samples * np.square(share * r.y.std(axis=1) * weights) for r in self.recordings])
+        samples = np.array([[r.samples] for r in self.recordings])
+        return np.asarray(samples * error_variances(self.recordings, weights, share))
 
     def misfits(self, structure: Structure, values: Mapping[str, Array]) -> list[Misfit]:
         """Misfit of each of K parameter sets; `values` holds arrays of shape (K,), SI.

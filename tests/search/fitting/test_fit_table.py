@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation import scales
+from brightgrey.estimation.noise.error_floor import TRUSTED_ACCURACY
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
@@ -16,7 +17,7 @@ from brightgrey.search.fitting.missed_optima import _leaders, find_missed_optima
 from brightgrey.search.fitting.structure_fit import StructureFit, best_starts
 from brightgrey.search.lattice import complexity, contains
 from brightgrey.search.parallel import thread_pool
-from brightgrey.search.task import FAST_LEVEL_ACCURACY, TRUSTED_ACCURACY
+from brightgrey.search.task import FAST_LEVEL_ACCURACY
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference
 from support.recordings import make_recording

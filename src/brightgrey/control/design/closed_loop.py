@@ -8,7 +8,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.control.dry_friction import is_dry
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace
 from brightgrey.simulation import Settings, response
@@ -105,7 +104,7 @@ def closed_loop(
         does not follow from the state.
     """
     n = len(system.states)
-    if max(system.derivative_rows) >= 0 and any(is_dry(e) for e in system.elements):
+    if max(system.derivative_rows) >= 0 and any(e.has_exact_sign for e in system.elements):
         raise SettingsError("a closed loop with an acceleration output needs a finite f_tanh")
     delay = float(np.asarray(system.dead_time)) / dt
     whole = int(np.floor(delay + 1e-9))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["FRICTION_WIDTH", "FrictionWidthRange", "Nuisance", "friction_width_nuisance"]
+__all__ = ["FRICTION_WIDTH", "FRICTION_WIDTH_RANGE", "FrictionWidthRange", "Nuisance", "friction_width_nuisance"]
 
 FRICTION_WIDTH = "friction_width"
 """Name of the speed within which dry friction reverses: the inverse of f_tanh in eq. (2)."""
@@ -34,7 +34,10 @@ class FrictionWidthRange:
     start: float = 1e-2
 
 
-def friction_width_nuisance(speed: float, options: FrictionWidthRange | None = None) -> Nuisance:
+FRICTION_WIDTH_RANGE = FrictionWidthRange()
+
+
+def friction_width_nuisance(speed: float) -> Nuisance:
     """Width of friction's reversal for recordings whose largest speed is `speed`, rad/s (m/s)."""
-    o = options or FrictionWidthRange()
-    return Nuisance(FRICTION_WIDTH, o.low * speed, o.high * speed, o.start * speed, sampled=False, log=True)
+    r = FRICTION_WIDTH_RANGE
+    return Nuisance(FRICTION_WIDTH, r.low * speed, r.high * speed, r.start * speed, sampled=False, log=True)

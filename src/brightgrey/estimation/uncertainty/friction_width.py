@@ -13,6 +13,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.estimation.noise.error_floor import error_variances
 from brightgrey.estimation.noise.whitening import Whitening
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, fit_to_convergence
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
@@ -31,7 +32,9 @@ class WidthOptions:
     points_per_decade: int = 12
     points_refined: int = 9  #: Points between two of these, where an end of the interval is.
     level: float = 0.05  #: Chance that a width is reported although friction reverses at once.
-    trusted_accuracy: float = 1e-4  #: Error of simulation and sensor, as part of an output's standard deviation.
+
+
+WIDTH_DEFAULTS = WidthOptions()
 
 
 class FrictionWidth(NamedTuple):
@@ -52,7 +55,7 @@ def estimated_width(
     space: ParameterSpace,
     settings: Settings,
     best: OptimumWithJacobian,
-    options: WidthOptions | None = None,
+    options: WidthOptions = WIDTH_DEFAULTS,
 ) -> tuple[FrictionWidth | None, ParameterSpace, OptimumWithJacobian]:
     """Width with its interval; where the recordings show none, it is fixed at the sharpest one.
 
@@ -63,7 +66,7 @@ def estimated_width(
     settings : Settings
     best : OptimumWithJacobian
         Of all parameters and the width.
-    options : WidthOptions, optional
+    options : WidthOptions
 
     Returns
     -------
@@ -79,7 +82,7 @@ def estimated_width(
     row = space.names.index(FRICTION_WIDTH)
     low, high = float(space.low[row]), float(space.high[row])
     value = float(best.values[row])
-    begin, end = _interval(_Profile.of(problem, space, settings, best, options or WidthOptions()), low, high)
+    begin, end = _interval(_Profile.of(problem, space, settings, best, options), low, high)
     if begin > 0.0 and space.active_bounds(best.values)[row] >= 0:
         # Whitened and not, the least sum of squares may differ where the residual is no noise.
         return FrictionWidth(value, (min(begin, value), max(end, value))), space, best
@@ -112,8 +115,7 @@ class _Profile:
         """Profile at an optimum; parameters at their bounds stay there."""
         moving = (space.active_bounds(best.values) == 0) & (np.array(space.names) != FRICTION_WIDTH)
         others = best.jacobian[:, moving]
-        errors = [options.trusted_accuracy * r.y.std(axis=1) * problem.weights for r in problem.recordings]
-        floor = np.square(np.concatenate(errors)).tolist()
+        floor = error_variances(problem.recordings, problem.weights).ravel().tolist()
         whitening = Whitening.of(best.residual, others, problem.segment_lengths, floor)
         return cls(problem, space, settings, best.values, others, whitening, options)
 

@@ -116,7 +116,7 @@ def _law_equations(numeric: NumericModel) -> str:
             port_names = [f"port{i}" for i in range(len(ports))]
             spelled = {q.symbol: placed.parameter(q.symbol) for q in placed.effect.parameters}
             spelled |= {port: f"={text}" for port, text in zip(port_names, ports, strict=True)}
-            dry = numeric.is_dry(element)
+            dry = element.has_exact_sign
             phi = traced(amplitude_of(element).law if dry else element.law, port_names)[0]
             text = spell(rename_symbols(phi, spelled), LATEX)
             if dry:  # at rest it is what keeps the mass there, up to its size at zero speed

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.control.dry_friction import is_dry
 from brightgrey.effects import SPEED, TORQUE, Element
 from brightgrey.kit import StateSpace
 from brightgrey.report.charts.chart import Chart, Line, Panel
@@ -43,7 +42,7 @@ def friction_at(elements: list[Element], speed: Array, *, standstill: bool = Fal
     total = np.zeros((speed.size, 1))
     for e in elements:
         p = tuple(np.atleast_1d(value)[None, :] for value in e.p)
-        if e.law.amplitude is not None and (standstill or is_dry(e)):
+        if e.law.amplitude is not None and (standstill or e.has_exact_sign):
             size = e.law.amplitude(np.abs(v), p[:-1])[0]
             total = total + (size if standstill else np.sign(v) * size)
         else:

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from brightgrey.estimation.noise.error_floor import TRUSTED_ACCURACY
 from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.kit import Placed, Structure
@@ -21,7 +22,6 @@ from brightgrey.search.criteria import bic
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.lattice import complexity, mass_chain_of, one_smaller
 from brightgrey.search.policy import BUDGET, REFIT
-from brightgrey.search.task import TRUSTED_ACCURACY
 
 __all__ = ["find_missed_optima"]
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import INERTIA
+from brightgrey.estimation.noise.error_floor import error_variances
 from brightgrey.estimation.noise.whitening import Whitening
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, evaluate
 from brightgrey.estimation.optimisation.levenberg_marquardt import NormalEquations, levenberg_marquardt_step
@@ -22,7 +23,7 @@ from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, REFINEMENT
-from brightgrey.search.task import TRUSTED_ACCURACY, IdentificationTask
+from brightgrey.search.task import IdentificationTask
 
 __all__ = ["Refined", "RefinedFits", "accurate", "refine", "stands_for"]
 
@@ -90,7 +91,7 @@ def _whitening(task: IdentificationTask, structure: Structure, values: Mapping[s
     """Whitening by the residuals of a fit, with the error floor of simulation and sensor."""
     residual, jacobian, inside = _residual_and_jacobian(task, structure, values)
     lengths = segment_lengths(task.recordings)
-    floor = task.error_floor(task.problem(structure).weights, TRUSTED_ACCURACY).ravel() / lengths
+    floor = error_variances(task.recordings, task.problem(structure).weights).ravel()
     return Whitening.of(residual, jacobian[:, list(inside)], lengths, floor.tolist())
 
 

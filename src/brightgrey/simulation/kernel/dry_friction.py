@@ -183,7 +183,7 @@ def friction_interval(work: Any, k: Any, lane: Any) -> Any:
 
 @inner
 def _course(plant: Any, work: Any, k: Any, lane: Any) -> Any:
-    """What ends the mode of channel k, at the begin of a step, a third and the end of it."""
+    """Quantity that ends the mode of channel k, at the begin of a step, a third and the end of it."""
     side = get(work.side, k, lane)
     if side == 0.0:
         return get(work.force, k, lane), get(work.F1, k, lane), get(work.F2, k, lane)

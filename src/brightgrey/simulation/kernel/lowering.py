@@ -112,7 +112,7 @@ def _stopped(smooth: Sequence[tuple[Element, int]], H: Array, through: Array) ->
     """Speed that the dry friction of each channel stops, else -1; `H` and `through` are those of one set."""
     states = [-1] * len(H)
     for element, k in smooth:
-        if element.law.amplitude is not None and np.isinf(element.p[-1]).all():
+        if element.has_exact_sign:
             states[k] = int(np.argmax(H[k]))
             if through[k] or np.count_nonzero(H[k]) != 1 or H[k, states[k]] != 1.0:
                 raise SettingsError(f"dry friction '{element.name}' has to act at a speed that is a state")

@@ -151,7 +151,7 @@ def _friction_guard(x: Array, mode: int, slide: int, u: float, p: Array, work: A
 
 @_compile_cached
 def _direction(x: Array, mode: int, u: float, p: Array, work: Array) -> int:
-    """How mass 1 slides from here; a speed that counts as rest becomes zero."""
+    """Side to which mass 1 slides from here; a speed that counts as rest becomes zero."""
     n = int(p[0])
     if p[9] < 0.0:
         return SMOOTH
