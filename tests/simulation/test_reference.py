@@ -1,6 +1,7 @@
 """The reference solvers against closed formulas, against each other and against the construction kit."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -300,15 +301,15 @@ def test_construction_kit__right_hand_side__equals_newtons_law(structure):
     drive = DriveEquations(plant, None, 1e-9, np.zeros(1))
     for _ in range(20):
         x, u = rng.normal(size=len(system.states)), float(rng.normal())
-        phase = Phase(None)
+        phase = Phase(None, slides=(None,) * n)
         has_gap = plant.alpha is not None
         y = np.concatenate([x[:1], x[: n - 1] - x[1:n], x[n : 2 * n], x[2 * n + has_gap :]])
         if has_gap:
             pick = rng.integers(3)
             x[2 * n] = (0.0, -2.0 * plant.alpha, -plant.alpha)[pick]
-            phase = Phase((1, -1, 0)[pick], x[2 * n])
+            phase = Phase((1, -1, 0)[pick], x[2 * n], slides=(None,) * n)
             if phase.side and drive.contact_guard(y, 0.0, phase) < 0.0:
-                phase = Phase(0, x[2 * n])
+                phase = replace(phase, side=0)
         expected = np.array(drive.rates(y.tolist(), u, phase))
         found = system.derivative(x, u)
         scale = np.max(np.abs(system.A), axis=1) * 10.0 + np.abs(found)

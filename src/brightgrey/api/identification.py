@@ -12,7 +12,7 @@ import numpy as np
 from brightgrey import estimation
 from brightgrey.api.differences import compare_for_control
 from brightgrey.api.result import Result
-from brightgrey.api.structure_search import SearchRequest, SearchResult, search_structure
+from brightgrey.api.structure_search import SearchKind, SearchRequest, SearchResult, grammar_searched, search_structure
 from brightgrey.api.to_si import Range, check_alike, identification_task, start_si
 from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation import Fit, Profile
@@ -27,7 +27,7 @@ from brightgrey.model.schema import CriterionPart
 from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import one_blas_thread
-from brightgrey.search.genetic import GeneticSettings, Progress
+from brightgrey.search.genetic import Progress
 from brightgrey.search.progress import SearchProgress
 from brightgrey.version import __version__
 
@@ -42,7 +42,8 @@ def identify(
     recordings: Recording | Sequence[Recording],
     structure: Structure | str | None = None,
     *,
-    search: Literal["auto", "exhaustive"] | GeneticSettings | None = None,
+    search: SearchKind | None = None,
+    grammar: Literal["drive", "paper"] | None = None,
     require: Sequence[str] = (),
     exclude: Sequence[str] = (),
     progress: Callable[[SearchProgress | Progress], None] | None = None,
@@ -73,6 +74,10 @@ def identify(
     search : {'auto', 'exhaustive'} or GeneticSettings, optional
         How to search where no structure is given. ``auto`` (the default) fits the few dozen structures that decide all
         others, ``exhaustive`` fits every one; both give a verdict on every effect. Or genetic programming.
+    grammar : {'drive', 'paper'}, optional
+        Function set that is searched. ``drive`` begins with the paper's and offers friction at other masses and further
+        effects where that leaves something unexplained; it is the default of ``auto``. ``paper`` is the default of the
+        other searches.
     require, exclude : sequence of str
         Effects that every structure has, or that none has; masses count cumulatively. Not in genetic programming.
     progress : callable, optional
@@ -130,7 +135,7 @@ def identify(
     """
     several = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
     check_alike(several, test)
-    if structure is not None and (search is not None or require or exclude):
+    if structure is not None and (search is not None or grammar is not None or require or exclude):
         raise SettingsError("a structure and a search were given; do one of them")
     if structure is None and start is not None:
         raise SettingsError("a start model was given without a structure; a search draws its starts itself")
@@ -139,7 +144,7 @@ def identify(
     found = None
     if named is None:
         request = SearchRequest(
-            search or "auto", tuple(require), tuple(exclude), seed, workers, progress=progress, executor=executor
+            search or "auto", grammar_searched(search, grammar), tuple(require), tuple(exclude), seed, workers, progress=progress, executor=executor
         )
         found = search_structure(task, request)
     chosen = found.structure if found else function_set().check(cast("Structure", named))

@@ -16,6 +16,7 @@ import scipy
 
 from brightgrey.api.identification import identify
 from brightgrey.api.result import Result
+from brightgrey.api.structure_search import grammar_searched
 from brightgrey.errors import BrightgreyError
 from brightgrey.kit import function_set
 from brightgrey.model.files import check_folder, write_files
@@ -77,13 +78,15 @@ def request_of(recordings: Recording | Sequence[Recording], structure: Any = Non
         request["test recording"] = _identity(asked["test"])
     if asked["start"] is not None:
         request["start model"] = digest(asked["start"].text())[:16]
-    search = asked["search"]
+    search, grammar = asked["search"], request.pop("grammar")
     if structure is not None:
         request["structure"] = str(function_set().parse(str(structure)))
     elif isinstance(search, GeneticSettings):
         request |= {"search": "genetic"} | {f"genetic {name}": value for name, value in asdict(search).items()}
     else:
         request["search"] = search or "auto"
+    if structure is None:
+        request["grammar"] = grammar_searched(search, grammar).name
     versions = {"brightgrey": __version__, "numpy": numpy.__version__, "scipy": scipy.__version__}
     request["versions"] = {**versions, "numba": numba.__version__, "code": source_hash()}
     plain: dict[str, Any] = json.loads(canonical(request))

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from brightgrey.errors import SettingsError
-from brightgrey.kit import Structure, function_set
+from brightgrey.kit import Grammar, Structure, grammar_named
 from brightgrey.model.ranking import Row
 from brightgrey.model.schema import CriterionPart
 from brightgrey.search import IdentificationTask
@@ -20,7 +20,9 @@ from brightgrey.search.genetic import GeneticSettings, Progress, Run, genetic_se
 from brightgrey.search.parallel import thread_pool
 from brightgrey.search.progress import SearchProgress
 
-__all__ = ["SearchRequest", "SearchResult", "search_structure"]
+__all__ = ["SearchKind", "SearchRequest", "SearchResult", "grammar_searched", "search_structure"]
+
+SearchKind = Literal["auto", "exhaustive"] | GeneticSettings
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,7 @@ class SearchRequest:
     ----------
     how : {'auto', 'exhaustive'} or GeneticSettings
         ``auto`` fits what the decision rests on, ``exhaustive`` every structure; both decide by the same rules.
+    grammar : Grammar
     require, exclude : tuple of str
         Effects.
     seed, workers : int
@@ -76,13 +79,28 @@ class SearchRequest:
         Runs the evaluations; `workers` threads if it is None.
     """
 
-    how: Literal["auto", "exhaustive"] | GeneticSettings
+    how: SearchKind
+    grammar: Grammar
     require: tuple[str, ...]
     exclude: tuple[str, ...]
     seed: int
     workers: int
     progress: Callable[[SearchProgress | Progress], None] | None
     executor: Executor | None = None
+
+
+def grammar_searched(search: SearchKind | None, name: str | None) -> Grammar:
+    """Function set of a search: the one called `name`, or by default ``drive`` for the border and else ``paper``.
+
+    Raises
+    ------
+    StructureError, SettingsError
+        For an unknown name, and for an exhaustive search of a function set that is too large for it.
+    """
+    grammar = grammar_named(name or ("drive" if search in (None, "auto") else "paper"))
+    if search == "exhaustive" and grammar.later:
+        raise SettingsError(f"an exhaustive search fits every structure, and '{grammar.name}' has millions: take 'paper'")
+    return grammar
 
 
 def search_structure(task: IdentificationTask, request: SearchRequest) -> SearchResult:
@@ -100,7 +118,7 @@ def search_structure(task: IdentificationTask, request: SearchRequest) -> Search
     with thread_pool(request.executor, request.workers) as executor:
         done = decide_structures(
             task,
-            function_set(),
+            request.grammar,
             require=request.require,
             exclude=request.exclude,
             how="exhaustive" if request.how == "exhaustive" else "border",
@@ -156,7 +174,7 @@ def _genetic(task: IdentificationTask, settings: GeneticSettings, request: Searc
         workers=request.workers,
         executor=request.executor,
         progress=request.progress,
-        grammar=function_set(),
+        grammar=request.grammar.whole,
     )
     best = done.best
     if not best.value > float("-inf") or not best.result.misfit.fit_percent > float("-inf"):

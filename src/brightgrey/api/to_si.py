@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from brightgrey.effects import PER_SPEED
-from brightgrey.errors import RecordingError, SettingsError, unknown_name
+from brightgrey.effects import PER_SPEED, Parameter
+from brightgrey.errors import RecordingError, SettingsError, one_of
 from brightgrey.estimation import scales, settings_for
 from brightgrey.estimation.problem.nuisance import friction_width_nuisance
 from brightgrey.kit import Structure, function_set
@@ -67,7 +67,7 @@ def identification_task(
     for name in sorted(bounds.keys() & fixed.keys()):
         raise SettingsError(f"{name} is both bounded and fixed; do one of them")
     kit = function_set()
-    allowed = max(kit.structures(), key=lambda s: len(s.parameters)) if structure is None else kit.check(structure)
+    allowed = kit.parameters if structure is None else kit.check(structure).parameters
     units, known = recordings[0].units, scales(recordings)
     return IdentificationTask(
         recordings=tuple(recordings),
@@ -79,38 +79,36 @@ def identification_task(
     )
 
 
-def _factor(structure: Structure, name: str, units: Units) -> float:
+def _factor(allowed: Mapping[str, Parameter], name: str, units: Units) -> float:
     """Shown value over SI value of a parameter; refuses unknown names."""
-    if name not in structure.parameters:
-        raise SettingsError(f"'{structure}': {unknown_name('parameter', name, structure.parameters)}")
-    return units.of(structure.parameters[name].dimension)[1]
+    return units.of(allowed[one_of("parameter", name, allowed)].dimension)[1]
 
 
-def _bounds_si(structure: Structure, bounds: Mapping[str, Range], units: Units) -> dict[str, Range]:
+def _bounds_si(allowed: Mapping[str, Parameter], bounds: Mapping[str, Range], units: Units) -> dict[str, Range]:
     """Bounds in SI; refuses unknown parameters, low > high, and what a parameter can never be."""
     out = {}
     for name, (low, high) in bounds.items():
-        factor = _factor(structure, name, units)
+        factor = _factor(allowed, name, units)
         if not (math.isfinite(low) and math.isfinite(high)):
             raise SettingsError(f"bound of {name}: {low:g} to {high:g} is not finite")
         if low > high:
             raise SettingsError(f"bound of {name}: low {low:g} is above high {high:g}")
         if low == high:
             raise SettingsError(f"bound of {name}: low and high are both {low:g}; fix the parameter instead")
-        if structure.parameters[name].scale == "log" and low <= 0.0:
+        if allowed[name].scale == "log" and low <= 0.0:
             raise SettingsError(f"bound of {name}: low is {low:g}, but {name} is always positive")
         out[name] = (low / factor, high / factor)
     return out
 
 
-def _fixed_si(structure: Structure, fixed: Mapping[str, float], units: Units) -> dict[str, float]:
+def _fixed_si(allowed: Mapping[str, Parameter], fixed: Mapping[str, float], units: Units) -> dict[str, float]:
     """Give fixed values in SI; refuses unknown parameters and what a parameter can never be."""
     out = {}
     for name, value in fixed.items():
-        factor = _factor(structure, name, units)
+        factor = _factor(allowed, name, units)
         if not math.isfinite(value):
             raise SettingsError(f"{name} cannot be fixed at {value:g}")
-        if structure.parameters[name].scale == "log" and value <= 0.0:
+        if allowed[name].scale == "log" and value <= 0.0:
             raise SettingsError(f"{name} cannot be fixed at {value:g}: it is always positive")
         out[name] = value / factor
     return out

@@ -62,6 +62,7 @@ def fleet(
             columns.read,
             structure,
             search=structures.search,
+            grammar=structures.grammar,
             require=structures.require or (),
             exclude=structures.exclude or (),
             seed=run.seed,

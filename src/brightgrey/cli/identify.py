@@ -75,6 +75,7 @@ def identify(
             [columns.read(file) for file in recordings],
             structure,
             search=settings or structures.search,
+            grammar=structures.grammar,
             require=structures.require or (),
             exclude=structures.exclude or (),
             progress=progress,

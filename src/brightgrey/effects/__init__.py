@@ -17,8 +17,10 @@ from brightgrey.effects.effect import Caution, Circumstances, Effect, Fault, Par
 from brightgrey.effects.law import Law, friction_law
 from brightgrey.effects.modelica import Modelica, force_on_mass
 from brightgrey.effects.quantities import (
+    ANGLE,
     DAMPING,
     INERTIA,
+    PER_POSITION,
     PER_SPEED,
     POSITION,
     SPEED,
@@ -31,8 +33,10 @@ from brightgrey.effects.quantities import (
 from brightgrey.effects.system import Draft, Element, Limits, State, Values, friction_stamp
 
 __all__ = [
+    "ANGLE",
     "DAMPING",
     "INERTIA",
+    "PER_POSITION",
     "PER_SPEED",
     "POSITION",
     "SPEED",

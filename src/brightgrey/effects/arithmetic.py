@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["exp", "magnitude", "negative_part", "positive_part", "sign", "tanh"]
+__all__ = ["cos", "exp", "magnitude", "negative_part", "positive_part", "sign", "sin", "tanh"]
 
 
 def exp(z: Any) -> Any:
@@ -22,6 +22,16 @@ def exp(z: Any) -> Any:
 def tanh(z: Any) -> Any:
     """Hyperbolic tangent."""
     return np.tanh(z)
+
+
+def sin(z: Any) -> Any:
+    """Sine of an angle in rad."""
+    return np.sin(z)
+
+
+def cos(z: Any) -> Any:
+    """Cosine of an angle in rad."""
+    return np.cos(z)
 
 
 def magnitude(z: Any) -> Any:

@@ -176,6 +176,8 @@ class Effect:
         floats or arrays.
     law : Law or None
         The law of the element that it adds, if it adds one.
+    requires : tuple of str
+        Effects that have to stand at the same place.
     masses : int
         Number of masses that it brings. Every structure has exactly one effect that brings any.
     relevant_size : callable or None
@@ -201,6 +203,7 @@ class Effect:
     parameters: tuple[Parameter, ...]
     stamp: Stamp
     law: Law | None = None
+    requires: tuple[str, ...] = ()
     masses: int = 0
     relevant_size: Callable[[Scales, Values, int], Mapping[str, float]] | None = None
     residual_signature: str = ""

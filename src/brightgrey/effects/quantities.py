@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 __all__ = [
+    "ANGLE",
     "DAMPING",
     "INERTIA",
+    "PER_POSITION",
     "PER_SPEED",
     "POSITION",
     "SPEED",
@@ -30,7 +32,10 @@ class Dimension(NamedTuple):
 TORQUE = Dimension(input=1, motion=0, time=0)
 POSITION = Dimension(input=0, motion=1, time=0)
 SPEED = Dimension(input=0, motion=1, time=-1)
+PER_POSITION = Dimension(input=0, motion=-1, time=0)
 PER_SPEED = Dimension(input=0, motion=-1, time=1)
+ANGLE = Dimension(input=0, motion=0, time=0)
+"""Of a phase in rad; it has no unit of the recording."""
 TIME = Dimension(input=0, motion=0, time=1)
 INERTIA = Dimension(input=1, motion=-1, time=2)
 STIFFNESS = Dimension(input=1, motion=-1, time=0)

@@ -44,6 +44,14 @@ class DriveRanges:
     """Time constant of the current control in s."""
     dead_time: tuple[float, float] = (1e-4, 2e-2)
     """Dead time in s."""
+    asymmetry: tuple[float, float] = (0.1, 0.9)
+    """Difference of viscous friction between the directions, in parts of their sum."""
+    ground_spring: tuple[float, float] = (0.02, 0.5)
+    """Torque of a spring to the ground over the distance of the motion, in parts of the peak torque."""
+    pendulum: tuple[float, float] = (0.02, 0.5)
+    """Largest torque of gravity on an arm, in parts of the peak torque."""
+    turns: tuple[float, float] = (0.25, 3.0)
+    """Turns of that arm over the distance of the motion."""
     max_tries: int = 100_000
     """Draws of a chain of masses until all resonances and damping ratios are within their ranges."""
 
@@ -65,7 +73,7 @@ def random_values(
     Parameters
     ----------
     names : iterable of str
-        Parameters of a structure of the paper's grammar (``Structure.parameters``).
+        Parameters of a structure (``Structure.parameters``), at any place: ``M_C@2``.
     rng : numpy.random.Generator
     experiment : Experiment
         Sets the size of torque, speed, distance and inertia.
@@ -79,29 +87,43 @@ def random_values(
     Raises
     ------
     KeyError
-        For a parameter that is not of the paper's function set.
+        For a parameter that is not of the function set.
     """
     names = list(names)
     torque = float(np.max(np.abs(experiment.torque())))
     masses = sum(name in ("J1", "J2", "J3", "J4") for name in names)
     drawn = _mass_chain(masses, experiment.inertia, rng, ranges)
-    friction = {name: _log_uniform(rng, ranges.friction) for name in ("M_C", "f_v", "M_S") if name in names}
+
+    def those(*symbols: str) -> list[str]:
+        return [name for symbol in symbols for name in names if name.partition("@")[0] == symbol]
+
+    friction = {name: _log_uniform(rng, ranges.friction) for name in those("M_C", "f_v", "M_S")}
     scale = torque * min(1.0, ranges.max_total_friction / max(sum(friction.values()), 1e-9))
     drawn |= {name: share * scale for name, share in friction.items()}
-    if "f_v" in drawn:
-        drawn["f_v"] /= experiment.speed
-    if "omega_S" in names:
-        drawn["omega_S"] = _log_uniform(rng, ranges.stribeck_speed) * experiment.speed
-    if "M_G" in names:
-        drawn["M_G"] = float(rng.choice([-1.0, 1.0])) * _log_uniform(rng, ranges.gravity) * torque
-    if "alpha" in names:
+    for name in those("f_v"):
+        drawn[name] /= experiment.speed
+    for name in those("omega_S"):
+        drawn[name] = _log_uniform(rng, ranges.stribeck_speed) * experiment.speed
+    for name in those("M_G"):
+        drawn[name] = float(rng.choice([-1.0, 1.0])) * _log_uniform(rng, ranges.gravity) * torque
+    for name in those("alpha"):
         large = 0.5 * _log_uniform(rng, ranges.large_gap) * experiment.distance
-        drawn["alpha"] = large if rng.random() < 0.5 else _log_uniform(rng, ranges.small_gap)
+        drawn[name] = large if rng.random() < 0.5 else _log_uniform(rng, ranges.small_gap)
     if "T_1" in names:
         drawn["T_1"] = _log_uniform(rng, ranges.current_loop)
     if "T_d" in names:
         drawn["T_d"] = _log_uniform(rng, ranges.dead_time)
-    return {name: drawn[name] for name in names}
+    for name in those("f_d"):  # friction takes energy both ways
+        drawn[name] = drawn[f"f_v{name[3:]}"] * float(rng.choice([-1.0, 1.0])) * _log_uniform(rng, ranges.asymmetry)
+    for name in those("c_g"):
+        drawn[name] = _log_uniform(rng, ranges.ground_spring) * torque / experiment.distance
+    for name in those("G"):
+        drawn[name] = _log_uniform(rng, ranges.pendulum) * torque
+    for name in those("k"):
+        drawn[name] = _log_uniform(rng, ranges.turns) * 2.0 * np.pi / experiment.distance
+    for name in those("phi_0"):
+        drawn[name] = rng.uniform(-np.pi, np.pi)
+    return {name: float(drawn[name]) for name in names}
 
 
 def modes(J: Array, c: Array, d: Array) -> tuple[Array, Array]:

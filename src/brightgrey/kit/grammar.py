@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import cache
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from types import MappingProxyType
 
-from brightgrey.effects import registry
-from brightgrey.errors import StructureError
+from brightgrey.effects import Parameter, registry
+from brightgrey.errors import StructureError, one_of
 from brightgrey.kit.structure import Placed, Structure
 
-__all__ = ["PAPER", "Grammar", "function_set"]
+__all__ = ["GRAMMARS", "PAPER", "Grammar", "function_set", "grammar_named"]
+
+Places = Mapping[str, tuple[int, ...]]
+"""Places of effects, counted from the motor, by the effect's name."""
 
 
 @dataclass(frozen=True)
 class Grammar:
     """Construction rules of structures.
 
-    A grammar lists the places of each effect. Two rules hold for every grammar, because without them there is no
-    system. Exactly one effect brings the masses, and an effect stands only at a mass or shaft that exists.
+    A grammar lists the places of each effect. Three rules hold for every grammar. Exactly one effect brings the masses,
+    an effect stands only at a mass or shaft that exists, and beside the effects that it requires.
 
     Attributes
     ----------
@@ -27,10 +31,35 @@ class Grammar:
     places : mapping of str to tuple of int
         Places at which each effect may stand, counted from the motor. An effect that is not listed is not in the
         function set.
+    later : tuple of mappings
+        Further places in stages: a search offers those of a stage only where all before leave something unexplained.
     """
 
     name: str
-    places: Mapping[str, tuple[int, ...]]
+    places: Places
+    later: tuple[Places, ...] = ()
+
+    @cached_property
+    def whole(self) -> Grammar:
+        """The grammar with the places of all stages at once."""
+        placed = [*_listed(self.places), *(p for stage in self.later for p in _listed(stage))]
+        return Grammar(self.name, _places_of(placed))
+
+    @property
+    def stages(self) -> tuple[tuple[Placed, ...], ...]:
+        """Placed effects of each later stage."""
+        return tuple(tuple(_listed(stage)) for stage in self.later)
+
+    def offering(self, more: Collection[Placed]) -> Grammar:
+        """The grammar without later stages, with further placed effects, and the effects that these require."""
+        required = [Placed(name, p.place) for p in more for name in p.effect.requires]
+        return Grammar(self.name, _places_of([*_listed(self.places), *required, *more]))
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Declarations of the parameters of all its structures, by name."""
+        placed = _listed(self.whole.places) if self.later else _listed(self.places)
+        return MappingProxyType({p.parameter(q.symbol): q for p in placed for q in p.effect.parameters})
 
     def broken_rule(self, structure: Structure) -> str | None:
         """Sentence about the rule that `structure` breaks, or None if it is legal."""
@@ -49,6 +78,9 @@ class Grammar:
             if placed.place > last:
                 what = f"no {placed.effect.where} {placed.place}"
                 return f"'{placed}' cannot stand in '{structure}': {chains[0]} has {what}"
+            for name in placed.effect.requires:
+                if Placed(name, placed.place) not in structure.placed:
+                    return f"'{placed}' requires '{Placed(name, placed.place)}', which '{structure}' lacks"
         return None
 
     def check(self, structure: Structure) -> Structure:
@@ -94,11 +126,44 @@ PAPER = Grammar(
 """The paper's construction rules: 448 structures."""
 
 
+_FRICTION_ELSEWHERE = {"coulomb": (2, 3, 4), "viscous": (2, 3, 4), "stribeck": (2, 3, 4)}
+# A constant torque at another mass is a twin of that at mass 1: it only twists the shafts, which no sensor sees.
+_FURTHER_EFFECTS = {
+    "directional_viscous": (1, 2, 3, 4),
+    "ground_spring": (1, 2),
+    "pendulum": (1, 2),
+    "backlash": (2, 3),
+}
+
+
+@cache
+def _drive() -> Grammar:
+    """The paper's rules and effects that others have put into the library; then, in stages, those of real axes."""
+    own = {name: (1,) for name in registry() if name not in PAPER.places and name not in _FURTHER_EFFECTS}
+    return Grammar("drive", {**PAPER.places, **own}, (_FRICTION_ELSEWHERE, _FURTHER_EFFECTS))
+
+
+GRAMMARS = ("drive", "paper")
+"""Names of the function sets that can be searched."""
+
+
+def grammar_named(name: str) -> Grammar:
+    """Function set by its name, ``paper`` or ``drive``. Raises StructureError for another one."""
+    return {"paper": PAPER, "drive": _drive()}[one_of("function set", name, GRAMMARS, error=StructureError)]
+
+
 @cache
 def function_set() -> Grammar:
-    """Grammar of all effects: the paper's, and every further effect of the library at the first place.
+    """Every effect at every place: the rules for structures that a user gives."""
+    most = max(e.masses for e in registry().values())
+    last = {"drive": 1, "mass": most, "shaft": most - 1}
+    return Grammar("all effects", {e.name: tuple(range(1, last[e.where] + 1)) for e in registry().values()})
 
-    Without further effects it is the paper's grammar.
-    """
-    others = {name: (1,) for name in registry() if name not in PAPER.places}
-    return replace(PAPER, name="all effects", places={**PAPER.places, **others}) if others else PAPER
+
+def _listed(places: Places) -> list[Placed]:
+    return [Placed(name, place) for name, at in places.items() for place in at]
+
+
+def _places_of(placed: Sequence[Placed]) -> dict[str, tuple[int, ...]]:
+    names = dict.fromkeys(p.name for p in placed)
+    return {name: tuple(sorted({p.place for p in placed if p.name == name})) for name in names}

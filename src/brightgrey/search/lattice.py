@@ -83,7 +83,7 @@ class Lattice:
     """Structures of a grammar that have some atoms and lack others. A mask has one bit for each atom."""
 
     atoms: tuple[Placed, ...]  #: Each multiple-mass system stands for its last mass; the first mass is no atom.
-    requires: tuple[int, ...]  #: Of each atom, the mask of all others that have to be there.
+    requires: tuple[int, ...]  #: Of each atom, the mask of all others that have to be there, itself complete.
     required: int = 0  #: Mask of what every structure has.
     allowed: int = -1  #: Mask of what a structure may have.
 
@@ -116,10 +116,12 @@ class Lattice:
         beside = [p for p in beside if wanted[p] <= most]
         atoms = tuple(sorted((*chains, *beside), key=lambda p: (p.effect.number, p.name, p.place)))
         masses = {p.effect.masses: 1 << i for i, p in enumerate(atoms) if p.effect.masses}
-        needs = tuple(
-            sum(bit for n, bit in masses.items() if n < p.effect.masses or n <= wanted.get(p, 0)) for p in atoms
-        )
         bits = {str(p): 1 << i for i, p in enumerate(atoms)}
+        needs = tuple(
+            sum(bit for n, bit in masses.items() if n < p.effect.masses or n <= wanted.get(p, 0))
+            | sum(bits[str(Placed(name, p.place))] for name in p.effect.requires)
+            for p in atoms
+        )
         whole = cls(atoms, needs)
         allowed = whole.within(whole.everything & ~sum(bits[e] for e in exclude))
         required = 0

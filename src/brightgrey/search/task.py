@@ -11,7 +11,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import Parameter, Scales
-from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.errors import one_of
 from brightgrey.estimation.noise.error_floor import error_variances
 from brightgrey.estimation.problem.nuisance import Nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
@@ -42,10 +42,8 @@ class IdentificationTask:
 
     def check(self, grammar: Grammar) -> None:
         """Refuse bounds and values of parameters that no structure of `grammar` has (SettingsError)."""
-        known = {name for structure in grammar.structures() for name in structure.parameters}
         for name in (*self.bounds, *self.fixed):
-            if name not in known:
-                raise SettingsError(unknown_name("parameter", name, sorted(known)))
+            one_of("parameter", name, sorted(grammar.parameters))
 
     def space(self, structure: Structure, *, nuisances: bool = False) -> ParameterSpace:
         """Ranges of the free parameters of `structure`; with `nuisances` those of the nuisances, too."""

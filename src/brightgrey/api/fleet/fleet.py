@@ -202,7 +202,7 @@ def _identify_axis(
 def _for_structure(structure: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Options of a search as options of a fit of one structure."""
     known = function_set().parse(structure).parameters
-    left = {name: value for name, value in options.items() if name not in ("search", "require", "exclude")}
+    left = {name: value for name, value in options.items() if name not in ("search", "grammar", "require", "exclude")}
     for name in ("bounds", "fixed"):
         left[name] = {p: value for p, value in (left.get(name) or {}).items() if p in known}
     return left

@@ -38,6 +38,15 @@ class StructureOptions:
             "(only in identify).",
         ),
     ] = None
+    grammar: Annotated[
+        str | None,
+        typer.Option(
+            "--grammar",
+            metavar="NAME",
+            help="Function set: drive begins with the paper's 448 structures and offers friction at other masses and "
+            "further effects where those leave something unexplained (default of auto); paper is those 448 alone.",
+        ),
+    ] = None
     require: Annotated[
         list[str] | None,
         typer.Option(
@@ -65,19 +74,22 @@ class StructureOptions:
         SettingsError
             For an unknown effect or search, a structure that breaks a rule, or options that exclude each other.
         """
-        from brightgrey.kit import function_set
+        from brightgrey.kit import GRAMMARS, function_set, grammar_named
 
         effects = (*(self.require or ()), *(self.exclude or ()))
         if self.structure is not None:
-            if self.search is not None or effects:
-                raise SettingsError("--structure cannot be combined with --search, --require or --exclude")
+            if self.search is not None or self.grammar is not None or effects:
+                raise SettingsError("--structure cannot be combined with --search, --grammar, --require or --exclude")
             return str(function_set().parse(self.structure))
         if self.search is not None:
             one_of("search", self.search, searches)
+        if self.grammar is not None:
+            one_of("function set", self.grammar, GRAMMARS)
         if self.search == "genetic" and effects:
             raise SettingsError("--require and --exclude do not belong to the genetic search")
         if effects:
             from brightgrey.search.lattice import Lattice
 
-            Lattice.of(function_set(), self.require or (), self.exclude or ())
+            name = self.grammar or ("paper" if self.search == "exhaustive" else "drive")
+            Lattice.of(grammar_named(name).whole, self.require or (), self.exclude or ())
         return None

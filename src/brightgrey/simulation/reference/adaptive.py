@@ -10,23 +10,25 @@ other method's compiled form.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853, Radau
 from scipy.optimize import brentq, minimize_scalar
 
 from brightgrey.arrays import Array
-from brightgrey.simulation.reference.plant import Plant, Segments, Trajectory
+from brightgrey.simulation.reference.plant import Load, Plant, Segments, Trajectory
 from brightgrey.simulation.reference.tolerances import REFERENCE_TOLERANCES
 
 __all__ = ["DriveEquations", "Phase", "solve_adaptive"]
 
 
-Event = Literal["contact", "friction"]
-"""What ends a phase."""
+Event = int
+"""What ends a phase: CONTACT, or the number of the mass, from 0, that stops to slide or breaks away."""
+CONTACT = -1
 
 Guard = Callable[[Array, float], float]
 """Of the state and the time since the phase began; below zero where the phase has ended."""
@@ -34,15 +36,15 @@ Guard = Callable[[Array, float], float]
 
 @dataclass(frozen=True)
 class Phase:
-    """Contact of shaft 1 and friction of mass 1, as long as neither changes."""
+    """Contact of the shaft with a gap and friction of all masses, as long as nothing changes."""
 
     #: The shaft presses at lambda = 0 (1) or at lambda = -2 alpha (-1), or is open (0); None without a gap, one of 1,
     #: -1, 0, None.
     side: int | None
     gap: float = 0.0  #: lambda while it presses, or at the moment when it opened.
     twist: float = 0.0  #: Twist at the moment when it opened, so that tau = `twist` - `gap` then.
-    #: Direction in which mass 1 slides, 1 or -1; 0 while it sticks; None where its friction is smooth.
-    slides: int | None = None
+    #: Of each mass the direction in which it slides, 1 or -1; 0 while it sticks; None where its friction is smooth.
+    slides: tuple[int | None, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -56,52 +58,51 @@ class DriveEquations:
     solver: type[Any]
     rtol: float
     atol: Array
-    still: float = 0.0  #: Speed in rad/s below which mass 1 is at rest where it can stick: rounding.
+    still: float = 0.0  #: Speed in rad/s below which a mass is at rest where it can stick: rounding.
 
-    def friction(self, v: float, slides: int | None) -> float:
-        """Eq. (2) with |v| in the exponent; positive for v > 0.
+    def friction(self, v: float, load: Load, slides: int | None) -> float:
+        """Eq. (2) with |v| in the exponent, and f_d |v|; against v > 0.
 
         Exact dry friction continues smoothly beyond v = 0, so that the solver's trial steps find no kink there; the
         bound of the exponent keeps trial steps far beyond finite.
         """
-        p = self.plant
         if slides is None:
-            sign, faded = math.tanh(p.f_tanh * v), math.exp(-abs(v) / p.fading)
+            sign, faded = math.tanh(self.plant.f_tanh * v) if load.is_dry else 0.0, math.exp(-abs(v) / load.omega_S)
         else:
-            sign, faded = float(slides), math.exp(min(-slides * v / p.fading, 1.0))
-        return p.f_v * v + sign * (p.M_C + p.M_S * faded)
+            sign, faded = float(slides), math.exp(min(-slides * v / load.omega_S, 1.0))
+        return load.f_v * v + load.f_d * abs(v) + sign * (load.M_C + load.M_S * faded)
 
     def pressing(self, y: list[float], phase: Phase) -> float:
-        """Torque of shaft 1 in contact, c tau + d tau'."""
-        n = self.plant.masses
-        return self.plant.c[0] * (y[1] - phase.gap) + self.plant.d[0] * (y[n] - y[n + 1])
+        """Torque of the shaft with the gap in contact, c tau + d tau'."""
+        n, k = self.plant.masses, self.plant.gap_at
+        return self.plant.c[k] * (y[1 + k] - phase.gap) + self.plant.d[k] * (y[n + k] - y[n + k + 1])
 
-    def drive_torque(self, y: list[float], u: float, phase: Phase) -> float:
-        """Torque on mass 1 without its friction, which holds it against this torque while it sticks."""
-        motor = u if self.plant.T_1 is None else y[2 * self.plant.masses]
-        carried = 0.0 if self.plant.masses == 1 or phase.side == 0 else self.pressing(y, phase)
-        return motor + self.plant.M_G - carried
+    def loads(self, y: list[float], u: float, phase: Phase) -> list[float]:
+        """Torque on each mass without its friction, which holds it against this torque while it sticks."""
+        p, n = self.plant, self.plant.masses
+        on, q = [0.0] * n, y[0]
+        on[0] = u if p.T_1 is None else y[2 * n]
+        for k in range(n):
+            on[k] += p.loads[k].of_position(q)
+            if k + 1 < n:
+                q -= y[k + 1]
+                if phase.side is None or k != p.gap_at:
+                    carried = p.c[k] * y[k + 1] + p.d[k] * (y[n + k] - y[n + k + 1])
+                else:
+                    carried = 0.0 if phase.side == 0 else self.pressing(y, phase)
+                on[k] -= carried
+                on[k + 1] += carried
+        return on
 
     def rates(self, y: list[float], u: float, phase: Phase) -> list[float]:
         """Time derivative of the state for the delayed input `u`."""
         p, n = self.plant, self.plant.masses
-        v = y[n : 2 * n]
-        motor = u if p.T_1 is None else y[2 * n]
-        load = [0.0] * n
-        load[0] = motor + p.M_G - self.friction(v[0], phase.slides)
-        turning = [v[0]]
-        for k in range(n - 1):
-            turning.append(v[k] - v[k + 1])
-            if k > 0:
-                carried = p.c[k] * y[k + 1] + p.d[k] * turning[-1]
-            else:
-                carried = 0.0 if phase.side == 0 else self.pressing(y, phase)
-            load[k] -= carried
-            load[k + 1] += carried
-        if phase.slides == 0:
-            load[0] = 0.0
-        rates = turning + [torque / J for torque, J in zip(load, p.J, strict=True)]
-        return rates if p.T_1 is None else [*rates, (u - motor) / p.T_1]
+        v, on = y[n : 2 * n], self.loads(y, u, phase)
+        accelerations = [
+            0.0 if s == 0 else (on[i] - self.friction(v[i], p.loads[i], s)) / p.J[i] for i, s in enumerate(phase.slides)
+        ]
+        rates = [v[0], *(v[k] - v[k + 1] for k in range(n - 1)), *accelerations]
+        return rates if p.T_1 is None else [*rates, (u - y[2 * n]) / p.T_1]
 
     def stepper(self, y: Array, u: float, slope: float, length: float, phase: Phase) -> Any:
         """Solver of scipy over [0, length] with the input u + slope t."""
@@ -131,8 +132,9 @@ class DriveEquations:
         """
         if phase.side != 0:
             return phase.gap
-        relaxing = (phase.twist - phase.gap) * math.expm1(-self.plant.c[0] / self.plant.d[0] * t)
-        return phase.gap + (float(y[1]) - phase.twist) - relaxing
+        k = self.plant.gap_at
+        relaxing = (phase.twist - phase.gap) * math.expm1(-self.plant.c[k] / self.plant.d[k] * t)
+        return phase.gap + (float(y[1 + k]) - phase.twist) - relaxing
 
     def contact_guard(self, y: Array, t: float, phase: Phase) -> float:
         """Quantity that falls below zero where a contact or gap that began the time t ago ends."""
@@ -141,48 +143,63 @@ class DriveEquations:
         gap = self.gap(y, t, phase)
         return min(-gap, gap + 2.0 * (self.plant.alpha or 0.0))
 
-    def friction_guard(self, y: Array, u: float, phase: Phase) -> float:
-        """Quantity that falls below zero where mass 1 stops to slide, or breaks away."""
-        if phase.slides:
-            return phase.slides * float(y[self.plant.masses]) + self.still
-        return self.plant.breakaway - abs(self.drive_torque(y.tolist(), u, phase))
+    def friction_guard(self, y: Array, u: float, phase: Phase, i: int) -> float:
+        """Quantity that falls below zero where mass i stops to slide, or breaks away."""
+        slides = phase.slides[i]
+        if slides:
+            return slides * float(y[self.plant.masses + i]) + self.still
+        return self.plant.loads[i].breakaway - abs(self.loads(y.tolist(), u, phase)[i])
 
     def following(self, y: Array, u: float, t: float, phase: Phase, event: Event) -> tuple[Array, Phase]:
         """State and phase that follow an event."""
-        if event == "contact":
+        if event == CONTACT:
             return self.with_friction(y, u, self.next_contact(y, t, phase))
         phase = self.lasting(y, t, phase)
-        if phase.slides == 0:  # not asked again: the torque may have been located just before it breaks away
-            return y, replace(phase, slides=1 if self.drive_torque(y.tolist(), u, phase) > 0.0 else -1)
+        if phase.slides[event] == 0:  # not asked again: its torque may have been located just before it breaks away
+            side = 1 if self.loads(y.tolist(), u, phase)[event] > 0.0 else -1
+            return y, replace(phase, slides=(*phase.slides[:event], side, *phase.slides[event + 1 :]))
         y = y.copy()
-        y[self.plant.masses] = 0.0
-        return self.with_friction(y, u, phase)
+        y[self.plant.masses + event] = 0.0
+        return self.with_friction(y, u, phase, (event,))
 
     def next_contact(self, y: Array, t: float, phase: Phase) -> Phase:
         """Contact or gap that follows."""
         if phase.side:
-            return Phase(0, phase.gap, float(y[1]))
+            return replace(phase, side=0, twist=float(y[1 + self.plant.gap_at]))
         alpha = self.plant.alpha or 0.0
-        return Phase(1, 0.0) if self.gap(y, t, phase) > -alpha else Phase(-1, -2.0 * alpha)
+        if self.gap(y, t, phase) > -alpha:
+            return replace(phase, side=1, gap=0.0)
+        return replace(phase, side=-1, gap=-2.0 * alpha)
 
     def lasting(self, y: Array, t: float, phase: Phase) -> Phase:
         """Return the phase that began the time t ago as one that begins now."""
-        return replace(phase, gap=self.gap(y, t, phase), twist=float(y[1])) if phase.side == 0 else phase
+        twist = float(y[1 + self.plant.gap_at])
+        return replace(phase, gap=self.gap(y, t, phase), twist=twist) if phase.side == 0 else phase
 
-    def with_friction(self, y: Array, u: float, phase: Phase) -> tuple[Array, Phase]:
-        """State and phase with the direction of sliding that follows from speed and torque.
+    def with_friction(
+        self, y: Array, u: float, phase: Phase, masses: Sequence[int] | None = None
+    ) -> tuple[Array, Phase]:
+        """State and phase with the directions of sliding that follow from speed and torque, for some of the masses.
 
-        At rest, the mass sticks below the breakaway torque; above it, it slides the way that the torque drives it.
+        At rest, a mass sticks below its breakaway torque; above it, it slides the way that the torque drives it.
         """
-        if not self.plant.sticks:
+        n, chosen = self.plant.masses, range(self.plant.masses) if masses is None else masses
+        dry = [i for i in chosen if self.plant.sticks[i]]
+        if not dry:
             return y, phase
-        v = float(y[self.plant.masses])
-        if abs(v) > self.still:
-            return y, replace(phase, slides=1 if v > 0.0 else -1)
         y = y.copy()
-        y[self.plant.masses] = 0.0
-        torque = self.drive_torque(y.tolist(), u, phase)
-        return y, replace(phase, slides=(torque > 0.0) - (torque < 0.0) if abs(torque) >= self.plant.breakaway else 0)
+        slides = list(phase.slides)
+        for i in dry:
+            v = float(y[n + i])
+            if abs(v) <= self.still:
+                y[n + i], slides[i] = 0.0, 0
+            else:
+                slides[i] = 1 if v > 0.0 else -1
+        on = self.loads(y.tolist(), u, phase)
+        for i in dry:
+            if slides[i] == 0 and abs(on[i]) >= self.plant.loads[i].breakaway:
+                slides[i] = (on[i] > 0.0) - (on[i] < 0.0)
+        return y, replace(phase, slides=tuple(slides))
 
     def piece(self, y: Array, u: float, slope: float, length: float, phase: Phase) -> tuple[Array, Phase]:
         """Integrate over one straight piece of the input and through all events in it."""
@@ -204,10 +221,14 @@ class DriveEquations:
         """Guards of the events that can end the phase, for the input u + slope t."""
         guards: dict[Event, Guard] = {}
         if phase.side is not None:
-            guards["contact"] = lambda y, t: self.contact_guard(y, t, phase)
-        if phase.slides is not None:
-            guards["friction"] = lambda y, t: self.friction_guard(y, u + slope * t, phase)
+            guards[CONTACT] = lambda y, t: self.contact_guard(y, t, phase)
+        for i, slides in enumerate(phase.slides):
+            if slides is not None:
+                guards[i] = partial(self._friction_guard_in_time, u, slope, phase, i)
         return guards
+
+    def _friction_guard_in_time(self, u: float, slope: float, phase: Phase, i: int, y: Array, t: float) -> float:
+        return self.friction_guard(y, u + slope * t, phase, i)
 
     def until(
         self, y: Array, u: float, slope: float, length: float, phase: Phase, *, watch: bool
@@ -277,19 +298,21 @@ def _initial_phase(drive: DriveEquations, x: Array) -> tuple[Array, Phase]:
     plant, n = drive.plant, drive.plant.masses
     q, v, last = x[:n], x[n : 2 * n], x[2 * n + (plant.alpha is not None) :]
     y = np.concatenate([q[:1], q[:-1] - q[1:], v, last])
+    slides = tuple(0 if can_stick else None for can_stick in plant.sticks)
     if not plant.alpha:
-        return y, Phase(None)
+        return y, Phase(None, slides=slides)
     gap = float(x[2 * n])
-    for contact in (Phase(1, 0.0), Phase(-1, -2.0 * plant.alpha)):
+    for contact in (Phase(1, 0.0, slides=slides), Phase(-1, -2.0 * plant.alpha, slides=slides)):
         if gap == contact.gap and drive.contact_guard(y, 0.0, contact) >= 0.0:
             return y, contact
-    return y, Phase(0, gap, float(y[1]))
+    return y, Phase(0, gap, float(y[1 + plant.gap_at]), slides)
 
 
 def _scales(plant: Plant, segments: Segments, x: Array) -> Array:
     """Size that each state can be expected to reach; the absolute tolerance is relative to it."""
     n = plant.masses
-    torque = float(np.max(np.abs(np.append(segments.start, segments.end)))) + abs(plant.M_G)
+    torque = float(np.max(np.abs(np.append(segments.start, segments.end))))
+    torque += sum(abs(load.M_G) + abs(load.G) for load in plant.loads)
     impulse = np.cumsum(0.5 * (segments.start + segments.end) * segments.length) / sum(plant.J)
     twist0 = np.abs(x[: n - 1] - x[1:n])
     swing = max((t * math.sqrt(c / J) for t, c, J in zip(twist0, plant.c, plant.J, strict=False)), default=0.0)

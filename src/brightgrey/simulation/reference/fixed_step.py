@@ -27,15 +27,15 @@ __all__ = ["FixedStepSolution", "solve_fixed_step"]
 
 # Modes of the shaft with backlash. STIFF stands for a shaft without backlash, or with a gap of no width.
 STIFF, FRONT, BACK, GAP = 0, 1, 2, 3
-# What splits a step.
-NO_EVENT, CONTACT, FRICTION = 0, 1, 2
-# How mass 1 slides: 1 or -1 is a direction, SMOOTH where the sign of its speed is smoothed, or it has no dry friction.
+# What splits a step; the number of a mass, from 0, stands for its friction.
+NO_EVENT, CONTACT = -2, -1
+# How a mass slides: 1 or -1 is a direction, SMOOTH where the sign of its speed is smoothed, or it has no dry friction.
 STICK, SMOOTH = 0, 2
 # Speed that counts as rest, in parts of what friction alone would change in one step: rounding.
 STILL = 1e-12
 # Events per step: a shaft that chatters within the rounding error must not stop the clock. It stands here and not
 # among the tolerances, as numba's cache only looks at this file.
-MAX_SWITCHES_PER_STEP = 12
+MAX_SWITCHES_PER_STEP = 24
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -54,68 +54,77 @@ class FixedStepSolution:
     step: float  #: The finest step in s.
 
 
-def _pack(plant: Plant, step: float) -> Array:
-    """Pack the numbers of a plant for the compiled functions.
+def _pack(plant: Plant, step: float) -> tuple[Array, Array]:
+    """Pack the numbers of a plant for the compiled functions, those of the drive and those of its masses, one row each.
 
-    0: masses, f_v, M_C, M_S, 1/omega_S; 5: f_tanh, M_G, 1/T_1 or 0, 2 alpha; 9: the speed that counts as rest if
-    mass 1 can stick, else -1; 10: 1/J; 14: c; 17: d.
+    Drive: 0: masses, 1/T_1 or 0, 2 alpha, number of the shaft with the gap, f_tanh; 5: c; 8: d.
+    Mass: 0: 1/J, f_v, M_C, M_S, 1/omega_S; 5: f_d, M_G, c_g, G, k, phi_0; 11: the speed that counts as rest if the mass
+    can stick, else -1.
     """
-    p = np.zeros(20)
-    p[:7] = plant.masses, plant.f_v, plant.M_C, plant.M_S, 1.0 / plant.fading, plant.f_tanh, plant.M_G
-    p[7] = 0.0 if plant.T_1 is None else 1.0 / plant.T_1
-    p[8] = 2.0 * (plant.alpha or 0.0)
-    p[9] = STILL * plant.breakaway / plant.J[0] * step if plant.sticks else -1.0
-    p[10 : 10 + plant.masses] = 1.0 / np.array(plant.J)
-    p[14 : 14 + len(plant.c)] = plant.c
-    p[17 : 17 + len(plant.d)] = plant.d
-    return p
+    p = np.zeros(11)
+    p[:2] = plant.masses, 0.0 if plant.T_1 is None else 1.0 / plant.T_1
+    p[2:5] = 2.0 * (plant.alpha or 0.0), plant.gap_at, plant.f_tanh
+    p[5 : 5 + len(plant.c)] = plant.c
+    p[8 : 8 + len(plant.d)] = plant.d
+    rows = []
+    for J, load, can_stick in zip(plant.J, plant.loads, plant.sticks, strict=True):
+        still = STILL * load.breakaway / J * step if can_stick else -1.0
+        friction = (load.f_v, load.M_C, load.M_S, 1.0 / load.omega_S, load.f_d)
+        rows.append((1.0 / J, *friction, load.M_G, load.c_g, load.G, load.k, load.phi_0, still))
+    return p, np.array(rows)
 
 
 @_compile_cached
-def _state_rates(x: Array, mode: int, slide: int, u: float, p: Array, out: Array) -> None:
-    """Newton's law for every mass; x = (q, v, T), p as packed by :func:`_pack`.
+def _state_rates(x: Array, mode: int, slide: Any, u: float, p: Array, loads: Array, out: Array) -> None:
+    """Newton's law for every mass; x = (q, v, T), p and loads as packed by :func:`_pack`.
 
     Friction of a direction continues smoothly where a trial step passes rest.
     """
-    n = int(p[0])
-    v1 = x[n]
+    n, gap_at = int(p[0]), int(p[3])
     torque = u
-    if p[7] > 0.0:
+    if p[1] > 0.0:
         torque = x[2 * n]
-        out[2 * n] = (u - torque) * p[7]
-    torque += p[6] - p[1] * v1
-    if slide != SMOOTH:
-        torque -= slide * (p[2] + p[3] * math.exp(-slide * v1 * p[4]))
-    elif p[2] != 0.0 or p[3] != 0.0:
-        torque -= math.tanh(p[5] * v1) * (p[2] + p[3] * math.exp(-abs(v1) * p[4]))
+        out[2 * n] = (u - torque) * p[1]
     for i in range(n):
-        out[i] = x[n + i]
+        a, v = loads[i], x[n + i]
+        torque += a[6] - a[1] * v
+        if a[5] != 0.0:
+            torque -= a[5] * abs(v)
+        if a[7] != 0.0:
+            torque -= a[7] * x[i]
+        if a[8] != 0.0:
+            torque -= a[8] * math.sin(a[9] * x[i] + a[10])
+        if slide[i] != SMOOTH:
+            torque -= slide[i] * (a[2] + a[3] * math.exp(-slide[i] * v * a[4]))
+        elif a[2] != 0.0 or a[3] != 0.0:
+            torque -= math.tanh(p[4] * v) * (a[2] + a[3] * math.exp(-abs(v) * a[4]))
+        out[i] = v
         shaft = 0.0
-        if i + 1 < n and not (i == 0 and mode == GAP):
+        if i + 1 < n and not (i == gap_at and mode == GAP):
             twist = x[i] - x[i + 1]
-            if i == 0 and mode == BACK:
-                twist += p[8]
-            shaft = p[14 + i] * twist + p[17 + i] * (x[n + i] - x[n + i + 1])
-        out[n + i] = (torque - shaft) * p[10 + i]
+            if i == gap_at and mode == BACK:
+                twist += p[2]
+            shaft = p[5 + i] * twist + p[8 + i] * (x[n + i] - x[n + i + 1])
+        out[n + i] = 0.0 if slide[i] == STICK else (torque - shaft) * a[0]
         torque = shaft
-    if slide == STICK:
-        out[n] = 0.0
 
 
 @_compile_cached
-def _rk4(x: Array, mode: int, slide: int, h: float, u: float, du: float, p: Array, w: Array, out: Array) -> None:
+def _rk4(
+    x: Array, mode: int, slide: Any, h: float, u: float, du: float, p: Array, loads: Array, w: Array, out: Array
+) -> None:
     """One step of length h from x to out; the input is u + du t. `w` is room for slopes."""
     m = len(x)
-    _state_rates(x, mode, slide, u, p, w[0])
+    _state_rates(x, mode, slide, u, p, loads, w[0])
     for i in range(m):
         w[4, i] = x[i] + 0.5 * h * w[0, i]
-    _state_rates(w[4], mode, slide, u + 0.5 * h * du, p, w[1])
+    _state_rates(w[4], mode, slide, u + 0.5 * h * du, p, loads, w[1])
     for i in range(m):
         w[4, i] = x[i] + 0.5 * h * w[1, i]
-    _state_rates(w[4], mode, slide, u + 0.5 * h * du, p, w[2])
+    _state_rates(w[4], mode, slide, u + 0.5 * h * du, p, loads, w[2])
     for i in range(m):
         w[4, i] = x[i] + h * w[2, i]
-    _state_rates(w[4], mode, slide, u + h * du, p, w[3])
+    _state_rates(w[4], mode, slide, u + h * du, p, loads, w[3])
     for i in range(m):
         out[i] = x[i] + h / 6.0 * (w[0, i] + 2.0 * (w[1, i] + w[2, i]) + w[3, i])
 
@@ -123,45 +132,55 @@ def _rk4(x: Array, mode: int, slide: int, h: float, u: float, du: float, p: Arra
 @_compile_cached
 def _contact_guard(x: Array, mode: int, gap: float, p: Array) -> float:
     """Not negative while the mode lasts: torque in contact, distance to the nearer side in the gap."""
-    n = int(p[0])
-    twist, rate = x[0] - x[1], x[n] - x[n + 1]
+    n, k = int(p[0]), int(p[3])
+    twist, rate = x[k] - x[k + 1], x[n + k] - x[n + k + 1]
     if mode == FRONT:
-        return float(p[14] * twist + p[17] * rate)
+        return float(p[5 + k] * twist + p[8 + k] * rate)
     if mode == BACK:
-        return float(-p[14] * (twist + p[8]) - p[17] * rate)
-    return min(-gap, float(gap + p[8]))
+        return float(-p[5 + k] * (twist + p[2]) - p[8 + k] * rate)
+    return min(-gap, float(gap + p[2]))
 
 
 @_compile_cached
-def _fields_at_rest(x: Array, mode: int, u: float, p: Array, work: Array) -> tuple[float, float]:
-    """Accelerations of mass 1 at rest, if it slid forth and if it slid back."""
-    _state_rates(x, mode, 1, u, p, work)
-    forth = work[int(p[0])]
-    return forth, forth + 2.0 * (p[2] + p[3]) * p[10]
+def _fields_at_rest(
+    x: Array, mode: int, slide: Any, i: int, u: float, p: Array, loads: Array, work: Array
+) -> tuple[float, float]:
+    """Accelerations of mass i at rest, if it slid forth and if it slid back."""
+    now = slide[i]
+    slide[i] = 1
+    _state_rates(x, mode, slide, u, p, loads, work)
+    slide[i] = now
+    forth = work[int(p[0]) + i]
+    return forth, forth + 2.0 * (loads[i, 2] + loads[i, 3]) * loads[i, 0]
 
 
 @_compile_cached
-def _friction_guard(x: Array, mode: int, slide: int, u: float, p: Array, work: Array) -> float:
-    """Not negative while mass 1 slides on, and while both fields hold it at rest."""
-    if slide != STICK:
-        return float(slide * x[int(p[0])] + p[9])
-    forth, back = _fields_at_rest(x, mode, u, p, work)
+def _friction_guard(
+    x: Array, mode: int, slide: Any, i: int, u: float, p: Array, loads: Array, work: Array
+) -> float:
+    """Not negative while mass i slides on, and while both fields hold it at rest."""
+    if slide[i] != STICK:
+        return float(slide[i] * x[int(p[0]) + i] + loads[i, 11])
+    forth, back = _fields_at_rest(x, mode, slide, i, u, p, loads, work)
     return min(-forth, back)
 
 
 @_compile_cached
-def _direction(x: Array, mode: int, u: float, p: Array, work: Array) -> int:
-    """Side to which mass 1 slides from here; a speed that counts as rest becomes zero."""
+def _set_directions(x: Array, mode: int, slide: Any, u: float, p: Array, loads: Array, work: Array) -> None:
+    """Set the side to which each mass slides from here; a speed that counts as rest becomes zero."""
     n = int(p[0])
-    if p[9] < 0.0:
-        return SMOOTH
-    if abs(x[n]) > p[9]:
-        return 1 if x[n] > 0.0 else -1
-    x[n] = 0.0
-    forth, back = _fields_at_rest(x, mode, u, p, work)
-    if forth >= 0.0:
-        return 1
-    return -1 if back <= 0.0 else STICK
+    for i in range(n):
+        if loads[i, 11] < 0.0:
+            slide[i] = SMOOTH
+        elif abs(x[n + i]) > loads[i, 11]:
+            slide[i] = 1 if x[n + i] > 0.0 else -1
+        else:
+            x[n + i] = 0.0
+            slide[i] = STICK
+    for i in range(n):
+        if slide[i] == STICK:
+            forth, back = _fields_at_rest(x, mode, slide, i, u, p, loads, work)
+            slide[i] = 1 if forth >= 0.0 else -1 if back <= 0.0 else STICK
 
 
 @_compile_cached
@@ -172,15 +191,18 @@ def _gap_after(x: Array, out: Array, mode: int, gap: float, tau: float, t: float
     """
     if mode != GAP:
         return gap
-    return float(gap + ((out[0] - out[1]) - (x[0] - x[1])) - tau * math.expm1(-p[14] / p[17] * t))
+    k = int(p[3])
+    return float(gap + ((out[k] - out[k + 1]) - (x[k] - x[k + 1])) - tau * math.expm1(-p[5 + k] / p[8 + k] * t))
 
 
 @_compile_cached
-def _guard(event: int, x: Array, mode: int, gap: float, slide: int, u: float, p: Array, work: Array) -> float:
-    """Guard of the event, CONTACT or FRICTION."""
+def _guard(
+    event: int, x: Array, mode: int, gap: float, slide: Any, u: float, p: Array, loads: Array, work: Array
+) -> float:
+    """Guard of the event, CONTACT or that of a mass."""
     if event == CONTACT:
         return _contact_guard(x, mode, gap, p)
-    return _friction_guard(x, mode, slide, u, p, work)
+    return _friction_guard(x, mode, slide, event, u, p, loads, work)
 
 
 @_compile_cached
@@ -190,18 +212,19 @@ def _until(
     mode: int,
     gap: float,
     tau: float,
-    slide: int,
+    slide: Any,
     h: float,
     u: float,
     du: float,
     p: Array,
+    loads: Array,
     w: Array,
     out: Array,
 ) -> float:
     """Time in [0, h] at which the guard of an event passes zero (Illinois rule), with the state then in `out`."""
-    a, ga = 0.0, _guard(event, x, mode, gap, slide, u, p, w[0])
+    a, ga = 0.0, _guard(event, x, mode, gap, slide, u, p, loads, w[0])
     b = h
-    gb = _guard(event, out, mode, _gap_after(x, out, mode, gap, tau, h, p), slide, u + h * du, p, w[0])
+    gb = _guard(event, out, mode, _gap_after(x, out, mode, gap, tau, h, p), slide, u + h * du, p, loads, w[0])
     if ga <= 0.0:
         out[:] = x
         return 0.0
@@ -210,8 +233,8 @@ def _until(
         t = b - gb * (b - a) / (gb - ga)
         if not a < t < b:
             t = 0.5 * (a + b)
-        _rk4(x, mode, slide, t, u, du, p, w, out)
-        g = _guard(event, out, mode, _gap_after(x, out, mode, gap, tau, t, p), slide, u + t * du, p, w[0])
+        _rk4(x, mode, slide, t, u, du, p, loads, w, out)
+        g = _guard(event, out, mode, _gap_after(x, out, mode, gap, tau, t, p), slide, u + t * du, p, loads, w[0])
         if g <= 0.0:
             b, gb = t, g
             ga *= 0.5 if last == 1 else 1.0
@@ -222,7 +245,7 @@ def _until(
             last = 2
         if b - a <= 1e-12 * h or g == 0.0:
             break
-    _rk4(x, mode, slide, b, u, du, p, w, out)
+    _rk4(x, mode, slide, b, u, du, p, loads, w, out)
     return b
 
 
@@ -232,6 +255,7 @@ def _run_pieces(
     mode: int,
     gap: float,
     p: Array,
+    loads: Array,
     length: Array,
     start: Array,
     end: Array,
@@ -243,10 +267,11 @@ def _run_pieces(
 ) -> None:
     """Integrate over all pieces; write state, mode and lambda at every sample."""
     w = np.zeros((5, len(x)))
-    out, n = np.zeros(len(x)), int(p[0])
+    out, n, k = np.zeros(len(x)), int(p[0]), int(p[3])
+    slide = np.full(n, SMOOTH)
     states[0], modes[0], gaps[0] = x, mode, gap
-    tau = x[0] - x[1] - gap if mode == GAP else 0.0
-    sticks = p[9] >= 0.0
+    tau = x[k] - x[k + 1] - gap if mode == GAP else 0.0
+    sticks = loads[:, 11].max() >= 0.0
     for piece in range(len(length)):
         count = max(1, math.ceil(length[piece] / step - 1e-9))
         h = length[piece] / count
@@ -256,45 +281,50 @@ def _run_pieces(
             for attempt in range(MAX_SWITCHES_PER_STEP):
                 left = h - done
                 u = start[piece] + du * (j * h + done)
-                slide = _direction(x, mode, u, p, w[0]) if sticks else SMOOTH
-                _rk4(x, mode, slide, left, u, du, p, w, out)
+                if sticks:
+                    _set_directions(x, mode, slide, u, p, loads, w[0])
+                _rk4(x, mode, slide, left, u, du, p, loads, w, out)
                 moved = _gap_after(x, out, mode, gap, tau, left, p)
                 t, event = left, NO_EVENT
                 watch = attempt < MAX_SWITCHES_PER_STEP - 1
                 if watch and mode != STIFF and _contact_guard(out, mode, moved, p) < 0.0:
-                    t, event = _until(CONTACT, x, mode, gap, tau, slide, t, u, du, p, w, out), CONTACT
+                    t, event = _until(CONTACT, x, mode, gap, tau, slide, t, u, du, p, loads, w, out), CONTACT
                     moved = _gap_after(x, out, mode, gap, tau, t, p)
-                if watch and sticks and _friction_guard(out, mode, slide, u + t * du, p, w[0]) < 0.0:
-                    t, event = _until(FRICTION, x, mode, gap, tau, slide, t, u, du, p, w, out), FRICTION
-                    moved = _gap_after(x, out, mode, gap, tau, t, p)
+                for i in range(n):
+                    if not watch or slide[i] == SMOOTH:
+                        continue
+                    if _friction_guard(out, mode, slide, i, u + t * du, p, loads, w[0]) < 0.0:
+                        t, event = _until(i, x, mode, gap, tau, slide, t, u, du, p, loads, w, out), i
+                        moved = _gap_after(x, out, mode, gap, tau, t, p)
                 gap = moved
                 if mode == GAP:
-                    tau *= math.exp(-p[14] / p[17] * t)
+                    tau *= math.exp(-p[5 + k] / p[8 + k] * t)
                 x[:] = out
                 done += t
                 if event == NO_EVENT:
                     break
-                if event == FRICTION:
-                    x[n] = 0.0
+                if event >= 0:
+                    x[n + event] = 0.0
                     continue
                 if mode == GAP:
-                    mode = FRONT if gap > -0.5 * p[8] else BACK
-                    gap = 0.0 if mode == FRONT else -p[8]
+                    mode = FRONT if gap > -0.5 * p[2] else BACK
+                    gap = 0.0 if mode == FRONT else -p[2]
                 else:
                     mode = GAP
-                    tau = x[0] - x[1] - gap
+                    tau = x[k] - x[k + 1] - gap
         if sample[piece] >= 0:
             states[sample[piece]], modes[sample[piece]], gaps[sample[piece]] = x, mode, gap
 
 
 @_compile_cached
-def _accelerations(states: Array, modes: Any, u: Array, p: Array, acceleration: Array) -> None:
+def _accelerations(states: Array, modes: Any, u: Array, p: Array, loads: Array, acceleration: Array) -> None:
     """Acceleration of mass 1 at every sample, from the right-hand side."""
-    out = np.zeros(states.shape[1])
+    out, n = np.zeros(states.shape[1]), int(p[0])
+    slide = np.full(n, SMOOTH)
     for k in range(len(states)):
-        slide = _direction(states[k], modes[k], u[k], p, out)
-        _state_rates(states[k], modes[k], slide, u[k], p, out)
-        acceleration[k] = out[int(p[0])]
+        _set_directions(states[k], modes[k], slide, u[k], p, loads, out)
+        _state_rates(states[k], modes[k], slide, u[k], p, loads, out)
+        acceleration[k] = out[n]
 
 
 def _initial_mode(plant: Plant, x: Array) -> tuple[Array, int, float]:
@@ -305,7 +335,8 @@ def _initial_mode(plant: Plant, x: Array) -> tuple[Array, int, float]:
     gap, rest = float(x[2 * n]), np.delete(x, 2 * n)
     if plant.alpha == 0.0:
         return rest, STIFF, 0.0
-    pressing = plant.c[0] * (float(x[0] - x[1]) - gap) + plant.d[0] * float(x[n] - x[n + 1])
+    k = plant.gap_at
+    pressing = plant.c[k] * (float(x[k] - x[k + 1]) - gap) + plant.d[k] * float(x[n + k] - x[n + k + 1])
     if gap == 0.0 and pressing >= 0.0:
         return rest, FRONT, gap
     if gap == -2.0 * plant.alpha and pressing <= 0.0:
@@ -315,15 +346,15 @@ def _initial_mode(plant: Plant, x: Array) -> tuple[Array, int, float]:
 
 def _integrate(plant: Plant, segments: Segments, x0: Array, step: float) -> Trajectory:
     """Integrate once with the given step."""
-    p = _pack(plant, step)
+    p, loads = _pack(plant, step)
     x, mode, gap = _initial_mode(plant, x0)
     samples = len(segments.at_sample)
     states, gaps = np.zeros((samples, len(x))), np.zeros(samples)
     modes = np.zeros(samples, dtype=np.int64)
     s = segments
-    _run_pieces(x.copy(), mode, gap, p, s.length, s.start, s.end, s.sample, step, states, modes, gaps)
+    _run_pieces(x.copy(), mode, gap, p, loads, s.length, s.start, s.end, s.sample, step, states, modes, gaps)
     acceleration = np.zeros(samples)
-    _accelerations(states, modes, s.at_sample, p, acceleration)
+    _accelerations(states, modes, s.at_sample, p, loads, acceleration)
     if plant.alpha is not None:
         states = np.insert(states, 2 * plant.masses, gaps, axis=1)
     return Trajectory(plant.state_names, states.T, acceleration)

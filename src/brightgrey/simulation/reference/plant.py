@@ -17,20 +17,52 @@ from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError, StructureError, one_of
 from brightgrey.recordings.recording import HOLDS, Hold
 
-__all__ = ["Plant", "Segments", "Trajectory", "cut", "difference"]
+__all__ = ["Load", "Plant", "Segments", "Trajectory", "cut", "difference"]
 
 _MASSES = {"one_mass": 1, "two_mass": 2, "three_mass": 3, "four_mass": 4}
-_PARAMETERS = {
+_AT_MASS = {
     "coulomb": ("M_C",),
     "viscous": ("f_v",),
     "stribeck": ("M_S", "omega_S"),
     "gravity": ("M_G",),
-    "backlash": ("alpha",),
-    "current_control": ("T_1",),
-    "delay": ("T_d",),
+    "directional_viscous": ("f_d",),
+    "ground_spring": ("c_g",),
+    "pendulum": ("G", "k", "phi_0"),
 }
+_ELSEWHERE = {"backlash": ("alpha",), "current_control": ("T_1",), "delay": ("T_d",)}
+_PARAMETERS = {**_AT_MASS, **_ELSEWHERE}
 _POSITIVE = ("J", "omega_S", "T_1")
-_NOT_NEGATIVE = ("c", "d", "alpha", "T_d")
+_NOT_NEGATIVE = ("c", "d", "alpha", "T_d", "c_g")
+
+
+@dataclass(frozen=True)
+class Load:
+    """What acts on one mass beside the shafts, in SI units: ``-M_F(v) + M_G - c_g q - G sin(k q + phi_0)``."""
+
+    f_v: float = 0.0  #: Friction of eq. (2), with `omega_S` infinitely far off where there is no Stribeck friction.
+    M_C: float = 0.0
+    M_S: float = 0.0
+    omega_S: float = 1.0
+    f_d: float = 0.0  #: Of friction f_d |v|.
+    M_G: float = 0.0
+    c_g: float = 0.0
+    G: float = 0.0
+    k: float = 0.0
+    phi_0: float = 0.0
+
+    @property
+    def breakaway(self) -> float:
+        """Torque in N m that dry friction withstands at rest, A(0) = M_C + M_S."""
+        return self.M_C + self.M_S
+
+    @property
+    def is_dry(self) -> bool:
+        """There is friction that reverses with the motion."""
+        return self.M_C != 0.0 or self.M_S != 0.0
+
+    def of_position(self, q: float) -> float:
+        """Torque that depends on the position, and the constant one."""
+        return self.M_G - self.c_g * q - self.G * math.sin(self.k * q + self.phi_0)
 
 
 @dataclass(frozen=True)
@@ -41,14 +73,10 @@ class Plant:
     #: Spring (N m/rad) and damper constants (N m s/rad) of the shafts.
     c: tuple[float, ...]
     d: tuple[float, ...]
-    #: Friction of eq. (2), `fading` being omega_S, and constant torque, at mass 1.
-    f_v: float
-    M_C: float
-    M_S: float
-    fading: float
-    M_G: float
+    loads: tuple[Load, ...]  #: Of the masses.
     f_tanh: float  #: Gain of eq. (2), s/rad; infinite for exact dry friction.
-    alpha: float | None  #: Half the gap between mass 1 and 2 in rad; None without backlash.
+    gap_at: int  #: Shaft with the gap, counted from 0.
+    alpha: float | None  #: Half the gap in rad; None without backlash.
     T_1: float | None  #: Reset time of the current loop in s; None without it.
     T_d: float  #: Dead time of the input in s.
 
@@ -59,22 +87,17 @@ class Plant:
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """q1.., v1.., lambda1, T: the order of :mod:`brightgrey.kit`."""
+        """q1.., v1.., lambda, T: the order of :mod:`brightgrey.kit`."""
         numbers = range(1, self.masses + 1)
         names = [f"q{i}" for i in numbers] + [f"v{i}" for i in numbers]
-        names += ["lambda1"] if self.alpha is not None else []
+        names += [f"lambda{self.gap_at + 1}"] if self.alpha is not None else []
         names += ["T"] if self.T_1 is not None else []
         return tuple(names)
 
     @property
-    def breakaway(self) -> float:
-        """Torque in N m that dry friction withstands at rest, A(0) = M_C + M_S."""
-        return self.M_C + self.M_S
-
-    @property
-    def sticks(self) -> bool:
-        """Mass 1 has exact dry friction, so that it can stick."""
-        return math.isinf(self.f_tanh) and (self.M_C != 0.0 or self.M_S != 0.0)
+    def sticks(self) -> tuple[bool, ...]:
+        """Masses that have exact dry friction, so that they can stick."""
+        return tuple(math.isinf(self.f_tanh) and load.is_dry for load in self.loads)
 
     @property
     def fastest_rate(self) -> float:
@@ -82,65 +105,70 @@ class Plant:
 
         Exact dry friction has no slope at standstill; sliding, its rate is that of Stribeck's exponential.
         """
-        slope = abs(self.M_S) / self.fading
-        if math.isfinite(self.f_tanh):
-            slope = self.f_tanh * (abs(self.M_C) + abs(self.M_S))
-        friction = (slope + abs(self.f_v)) / self.J[0]
-        shafts = 0.0
+        rates = [1.0, 0.0 if self.T_1 is None else 1.0 / self.T_1]
+        for J, load in zip(self.J, self.loads, strict=True):
+            slope = abs(load.M_S) / load.omega_S
+            if math.isfinite(self.f_tanh):
+                slope = self.f_tanh * (abs(load.M_C) + abs(load.M_S))
+            rates.append((slope + abs(load.f_v) + abs(load.f_d)) / J)
+            rates.append(math.sqrt((load.c_g + abs(load.G * load.k)) / J))
         for k, (c, d) in enumerate(zip(self.c, self.d, strict=True)):
             lightness = 1.0 / self.J[k] + 1.0 / self.J[k + 1]
-            shafts = max(shafts, 2.0 * d * lightness, math.sqrt(2.0 * c * lightness))
-        return max(1.0, friction, shafts, 0.0 if self.T_1 is None else 1.0 / self.T_1)
+            rates += [2.0 * d * lightness, math.sqrt(2.0 * c * lightness)]
+        return max(rates)
 
     @classmethod
     def of(cls, structure: str, values: Mapping[str, float], f_tanh: float) -> Plant:
-        """Read a structure such as ``two_mass+coulomb`` and its parameter values.
+        """Read a structure such as ``two_mass+coulomb@2`` and its parameter values.
 
         Raises
         ------
         StructureError
-            For an unknown effect, or not exactly one multiple-mass system.
+            For an unknown effect, not exactly one multiple-mass system, or more than one gap.
         SettingsError
             For a missing or unknown parameter, or a value that is not physical; for exact dry friction that would
             push at standstill instead of holding.
         """
-        names = structure.split("+")
-        known = (*_MASSES, *_PARAMETERS)
-        for name in names:
-            one_of("effect", name, known, error=StructureError)
-        chains = [name for name in names if name in _MASSES]
-        if len(chains) != 1 or len(set(names)) != len(names):
+        placed = [_placed(text) for text in structure.split("+")]
+        chains = [name for name, _ in placed if name in _MASSES]
+        if len(chains) != 1 or len(set(placed)) != len(placed):
             raise StructureError(f"'{structure}': exactly one of {', '.join(_MASSES)}, and no effect twice")
         n = _MASSES[chains[0]]
-        if n == 1 and "backlash" in names:
-            raise StructureError(f"'{structure}': backlash stands between mass 1 and 2, there is one mass")
+        gaps = [place for name, place in placed if name == "backlash"]
+        if len(gaps) > 1:
+            raise StructureError(f"'{structure}': the reference solves one gap at most")
+        for name, place in placed:
+            if place > (n if name in _AT_MASS else n - 1 if name == "backlash" else 1):
+                count = f"{('one', 'two', 'three', 'four')[n - 1]} mass{'es' if n > 1 else ''}"
+                raise StructureError(f"'{structure}': there is no place for '{name}@{place}' with {count}")
         symbols = [f"J{i + 1}" for i in range(n)]
         symbols += [f"{s}{k + 1}" for s in "cd" for k in range(n - 1)]
-        symbols += [p for name in names for p in _PARAMETERS.get(name, ())]
+        symbols += [_at(p, place) for name, place in placed for p in _PARAMETERS.get(name, ())]
         _check_values(structure, symbols, values, f_tanh)
         has = set(symbols)
-        if "alpha" in has and not values["d1"] > 0.0:
-            raise SettingsError("d1 must be positive with backlash: the gap relaxes with c/d")
+        if gaps and not values[f"d{gaps[0]}"] > 0.0:
+            raise SettingsError(f"d{gaps[0]} must be positive with backlash: the gap relaxes with c/d")
 
-        def optional(symbol: str, neutral: float = 0.0) -> float:
-            return float(values[symbol]) if symbol in has else neutral
+        def load(place: int) -> Load:
+            known = [p for name in _AT_MASS for p in _AT_MASS[name] if (name, place) in placed]
+            return Load(**{p: float(values[_at(p, place)]) for p in known})
 
         plant = cls(
             J=tuple(float(values[f"J{i + 1}"]) for i in range(n)),
             c=tuple(float(values[f"c{k + 1}"]) for k in range(n - 1)),
             d=tuple(float(values[f"d{k + 1}"]) for k in range(n - 1)),
-            f_v=optional("f_v"),
-            M_C=optional("M_C"),
-            M_S=optional("M_S"),
-            fading=optional("omega_S", 1.0),
-            M_G=optional("M_G"),
+            loads=tuple(load(i + 1) for i in range(n)),
             f_tanh=float(f_tanh),
-            alpha=optional("alpha") if "alpha" in has else None,
-            T_1=optional("T_1") if "T_1" in has else None,
-            T_d=optional("T_d"),
+            gap_at=gaps[0] - 1 if gaps else 0,
+            alpha=float(values[_at("alpha", gaps[0])]) if gaps else None,
+            T_1=float(values["T_1"]) if "T_1" in has else None,
+            T_d=float(values["T_d"]) if "T_d" in has else 0.0,
         )
-        if plant.sticks and plant.breakaway < 0.0:
-            raise SettingsError(f"M_C + M_S = {plant.breakaway:g} must not be negative with exact dry friction")
+        for i, (can_stick, own) in enumerate(zip(plant.sticks, plant.loads, strict=True)):
+            if can_stick and own.breakaway < 0.0:
+                raise SettingsError(
+                    f"M_C + M_S = {own.breakaway:g} at mass {i + 1} must not be negative with exact dry friction"
+                )
         return plant
 
     def initial(self, x0: Array | None, u_first: float) -> Array:
@@ -152,10 +180,22 @@ class Plant:
         if x.shape != (len(names),) or not np.all(np.isfinite(x)):
             raise SettingsError(f"x0 must hold {len(names)} finite numbers: {', '.join(names)}")
         if self.alpha is not None:
-            gap = x[2 * self.masses]
+            gap, name = x[2 * self.masses], names[2 * self.masses]
             if not -2.0 * self.alpha <= gap <= 0.0:
-                raise SettingsError(f"lambda1 = {gap:g} lies outside of the gap [{-2.0 * self.alpha:g}, 0]")
+                raise SettingsError(f"{name} = {gap:g} lies outside of the gap [{-2.0 * self.alpha:g}, 0]")
         return x
+
+
+def _placed(text: str) -> tuple[str, int]:
+    """Effect and place of ``name`` or ``name@place``."""
+    name, _, place = text.partition("@")
+    one_of("effect", name, (*_MASSES, *_PARAMETERS), error=StructureError)
+    return name, int(place or 1)
+
+
+def _at(symbol: str, place: int) -> str:
+    """Name of a parameter; the first place is not written."""
+    return symbol if place == 1 else f"{symbol}@{place}"
 
 
 def _check_values(structure: str, symbols: list[str], values: Mapping[str, float], f_tanh: float) -> None:
@@ -166,7 +206,8 @@ def _check_values(structure: str, symbols: list[str], values: Mapping[str, float
     if missing:
         raise SettingsError(f"no value for parameter {', '.join(missing)} of '{structure}'")
     for symbol in symbols:
-        value, kind = float(values[symbol]), symbol.rstrip("1234") if symbol[0] in "Jcd" else symbol
+        bare = symbol.partition("@")[0]
+        value, kind = float(values[symbol]), bare.rstrip("1234") if bare[0] in "Jcd" else bare
         wrong = not math.isfinite(value)
         wrong |= kind in _POSITIVE and not value > 0.0
         wrong |= kind in _NOT_NEGATIVE and not value >= 0.0

@@ -357,6 +357,40 @@ def vector_exponential(z: Any) -> Any:
     return _add_exponent(p, t)
 
 
+_PI_HIGH = 3.1415926218032837  # pi in two parts (Cody and Waite): k * high is exact up to |k| = 2^26
+_PI_LOW = 3.178650954705639e-08
+# sin(r)/r over r^2 on |r| <= pi/2 by Chebyshev interpolation
+_SINE_SERIES = (
+    1.0,
+    -0.16666666666666666,
+    0.00833333333333318,
+    -0.0001984126984120718,
+    2.7557319211034157e-06,
+    -2.5052106875371277e-08,
+    1.6058940177206624e-10,
+    -7.643008906055446e-13,
+    2.7213893166649284e-15,
+)
+
+
+@register_jitable
+def vector_sine(z: Any) -> Any:
+    """sin(z) to 1e-15 for |z| <= 1e6: (-1)^k sin(r) with r = z - k pi."""
+    k = (z * (1.0 / np.pi) + _MAGIC) - _MAGIC
+    odd = k - ((k * 0.5 + _MAGIC) - _MAGIC) * 2.0
+    r = (z - k * _PI_HIGH) - k * _PI_LOW
+    s = r * r
+    p = s * _SINE_SERIES[8] + _SINE_SERIES[7]
+    p = p * s + _SINE_SERIES[6]
+    p = p * s + _SINE_SERIES[5]
+    p = p * s + _SINE_SERIES[4]
+    p = p * s + _SINE_SERIES[3]
+    p = p * s + _SINE_SERIES[2]
+    p = p * s + _SINE_SERIES[1]
+    p = p * s + _SINE_SERIES[0]
+    return r * p * (1.0 - odd * odd * 2.0)
+
+
 def _implement(function: Any, implementation: Any) -> None:
     """Offer `implementation` for floats and registers wherever a compiled law calls `function`."""
 
@@ -381,6 +415,8 @@ def _tanh(z: Any) -> Any:
 
 
 _implement(arithmetic.exp, lambda z: vector_exponential(z))
+_implement(arithmetic.sin, lambda z: vector_sine(z))
+_implement(arithmetic.cos, lambda z: vector_sine(z + 0.5 * np.pi))
 _implement(arithmetic.magnitude, _magnitude)
 _implement(arithmetic.sign, _sign)
 _implement(arithmetic.tanh, _tanh)

@@ -1,0 +1,59 @@
+"""A spring between a mass and the ground: cable chain, balancer, spring-loaded stop."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brightgrey.effects import STIFFNESS, Draft, Effect, Law, Modelica, Parameter, Values
+
+
+def spring_torque(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+    """Torque -c_g q on the mass, and its slope over position."""
+    return -p[0] * z[0], (-p[0],)
+
+
+SPRING_LAW = Law(("c_g",), spring_torque, affine=True, odd=True)
+
+
+def add_ground_spring(draft: Draft, place: int, values: Values) -> Draft:
+    """Add the torque to the mass at `place`, from that mass's position."""
+    return draft.with_element(SPRING_LAW, (draft.unit_row(f"q{place}"),), draft.B[:, place - 1], values)
+
+
+EFFECT = Effect(
+    name="ground_spring",
+    number=13,
+    title="Spring to the ground",
+    about=(
+        "A torque that grows with the distance from position 0: cable chain, balancer, spring. "
+        "A preload is the constant torque (gravity) beside it."
+    ),
+    equation="M = -c_g q",
+    source="the spring of paper eq. (1) with one end at rest",
+    stage="gravity",
+    where="mass",
+    parameters=(
+        Parameter(
+            "c_g",
+            STIFFNESS,
+            "spring constant between the mass and the ground",
+            bounds=lambda s: (1e-4 * s.torque / s.travel, 20.0 * s.torque / s.travel),
+            start=lambda s: 1e-2 * s.torque / s.travel,
+            size=True,
+        ),
+    ),
+    law=SPRING_LAW,
+    stamp=add_ground_spring,
+    relevant_size=lambda s, values, place: {"c_g": 0.01 * s.torque / s.travel},
+    residual_signature="the position",
+    modelica=Modelica(
+        components=(
+            ("$library.Components.Spring", "$name", "c = $c_g, ${q}_rel0 = 0"),
+            ("$library.Components.Fixed", "${name}_fixed", ""),
+        ),
+        equations=(
+            "connect(${name}_fixed.flange, $name.flange_a)",
+            "connect($name.flange_b, mass$place.flange_b)",
+        ),
+    ),
+)

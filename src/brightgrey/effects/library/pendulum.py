@@ -1,0 +1,95 @@
+"""Gravity that depends on the position: an arm, an eccentric load."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.effects import (
+    ANGLE,
+    PER_POSITION,
+    TORQUE,
+    Draft,
+    Effect,
+    Law,
+    Modelica,
+    Parameter,
+    Scales,
+    SearchHints,
+    Values,
+)
+from brightgrey.effects.arithmetic import cos, sin
+
+
+def pendulum_torque(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+    """Torque -G sin(k q + phi_0) on the mass, and its slope over position."""
+    G, k, phi_0 = p
+    angle = k * z[0] + phi_0
+    return -G * sin(angle), (-G * k * cos(angle),)
+
+
+PENDULUM_LAW = Law(("G", "k", "phi_0"), pendulum_torque)
+
+
+def add_pendulum(draft: Draft, place: int, values: Values) -> Draft:
+    """Add the torque to the mass at `place`, from that mass's position."""
+    return draft.with_element(PENDULUM_LAW, (draft.unit_row(f"q{place}"),), draft.B[:, place - 1], values)
+
+
+def sample_pendulums(scales: Scales, share: Array) -> Array:
+    """Draw plausible pendulums: from a twentieth of a turn to five turns over the travel, in any pose."""
+    G = scales.torque * 1e-2 * 200.0 ** share[0]
+    k = 0.1 * np.pi / scales.travel * 100.0 ** share[1]
+    return np.stack([G, k, np.pi * (2.0 * share[2] - 1.0)])
+
+
+EFFECT = Effect(
+    name="pendulum",
+    number=14,
+    title="Position-dependent gravity (pendulum)",
+    about=(
+        "Gravity on an arm or an eccentric load. k turns the position into the angle of the arm: 1 where the position "
+        "is that angle. On a short way it is a constant torque and a spring."
+    ),
+    equation="M = -G sin(k q + phi_0)",
+    source="Wiebe et al. 2022, doi:10.21105/joss.03884 (torque-limited simple pendulum)",
+    stage="gravity",
+    where="mass",
+    parameters=(
+        Parameter(
+            "G",
+            TORQUE,
+            "largest torque of gravity: mass times lever times 9.81 m/s²",
+            bounds=lambda s: (1e-4 * s.torque, 20.0 * s.torque),
+            start=lambda s: 0.1 * s.torque,
+            size=True,
+        ),
+        Parameter(
+            "k",
+            PER_POSITION,
+            "angle of the arm over the position",
+            bounds=lambda s: (1e-2 * np.pi / s.travel, 20.0 * np.pi / s.travel),
+            start=lambda s: np.pi / s.travel,
+        ),
+        Parameter(
+            "phi_0",
+            ANGLE,
+            "angle of the arm from hanging down, at position 0, in rad",
+            bounds=lambda s: (-2.0 * np.pi, 2.0 * np.pi),
+            start=lambda s: 0.0,
+            scale="linear",
+        ),
+    ),
+    law=PENDULUM_LAW,
+    stamp=add_pendulum,
+    relevant_size=lambda s, values, place: {"G": 0.02 * s.torque, "k": np.pi / s.travel, "phi_0": 0.0},
+    residual_signature="the sine of the position",
+    search=SearchHints(sample=sample_pendulums),
+    modelica=Modelica(
+        components=(("$library.Sources.$Force", "$name", ""),),
+        equations=("$name.$f = $law", "connect($name.flange, mass$place.flange_b)"),
+        port="mass$place.$q",
+    ),
+)
