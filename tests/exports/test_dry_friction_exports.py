@@ -37,6 +37,7 @@ def needs(to):
         ("two_mass+coulomb+viscous+stribeck+gravity+current_control+delay", "linear"),
         ("one_mass+coulomb+stribeck", "zoh"),
         ("two_mass+coulomb+backlash", "linear"),
+        ("two_mass+coulomb+coulomb@2+viscous@2+directional_viscous@2", "linear"),
     ],
 )
 def test_export__dry_friction__stops_and_moves_like_the_model(to, structure, hold, tmp_path):

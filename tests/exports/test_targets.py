@@ -61,6 +61,8 @@ def deviation_of(to, model, folder):
             "two_mass+coulomb+gravity+current_control+delay",
             {"kinds": ("velocity-differenced", "acceleration"), "hold": "zoh", "linear_axis": True},
         ),
+        ("two_mass+viscous+directional_viscous+coulomb@2+viscous@2+ground_spring@2+pendulum", {"kinds": ALL}),
+        ("three_mass+backlash@2+stribeck@3+gravity@2+pendulum@2+directional_viscous@3+viscous@3", {"linear_axis": True}),
     ],
 )
 def test_export__run_by_its_tool__moves_like_the_model(to, structure, options, tmp_path):
@@ -108,7 +110,8 @@ def test_export__twenty_random_structures__move_like_the_model(to, tmp_path):
 def test_random_structures__twenty__have_every_effect():
     from brightgrey.effects import registry
 
-    assert {name for structure in random_structures(20, 1) for name in structure.split("+")} == set(registry())
+    drawn = {name for structure in random_structures(20, 1) for name in structure.split("+")}
+    assert drawn == {e.name for e in registry().values() if e.number <= 11}
 
 
 @pytest.mark.parametrize("to", EXPORTS)

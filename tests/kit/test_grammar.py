@@ -4,7 +4,7 @@ import pytest
 
 from brightgrey.effects import registry
 from brightgrey.errors import StructureError
-from brightgrey.kit import PAPER, Grammar, Structure
+from brightgrey.kit import PAPER, Grammar, Placed, Structure, function_set, grammar_named
 
 ALL = list(PAPER.structures())
 
@@ -15,7 +15,6 @@ def test_paper_grammar__structures__are_448_and_unequal():
 
 
 def test_paper_grammar__every_structure__reads_back():
-    assert {p.name for s in ALL for p in s.placed} == set(registry())
     for structure in ALL:
         assert PAPER.parse(str(structure)) == structure
 
@@ -42,6 +41,35 @@ def test_parse__wrong_combination__refused_with_the_rule(text, said):
     for part in said:
         assert part in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def test_function_set__every_effect__stands_at_all_its_places():
+    kit = function_set()
+    assert set(kit.places) == set(registry())
+    for placed in kit.placed:
+        names = dict.fromkeys(["four_mass", *(f"{n}@{placed.place}" for n in placed.effect.requires), str(placed)])
+        others = [n for n in names if n == str(placed) or not placed.effect.masses]
+        assert placed in kit.parse("+".join(others)).placed
+
+
+def test_drive__first_stage__is_the_paper():
+    drive = grammar_named("drive")
+    assert drive.places == PAPER.places
+    later = [str(p) for stage in drive.stages for p in stage]
+    assert len(later) == len(set(later)) == 19
+    assert set(later).isdisjoint(map(str, drive.placed))
+    assert set(drive.whole.parameters) > set(PAPER.parameters)
+    assert set(PAPER.parameters) == {name for s in ALL for name in s.parameters}
+
+
+def test_grammar__offering__brings_what_is_required():
+    offered = grammar_named("drive").offering([Placed("directional_viscous", 2)])
+    assert offered.places["viscous"] == (1, 2)
+    assert offered.later == ()
+    with pytest.raises(StructureError, match="'directional_viscous@2' requires 'viscous@2'"):
+        offered.parse("two_mass+viscous+directional_viscous@2")
+    with pytest.raises(StructureError, match="Did you mean 'drive'"):
+        grammar_named("drives")
 
 
 def test_grammar__other_places__gives_its_structures():

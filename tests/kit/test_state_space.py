@@ -6,9 +6,14 @@ import pytest
 from brightgrey.effects import registry
 from brightgrey.errors import SettingsError
 from brightgrey.excitation.random_drives import random_values
-from brightgrey.kit import OUTPUTS, PAPER, Structure, assemble
+from brightgrey.kit import OUTPUTS, PAPER, Structure, assemble, function_set
 
-ALL = list(PAPER.structures())
+REAL_AXES = (
+    "two_mass+viscous+directional_viscous+coulomb@2+viscous@2+directional_viscous@2",
+    "one_mass+ground_spring+pendulum",
+    "three_mass+backlash@2+stribeck@3+pendulum@2",
+)
+ALL = [*PAPER.structures(), *map(function_set().parse, REAL_AXES)]
 J1, J2, J3, c1, c2, d1, d2 = 2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0
 TWO = {"J1": J1, "J2": J2, "c1": c1, "d1": d1}
 THREE = {**TWO, "J3": J3, "c2": c2, "d2": d2}
@@ -111,7 +116,7 @@ def test_delay__changes_nothing_but_the_dead_time():
     assert (plain.dead_time, s.dead_time) == (0.0, 0.003)
 
 
-@pytest.mark.parametrize("number", range(0, 448, 9))
+@pytest.mark.parametrize("number", [*range(0, 448, 9), 448, 449, 450])
 def test_linearise__equals_finite_differences(number):
     structure = ALL[number]
     rng = np.random.default_rng(number)
@@ -130,7 +135,7 @@ def test_linearise__equals_finite_differences(number):
         np.testing.assert_allclose(difference, exact[:, 0], atol=1e-9 * np.abs(linear.A).max(), rtol=1e-9)
 
 
-@pytest.mark.parametrize("number", range(4, 448, 37))
+@pytest.mark.parametrize("number", [*range(4, 448, 37), 448, 449, 450])
 def test_assemble__batch__equals_its_members(number):
     structure = ALL[number]
     sets = [random_values(structure.parameters, np.random.default_rng([number, k])) for k in range(5)]
@@ -154,7 +159,7 @@ def test_assemble__states__in_the_order_of_the_design():
         names = [f"{q}{i + 1}" for q in "qv" for i in range(n)]
         tail = assemble(structure, values, 1.0).state_names[2 * n :]
         assert assemble(structure, values, 1.0).state_names[: 2 * n] == tuple(names)
-        assert tail in ((), ("lambda1",), ("T",), ("lambda1", "T"))
+        assert tail in ((), ("lambda1",), ("lambda2",), ("T",), ("lambda1", "T"))
         assert len(tail) == sum(p.effect.has_states and not p.effect.masses for p in structure.placed)
 
 

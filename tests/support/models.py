@@ -4,7 +4,7 @@ import numpy as np
 
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
-from brightgrey.kit import PAPER, assemble
+from brightgrey.kit import PAPER, assemble, function_set
 from brightgrey.model.model import Model
 from brightgrey.model.trace import Trace
 from brightgrey.recordings.units.signals import Units
@@ -64,7 +64,7 @@ def make_model(structure, parameters, outputs, units, *, dt, f_tanh, speed, hold
 def model_with_intervals(structure=FULL, *, relative=0.1, units=("N m", "rad"), kind="velocity"):
     """Model of the known drive with intervals from value / (1 + relative) to value (1 + relative), at rest at first."""
     shown = Units(*units)
-    parsed = PAPER.check(PAPER.parse(structure))
+    parsed = function_set().check(function_set().parse(structure))
     parameters, bounds = {}, {}
     for name, parameter in parsed.parameters.items():
         unit, factor = shown.of(parameter.dimension)
@@ -116,7 +116,7 @@ def model_with_values(structure, values, *, kinds=("velocity",), hold="linear", 
     """Model of `structure` with SI `values` and without intervals; a linear axis is the same in N and mm."""
     units = Units("N", "mm") if linear_axis else Units("N m", "rad")
     parameters = {}
-    for name, declared in PAPER.check(PAPER.parse(structure)).parameters.items():
+    for name, declared in function_set().check(function_set().parse(structure)).parameters.items():
         unit, factor = units.of(declared.dimension)
         parameters[name] = {"value": values[name] * factor, "unit": unit, "std": None, "ci95": None, "at_bound": None}
     outputs = [(kind, kind, KINDS[kind][linear_axis]) for kind in kinds]
@@ -126,7 +126,7 @@ def model_with_values(structure, values, *, kinds=("velocity",), hold="linear", 
 
 def random_model(structure, seed, **options):
     """Model of `structure` with random plausible values."""
-    values = random_values(PAPER.parse(structure).parameters, np.random.default_rng(seed))
+    values = random_values(function_set().parse(structure).parameters, np.random.default_rng(seed))
     return model_with_values(structure, values, **options)
 
 

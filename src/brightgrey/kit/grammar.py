@@ -46,6 +46,11 @@ class Grammar:
         return Grammar(self.name, _places_of(placed))
 
     @property
+    def placed(self) -> tuple[Placed, ...]:
+        """All placed effects but those of later stages."""
+        return tuple(_listed(self.places))
+
+    @property
     def stages(self) -> tuple[tuple[Placed, ...], ...]:
         """Placed effects of each later stage."""
         return tuple(tuple(_listed(stage)) for stage in self.later)

@@ -17,7 +17,7 @@ import numpy as np
 
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.noise.residual_analysis import is_white
-from brightgrey.kit import Structure
+from brightgrey.kit import Placed, Structure
 from brightgrey.search.adequacy import Deviance, Round
 from brightgrey.search.border import Border, Refutation, assess
 from brightgrey.search.fitting.coarse import coarse_task
@@ -25,8 +25,9 @@ from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
 from brightgrey.search.fitting.structure_fit import Options, StructureFit
+from brightgrey.search.further_effects import further_effects
 from brightgrey.search.lattice import Lattice
-from brightgrey.search.policy import BORDER, REFIT, BorderPolicy
+from brightgrey.search.policy import BORDER, FURTHER, REFIT, BorderPolicy
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["BorderSearch", "anchors"]
@@ -65,6 +66,8 @@ class BorderSearch:
     lattice: Lattice
     executor: Executor
     seed: int = 0
+    later: tuple[Placed, ...] = ()  #: Effects that are offered where those of the lattice leave something unexplained.
+    with_effects: Callable[[Sequence[Placed]], Lattice] | None = None  #: The lattice with some of these.
     options: Options = field(default_factory=lambda: Options(patience=0, fresh_hard_limit=2))
     policy: BorderPolicy = BORDER
     progress: Callable[[str, int, Structure], None] = field(default_factory=lambda: lambda stage, fits, best: None)
@@ -76,6 +79,7 @@ class BorderSearch:
         self.tops: set[Structure] = set()
         self.restarts: dict[Structure, int] = {}
         self.flipped: set[int] = set()
+        self.offered: tuple[Placed, ...] = ()
 
     def run(self, *, everything: bool = False) -> Border:
         """Border of all structures; with `everything`, all of them are fitted first.
@@ -88,11 +92,47 @@ class BorderSearch:
         if everything:
             self.fit_everything()
         else:
-            self.fit(self.anchors)
-            self.fit_hard_limits()
-            self.find_best()
+            self.fit_largest()
         if not np.isfinite(self.fits.best().cost):
             raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
+        border = self.in_rounds()
+        for _ in range(FURTHER.times):
+            if not self.offer_further(border):
+                break
+            self.fit_largest()
+            border = self.in_rounds()
+        return border
+
+    def fit_largest(self) -> None:
+        """Fit the structures with most effects, until nothing is left to explain or to try."""
+        self.fit(self.anchors)
+        self.fit_hard_limits()
+        self.find_best()
+
+    def offer_further(self, border: Border) -> bool:
+        """Extend the lattice by effects that explain what it leaves; returns False if there is nothing to offer.
+
+        They are tried beside the best structure with each number of masses, fewest first, up to that of the simplest
+        minimal one: an effect at a mass that is there is a simpler explanation than another mass.
+        """
+        if self.with_effects is None or self.is_explained():
+            return False
+        more = [p for p in self.later if p not in self.lattice.atoms]
+        for masses in range(1, min(self.lattice.structure(m).masses for m in border.minimal) + 1):
+            fitted = [f for s, f in self.fits.done.items() if s.masses == masses and not f.redundant_effects]
+            if not fitted:
+                continue
+            structure = min(fitted, key=lambda f: (f.structure.has_hard_limit, f.cost)).structure
+            found = further_effects(self.refined, structure, more, border.least, self.seed)
+            if found:
+                self.offered += found
+                self.lattice = self.with_effects(self.offered)
+                self.anchors = anchors(self.lattice)
+                return True
+        return False
+
+    def in_rounds(self) -> Border:
+        """Border of the lattice, in rounds with a noise model each, until no status changes."""
         reference, last = self.fits.best().structure, None
         for _ in range(self.policy.rounds):
             self.refined.begin_round(reference)
@@ -100,14 +140,13 @@ class BorderSearch:
             statuses = {m: m in border.adequate for m in self.deviances()}
             if last is not None:
                 self.flipped = {m for m, adequate in last.items() if statuses.get(m, adequate) != adequate}
-            table = self.deviances()
-            simplest = self.lattice.structure(min(border.minimal, key=lambda m: (table[m].free, border.excess[m])))
-            if simplest == reference:  # the next round would be this one again
+            best = self.lattice.structure(border.best)
+            if best == reference:  # the next round would be this one again
                 self.flipped = set()
                 break
             if last is not None and not self.flipped:
                 break
-            reference, last = simplest, statuses
+            reference, last = best, statuses
         return border
 
     def fit(self, structures: Sequence[Structure]) -> None:

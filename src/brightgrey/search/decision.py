@@ -14,7 +14,8 @@ from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.symptoms import residual_symptoms
 from brightgrey.estimation.optimisation.least_squares import polish
 from brightgrey.estimation.uncertainty.estimates import estimates_of
-from brightgrey.kit import Grammar, Structure
+from brightgrey.errors import one_of
+from brightgrey.kit import Grammar, Placed, Structure
 from brightgrey.search.border import Border, Refutation
 from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.certificate import Certificate, RefutedStructure
@@ -96,7 +97,17 @@ def decide_structures(
     KeyboardInterrupt, Stopped
         If it is stopped before the first fit.
     """
-    lattice = Lattice.of(grammar, require, exclude)
+    later = [p for stage in grammar.stages for p in stage if str(p) not in exclude]
+    wanted = [p for p in later if str(p) in require]
+
+    def with_effects(more: Sequence[Placed]) -> Lattice:
+        offered = grammar.offering([*wanted, *more])
+        return Lattice.of(offered, require, [e for e in exclude if e in map(str, offered.placed)])
+
+    one_of_all = [str(p) for p in grammar.whole.placed]
+    for name in exclude:
+        one_of("effect", name, one_of_all)
+    lattice = with_effects(())
     tell = progress or (lambda step: None)
     with thread_pool(executor) as workers:
         total = lattice.size if how == "exhaustive" else None
@@ -105,6 +116,8 @@ def decide_structures(
             lattice,
             workers,
             seed,
+            tuple(later),
+            with_effects if later else None,
             progress=lambda stage, done, best: tell(SearchProgress(stage, done, total, best)),
         )
         evidence = None

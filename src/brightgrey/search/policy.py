@@ -8,11 +8,13 @@ __all__ = [
     "BORDER",
     "BUDGET",
     "COARSE",
+    "FURTHER",
     "REFINEMENT",
     "REFIT",
     "SELECTION",
     "BorderPolicy",
     "CoarsePolicy",
+    "FurtherEffectsPolicy",
     "RefinementPolicy",
     "RefitPolicy",
     "SearchBudget",
@@ -101,6 +103,17 @@ class BorderPolicy:
 
 
 @dataclass(frozen=True)
+class FurtherEffectsPolicy:
+    """Offer of effects that a function set holds back until they are called for."""
+
+    #: Least part of what a structure leaves beyond the best one that a further effect has to explain at first order.
+    rescued_share: float = 0.1
+    at_once: int = 4  #: Effects that are offered at a time; more follow if these leave something.
+    times: int = 4  #: Times that effects are offered.
+    draws: int = 15  #: Values that are tried for the further parameters of an effect.
+
+
+@dataclass(frozen=True)
 class CoarsePolicy:
     """Samples that are left out for the descents of a search."""
 
@@ -116,6 +129,7 @@ class CoarsePolicy:
 SELECTION = SelectionPolicy()
 REFINEMENT = RefinementPolicy()
 BORDER = BorderPolicy()
+FURTHER = FurtherEffectsPolicy()
 COARSE = CoarsePolicy()
 BUDGET = SearchBudget()
 REFIT = RefitPolicy()

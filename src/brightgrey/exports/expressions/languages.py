@@ -78,6 +78,8 @@ C = Language(
     {
         "tanh": "tanh({})",
         "exp": "exp({})",
+        "sin": "sin({})",
+        "cos": "cos({})",
         "abs": "fabs({})",
         "max": "fmax({}, {})",
         "min": "fmin({}, {})",
@@ -92,6 +94,8 @@ MATLAB = Language(
     {
         "tanh": "tanh({})",
         "exp": "exp({})",
+        "sin": "sin({})",
+        "cos": "cos({})",
         "abs": "abs({})",
         "max": "max({}, {})",
         "min": "min({}, {})",
@@ -106,6 +110,8 @@ PYTHON = Language(
     {
         "tanh": "np.tanh({})",
         "exp": "np.exp({})",
+        "sin": "np.sin({})",
+        "cos": "np.cos({})",
         "abs": "abs({})",
         "max": "max({}, {})",
         "min": "min({}, {})",
@@ -120,6 +126,8 @@ MODELICA = Language(
     {
         "tanh": "tanh({})",
         "exp": "exp({})",
+        "sin": "sin({})",
+        "cos": "cos({})",
         "abs": "abs({})",
         "max": "max({}, {})",
         "min": "min({}, {})",
@@ -134,6 +142,8 @@ LATEX = Language(
     {
         "tanh": r"\tanh\left({}\right)",
         "exp": r"\exp\left({}\right)",
+        "sin": r"\sin\left({}\right)",
+        "cos": r"\cos\left({}\right)",
         "abs": r"\left|{}\right|",
         "max": r"\max\left({}, {}\right)",
         "min": r"\min\left({}, {}\right)",

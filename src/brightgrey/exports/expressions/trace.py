@@ -24,6 +24,8 @@ _UFUNCS = {
     "negative": "neg",
     "tanh": "tanh",
     "exp": "exp",
+    "sin": "sin",
+    "cos": "cos",
     "absolute": "abs",
     "fabs": "abs",
     "maximum": "max",
@@ -42,6 +44,8 @@ _NUMERIC: Mapping[str, Callable[..., float]] = {
     "neg": lambda a: -a,
     "tanh": lambda a: float(np.tanh(a)),
     "exp": lambda a: float(np.exp(a)),
+    "sin": lambda a: float(np.sin(a)),
+    "cos": lambda a: float(np.cos(a)),
     "abs": abs,
     "max": max,
     "min": min,
@@ -54,7 +58,7 @@ class Expression:
     Attributes
     ----------
     operation : str
-        ``symbol``, ``constant``, an infix operator, or ``neg tanh exp abs max min where``.
+        ``symbol``, ``constant``, an infix operator, or ``neg tanh exp sin cos abs max min where``.
     operands : tuple
         Expressions; the name of a symbol, the value of a constant.
     """

@@ -45,6 +45,13 @@
         equation
           @f@ = d * @v@_rel;
         end Damper;
+        model Spring
+          extends Modelica.Mechanics.@package@.Interfaces.PartialCompliantWithRelativeStates;
+          parameter Real c = 1;
+          parameter Real @q@_rel0 = 0;
+        equation
+          @f@ = c * (@q@_rel - @q@_rel0);
+        end Spring;
         model Fixed
           Modelica.Mechanics.@package@.Interfaces.Flange flange;
         equation
