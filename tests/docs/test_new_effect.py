@@ -50,7 +50,7 @@ def test_new_effect__is_listed_by_command_line_and_pages(extended):
         "about": "drag coefficient",
     }
     page = extended("-c", "from brightgrey.report.effect_catalogue import catalogue; print(catalogue())")
-    assert "## 12 · Drag" in page
+    assert "## 15 · Drag" in page
     assert "| `k_D` | N m s²/rad² | N s²/m² | drag coefficient (positive) |" in page
     assert "file" not in page
 
@@ -88,6 +88,6 @@ def test_new_effect__registry_tests__include_it(extended):
 
 
 def test_new_effect__grammar_of_the_paper__is_unchanged(extended):
-    count = "print(*(len(list(g.structures())) for g in (PAPER, function_set())))"
-    code = f"from brightgrey.kit import PAPER, function_set; {count}"
+    count = "print(*(len(list(g.structures())) for g in (PAPER, Grammar('drive', grammar_named('drive').places))))"
+    code = f"from brightgrey.kit import PAPER, Grammar, grammar_named; {count}"
     assert extended("-c", code).split() == ["448", "896"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects import STIFFNESS, Draft, Effect, Law, Modelica, Parameter, Values
+from brightgrey.effects import STIFFNESS, Caution, Draft, Effect, Law, Modelica, Parameter, Values
 
 
 def spring_torque(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -46,6 +46,14 @@ EFFECT = Effect(
     stamp=add_ground_spring,
     relevant_size=lambda s, values, place: {"c_g": 0.01 * s.torque / s.travel},
     residual_signature="the position",
+    cautions=(
+        Caution(
+            "confounded",
+            ("c_g",),
+            lambda _: True,
+            "this is a torque in proportion to the position: a spring, or gravity on an arm over a short way",
+        ),
+    ),
     modelica=Modelica(
         components=(
             ("$library.Components.Spring", "$name", "c = $c_g, ${q}_rel0 = 0"),

@@ -11,6 +11,7 @@ from brightgrey.effects import (
     ANGLE,
     PER_POSITION,
     TORQUE,
+    Caution,
     Draft,
     Effect,
     Law,
@@ -86,6 +87,14 @@ EFFECT = Effect(
     stamp=add_pendulum,
     relevant_size=lambda s, values, place: {"G": 0.02 * s.torque, "k": np.pi / s.travel, "phi_0": 0.0},
     residual_signature="the sine of the position",
+    cautions=(
+        Caution(
+            "confounded",
+            ("G", "k", "phi_0"),
+            lambda c: c.values["k"] * c.scales.travel < 0.5 * np.pi,
+            "over less than a quarter of a turn this is like a constant torque and a spring to the ground",
+        ),
+    ),
     search=SearchHints(sample=sample_pendulums),
     modelica=Modelica(
         components=(("$library.Sources.$Force", "$name", ""),),

@@ -46,9 +46,10 @@ class Whitening:
 
     models: tuple[Autoregression, ...]  #: Noise of each segment, the error floor included.
     lengths: tuple[int, ...]  #: Samples of each segment.
-    #: Variance of the errors of simulation and sensor in each segment. They count as white and as independent of the
-    #: noise.
+    #: Variance of the errors of simulation and sensor in each segment. They are independent of the noise. As far as
+    #: they are smaller than it they have its colour, since both pass through the drive; the rest is white.
     error_floor: tuple[float, ...]
+    floor_deviance: float = 0.0  #: Expected sum of squares of the whitened errors of simulation and sensor.
 
     @classmethod
     def of(
@@ -68,7 +69,10 @@ class Whitening:
         """
         floor = (0.0,) * len(lengths) if error_floor is None else tuple(error_floor)
         models = noise_models(residual, jacobian, lengths)
-        return cls(tuple(_add_white(m, v) for m, v in zip(models, floor, strict=True)), tuple(lengths), floor)
+        sizes = [float(np.mean(np.square(part))) for part in split_segments(residual, lengths)]
+        found = [_with_floor(m, size, v) for m, size, v in zip(models, sizes, floor, strict=True)]
+        deviance = sum(n * share for n, (_, share) in zip(lengths, found, strict=True))
+        return cls(tuple(m for m, _ in found), tuple(lengths), floor, deviance)
 
     @property
     def samples(self) -> int:
@@ -105,14 +109,6 @@ class Whitening:
         r, Q = self.whiten(residual), self.basis(jacobian)
         return float(max(r @ r - np.square(Q.T @ r).sum(), 0.0)) + self.floor_deviance
 
-    @cached_property
-    def floor_deviance(self) -> float:
-        """Expected sum of squares of the whitened errors of simulation and sensor."""
-        return sum(
-            length * variance * float(np.square(model.a).sum()) / max(model.variance, np.finfo(float).tiny)
-            for model, length, variance in zip(self.models, self.lengths, self.error_floor, strict=True)
-        )
-
     def explain(self, jacobian: Array, change: Array) -> tuple[float, Array]:
         """Explain a change of the weighted outputs by steps of the parameters, by generalised least squares.
 
@@ -135,6 +131,15 @@ class Whitening:
         steps, *_ = np.linalg.lstsq(J / size, c, rcond=BASIS_RANK_TOLERANCE)
         unexplained = c - (J / size) @ steps
         return float(unexplained @ unexplained), steps / size
+
+
+def _with_floor(noise: Autoregression, own: float, variance: float) -> tuple[Autoregression, float]:
+    """Noise of variance `own` with errors of another added, and the variance that these have when they are whitened."""
+    white = variance * variance / (variance + own) if variance > 0.0 else 0.0
+    coloured = (variance - white) / own if own > 0.0 else 0.0
+    total = _add_white(Autoregression(noise.a, noise.variance * (1.0 + coloured)), white)
+    flat = white * float(np.square(total.a).sum()) / max(total.variance, np.finfo(float).tiny)
+    return total, flat + coloured * noise.variance / max(total.variance, np.finfo(float).tiny)
 
 
 def _add_white(model: Autoregression, variance: float) -> Autoregression:

@@ -16,12 +16,12 @@ __all__ = ["TORQUE", "friction_at", "friction_charts", "friction_elements"]
 
 
 def friction_elements(system: StateSpace) -> dict[int, list[Element]]:
-    """Elements that take energy from a mass by its speed, by the number of the mass."""
+    """Elements that act against the motion of a mass by its speed, by the number of the mass."""
     speeds = [i for i, state in enumerate(system.states) if state.at_rest == "speed"]
     found: dict[int, list[Element]] = {}
     for e in system.elements:
         reads = np.unique(np.nonzero(e.H)[1]).tolist()
-        if e.law.dissipative and len(reads) == 1 and reads[0] in speeds:
+        if len(reads) == 1 and reads[0] in speeds:
             found.setdefault(speeds.index(reads[0]) + 1, []).append(e)
     return found
 
