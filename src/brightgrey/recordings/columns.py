@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from brightgrey.errors import RecordingError, SettingsError
-from brightgrey.recordings.formats.table import Table
+from brightgrey.recordings.formats.table import TIME_NAME, Table
 from brightgrey.recordings.recording import Signal
+from brightgrey.recordings.units.drive_scales import DriveScales, check_names, rated_hint
 from brightgrey.recordings.units.parser import Unit, is_unit, parse_unit
 from brightgrey.recordings.units.signals import assumed_unit, base_of, check_kind, fits, kind_of
 from brightgrey.recordings.window import TimeWindow
@@ -19,11 +20,6 @@ __all__ = ["ColumnChoice", "OutputColumn", "ReadingOptions", "choose_columns"]
 # "name:kind", "name" (its kind follows from its unit or its name), or (name, kind)
 OutputColumn = str | tuple[str, str]
 
-TIME_NAME = re.compile(
-    r"(t|time|zeit|time[_ ]?stamps?|(sim(ulation)?|elapsed|rel(ative)?)[_ ]?time)"
-    r"([_ ](?P<unit>s|sec|seconds?|ms|us|µs|min))?",
-    re.IGNORECASE,
-)
 KIND_NAMES = {
     "position": re.compile(r"pos|angle|winkel|lage|weg", re.IGNORECASE),
     "velocity": re.compile(r"vel|speed|drehzahl|geschw|omega", re.IGNORECASE),
@@ -46,6 +42,7 @@ class ReadingOptions:
     window: TimeWindow | None
     decimate: int
     hold: str
+    scales: DriveScales = field(default_factory=DriveScales)
 
 
 @dataclass(frozen=True)
@@ -54,8 +51,8 @@ class ColumnChoice:
 
     input: int  #: Column of the input.
     outputs: tuple[int, ...]  #: Columns of the outputs.
-    time: int | None  #: Column of the time; None if the sampling interval is given.
-    time_factor: float  #: Seconds per unit of the time's column.
+    times: tuple[int, ...]  #: Column of the time of each, input first; empty if the sampling interval is given.
+    time_factors: tuple[float, ...]  #: Seconds per unit of these columns.
     signals: tuple[Signal, ...]  #: Input first.
     notes: tuple[str, ...]  #: Assumptions.
 
@@ -81,28 +78,29 @@ def choose_columns(table: Table, options: ReadingOptions) -> ColumnChoice:
     if not named:
         raise SettingsError("no output is named; at least one is needed, e.g. velocity:velocity")
     given = _given_units(table, options.units)
+    check_names(options.scales, [column.name for column in table.columns])
     chosen = [u, *(i for i, _ in named)]
-    t, notes = _find_time(table, options, chosen)
-    everything = [*chosen, t]
+    times, notes = _find_times(table, options, chosen)
+    everything = [*chosen, *dict.fromkeys(times)]
     for i in everything:
-        if i is not None and everything.count(i) > 1:
+        if everything.count(i) > 1:
             raise table.fault(f"column '{table.columns[i].name}' is named twice among input, outputs and time")
     kinds = []
     for i, kind in named:
         found, reason = (kind, "") if kind else _guess_kind(table.columns[i].name, given.get(i))
         kinds.append(found)
         notes += [f"output '{table.columns[i].name}' is taken as {found}{reason}"] if reason else []
-    signals = _chosen_signals(table, chosen, kinds, given, input_gain)
+    signals = _chosen_signals(table, chosen, kinds, given, options)
     assumed = [f"'{s.name}' in {s.unit}{_unit_in_name(s)}" for s in signals if not s.unit_given]
-    factor = 1.0
-    if t is not None:
-        factor, remark = _time_unit(table, t, given.get(t))
+    factors = {}
+    for t in dict.fromkeys(times):
+        factors[t], remark = _time_unit(table, t, given.get(t))
         assumed += [remark] if remark else []
     notes += [f"no unit is given; assumed: {', '.join(assumed)}"] if assumed else []
-    notes += _motion_as_input(signals[0])
+    notes += _notes_on_input(signals[0])
     unused = [name for name in options.units if table.find(name) not in everything]
     notes += [f"the unit of '{name}' is not used" for name in unused]
-    return ColumnChoice(u, tuple(chosen[1:]), t, factor, signals, tuple(notes))
+    return ColumnChoice(u, tuple(chosen[1:]), times, tuple(factors[t] for t in times), signals, tuple(notes))
 
 
 def _find_output(table: Table, output: OutputColumn) -> tuple[int, str]:
@@ -140,25 +138,41 @@ def _known_unit(given: Unit | RecordingError | None) -> Unit | None:
     return given
 
 
-def _find_time(table: Table, options: ReadingOptions, chosen: Sequence[int]) -> tuple[int | None, list[str]]:
-    """Return the column of the time, by its name if it is not given, or None if the interval is given."""
+def _find_times(table: Table, options: ReadingOptions, chosen: Sequence[int]) -> tuple[tuple[int, ...], list[str]]:
+    """Return the column of the time of each chosen column, none if the interval is given.
+
+    A time that is not given is the channels' own one, or the column that is called a time.
+    """
     time, dt = options.time, options.dt
     if time is not None and dt is not None:
         raise SettingsError(f"both the time's column '{time}' and a sampling interval of {dt:g} s are given; give one")
     if time is not None:
-        return table.find(time), []
-    names = [column.name for column in table.columns]
-    found = [i for i, name in enumerate(names) if TIME_NAME.fullmatch(name) and i not in chosen]
+        return (table.find(time),) * len(chosen), []
+    found = _time_columns(table, chosen)
     if dt is not None:
         if not (math.isfinite(dt) and dt > 0):
             raise SettingsError(f"sampling interval {dt:g} s is not a positive number")
-        return None, [f"the interval is given, the time in column '{names[i]}' is not used" for i in found]
+        names = [table.columns[i].name for i in found]
+        return (), [f"the interval is given, the time in column '{name}' is not used" for name in names]
+    own = [table.columns[i].clock for i in chosen]
+    if clocks := tuple(clock for clock in own if clock is not None):
+        if len(clocks) == len(chosen):
+            return clocks, []
+        without = table.columns[chosen[own.index(None)]].name
+        raise table.fault("it has no time of its own, as others have; name the time or give dt", column=without)
     if not found:
         raise table.fault(f"no column is called t or time; name the time's column or give dt. Columns: {table.names()}")
     if len(found) > 1:
-        candidates = ", ".join(f"'{names[i]}' (field {i + 1})" for i in found)
+        candidates = ", ".join(f"'{table.columns[i].name}' (field {i + 1})" for i in found)
         raise table.fault(f"columns {candidates} can all be the time; name the right one")
-    return found[0], []
+    return (found[0],) * len(chosen), []
+
+
+def _time_columns(table: Table, chosen: Sequence[int]) -> list[int]:
+    """Return the columns that may be the time: by their names, else those that hold clock times."""
+    named = [i for i, c in enumerate(table.columns) if TIME_NAME.fullmatch(c.name) and i not in chosen]
+    numbers = [i for i in named if not table.columns[i].clock_time]
+    return numbers or [i for i, c in enumerate(table.columns) if c.clock_time and i not in chosen]
 
 
 def _guess_kind(name: str, given: Unit | RecordingError | None) -> tuple[str, str]:
@@ -175,6 +189,8 @@ def _guess_kind(name: str, given: Unit | RecordingError | None) -> tuple[str, st
 def _time_unit(table: Table, index: int, given: Unit | RecordingError | None) -> tuple[float, str]:
     """Return the seconds per unit of the time, and a remark if neither its unit nor its name says s."""
     column = table.columns[index]
+    if column.clock_time:
+        return 1.0, ""
     unit = _known_unit(given)
     if unit is not None:
         if unit.dimension != (("[time]", 1),):
@@ -193,35 +209,47 @@ def _chosen_signals(
     chosen: Sequence[int],
     kinds: Sequence[str],
     given: Mapping[int, Unit | RecordingError],
-    input_gain: float,
+    options: ReadingOptions,
 ) -> tuple[Signal, ...]:
     """Return the signals of the chosen columns, input first."""
     names = [table.columns[i].name for i in chosen]
-    u, *outputs = [_known_unit(given.get(i)) for i in chosen]
+    scaled = [
+        options.scales.of(name, kind, _known_unit(given.get(i)))
+        for i, name, kind in zip(chosen, names, ("input", *kinds), strict=True)
+    ]
+    u, *outputs = [found.unit for found in scaled]
     bases: dict[str, str] = {}
     for name, kind, unit in zip(names[1:], kinds, outputs, strict=True):
         if unit is not None:
             base = base_of(unit, kind)
             if base is None:
-                raise table.fault(
-                    f"unit '{unit.text}' does not fit an output of kind {kind}, which has {fits(kind)}",
-                    column=name,
-                )
+                raise table.fault(_misfit(name, kind, unit), column=name)
             bases.setdefault(base, name)
     if len(bases) > 1:
         raise table.fault(f"'{bases['rad']}' is an angle and '{bases['m']}' a length; outputs must all be one of them")
     base = next(iter(bases), "m" if u is not None and u.dimension == parse_unit("N").dimension else "rad")
     assumed = ["N" if base == "m" else "N m", *(assumed_unit(kind, base) for kind in kinds)]
+    gains = [found.gain for found in scaled]
+    gains[0] *= options.input_gain
     return tuple(
         Signal(name, kind, unit.text if unit else guess, gain, unit is not None)
-        for name, kind, unit, guess, gain in zip(
-            names, ("input", *kinds), (u, *outputs), assumed, (input_gain, *[1.0] * len(kinds)), strict=True
-        )
+        for name, kind, unit, guess, gain in zip(names, ("input", *kinds), (u, *outputs), assumed, gains, strict=True)
     )
 
 
-def _motion_as_input(signal: Signal) -> list[str]:
-    """Return a note if the input is a motion."""
+def _misfit(name: str, kind: str, unit: Unit) -> str:
+    """Return the fault of an output whose unit is not that of its kind, with the option that mends it."""
+    if unit.text == "%":
+        return f"it is in % of a rated value; {rated_hint(name, kind)}"
+    if ("[count]", 1) in unit.dimension:
+        return f"it is in increments; say how many make a turn: --counts '{name}=4096'"
+    return f"unit '{unit.text}' does not fit an output of kind {kind}, which has {fits(kind)}"
+
+
+def _notes_on_input(signal: Signal) -> list[str]:
+    """Return a note if the input is a motion, or a part of a value that is not known."""
+    if signal.unit == "%":
+        return [f"input '{signal.name}' is in % and so are the parameters; {rated_hint(signal.name, 'input')}"]
     if kind_of(parse_unit(signal.unit)) is None:
         return []
     return [f"input '{signal.name}' in {signal.unit} is a motion; models expect a torque, force, voltage or current"]

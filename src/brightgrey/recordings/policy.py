@@ -17,6 +17,14 @@ class ReadingPolicy:
     """Largest deviation of a time step, as a part of the interval, that is read as uniform."""
     noted_jitter: float = 0.01
     """Deviation of a time step, as a part of the interval, from which a note is written."""
+    max_uneven: float = 0.5
+    """Largest deviation of a time step, as a part of the interval, from which channels are interpolated evenly."""
+    hole: float = 2.5
+    """Smallest time step, in intervals, that is a hole: the recording is cut there."""
+    least_stretch: float = 0.5
+    """Smallest part of the samples that the longest stretch between two holes must have."""
+    absurd: float = 1e30
+    """Size of a number, in the unit of its column, that no sensor measures."""
     max_repaired: float = 0.01
     """Largest part of the samples (but at least one sample) that may be interpolated or left out."""
     window_slack: float = 0.01
@@ -25,6 +33,14 @@ class ReadingPolicy:
     """A velocity with fewer levels than this between its extremes looks like encoder counts per interval."""
     sampled_lines: int = 200
     """Lines of a text file that are looked at to find delimiter, decimal mark and the columns of numbers."""
+    head_lines: int = 2000
+    """Lines of a text file within which the numbers must begin."""
+    lines_per_block: int = 1 << 16
+    """Lines of a text file that are strings at one time."""
+    least_expansion: int = 1 << 26
+    """Bytes that any compressed file may expand to."""
+    max_expansion: int = 50
+    """Bytes that a compressed file may expand to, for each of its own."""
     max_matrix_columns: int = 64
     """A matrix with more columns than this, and more rows, is not read as a table."""
     listed_columns: int = 30

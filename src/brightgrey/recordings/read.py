@@ -9,23 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from brightgrey.errors import RecordingError, nearest
+from brightgrey.errors import RecordingError
 from brightgrey.recordings.checks import is_constant
 from brightgrey.recordings.columns import OutputColumn, ReadingOptions, choose_columns
-from brightgrey.recordings.formats import file_formats
-from brightgrey.recordings.formats.delimited import read_delimited
-from brightgrey.recordings.formats.file_format import FIRST_BYTES
+from brightgrey.recordings.file import open_table
 from brightgrey.recordings.formats.table import Column, Table
 from brightgrey.recordings.policy import READING
 from brightgrey.recordings.recording import Recording, Signal, check_hold
 from brightgrey.recordings.samples import Samples, sample
+from brightgrey.recordings.units.drive_scales import DriveScales
 from brightgrey.recordings.window import TimeWindow, check_decimate, check_window, decimate
 
 __all__ = ["read_recording", "recording_from"]
 
-UNITS_OF_FILE: Mapping[str, str] = MappingProxyType({})
-# First bytes of a zip archive; a workbook is one.
-ARCHIVE = b"PK\x03\x04"
+NOT_GIVEN: Mapping[str, Any] = MappingProxyType({})
 
 
 def read_recording(
@@ -36,21 +33,29 @@ def read_recording(
     time: str | None = None,
     dt: float | None = None,
     input_gain: float = 1.0,
-    units: Mapping[str, str] = UNITS_OF_FILE,
+    units: Mapping[str, str] = NOT_GIVEN,
     window: TimeWindow | None = None,
     decimate: int = 1,
     hold: str = "linear",
+    rated: Mapping[str, str] = NOT_GIVEN,
+    counts: Mapping[str, float] = NOT_GIVEN,
+    gear: Mapping[str, float] = NOT_GIVEN,
+    torque_constant: str | None = None,
     delimiter: str | None = None,
     decimal: str | None = None,
     header: bool | None = None,
 ) -> Recording:
-    """Read a recording of a drive from a CSV or MAT (v5) file.
+    """Read a recording of a drive from a file.
 
-    Delimiter, decimal mark, header, comments and units in the header are found automatically. Time must rise in
-    steps that are equal within 10 %. `Recording.notes` lists repairs and assumptions: single missing samples and
-    values are interpolated, rows written twice are left out, time stamps rounded to a coarse last digit are read
-    as uniform. No repair may concern more than 1 % of the samples. A channel that never changes is noted, not
-    refused.
+    The format is found by the content: text with columns, Beckhoff TwinCAT Scope, maxon EPOS Studio, MATLAB (v4, v5),
+    and with the extras ``[formats]`` HDF5 and MATLAB 7.3, with ``[formats-lgpl]`` TDMS and MDF. Delimiter, decimal
+    mark, header, comments and units in the header of a text are found automatically.
+
+    `Recording.notes` lists repairs and assumptions: single missing samples and values are interpolated, rows written
+    twice are left out, time stamps rounded to a coarse last digit are read as uniform. No such repair may concern more
+    than 1 % of the samples. The longest stretch without a hole in the time is read. Steps that differ by more than 10 %
+    and channels with several clocks are interpolated, and the note says what that costs. A channel that never changes
+    is noted, not refused.
 
     Parameters
     ----------
@@ -78,6 +83,14 @@ def read_recording(
         Keep one sample in so many, see :func:`brightgrey.recordings.decimate`.
     hold : {'linear', 'zoh'}
         Course of the input between two samples.
+    rated : mapping of str to str, optional
+        Value of 100 % with its unit, by column or by quantity, for columns in %: ``{"torque": "9.84 mN m"}``.
+    counts : mapping of str to float, optional
+        Increments per turn, by column, for columns that count the increments of an encoder.
+    gear : mapping of str to float, optional
+        Factor of an output, by column, e.g. the ratio that turns an angle at the load into one at the motor.
+    torque_constant : str, optional
+        Torque or force per current for an input in A: ``"0.05 N m/A"``.
     delimiter, decimal, header : optional
         Delimiter of a text file (a space means any white space), decimal mark, and True if there is a header.
         Those that are not given are found automatically.
@@ -94,16 +107,10 @@ def read_recording(
     SettingsError
         For options that are out of range or contradict each other.
     """
-    file = Path(path)
-    start = _first_bytes(file)
-    reader = next((f for f in file_formats() if f.recognises(file, start)), None)
-    if reader is not None:
-        table = reader.read(file, input)
-    elif start.startswith(ARCHIVE):
-        raise RecordingError(f"{file.name}: this is a workbook or an archive; save the sheet as CSV and read that")
-    else:
-        table = read_delimited(file, delimiter=delimiter, decimal=decimal, header=header)
-    return _make_recording(table, ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold))
+    table, _ = open_table(path, input, delimiter=delimiter, decimal=decimal, header=header)
+    scales = DriveScales(rated, counts, gear, torque_constant)
+    options = ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold, scales)
+    return _make_recording(table, options)
 
 
 def recording_from(
@@ -114,10 +121,14 @@ def recording_from(
     time: str | None = None,
     dt: float | None = None,
     input_gain: float = 1.0,
-    units: Mapping[str, str] = UNITS_OF_FILE,
+    units: Mapping[str, str] = NOT_GIVEN,
     window: TimeWindow | None = None,
     decimate: int = 1,
     hold: str = "linear",
+    rated: Mapping[str, str] = NOT_GIVEN,
+    counts: Mapping[str, float] = NOT_GIVEN,
+    gear: Mapping[str, float] = NOT_GIVEN,
+    torque_constant: str | None = None,
     name: str = "recording",
 ) -> Recording:
     """Make a recording of arrays in memory, with the same checks as a file's.
@@ -149,7 +160,9 @@ def recording_from(
         np.arange(1, lengths.pop() + 1),
         lambda indices: np.array([arrays[i] for i in indices]),
     )
-    return _make_recording(table, ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold))
+    scales = DriveScales(rated, counts, gear, torque_constant)
+    options = ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold, scales)
+    return _make_recording(table, options)
 
 
 def _make_recording(table: Table, options: ReadingOptions) -> Recording:
@@ -158,8 +171,8 @@ def _make_recording(table: Table, options: ReadingOptions) -> Recording:
     check_decimate(options.decimate)
     hold = check_hold(options.hold)
     choice = choose_columns(table, options)
-    samples = sample(table, choice, options.dt, options.window)
-    # From the shown unit to SI; the gain is that of the input.
+    samples = sample(table, choice, options.dt, options.window, hold)
+    # From the recorded number to the shown unit, and from there to SI.
     factors = np.array([signal.gain / signal.factor for signal in choice.signals])
     values = samples.values * factors[:, None]
     recording = Recording(
@@ -190,22 +203,3 @@ def _remarks(signals: Sequence[Signal], samples: Samples) -> list[str]:
                 f" differencing an encoder, say {signal.name}:velocity-differenced"
             )
     return remarks
-
-
-def _first_bytes(path: Path) -> bytes:
-    """Start of a file, after checking that it exists and can be read."""
-    name = path.name or str(path)
-    try:
-        if path.is_dir():
-            raise RecordingError(f"{name}: this is a folder, not a recording")
-        if not path.exists():
-            folder = path.parent
-            files = [p.name for p in folder.iterdir() if p.is_file()] if folder.is_dir() else []
-            guess = nearest(name, files)
-            raise RecordingError(f"{path}: there is no such file" + (f". Did you mean '{guess}'?" if guess else ""))
-        if not path.is_file():
-            raise RecordingError(f"{path}: this is a device or a pipe, not a file")
-        with path.open("rb") as file:
-            return file.read(FIRST_BYTES)
-    except OSError as error:
-        raise RecordingError(f"{name}: the file cannot be read ({error.strerror})") from error

@@ -8,13 +8,18 @@ import numpy as np
 
 from brightgrey.arrays import Array, Indices
 from brightgrey.recordings.checks import fill_single, resolution, span_of_present
+from brightgrey.recordings.clocks import Channel, onto_one_clock, resampling_error
 from brightgrey.recordings.columns import ColumnChoice
 from brightgrey.recordings.formats.table import Table, list_rows
-from brightgrey.recordings.recording import check_samples
-from brightgrey.recordings.time_base import Stamps, UniformGrid, repairs_allowed, uniform_grid
+from brightgrey.recordings.policy import READING
+from brightgrey.recordings.recording import Hold, check_samples
+from brightgrey.recordings.time_base import Stamps, UniformGrid, longest_stretch, repairs_allowed, uniform_grid
 from brightgrey.recordings.window import TimeWindow, inside
 
 __all__ = ["Samples", "sample"]
+
+# What instruments write where nothing was measured (SCPI).
+NOT_A_NUMBER = 9.91e37
 
 
 @dataclass(frozen=True)
@@ -27,54 +32,107 @@ class Samples:
     notes: tuple[str, ...]  #: Repairs.
 
 
-def sample(table: Table, choice: ColumnChoice, dt: float | None, limits: TimeWindow | None) -> Samples:
-    """Load the chosen columns, cut them to a window, check and repair them.
+def sample(
+    table: Table, choice: ColumnChoice, dt: float | None, limits: TimeWindow | None, hold: Hold = "linear"
+) -> Samples:
+    """Load the chosen columns, cut them to a window, check and repair them, and put them onto one clock.
 
     Each repair is noted. A single missing value or sample between two good ones is interpolated, a sample
     written twice is left out, and ends with missing values are cut off. No kind of repair may concern more
-    than 1 % of the samples.
+    than 1 % of the samples. Holes and uneven steps are treated as `time_base` says, several clocks as `clocks` says.
 
     Raises
     ------
     RecordingError
         For a fault that cannot be repaired; the message names file, column and row.
     """
-    channels = [choice.input, *choice.outputs]
-    columns = channels if choice.time is None else [*channels, choice.time]
-    names = [table.columns[i].name for i in columns]
+    channels = (choice.input, *choice.outputs)
+    clocks: dict[int | None, list[int]] = {}
+    for place, time in enumerate(choice.times or (None,) * len(channels)):
+        clocks.setdefault(time, []).append(place)
+    found: dict[int, Channel] = {}
+    steps, notes = np.empty(len(channels)), []
+    for time, places in clocks.items():
+        factor = 1.0 if time is None else choice.time_factors[places[0]]
+        part = _sample_clock(table, [channels[i] for i in places], time, factor, dt, limits)
+        notes += [note for note in part.notes if note not in notes]
+        for place, row, step in zip(places, part.values, part.resolution, strict=True):
+            name = table.columns[channels[place]].name
+            found[place] = Channel(name, float(part.t[0]), part.dt, row)
+            steps[place] = step
+    t, values, more = onto_one_clock([found[place] for place in range(len(channels))], hold, table.name)
+    check_samples(table.name, t.size, " in the time that all channels share")
+    return Samples(t, values, steps, (*notes, *more))
+
+
+@dataclass(frozen=True)
+class _ClockSamples:
+    """Channels of one clock."""
+
+    t: Array
+    dt: float
+    values: Array
+    resolution: Array
+    notes: tuple[str, ...]
+
+
+def _sample_clock(
+    table: Table, channels: list[int], time: int | None, factor: float, dt: float | None, limits: TimeWindow | None
+) -> _ClockSamples:
+    """Load channels that have the same time, check and repair them."""
+    columns = channels if time is None else [*channels, time]
+    names = [table.columns[i].name or "time" for i in columns]
     data, rows = table.load(columns), table.rows
-    _check_finite(data, names, table)
+    if time is not None and table.columns[channels[0]].clock is not None:  # other channels may go on longer
+        ended = np.asarray(np.isnan(data).all(axis=0))
+        part = span_of_present(ended) if not ended.all() else slice(0)
+        data, rows = data[:, part], rows[part]
+    _check_finite(data, names, table, rows)
     notes: list[str] = []
     t: Array = (dt or 1.0) * np.arange(rows.size, dtype=np.float64)
-    if choice.time is not None:
+    if time is not None:
         data[-1], repaired, _ = fill_single(data[-1])
-        t = data[-1] * choice.time_factor
+        t = data[-1] * factor
         if repaired.size:
             notes.append(f"time is missing in {list_rows(rows[repaired])}: interpolated")
-    part = inside(t, limits) if limits is not None else np.ones(t.size, bool)
+    chosen = inside(t, limits) if limits is not None else np.ones(t.size, bool)
     span = f"; the recording goes from {np.nanmin(t):.6g} to {np.nanmax(t):.6g} s" if limits and t.size else ""
-    check_samples(table.name, int(part.sum()), span)
-    t, data, rows = t[part], data[:, part], rows[part]
+    check_samples(table.name, int(chosen.sum()), span)
+    if limits is not None:
+        t, data, rows = t[chosen], data[:, chosen], rows[chosen]
+    if time is not None:
+        part, more = longest_stretch(t, rows, table, names[-1])
+        t, data, rows, notes = t[part], data[:, part], rows[part], notes + more
     ends, more = _good_ends(data, names, rows, table)
     t, data, rows, notes = t[ends], data[:, ends], rows[ends], notes + more
-    if choice.time is None:
-        grid = UniformGrid(float(t[0]), dt or 1.0, np.arange(t.size))
-    else:
-        if np.isnan(t).any():
-            raise table.fault("no value", column=names[-1], row=int(rows[np.argmax(np.isnan(t))]))
-        repeated = (data[:, 1:] == data[:, :-1]).all(axis=0)
-        grid = uniform_grid(Stamps(t, repeated, rows, table, names[-1]))
-    values, more = _on_grid(data[: len(channels)], names, rows, grid, table)
+    grid = _grid(t, data, rows, table, names[-1], dt if time is None else None, time)
+    values, more = _on_grid(data[: len(channels)], names, rows, grid, table, t)
     steps = np.array([resolution(row[np.isfinite(row)]) for row in data[: len(channels)]])
-    time: Array = grid.start + grid.dt * np.arange(values.shape[1], dtype=np.float64)
-    return Samples(time, values, steps, (*notes, *grid.notes, *more))
+    stamps: Array = grid.start + grid.dt * np.arange(values.shape[1], dtype=np.float64)
+    return _ClockSamples(stamps, grid.dt, values, steps, (*notes, *grid.notes, *more))
 
 
-def _check_finite(data: Array, names: list[str], table: Table) -> None:
+def _grid(
+    t: Array, data: Array, rows: Indices, table: Table, column: str, dt: float | None, time: int | None
+) -> UniformGrid:
+    """Return the uniform time of samples."""
+    if time is None:
+        return UniformGrid(float(t[0]), dt or 1.0, np.arange(t.size))
+    if np.isnan(t).any():
+        raise table.fault("no value", column=column, row=int(rows[np.argmax(np.isnan(t))]))
+    repeated = (data[:, 1:] == data[:, :-1]).all(axis=0)
+    return uniform_grid(Stamps(t, repeated, rows, table, column))
+
+
+def _check_finite(data: Array, names: list[str], table: Table, rows: Indices) -> None:
+    """Take what instruments write for "no value" as missing, and refuse infinite and absurd numbers."""
     for row, name in zip(data, names, strict=True):
-        if np.isinf(row).any():
-            at = int(np.argmax(np.isinf(row)))
-            raise table.fault("the value is infinite", column=name, row=int(table.rows[at]))
+        row[np.abs(np.abs(row) / NOT_A_NUMBER - 1.0) < 1e-6] = np.nan
+        wrong = np.abs(row) > READING.absurd
+        if wrong.any():
+            at = int(np.argmax(wrong))
+            what = "the value is infinite" if np.isinf(row[at]) else f"no sensor measures {row[at]:.6g}"
+            raise table.fault(what, column=name, row=int(rows[at]))
         if np.isnan(row).all():
             raise table.fault("there is no number in it", column=name)
 
@@ -99,18 +157,22 @@ def _good_ends(data: Array, names: list[str], rows: Indices, table: Table) -> tu
     return ends, [f"values are missing in {list_rows(cut)} at the ends: left out"]
 
 
-def _on_grid(data: Array, names: list[str], rows: Indices, grid: UniformGrid, table: Table) -> tuple[Array, list[str]]:
+def _on_grid(
+    data: Array, names: list[str], rows: Indices, grid: UniformGrid, table: Table, t: Array
+) -> tuple[Array, list[str]]:
     """Put the channels on the points of a grid and fill single gaps."""
     points = int(grid.index[-1]) + 1
-    values = np.full((len(data), points), np.nan)
-    values[:, grid.index] = data
-    row_of = np.zeros(points, dtype=np.intp)
-    row_of[grid.index] = rows
+    index = np.arange(t.size) if grid.between else grid.index
+    size = t.size if grid.between else points
+    values = np.full((len(data), size), np.nan)
+    values[:, index] = data
+    row_of = np.zeros(size, dtype=np.intp)
+    row_of[index] = rows
     notes = []
     for channel, name in enumerate(names[: len(data)]):
         values[channel], repaired, left = fill_single(values[channel])
         empty = repaired[row_of[repaired] > 0]  # the grid has noted points without a row already
-        allowed = repairs_allowed(points)
+        allowed = repairs_allowed(size)
         if left.size or empty.size > allowed:
             at = left[0] if left.size else empty[0]
             while not row_of[at]:
@@ -124,4 +186,11 @@ def _on_grid(data: Array, names: list[str], rows: Indices, grid: UniformGrid, ta
             )
         if empty.size:
             notes.append(f"'{name}' has no value in {list_rows(row_of[empty])}: interpolated")
-    return values, notes
+    if not grid.between:
+        return values, notes
+    at = grid.start + grid.dt * np.arange(points)
+    costs = ", ".join(
+        f"'{name}' {100 * resampling_error(t, row):.2g} %" for name, row in zip(names, values, strict=False)
+    )
+    notes.append(f"the interpolation costs about, as a part of the standard deviation: {costs}")
+    return np.array([np.interp(at, t, row) for row in values]), notes

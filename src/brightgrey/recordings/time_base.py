@@ -1,4 +1,15 @@
-"""From the time stamps of a file to a uniform time, with a note on every repair."""
+"""From the time stamps of a file to a uniform time, with a note on every repair.
+
+The rules, the first that fits:
+
+1. A hole is a step of `READING.hole` intervals or more. The recording is cut there, and its longest stretch is read.
+2. Steps that are equal within `READING.max_jitter`, but for a few (`READING.max_repaired`), are read as equal. Single
+   lost samples leave an empty point, samples that were written twice are left out.
+3. Stamps that were rounded to the last digit they are written with are read as equally spaced.
+4. Steps that differ by up to `READING.max_uneven` intervals: the channels are interpolated at equal steps.
+
+Anything else is refused. Time must never run backwards, nor repeat with other values.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +25,7 @@ from brightgrey.recordings.formats.table import Table, list_rows
 from brightgrey.recordings.policy import READING
 from brightgrey.recordings.recording import interval
 
-__all__ = ["Stamps", "UniformGrid", "repairs_allowed", "uniform_grid"]
+__all__ = ["Stamps", "UniformGrid", "longest_stretch", "repairs_allowed", "uniform_grid"]
 
 
 @dataclass(frozen=True)
@@ -43,6 +54,9 @@ class UniformGrid:
     dt: float
     index: Indices  #: Grid point of every sample. A point without a sample is a lost sample. Shape (samples,).
     notes: tuple[str, ...] = ()
+    #: True if the samples lie between the points, so that channels have to be interpolated; `index` is then that of
+    #: the points themselves.
+    between: bool = False
 
 
 def repairs_allowed(samples: int) -> int:
@@ -50,12 +64,47 @@ def repairs_allowed(samples: int) -> int:
     return max(1, int(READING.max_repaired * samples))
 
 
-def uniform_grid(stamps: Stamps) -> UniformGrid:
-    """Put time stamps on a uniform grid.
+def longest_stretch(t: Array, rows: Indices, table: Table, column: str) -> tuple[slice, list[str]]:
+    """Return the longest part of a recording that has no hole in it, with a note on the others.
 
-    Two kinds of stamps are accepted. The first are equal intervals within `READING.max_jitter`, where single samples
-    may be lost or written twice. Lost samples leave an empty point for interpolation. The second are stamps of a
-    uniform time that was rounded to the last digit they are written with.
+    Raises
+    ------
+    RecordingError
+        If no part has `READING.least_stretch` of the samples; the message names the longest ones.
+    """
+    steps = np.diff(t)
+    if not (steps > 0).any():
+        return slice(0, t.size), []
+    holes = np.flatnonzero(steps >= READING.hole * float(np.median(steps[steps > 0]))) + 1
+    if not holes.size:
+        return slice(0, t.size), []
+    edges = np.concatenate([[0], holes, [t.size]])
+    best = int(np.argmax(np.diff(edges)))
+    part = slice(int(edges[best]), int(edges[best + 1]))
+    longest = np.sort(np.argsort(-np.diff(edges), kind="stable")[:3])
+    windows = ", ".join(f"{t[edges[i]]:.6g}:{t[edges[i + 1] - 1]:.6g}" for i in longest)
+    where = f"{holes.size} hole{'s' if holes.size > 1 else ''} in the time, the longest of {np.max(steps):.4g} s"
+    if part.stop - part.start < READING.least_stretch * t.size:
+        if holes.size > repairs_allowed(t.size):
+            return slice(0, t.size), []  # the steps are not equal at all, which is said with the row
+        raise table.fault(
+            f"{where}; no stretch without one has half of the samples (cut the recording with a window:"
+            f" {windows}, each a recording of its own)",
+            column=column,
+            row=int(rows[holes[0]]),
+        )
+    left_out = t.size - (part.stop - part.start)
+    note = (
+        f"{where}, before {list_rows(rows[holes])}: only the stretch from {t[part.start]:.6g} to"
+        f" {t[part.stop - 1]:.6g} s is read, {left_out} sample{'s are' if left_out > 1 else ' is'} left out"
+    )
+    if np.sort(np.diff(edges))[-2] >= READING.min_samples:
+        note += f"; the longest stretches are the windows {windows}"
+    return part, [note]
+
+
+def uniform_grid(stamps: Stamps) -> UniformGrid:
+    """Put time stamps on a uniform grid, by rules 2 to 4 of this module.
 
     Parameters
     ----------
@@ -81,12 +130,30 @@ def uniform_grid(stamps: Stamps) -> UniformGrid:
     usual = float(np.median(steps[steps > 0]))
     counts = np.rint(steps / usual).astype(np.intp)
     twice = (steps == 0) & stamps.repeated
+    other = (steps == 0) & ~stamps.repeated
     whole = np.abs(steps - counts * usual) <= READING.max_jitter * usual
     possible = (counts == 1) | (counts == 2) | twice
     few = max(int((counts > 1).sum()), int(twice.sum())) <= repairs_allowed(t.size)
-    if whole.all() and possible.all() and few:
+    odd = np.abs(steps - usual) > READING.max_uneven * usual
+    nearly = int((~whole).sum()) <= repairs_allowed(t.size) and bool((whole | ~odd).all())
+    if nearly and possible.all() and few:
         return _grid_with_lost_samples(stamps, counts)
-    return _grid_of_rounded_time(t) or _refuse_stamps(stamps, counts, whole, usual)
+    # Few repeated stamps among equal steps are rows too many, and not a time that was rounded.
+    if whole.all() and (possible | other).all() and 0 < int(other.sum()) <= repairs_allowed(t.size):
+        _refuse_stamps(stamps, counts, whole, usual)
+    return _grid_of_rounded_time(t) or _grid_between(t, usual) or _refuse_stamps(stamps, counts, whole, usual)
+
+
+def _grid_between(t: Array, usual: float) -> UniformGrid | None:
+    """Return a grid to interpolate on, or None if the steps differ too much."""
+    steps = np.diff(t)
+    least, largest = (1.0 - READING.max_uneven) * usual, (1.0 + READING.max_uneven) * usual
+    if steps.min() < least or (steps > largest).sum() > repairs_allowed(t.size):
+        return None
+    dt = float(f"{(t[-1] - t[0]) / (t.size - 1):.3g}")
+    points = int(np.floor((t[-1] - t[0]) / dt * (1.0 + 1e-12))) + 1
+    note = f"time steps from {steps.min():.4g} to {steps.max():.4g} s: channels are interpolated every {dt:.4g} s"
+    return UniformGrid(float(t[0]), dt, np.arange(points), (note,), between=True)
 
 
 def _grid_with_lost_samples(stamps: Stamps, counts: Indices) -> UniformGrid:
@@ -132,14 +199,15 @@ def _refuse_stamps(stamps: Stamps, counts: Indices, whole: NDArray[np.bool_], us
     if (steps == 0).any():
         at = int(np.argmax(steps == 0)) + 1
         raise stamps.fault(
-            f"time {t[at]:.9g} s is repeated; if the sampling interval is known, give it instead of the time",
+            f"time {t[at]:.9g} s is repeated with other values; leave one of the rows out, or give the interval"
+            " instead of the time if it is known",
             at,
         )
     if not whole.all():
-        at = int(np.argmax(~whole)) + 1
+        at = int(np.argmax(np.abs(steps - usual) > READING.max_uneven * usual)) + 1
         raise stamps.fault(
-            f"time steps by {steps[at - 1]:.6g} s where {usual:.6g} s is usual; steps must be equal within"
-            f" {100 * READING.max_jitter:g} % (resample the recording, or cut it with a window)",
+            f"time steps by {steps[at - 1]:.6g} s where {usual:.6g} s is usual; steps may differ by"
+            f" {100 * READING.max_uneven:g} % at most (cut the recording with a window)",
             at,
         )
     if (counts > 2).any():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -41,7 +42,8 @@ def check_decimate(every: int) -> int:
     SettingsError
         If it is not.
     """
-    if isinstance(every, bool) or every != int(every) or every < 1:
+    whole = not isinstance(every, bool) and math.isfinite(every)
+    if not whole or every != int(every) or every < 1:
         raise SettingsError(f"decimate {every} is not a whole number from 1")
     return int(every)
 

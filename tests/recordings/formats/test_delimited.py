@@ -220,7 +220,7 @@ def test_read_delimited__unusable_file__is_refused_in_one_line(tmp_path: Path, l
 CELLS = {
     "text": ("0.2,abc,1", "row 22, column 'torque': 'abc' is not a number"),
     "text in the time": ("abc,0.2,1", "row 22, column 't': 'abc' is not a number"),
-    "thousands": ('0.2,"1,500.5",1', "row 22, column 'torque': '1,500.5' is not a number"),
+    "thousands": ('0.2,"1,500",1', "row 22, column 'torque': '1,500' is not a number"),
     "underscore": ("0.2,1_0,1", "row 22, column 'torque': '1_0' is not a number"),
     "hexadecimal": ("0.2,0x10,1", "row 22, column 'torque': '0x10' is not a number"),
     "infinite": ("0.2,inf,1", "row 22, column 'torque': the value is infinite"),

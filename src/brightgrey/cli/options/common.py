@@ -24,6 +24,7 @@ __all__ = [
     "bounds",
     "fixed",
     "number",
+    "numbers",
     "pairs",
     "units",
     "window",
@@ -108,7 +109,12 @@ def bounds(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
 
 def fixed(texts: Iterable[str]) -> dict[str, float]:
     """Read ``--fix NAME=VALUE``, in the recording's units."""
-    return {name: number(f"--fix {name}", value, FIX) for name, value in pairs("--fix", texts, FIX).items()}
+    return numbers("--fix", texts, FIX)
+
+
+def numbers(option: str, texts: Iterable[str], wanted: str) -> dict[str, float]:
+    """Read an option of NAME=NUMBER."""
+    return {name: number(f"{option} {name}", value, wanted) for name, value in pairs(option, texts, wanted).items()}
 
 
 def units(texts: Iterable[str]) -> dict[str, str]:

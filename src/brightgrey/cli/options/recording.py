@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from brightgrey.cli.options.common import Step, Time, Unit, units, window
+from brightgrey.cli.options.common import Step, Time, Unit, numbers, pairs, units, window
 from brightgrey.cli.options.groups import RECORDING
 from brightgrey.errors import SettingsError
 
@@ -65,13 +65,62 @@ class RecordingOptions:
         ),
     ] = "linear"
 
+    rated: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--rated",
+            metavar="NAME=VALUE",
+            help="What 100 % are, for columns in %: 'torque=9.84 mN m'. NAME is a column, or torque, current, speed "
+            "and the like. Repeat for more.",
+            rich_help_panel=RECORDING,
+        ),
+    ] = None
+    counts: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--counts",
+            metavar="COLUMN=N",
+            help="Increments per turn of a column that counts them. Repeat for more.",
+            rich_help_panel=RECORDING,
+        ),
+    ] = None
+    gear: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--gear",
+            metavar="COLUMN=RATIO",
+            help="Factor of an output, e.g. from an angle at the load to one at the motor. Repeat for more.",
+            rich_help_panel=RECORDING,
+        ),
+    ] = None
+    torque_constant: Annotated[
+        str | None,
+        typer.Option(
+            "--torque-constant",
+            metavar="VALUE",
+            help="Torque per current of an input in A: '0.05 N m/A'.",
+            rich_help_panel=RECORDING,
+        ),
+    ] = None
+
     def check(self) -> None:
         """Refuse texts that cannot be read (SettingsError), before any file is opened."""
         from brightgrey.recordings.recording import check_hold
+        from brightgrey.recordings.units.drive_scales import DriveScales
 
         units(self.unit or ())
+        DriveScales(**self._scales())
         window(self.window)
         check_hold(self.hold)
+
+    def _scales(self) -> dict[str, Any]:
+        """Units of drives, as arguments of `read_recording`."""
+        return {
+            "rated": pairs("--rated", self.rated or (), "NAME=VALUE with a unit, like 'torque=9.84 mN m'"),
+            "counts": numbers("--counts", self.counts or (), "COLUMN=N, increments per turn"),
+            "gear": numbers("--gear", self.gear or (), "COLUMN=RATIO"),
+            "torque_constant": self.torque_constant,
+        }
 
     def read(self, path: Path, instead: Mapping[str, Any] | None = None) -> Recording:
         """Read a recording.
@@ -105,6 +154,7 @@ class RecordingOptions:
             window=window(given["window"]),
             decimate=given["decimate"],
             hold=check_hold(given["hold"]),
+            **self._scales(),
         )
 
 

@@ -1,4 +1,4 @@
-"""Dialect of a text file: delimiter and decimal mark, found from the rows of numbers."""
+"""Dialect of a text file: delimiter, decimal mark and thousands mark, found from the rows of numbers."""
 
 from __future__ import annotations
 
@@ -6,52 +6,94 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 from brightgrey.errors import SettingsError, unknown_name
 
-__all__ = ["MISSING", "Dialect", "dialects", "find_dialect"]
+__all__ = ["MISSING", "Dialect", "dialects", "find_dialect", "with_thousands"]
 
 NAMED_DELIMITERS = {"tab": "\t", "\\t": "\t", "semicolon": ";", "comma": ",", "space": " "}
 # In order of preference where they explain a file equally well; a space stands for any white space.
 DELIMITERS = ("\t", ";", "|", ",", " ")
 # Texts that loggers and spreadsheets write for a missing value.
 MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "?"})
+# Each digit can be matched in one way only: a failing match of a long field takes linear time.
 NUMBERS = {
-    ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"),
-    ",": re.compile(r"[+-]?(\d+(,\d+)?|,\d+)([eE][+-]?\d+)?"),
+    ".": re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII),
+    ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?", re.ASCII),
 }
 INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+LONGEST_NUMBER = 400
+"""Characters of the longest number: 1e308 with all its digits and some decimals."""
+THOUSANDS = {".": ",'’", ",": ".'’"}
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """Delimiter (a space means any white space) and decimal mark of a file."""
+    """Delimiter (a space means any white space), decimal mark and thousands mark (empty for none) of a file."""
 
     delimiter: str
     decimal: str
+    thousands: str = ""
 
     def split(self, line: str) -> list[str]:
         """Cut a line into its fields, without quotes and white space around them."""
         if '"' in line:
-            fields = next(csv.reader([line.strip()], delimiter=self.delimiter, skipinitialspace=True))
-            if self.delimiter == " ":
-                fields = [field for field in fields if field]
+            fields = self._split_quoted(line.strip())
         elif self.delimiter == " ":
             fields = line.split()
         else:
             fields = line.split(self.delimiter)
         return [field.strip() for field in fields]
 
+    def _split_quoted(self, line: str) -> list[str]:
+        try:
+            fields = next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True))
+        except csv.Error:  # a field of more than 131,072 characters; no quote can mean anything there
+            fields = line.split(self.delimiter)
+        return [field for field in fields if field] if self.delimiter == " " else fields
+
     def is_number(self, field: str) -> bool:
         """Return True if a field holds a number, infinity included."""
+        if len(field) > LONGEST_NUMBER:
+            return False
+        if self.thousands and self.thousands in field:
+            return bool(self._grouped.fullmatch(field))
         return bool(NUMBERS[self.decimal].fullmatch(field) or INFINITE.fullmatch(field))
 
     def number(self, field: str) -> float | None:
         """Return the value of a field: NaN if it is missing, None for text."""
         if field.casefold() in MISSING:
             return float("nan")
-        return float(field.replace(",", ".")) if self.is_number(field) else None
+        if not self.is_number(field):
+            return None
+        plain = field.replace(self.thousands, "") if self.thousands else field
+        return float(plain.replace(",", ".") if self.decimal == "," else plain)
+
+    @cached_property
+    def _grouped(self) -> re.Pattern[str]:
+        return re.compile(rf"[+-]?\d{{1,3}}(?:{re.escape(self.thousands)}\d{{3}})+(?:{re.escape(self.decimal)}\d*)?")
+
+
+def with_thousands(dialect: Dialect, lines: Sequence[str]) -> Dialect:
+    """Return the dialect with the thousands mark that lines show beyond doubt.
+
+    A mark is beyond doubt where a number has two of them or a decimal mark as well (``1.234.567``, ``1,234.5``), or if
+    it is an apostrophe. ``1.500`` beside numbers with a decimal comma is not: it may be one and a half.
+    """
+    found = set()
+    for mark in THOUSANDS[dialect.decimal]:
+        if mark == dialect.delimiter and not any('"' in line for line in lines):
+            continue
+        sure = replace(dialect, thousands=mark)
+        for line in lines:
+            fields = sure.split(line) if mark in line else ()
+            numbers = [field for field in fields if mark in field and sure.is_number(field)]
+            if any(f.count(mark) > 1 or dialect.decimal in f or mark in "'’" for f in numbers):
+                found.add(mark)
+                break
+    return replace(dialect, thousands=found.pop()) if len(found) == 1 else dialect
 
 
 def dialects(delimiter: str | None, decimal: str | None) -> list[Dialect]:
@@ -105,6 +147,7 @@ def find_dialect(lines: Sequence[str], candidates: Sequence[Dialect]) -> tuple[D
                 total += sum(map(dialect.is_number, present)) / max(len(present), 1)
         return total / len(rows)
 
-    scores = [score(dialect) for dialect in candidates]
+    shown = [with_thousands(dialect, lines) for dialect in candidates]
+    scores = [score(dialect) for dialect in shown]
     best = max(scores)
-    return candidates[scores.index(best)], best
+    return shown[scores.index(best)], best

@@ -10,7 +10,7 @@ from brightgrey.recordings.formats.table import Table
 
 __all__ = ["FIRST_BYTES", "FileFormat"]
 
-FIRST_BYTES = 64
+FIRST_BYTES = 1 << 16
 """Length of the start of a file that `FileFormat.recognises` is given."""
 
 
@@ -23,12 +23,15 @@ class FileFormat:
     title : str
         Name that users know, e.g. ``MATLAB``.
     recognises : callable
-        ``recognises(path, start) -> bool``; `start` holds the first bytes of the file.
+        ``recognises(start) -> bool``; `start` holds the first bytes of the file. Its name says nothing.
     read : callable
         ``read(path, like) -> Table``; `like` names the input column, for files whose columns differ in length. Raises
         RecordingError for a file that is damaged or holds no columns.
+    text : bool
+        True for a kind of text, which `read` takes from `text.read_text` and which may be compressed by gzip.
     """
 
     title: str
-    recognises: Callable[[Path, bytes], bool]
+    recognises: Callable[[bytes], bool]
     read: Callable[[Path, str], Table]
+    text: bool = False

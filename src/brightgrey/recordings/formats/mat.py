@@ -1,26 +1,47 @@
-"""MATLAB files up to version 7 (MAT v5, v4). Vectors and the columns of matrices become columns."""
+"""MATLAB files up to version 7 (MAT v5, v4). Vectors, columns of matrices and fields of structs become columns.
+
+SciPy reads them in a child process, because a damaged file can end the process that reads it.
+"""
 
 from __future__ import annotations
 
+import struct
 import warnings
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from brightgrey.arrays import Array
 from brightgrey.errors import RecordingError
+from brightgrey.recordings.formats.channels import Channel, Channels, columns_of_matrix, listed
+from brightgrey.recordings.formats.child_process import Library, read_in_child
 from brightgrey.recordings.formats.file_format import FileFormat
-from brightgrey.recordings.formats.table import Column, Table
+from brightgrey.recordings.formats.table import Table
 from brightgrey.recordings.policy import READING
 
-__all__ = ["FORMAT", "is_mat", "read_mat"]
+__all__ = ["FORMAT", "common_length", "extract"]
+
+LIBRARY = Library("scipy.io", "scipy")
 
 
-def is_mat(path: Path, start: bytes) -> bool:
-    """Recognise a MATLAB file by its name or by its first bytes."""
-    return path.suffix.lower() == ".mat" or start.startswith((b"MATLAB ", b"\x89HDF"))
+def is_mat(start: bytes) -> bool:
+    """Recognise a MATLAB file of version 5 by its text, and one of version 4 by its first variable."""
+    return start.startswith(b"MATLAB 5.0 MAT-file") or _is_version_4(start)
+
+
+def _is_version_4(start: bytes) -> bool:
+    """Return True if the first 20 bytes describe a variable and a name follows them."""
+    if len(start) < 22:
+        return False
+    for order in "<>":
+        kind, rows, columns, imaginary, length = struct.unpack(f"{order}5i", start[:20])
+        name = start[20 : 20 + length - 1] if 1 < length <= 64 else b""
+        known = kind // 1000 == "<>".index(order) and kind // 100 % 10 == 0 and kind // 10 % 10 < 6 and kind % 10 < 3
+        if known and rows >= 0 and columns >= 0 and imaginary in (0, 1) and name.isascii() and name[:1].isalpha():
+            return name.decode().isidentifier()
+    return False
 
 
 def read_mat(path: Path, like: str = "") -> Table:
@@ -43,79 +64,74 @@ def read_mat(path: Path, like: str = "") -> Table:
     Raises
     ------
     RecordingError
-        For MAT v7.3 (HDF5), a damaged file, and a file without vectors of numbers.
+        For a damaged file, and a file without vectors of numbers.
     """
-    name = path.name
-    vectors, others = _vectors(_load_variables(path))
-    if not vectors:
-        raise RecordingError(f"{name}: there is no vector of numbers in it" + _listed("; it holds", others))
-    lengths = [values.size for values in vectors.values()]
-    samples = (
-        vectors[like].size if like in vectors else max(set(lengths), key=lambda length: (lengths.count(length), length))
-    )
-    columns = {key: values for key, values in vectors.items() if values.size == samples}
-    odd = [f"{key} ({values.size} samples)" for key, values in vectors.items() if values.size != samples]
-    data = list(columns.values())
-    return Table(
-        name,
-        tuple(Column(key, key) for key in columns),
-        np.arange(1, samples + 1),
-        lambda indices: np.array([data[i] for i in indices], dtype=np.float64),
-        unread="; ".join(part for part in (_listed("of other length:", odd), _listed("not vectors:", others)) if part),
-    )
+    return common_length(read_in_child(__name__, LIBRARY, path), path.name, like)
 
 
-def _listed(words: str, names: list[str]) -> str:
-    return f"{words} {', '.join(names)}" if names else ""
+def common_length(found: Channels, name: str, like: str) -> Table:
+    """Return the table of the channels that have the length of `like`, or else the most frequent length."""
+    if not found.channels:
+        holds = f"; {listed('it holds', found.others)}" if found.others else ""
+        raise RecordingError(f"{name}: there is no vector of numbers in it{holds}")
+    sizes = {channel.name: channel.values.size for channel in found.channels}
+    lengths = list(sizes.values())
+    usual = max(set(lengths), key=lambda length: (lengths.count(length), length))
+    samples = sizes.get(like, usual)
+    odd = [f"{key} ({size} samples)" for key, size in sizes.items() if size != samples]
+    unread = "; ".join(filter(None, (listed("of other length:", odd), listed("not vectors:", found.others))))
+    kept = tuple(channel for channel in found.channels if channel.values.size == samples)
+    return replace(Channels(kept, found.clocks).table(name), unread=unread)
 
 
-def _load_variables(path: Path) -> Mapping[str, Any]:
-    """Variables of a file as scipy reads them."""
+def extract(path: Path) -> Channels:
+    """Read a file by SciPy, in the child process."""
     import scipy.io
 
-    with path.open("rb") as file:
-        if file.read(4) == b"\x89HDF" or b"MATLAB 7.3" in path.read_bytes()[:16]:
-            raise RecordingError(
-                f"{path.name}: MAT files of version 7.3 (HDF5) are not read; save it in MATLAB with save(..., '-v7')"
-            )
+    with warnings.catch_warnings():
+        # scipy warns of classes and function handles that it skips; the table says what it holds.
+        warnings.simplefilter("ignore")
+        content: Mapping[str, Any] = scipy.io.loadmat(path, simplify_cells=True)
+    channels: list[Channel] = []
+    others: list[str] = []
+    for key, value in _flattened({key: value for key, value in content.items() if not key.startswith("__")}):
+        array = _array(value)
+        if array is None or array.dtype.kind not in "fiub" or array.size < 2:
+            others.append(key)
+        elif array.ndim == 1:
+            channels.append(Channel(key, array.astype(np.float64)))
+        elif array.ndim == 2 and min(array.shape) <= READING.max_matrix_columns:
+            channels += columns_of_matrix(key, array)
+        else:
+            others.append(key)
+    return Channels(tuple(channels), (), tuple(others))
+
+
+def _array(value: Any) -> np.ndarray[Any, Any] | None:
+    """Return an array, or None for what is none: cells of structs, a sparse matrix too large to be a recording."""
+    if hasattr(value, "toarray"):
+        rows, columns = value.shape
+        return value.toarray() if min(rows, columns) <= READING.max_matrix_columns else None
     try:
-        with warnings.catch_warnings():
-            # scipy warns of classes and function handles that it skips; the table says what it holds.
-            warnings.simplefilter("ignore")
-            content: Mapping[str, Any] = scipy.io.loadmat(path, simplify_cells=True)
-    except Exception as error:
-        # The errors of scipy for a damaged file are not documented; they range from ValueError to zlib.error.
-        first = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise RecordingError(f"{path.name}: the MAT file cannot be read, it may be damaged ({first})") from error
-    return {key: value for key, value in content.items() if not key.startswith("__")}
+        return np.asarray(value)
+    except ValueError:
+        return None
 
 
 def _flattened(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Variables and fields of structs, by name."""
+    """Variables and fields of structs, by name; the elements of an array of structs by their number."""
     for key, value in content.items():
         if isinstance(value, Mapping):
             yield from _flattened(value, f"{prefix}{key}.")
+        elif isinstance(value, list | np.ndarray) and len(np.shape(value)) == 1 and _are_structs(value):
+            for i, element in enumerate(value):
+                yield from _flattened(element, f"{prefix}{key}({i + 1}).")
         else:
-            yield prefix + key, value
+            yield prefix + str(key), value
 
 
-def _vectors(content: Mapping[str, Any]) -> tuple[dict[str, Array], list[str]]:
-    """Return the vectors of real numbers by name, and the names of all other variables."""
-    vectors: dict[str, Array] = {}
-    others: list[str] = []
-    for key, value in _flattened(content):
-        array = np.asarray(value.toarray() if hasattr(value, "toarray") else value)
-        real = array.dtype.kind in "fiub" and array.size > 1
-        if real and array.ndim == 1:
-            vectors[key] = array.astype(np.float64)
-        elif real and array.ndim == 2 and min(array.shape) <= READING.max_matrix_columns:
-            tall = array if array.shape[0] >= array.shape[1] else array.T
-            label = "(:,{})" if tall is array else "({},:)"
-            for i in range(tall.shape[1]):
-                vectors[key + label.format(i + 1)] = tall[:, i].astype(np.float64)
-        else:
-            others.append(key)
-    return vectors, others
+def _are_structs(value: Any) -> bool:
+    return 0 < len(value) <= READING.max_matrix_columns and all(isinstance(element, Mapping) for element in value)
 
 
 FORMAT = FileFormat("MATLAB", is_mat, read_mat)

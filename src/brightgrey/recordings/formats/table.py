@@ -2,23 +2,48 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from brightgrey.arrays import Array, Indices
 from brightgrey.errors import RecordingError, nearest
 from brightgrey.recordings.policy import READING
 
-__all__ = ["Column", "Table", "list_rows"]
+__all__ = ["TIME_NAME", "Column", "Table", "list_rows", "with_clocks"]
+
+TIME_NAME = re.compile(
+    r"(t|time|zeit|time[_ ]?stamps?|(sim(ulation)?|elapsed|rel(ative)?)[_ ]?time)"
+    r"([_ ](?P<unit>s|sec|seconds?|ms|us|µs|min))?",
+    re.IGNORECASE,
+)
+"""Name of a column that holds the time."""
+NUMBERED = re.compile(r"[ _.]?\d{1,3}")
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its name, its name with the unit as the file writes it, and the unit if there is one."""
+    """One column.
+
+    Attributes
+    ----------
+    name : str
+        Empty for a column that nobody asks for by name.
+    header : str
+        Name with the unit, as the file writes it.
+    unit : str, optional
+    clock : int, optional
+        Column of its own time, where channels have different ones.
+    clock_time : bool
+        True if the file holds clock times (``12:00:00.000``), which are read as seconds.
+    """
 
     name: str
     header: str
     unit: str | None = None
+    clock: int | None = None
+    clock_time: bool = False
 
 
 @dataclass(frozen=True)
@@ -33,8 +58,8 @@ class Table:
     rows : ndarray of int, shape (samples,)
         Row (line of the file, from 1) of every sample, for messages.
     load : callable
-        ``load(indices) -> array, shape (len(indices), samples)``; missing values are NaN. Raises
-        RecordingError for text that is not a number.
+        ``load(indices) -> array, shape (len(indices), samples)``; missing values are NaN, also behind the end of a
+        channel that is shorter than others. Raises RecordingError for text that is not a number.
     notes : tuple of str
         Findings and repairs of the reader.
     unread : str
@@ -62,13 +87,14 @@ class Table:
 
     def matches(self, name: str) -> list[int]:
         """Return the columns called `name`: by name, by full header, or by a number counted from 1."""
+        if not name:
+            return []
         for attribute in ("name", "header"):
             found = [i for i, column in enumerate(self.columns) if getattr(column, attribute) == name]
             if found:
                 return found
-        if name.isdecimal() and 1 <= int(name) <= len(self.columns):
-            return [int(name) - 1]
-        return []
+        number = int(name) if name.isascii() and name.isdecimal() and len(name) < 10 else 0
+        return [number - 1] if 1 <= number <= len(self.columns) else []
 
     def find(self, name: str) -> int:
         """Return the index of the column called `name`.
@@ -84,9 +110,29 @@ class Table:
             hint = f" Did you mean '{guess}'?" if guess else ""
             raise self.fault(f"unknown column '{name}'.{hint} Columns: {self.names()}")
         if len(found) > 1:
-            fields = ", ".join(str(i + 1) for i in found)
+            fields = ", ".join(str(i + 1) for i in found[: READING.listed_columns])
             raise self.fault(f"{len(found)} columns are called '{name}' (fields {fields}); name them apart")
         return found[0]
+
+
+def with_clocks(columns: Sequence[Column]) -> tuple[Column, ...]:
+    """Return the columns of a text, each with its own time where the file has several times.
+
+    That is so if the first column is a time, and every further time stands left of the channels that belong to it:
+    ``t, torque, t, velocity``.
+    """
+
+    def is_time(column: Column) -> bool:
+        return bool(TIME_NAME.fullmatch(column.name) or TIME_NAME.fullmatch(NUMBERED.sub("", column.name)))
+
+    times = [i for i, column in enumerate(columns) if is_time(column)]
+    apart = all(later - earlier > 1 for earlier, later in pairwise([*times, len(columns)]))
+    if len(times) < 2 or times[0] != 0 or not apart:
+        return tuple(columns)
+    clocked = []
+    for begin, end in pairwise([*times, len(columns)]):
+        clocked += [columns[begin], *(replace(column, clock=begin) for column in columns[begin + 1 : end])]
+    return tuple(clocked)
 
 
 def list_rows(rows: Indices) -> str:

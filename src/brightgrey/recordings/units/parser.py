@@ -32,6 +32,7 @@ nano- = 1e-9 = n-
 micro- = 1e-6 = µ- = μ- = u-
 milli- = 1e-3 = m-
 centi- = 1e-2 = c-
+deci- = 1e-1 = d-
 kilo- = 1e3 = k-
 mega- = 1e6 = M-
 second = [time] = s = sec
@@ -114,7 +115,9 @@ def _lookup(name: str) -> list[str] | None:
     for torque in TORQUES:
         if match := torque.fullmatch(name):
             return [full for part in match.groups() for full in (_lookup(part) or [])]
-    return None
+    # Written-out names come in capitals and in the plural: Volts, Degrees.
+    plain = name.lower().removesuffix("s")
+    return _lookup(plain) if len(plain) > 3 and plain != name else None
 
 
 def _unknown(name: str, text: str) -> RecordingError:

@@ -1,0 +1,88 @@
+"""File of a recording: its format is found by its content, never by its name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from brightgrey.errors import RecordingError, nearest
+from brightgrey.recordings.formats import file_formats
+from brightgrey.recordings.formats.delimited import read_delimited
+from brightgrey.recordings.formats.file_format import FIRST_BYTES
+from brightgrey.recordings.formats.table import Table
+from brightgrey.recordings.formats.text import GZIP, unpacked_start
+
+__all__ = ["open_table"]
+
+DELIMITED = "delimited text"
+# First bytes of a zip archive; a workbook is one.
+ARCHIVE = b"PK\x03\x04"
+
+
+def open_table(
+    path: str | Path,
+    like: str = "",
+    *,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    header: bool | None = None,
+) -> tuple[Table, str]:
+    """Open a file of any format.
+
+    Parameters
+    ----------
+    path : str or Path
+    like : str
+        Name of the input column, for files whose columns differ in length.
+    delimiter, decimal, header : optional
+        Of delimited text, see `read_delimited`.
+
+    Returns
+    -------
+    table : Table
+    title : str
+        Name of the format.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such file, or it cannot be read.
+    """
+    file = Path(path)
+    start = _first_bytes(file)
+    packed = start.startswith(GZIP)
+    if packed:
+        start = unpacked_start(start)
+    found = next((f for f in file_formats() if f.recognises(start)), None)
+    if found is not None and packed and not found.text:
+        raise RecordingError(f"{file.name}: this is a compressed {found.title} file; unpack it, as it is no text")
+    try:
+        if found is not None:
+            return found.read(file, like), found.title
+        if start.startswith(ARCHIVE):
+            raise RecordingError(f"{file.name}: this is a workbook or an archive; save the sheet as CSV and read that")
+        return read_delimited(file, delimiter=delimiter, decimal=decimal, header=header), DELIMITED
+    except OSError as error:
+        raise RecordingError(f"{file.name}: the file cannot be read ({error.strerror})") from error
+    except MemoryError as error:
+        raise RecordingError(f"{file.name}: the file does not fit into the memory; read a part of it") from error
+
+
+def _first_bytes(path: Path) -> bytes:
+    """Start of a file, after checking that it exists and can be read."""
+    name = path.name or str(path)
+    if "\0" in str(path):
+        raise RecordingError(f"{name}: a NUL is in the name, which no file has")
+    try:
+        if path.is_dir():
+            raise RecordingError(f"{name}: this is a folder, not a recording")
+        if not path.exists():
+            folder = path.parent
+            files = [p.name for p in folder.iterdir() if p.is_file()] if folder.is_dir() else []
+            guess = nearest(name, files)
+            raise RecordingError(f"{path}: there is no such file" + (f". Did you mean '{guess}'?" if guess else ""))
+        if not path.is_file():
+            raise RecordingError(f"{path}: this is a device or a pipe, not a file")
+        with path.open("rb") as file:
+            return file.read(FIRST_BYTES)
+    except OSError as error:
+        raise RecordingError(f"{name}: the file cannot be read ({error.strerror})") from error

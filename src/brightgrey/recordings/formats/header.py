@@ -1,0 +1,133 @@
+"""Header of a text file with columns: names and units in the lines above the numbers."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from brightgrey.errors import RecordingError
+from brightgrey.recordings.formats.dialect import MISSING, Dialect
+from brightgrey.recordings.formats.table import Column, list_rows
+from brightgrey.recordings.units.parser import is_unit, parse_unit
+
+__all__ = ["Lines", "column_of", "header_comment", "named_columns", "split_header"]
+
+HEADER_UNIT = re.compile(r"(?P<name>.*?\S)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>.*)\)|\s*/\s*(?P<slash>\S.*))")
+# Fields of a header with white space as delimiter: quoted, a name with its unit in brackets, or plain.
+HEADER_FIELD = re.compile(r'"[^"]*"|[^\s\[(]+\s*(?:\[[^\]]*\]|\([^)]*\))|\S+')
+LONGEST_HEADER = 1000
+"""Characters of the longest header that is searched for a unit."""
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines of a file that are not empty, and their row numbers in the file (from 1)."""
+
+    text: list[str]
+    rows: list[int]
+
+    def __getitem__(self, part: slice) -> Lines:
+        return Lines(self.text[part], self.rows[part])
+
+
+def named_columns(
+    head: Lines, widths: tuple[int, int], dialect: Dialect, name: str
+) -> tuple[tuple[Column, ...], tuple[str, ...]]:
+    """Return the columns named by the lines above the numbers, and notes on skipped lines.
+
+    With a row of units the names are the line above it that has as many fields as the numbers; without one, the first
+    such line. All others are a preamble or remarks.
+
+    Parameters
+    ----------
+    head : Lines
+    widths : (int, int)
+        Usual number of fields of the numbers, without and with columns at the end that are always empty.
+    dialect : Dialect
+    name : str
+        Of the file.
+    """
+    if not head.text:
+        return (), ()
+    low, high = widths
+    rows = [split_header(line, dialect, low) for line in head.text]
+    fitting = [i for i, fields in enumerate(rows) if low <= len(fields) <= high]
+    if not fitting:
+        raise RecordingError(
+            f"{name}: row {head.rows[-1]}: the header has {len(rows[-1])} fields, rows below have {low}"
+        )
+    unit_row = next((i for i in reversed(range(1, len(rows))) if _are_units(rows[i], high)), None)
+    if unit_row is not None and fitting[0] < unit_row:
+        at = max(i for i in fitting if i < unit_row)
+    else:
+        unit_row, at = None, next((i for i in fitting if _are_names(rows[i], dialect)), fitting[0])
+    columns = [column_of(field) for field in rows[at]]
+    if unit_row is not None:
+        for i, unit in enumerate(_units_in(rows[unit_row])[: len(columns)]):
+            columns[i] = replace(columns[i], unit=columns[i].unit or (None if unit in MISSING else unit))
+    columns = [_time_of(column) if not column.name else column for column in columns]
+    skipped = [i for i in range(len(rows)) if i not in (at, unit_row)]
+    notes = []
+    if skipped:
+        places = list_rows(np.array([head.rows[i] for i in skipped]))
+        notes = [f"{places} above the numbers is skipped, beginning '{head.text[skipped[0]][:40]}'"]
+    return tuple(columns), tuple(notes)
+
+
+def header_comment(comments: Lines, first_row: int, width: int, dialect: Dialect) -> Lines:
+    """Return the header in the last comment above the numbers, as numpy writes it; empty if it does not fit."""
+    above = [(text, row) for text, row in zip(comments.text, comments.rows, strict=True) if row < first_row]
+    if not above:
+        return Lines([], [])
+    text = above[-1][0].lstrip(" #%/")
+    fields = split_header(text, dialect, width)
+    fitting = len(fields) == width and not any(map(dialect.is_number, fields))
+    return Lines([text], [above[-1][1]]) if fitting else Lines([], [])
+
+
+def split_header(line: str, dialect: Dialect, width: int) -> list[str]:
+    """Split a header into `width` fields if possible, without empty fields at its end."""
+    fields = dialect.split(line)
+    if dialect.delimiter == " " and len(fields) != width:
+        fields = [field.strip('"') for field in HEADER_FIELD.findall(line)]
+        if len(fields) != width:
+            fields = re.split(r"\s{2,}|\t", line.strip())
+    while fields and not fields[-1]:
+        fields.pop()
+    return fields
+
+
+def column_of(header: str) -> Column:
+    """Return the column with the unit in its header; an index (``axis[1]``) or a remark is part of the name."""
+    match = HEADER_UNIT.fullmatch(header) if len(header) < LONGEST_HEADER else None
+    if match:
+        unit = next(filter(None, match.groups()[1:]), "").strip()
+        unit = unit[1:-1].strip() if unit.startswith("(") and unit.endswith(")") else unit
+        # Text in square brackets is meant as a unit even if it is misspelt.
+        if unit and not unit.isdecimal() and (match["square"] or is_unit(unit)):
+            return Column(match["name"], header, unit)
+    return Column(header, header)
+
+
+def _are_names(fields: list[str], dialect: Dialect) -> bool:
+    """Return True for texts none of which is a number, unless the first is the name of a property (``Date:``)."""
+    return not any(map(dialect.is_number, fields)) and not fields[0].endswith(":")
+
+
+def _units_in(fields: list[str]) -> list[str]:
+    return [field.strip("[]() ") for field in fields]
+
+
+def _are_units(fields: list[str], width: int) -> bool:
+    """Return True if a row below names gives their units."""
+    present = [unit for unit in _units_in(fields) if unit not in MISSING]
+    return 0 < len(present) <= len(fields) <= width and all(map(is_unit, present))
+
+
+def _time_of(column: Column) -> Column:
+    """Return a column without a name as the time if its unit is one of time."""
+    if column.unit and is_unit(column.unit) and parse_unit(column.unit).dimension == (("[time]", 1),):
+        return replace(column, name="time", header="time")
+    return column

@@ -1,0 +1,76 @@
+"""Clock times and dates as loggers write them, in seconds from the first one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import date
+
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.recordings.formats.dialect import MISSING
+
+__all__ = ["are_stamps", "first_day", "is_stamp", "seconds"]
+
+STAMP = re.compile(
+    r"(?:(?P<date>\d{4}-\d\d-\d\d|\d{4}/\d\d/\d\d|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4})[T ]\s*)?"
+    r"(?P<hour>\d{1,2}):(?P<minute>[0-5]\d):(?P<second>[0-5]\d(?:[.,]\d{1,12})?)(?P<zone>Z|[+-]\d\d:?\d\d)?",
+    re.ASCII,
+)
+DAY = 86400.0
+
+
+def is_stamp(text: str) -> bool:
+    """Return True for a clock time with or without a date, e.g. ``2024-01-01 00:00:00.000``."""
+    return len(text) < 64 and bool(STAMP.fullmatch(text))
+
+
+def are_stamps(texts: Sequence[str]) -> bool:
+    """Return True if there are texts, and most of those that are not empty are clock times."""
+    present = [text for text in texts if text]
+    return bool(present) and 2 * sum(map(is_stamp, present)) > len(present)
+
+
+def first_day(texts: Sequence[str]) -> float:
+    """Return the number of the day of the first clock time, 0 if it has no date."""
+    matches = (STAMP.fullmatch(text) for text in texts if len(text) < 64)
+    return next((_ordinal(match["date"]) or 0.0 for match in matches if match), 0.0)
+
+
+def seconds(texts: Sequence[str], day: float) -> tuple[Array, list[int]]:
+    """Return the seconds of clock times since the start of a `day`, and the numbers of the texts that are none.
+
+    Days are told apart by their dates, so that a recording may pass midnight. A date with slashes that begins with the
+    day or the month is read with the month first.
+    """
+    values, wrong = np.full(len(texts), np.nan), []
+    days: dict[str | None, float | None] = {}
+    for i, text in enumerate(texts):
+        match = STAMP.fullmatch(text) if len(text) < 64 else None
+        if match and match["date"] not in days:
+            days[match["date"]] = _ordinal(match["date"])
+        today = days[match["date"]] if match else None
+        if match and today is not None:
+            clock = 3600 * int(match["hour"]) + 60 * int(match["minute"]) + float(match["second"].replace(",", "."))
+            values[i] = DAY * (today - day) + clock
+        elif text.casefold() not in MISSING:
+            wrong.append(i)
+    return values, wrong
+
+
+def _ordinal(text: str | None) -> float | None:
+    """Return the number of a day, 0 without a date, None for a date that does not exist."""
+    if text is None:
+        return 0.0
+    parts = [int(part) for part in re.split(r"[-./]", text)]
+    if parts[0] > 31:
+        year, month, day = parts
+    elif "." in text:
+        day, month, year = parts
+    else:
+        month, day, year = parts
+    try:
+        return float(date(year, month, day).toordinal())
+    except ValueError:
+        return None

@@ -1,0 +1,182 @@
+"""Units of drives: parts of a rated value, increments of an encoder, gear ratios, and a torque from its current."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from brightgrey.errors import RecordingError, SettingsError, nearest
+from brightgrey.recordings.units.parser import Unit, parse_unit
+from brightgrey.recordings.units.signals import KINDS
+
+__all__ = ["QUANTITIES", "DriveScales", "Scaled", "check_names", "parse_value", "rated_hint"]
+
+VALUE = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)\s*")
+# Quantities that a rated value may be of, with the unit that shows their dimension.
+QUANTITIES = {
+    "torque": "N m",
+    "force": "N",
+    "current": "A",
+    "voltage": "V",
+    "speed": "rad/s",
+    "velocity": "rad/s",
+    "position": "rad",
+}
+KIND_QUANTITIES = {
+    "input": ("torque", "force", "current", "voltage"),
+    "position": ("position",),
+    "velocity": ("speed", "velocity"),
+    "velocity-differenced": ("speed", "velocity"),
+    "acceleration": (),
+}
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """Unit that a column stands in after a factor."""
+
+    unit: Unit | None  #: None if nothing says what it is.
+    gain: float = 1.0  #: Recorded value times gain stands in `unit`.
+
+
+@dataclass(frozen=True)
+class DriveScales:
+    """Values that turn the numbers of a drive into physical units.
+
+    Attributes
+    ----------
+    rated : mapping of str to str
+        Value of 100 % with its unit, by column or by quantity, e.g. ``{"torque": "9.84 mN m"}``.
+    counts : mapping of str to float
+        Increments per turn, by column.
+    gear : mapping of str to float
+        Factor of an output, by column, e.g. the ratio that turns an angle at the load into one at the motor.
+    torque_constant : str, optional
+        Torque or force per current, e.g. ``0.05 N m/A``, for an input that is a current.
+
+    Raises
+    ------
+    SettingsError
+        For a value that is no number with a unit, or not positive.
+    """
+
+    rated: Mapping[str, str] = field(default_factory=lambda: NOTHING)
+    counts: Mapping[str, float] = field(default_factory=lambda: NOTHING)
+    gear: Mapping[str, float] = field(default_factory=lambda: NOTHING)
+    torque_constant: str | None = None
+
+    def __post_init__(self) -> None:
+        for name, text in self.rated.items():
+            if parse_value(f"rated {name}", text)[0] <= 0:
+                raise SettingsError(f"rated {name} '{text}' is not positive")
+        for name, counts in self.counts.items():
+            if not (math.isfinite(counts) and counts > 0):
+                raise SettingsError(f"counts per turn {name} {counts:g} is not a positive number")
+        for name, ratio in self.gear.items():
+            if not (math.isfinite(ratio) and ratio != 0):
+                raise SettingsError(f"gear ratio {name} {ratio:g} is not a finite number other than zero")
+        if self.torque_constant is not None:
+            parse_value("torque constant", self.torque_constant)
+
+    def names(self) -> list[str]:
+        """Names of columns that values are given for; those of quantities are left out."""
+        return [name for name in (*self.rated, *self.counts, *self.gear) if name not in QUANTITIES]
+
+    def of(self, column: str, kind: str, unit: Unit | None) -> Scaled:
+        """Return unit and factor of a column.
+
+        Parameters
+        ----------
+        column : str
+            Its name.
+        kind : str
+            ``input``, or a kind of output.
+        unit : Unit, optional
+            Of the column, as the file or the user says.
+
+        Raises
+        ------
+        RecordingError
+            If a value is given that does not fit the column.
+        """
+        scaled = Scaled(unit)
+        if unit is not None and unit.text == "%":
+            scaled = self._of_rated(column, kind, unit)
+        elif column in self.rated:
+            raise RecordingError(f"'{column}' has a rated value, but its unit is {_text(unit)} and not %")
+        if column in self.counts:
+            scaled = self._of_counts(column, kind, unit)
+        if kind == "input" and self.torque_constant is not None:
+            scaled = self._of_current(column, scaled)
+        return Scaled(scaled.unit, scaled.gain * self.gear.get(column, 1.0))
+
+    def _of_rated(self, column: str, kind: str, unit: Unit) -> Scaled:
+        keys = [column, *KIND_QUANTITIES[kind]]
+        key = next((key for key in keys if key in self.rated), None)
+        if key is None:
+            return Scaled(unit)
+        value, rated = parse_value(f"rated {key}", self.rated[key])
+        return Scaled(rated, value / 100.0)
+
+    def _of_counts(self, column: str, kind: str, unit: Unit | None) -> Scaled:
+        order = KINDS.get(kind)
+        if order is None:
+            raise RecordingError(f"'{column}' has counts per turn, but it is the input and no motion")
+        expected = {"[count]": 1, "[time]": -order} if order else {"[count]": 1}
+        if unit is not None and dict(unit.dimension) != expected:
+            raise RecordingError(f"'{column}' has counts per turn, but its unit is {unit.text}")
+        turns = parse_unit(("rev", "rev/s", "rev/s²")[order])
+        return Scaled(turns, (1.0 if unit is None else unit.si) / self.counts[column])
+
+    def _of_current(self, column: str, scaled: Scaled) -> Scaled:
+        value, constant = parse_value("torque constant", str(self.torque_constant))
+        current = parse_unit("A")
+        unit = scaled.unit or current
+        if unit.dimension != current.dimension:
+            raise RecordingError(f"a torque constant is given, but the input '{column}' is in {unit.text} and not in A")
+        driving = next((u for u in map(parse_unit, ("N m", "N")) if _times(constant, current) == u.dimension), None)
+        if driving is None:
+            raise SettingsError(f"torque constant in {constant.text} is no torque or force per current, like N m/A")
+        return Scaled(driving, scaled.gain * value * constant.si * unit.si)
+
+
+def parse_value(what: str, text: str) -> tuple[float, Unit]:
+    """Read a number with its unit, e.g. ``9.84 mN m``; raise SettingsError that names `what` it is."""
+    match = VALUE.fullmatch(text)
+    if match is None:
+        raise SettingsError(f"{what} '{text}': expected a number and a unit, like 9.84 mN m")
+    try:
+        return float(match[1]), parse_unit(match[2])
+    except RecordingError as error:
+        raise SettingsError(f"{what} '{text}': {error}") from error
+
+
+def rated_hint(column: str, kind: str) -> str:
+    """Return the option that a column in % lacks."""
+    example = {"input": "9.84 mN m", "position": "360 deg"}.get(kind, "3000 rpm")
+    return f"say what 100 % are: --rated '{column}={example}'"
+
+
+def check_names(scales: DriveScales, columns: list[str]) -> None:
+    """Refuse values for a name that is neither a column nor a quantity."""
+    for name in scales.names():
+        if name not in columns:
+            guess = nearest(name, [*columns, *QUANTITIES])
+            hint = f" Did you mean '{guess}'?" if guess else ""
+            raise SettingsError(f"'{name}' is neither a column nor one of {', '.join(QUANTITIES)}.{hint}")
+
+
+def _times(one: Unit, other: Unit) -> tuple[tuple[str, int], ...]:
+    powers = dict(one.dimension)
+    for name, power in other.dimension:
+        powers[name] = powers.get(name, 0) + power
+    return tuple(sorted((name, power) for name, power in powers.items() if power))
+
+
+def _text(unit: Unit | None) -> str:
+    return unit.text if unit else "not given"
