@@ -73,7 +73,7 @@ def longest_stretch(t: Array, rows: Indices, table: Table, column: str) -> tuple
         If no part has `READING.least_stretch` of the samples; the message names the longest ones.
     """
     steps = np.diff(t)
-    if not (steps > 0).any():
+    if not (steps > 0).any() or (steps < 0).any():  # which `uniform_grid` refuses
         return slice(0, t.size), []
     holes = np.flatnonzero(steps >= READING.hole * float(np.median(steps[steps > 0]))) + 1
     if not holes.size:

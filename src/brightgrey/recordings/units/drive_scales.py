@@ -15,7 +15,7 @@ from brightgrey.recordings.units.signals import KINDS
 
 __all__ = ["QUANTITIES", "DriveScales", "Scaled", "check_names", "parse_value", "rated_hint"]
 
-VALUE = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)\s*")
+VALUE = re.compile(r"\s*([+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?+)\s*(\S.*?)\s*")
 # Quantities that a rated value may be of, with the unit that shows their dimension.
 QUANTITIES = {
     "torque": "N m",
