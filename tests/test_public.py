@@ -13,12 +13,23 @@ import pytest
 import brightgrey
 
 FUNCTIONS = {
-    *("analyse", "demo", "design", "export", "identify", "identify_fleet", "identify_resumable", "list_runs"),
-    *("load_model", "read_for", "read_manifest", "read_recording", "recording_from", "simulate", "watch"),
+    *("analyse", "demo", "design", "export", "identify", "identify_fleet", "identify_resumable", "inspect"),
+    *("list_runs", "load_model", "read_for", "read_manifest", "read_recording", "recording_from", "simulate", "watch"),
 }
 TYPES = {
-    *("Analysis", "Axis", "Budget", "Compensator", "Design", "Export", "Fleet", "GeneticSettings", "Margins"),
-    *("Member", "Model", "Recording", "Result", "RunStatus", "Signal", "Simulation", "StoredRun", "Structure"),
+    *("Analysis", "Axis", "Budget", "Compensator", "Design", "Export", "Fleet", "GeneticSettings", "Inspection"),
+    *(
+        "Margins",
+        "Member",
+        "Model",
+        "Recording",
+        "Result",
+        "RunStatus",
+        "Signal",
+        "Simulation",
+        "StoredRun",
+        "Structure",
+    ),
     "Watch",
 }
 ERRORS = {"BrightgreyError", "ExportError", "RecordingError", "RunError", "SettingsError", "StructureError"}

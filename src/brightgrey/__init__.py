@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from brightgrey.api.fleet.fleet import Fleet, Member, identify_fleet
     from brightgrey.api.fleet.manifest import Axis, read_manifest
     from brightgrey.api.identification import identify
+    from brightgrey.api.inspection import Inspection, inspect
     from brightgrey.api.result import Result
     from brightgrey.api.resumable import StoredRun, identify_resumable, list_runs
     from brightgrey.api.simulation import Simulation, read_for, simulate
@@ -46,6 +47,7 @@ __all__ = [
     "ExportError",
     "Fleet",
     "GeneticSettings",
+    "Inspection",
     "Margins",
     "Member",
     "Model",
@@ -69,6 +71,7 @@ __all__ = [
     "identify",
     "identify_fleet",
     "identify_resumable",
+    "inspect",
     "list_runs",
     "load_model",
     "read_for",
@@ -85,6 +88,7 @@ _HOME = {
     "api.fleet.fleet": ("Fleet", "Member", "identify_fleet"),
     "api.fleet.manifest": ("Axis", "read_manifest"),
     "api.identification": ("identify",),
+    "api.inspection": ("Inspection", "inspect"),
     "api.result": ("Result",),
     "api.resumable": ("StoredRun", "identify_resumable", "list_runs"),
     "api.simulation": ("Simulation", "read_for", "simulate"),

@@ -37,7 +37,18 @@ def test_contents__list_every_page():
 
 
 def test_pages__name_options_that_exist(capsys):
-    for command in ("identify", "simulate", "analyse", "control", "watch", "export", "reproduce", "demo", "fleet"):
+    for command in (
+        "identify",
+        "simulate",
+        "analyse",
+        "control",
+        "watch",
+        "export",
+        "reproduce",
+        "demo",
+        "fleet",
+        "inspect",
+    ):
         main([command, "--help"])
     offered = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out))
     for page in PAGES:

@@ -81,9 +81,7 @@ def control(
 
 def watch(
     model: ModelFile,
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="Recording to look for faults in, CSV or MAT.")
-    ],
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording to look for faults in.")],
     baseline: Annotated[
         Path,
         typer.Option(

@@ -29,7 +29,8 @@ __all__ = ["identify"]
 def identify(
     context: typer.Context,
     recordings: Annotated[
-        list[Path], typer.Argument(metavar="RECORDING", help="CSV or MAT files, one or more.", show_default=False)
+        list[Path],
+        typer.Argument(metavar="RECORDING", help="Recordings in any format, one or more.", show_default=False),
     ],
     columns: RequiredRecordingOptions,
     structures: StructureOptions,

@@ -18,6 +18,7 @@ from brightgrey.cli.export import export
 from brightgrey.cli.fleet import fleet
 from brightgrey.cli.help_page import Command, Program
 from brightgrey.cli.identify import identify
+from brightgrey.cli.inspect import inspect
 from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.runs import runs
 from brightgrey.cli.simulate import simulate
@@ -63,6 +64,7 @@ IDENTIFY = "brightgrey identify axis.csv --input torque --output velocity"
 # Two examples for each command, in the order of the help page.
 COMMANDS: dict[Callable[..., None], tuple[str, str]] = {
     demo: ("brightgrey demo", "brightgrey demo --out demo --seed 1"),
+    inspect: ("brightgrey inspect axis.csv", "brightgrey inspect drive_1.mat drive_2.mat --json"),
     identify: (IDENTIFY, f"{IDENTIFY} --unit 'torque=N m' --structure two_mass+coulomb+viscous --out axis"),
     simulate: (
         "brightgrey simulate out/model.json axis.csv",

@@ -14,7 +14,7 @@ __all__ = ["simulate"]
 
 def simulate(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json of an identification.")],
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV or MAT file.")],
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording in any format.")],
     time: Time = None,
     dt: Step = None,
     unit: Unit = None,

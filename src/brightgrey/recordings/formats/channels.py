@@ -16,7 +16,17 @@ __all__ = ["Channel", "Channels", "columns_of_matrix", "listed", "with_distinct_
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel: its name, its values of shape (samples,), its unit, and the number of its clock if it has one."""
+    """One channel.
+
+    Attributes
+    ----------
+    name : str
+    values : ndarray, shape (samples,)
+        In `unit`.
+    unit : str, optional
+    clock : int, optional
+        Number of its clock among `Channels.clocks`.
+    """
 
     name: str
     values: Array
@@ -26,7 +36,16 @@ class Channel:
 
 @dataclass(frozen=True)
 class Channels:
-    """Channels of a file, the times in s that some of them share, and the names of what is no channel."""
+    """Channels of a file.
+
+    Attributes
+    ----------
+    channels : tuple of Channel
+    clocks : tuple of ndarray
+        Times in s that channels share, each of shape (samples,).
+    others : tuple of str
+        Names of what is no channel.
+    """
 
     channels: tuple[Channel, ...]
     clocks: tuple[Array, ...] = ()

@@ -43,11 +43,11 @@ class Library:
     extra : str
         Extra of this package that brings it; empty if it is always there.
     seconds : float
-        Time of the processor for any file, the import apart.
+        Time of the processor in s for any file, the import apart.
     megabytes_per_second : float
-        Further time for large files.
+        Speed that adds to the time for large files, in MB per s.
     least_megabytes : int
-        Memory for any file beside what the import takes.
+        Memory for any file beside what the import takes, in units of 2^20 bytes.
     times_the_file : int
         Memory for large files, as a multiple of their size.
     """

@@ -48,6 +48,11 @@ def named_columns(
     dialect : Dialect
     name : str
         Of the file.
+
+    Raises
+    ------
+    RecordingError
+        If no line has as many fields as the numbers have.
     """
     if not head.text:
         return (), ()

@@ -70,7 +70,13 @@ def read_mat(path: Path, like: str = "") -> Table:
 
 
 def common_length(found: Channels, name: str, like: str) -> Table:
-    """Return the table of the channels that have the length of `like`, or else the most frequent length."""
+    """Return the table of the channels that have the length of `like`, or else the most frequent length.
+
+    Raises
+    ------
+    RecordingError
+        If there is no channel.
+    """
     if not found.channels:
         holds = f"; {listed('it holds', found.others)}" if found.others else ""
         raise RecordingError(f"{name}: there is no vector of numbers in it{holds}")

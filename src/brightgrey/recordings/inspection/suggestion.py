@@ -1,0 +1,248 @@
+"""Suggestion of an identification: which channels of a file are its input, its output and its time."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.recordings.formats.table import TIME_NAME, Table
+from brightgrey.recordings.inspection.meaning import DRIVING, UNITS, Meaning, index_of, unit_in_name
+from brightgrey.recordings.inspection.profile import ChannelProfile
+from brightgrey.recordings.inspection.relations import explained_by_motion, is_even_time
+from brightgrey.recordings.policy import READING
+from brightgrey.recordings.units.parser import is_unit, parse_unit
+from brightgrey.recordings.units.signals import assumed_unit, base_of
+
+__all__ = ["ReadChannels", "Suggestion", "TimeChoice", "find_time", "suggest", "usual_step"]
+
+TIME_LIKE = re.compile(r"(?:^|.*[._\s])(?:t|time|zeit|timestamp)(?:[._\s(].*)?", re.IGNORECASE)
+TRIED = 40
+"""Inputs, and outputs, whose pairs are compared."""
+NEARLY = 0.9
+"""Part of the best explanation from which a pair of channels is as good."""
+MANY_SAMPLES, ENOUGH_SAMPLES = 50_000, 20_000
+"""Samples from which a part of them is suggested, and how many remain."""
+
+
+@dataclass(frozen=True)
+class TimeChoice:
+    """Time of a file: the option that gives it, if one is needed, and the usual step in s."""
+
+    column: int | None = None
+    options: Mapping[str, str | float] = field(default_factory=dict)
+    dt: float = 1.0
+    question: str = ""
+
+
+@dataclass(frozen=True)
+class ReadChannels:
+    """Channels of a file with their numbers and meanings, by column."""
+
+    table: Table
+    profiles: Mapping[int, ChannelProfile]
+    values: Mapping[int, Array]
+    meanings: Mapping[int, Meaning]
+
+    def changing(self) -> list[int]:
+        """Columns of numbers that change and are no time."""
+        return [i for i, p in self.profiles.items() if not p.constant and self.meanings[i].quantity != "time"]
+
+    def reference(self, column: int) -> str:
+        """Return the name of a column for an option, or its number where the name is not its own."""
+        name = self.table.columns[column].name
+        own = self.table.matches(name) == [column] and not name.startswith("-") and name.isprintable()
+        return name if own else str(column + 1)
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """Columns and options of an identification."""
+
+    options: Mapping[str, Any]  #: Arguments of `read_recording`.
+    why: tuple[str, ...] = ()
+    questions: tuple[str, ...] = ()  #: What the file does not say, each with the option that says it.
+
+    def command(self, path: str) -> str:
+        """Return the complete command line."""
+        words = ["brightgrey", "identify", path, "--input", self.options["input"], "--output", self.options["outputs"]]
+        for key, option in (("time", "--time"), ("dt", "--dt"), ("decimate", "--decimate")):
+            if key in self.options:
+                words += [option, f"{self.options[key]}"]
+        for key, option in (("units", "--unit"), ("counts", "--counts")):
+            for name, value in self.options.get(key, {}).items():
+                words += [option, f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"]
+        return shlex.join(words)
+
+
+def find_time(table: Table, values: Mapping[int, Array]) -> TimeChoice:
+    """Return the time of a file: its channels' own, the column called so, or the one that rises like a time."""
+    clocks = [c.clock for c in table.columns if c.clock is not None and c.clock in values]
+    if clocks:
+        return TimeChoice(None, {}, usual_step(table, clocks[0], values))
+    numbers = {i: x for i, x in values.items() if np.isfinite(x).sum() > 2}
+    named = [i for i in numbers if TIME_NAME.fullmatch(table.columns[i].name) and not table.columns[i].clock_time]
+    named = named or [i for i in numbers if table.columns[i].clock_time]
+    if len(named) == 1:
+        return TimeChoice(named[0], {}, usual_step(table, named[0], values))
+    likely = named or [i for i in numbers if TIME_LIKE.fullmatch(table.columns[i].name)] or list(numbers)
+    even = [i for i in likely if is_even_time(numbers[i])]
+    even.sort(key=lambda i: bool((numbers[i] == np.rint(numbers[i])).all()))  # a count of samples comes last
+    if even:
+        reference = ReadChannels(table, {}, {}, {}).reference(even[0])
+        dt = usual_step(table, even[0], values)
+        counts = f"'{reference}' may count samples: give --dt instead of --time then" if dt == 1.0 else ""
+        return TimeChoice(even[0], {"time": reference}, dt, counts)
+    return TimeChoice(None, {"dt": 1.0}, 1.0, "the sampling interval is not in the file: put it in place of 1 in --dt")
+
+
+def usual_step(table: Table, column: int, values: Mapping[int, Array]) -> float:
+    """Return the usual step of a time in s."""
+    steps = np.diff(values[column][np.isfinite(values[column])])
+    unit = table.columns[column].unit
+    if unit is None and (match := TIME_NAME.fullmatch(table.columns[column].name)):
+        unit = (match["unit"] or "s").lower()
+    factor = parse_unit(unit).si if unit and is_unit(unit) else 1.0
+    return float(np.median(steps[steps > 0])) * factor if (steps > 0).any() else 1.0
+
+
+def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
+    """Return the columns that an identification would use, or why there are none.
+
+    The input is a torque or a force, else a current, else a voltage, rather an actual value than a setpoint. The output
+    is a motion, rather at the motor than at the load. Among several axes it is the pair with one number in its names
+    whose motion explains most of the input, and of those that explain nearly as much the one that moves most.
+    """
+    changing = channels.changing()
+    outputs = _best(changing, lambda i: _output_rank(channels.meanings[i]))
+    if not outputs:
+        return "no channel looks like a position or a velocity: name it by --output NAME:KIND"
+    inputs = _best([i for i in changing if i not in outputs], lambda i: _input_rank(channels.meanings[i]))
+    if not inputs:
+        return "no channel looks like a torque, a force, a current or a voltage: name it by --input"
+    pairs = [(u, y) for u in inputs[:TRIED] for y in outputs[:TRIED]]
+    name = {i: channels.table.columns[i].name for i in (*inputs, *outputs)}
+    same = [(u, y) for u, y in pairs if index_of(name[u]) == index_of(name[y])]
+    quantity = {i: channels.meanings[i].quantity for i in outputs}
+    parts = {
+        (u, y): explained_by_motion(channels.values[u], channels.values[y], quantity[y], time.dt)
+        for u, y in same or pairs
+    }
+    # Several inputs are several axes, of which one that hardly moves says little.
+    good = [pair for pair, part in parts.items() if part >= (NEARLY if len(inputs) > 1 else 1.0) * max(parts.values())]
+    u, y = max(good, key=lambda pair: (round(float(np.nanstd(channels.values[pair[1]])), 12), parts[pair]))
+    finer = _finer(channels, y, outputs)
+    why = [_because(channels, u, "input"), _because(channels, finer, "output")]
+    why.append(f"the motion explains {100 * max(parts[u, y], 0.0):.0f} % of the input's variance")
+    options, questions = _options(channels, u, finer, time)
+    return Suggestion(options, tuple(why), tuple(question for question in questions if question))
+
+
+def _best(columns: Sequence[int], rank: Any) -> list[int]:
+    """Return the columns of the best rank; None ranks nowhere."""
+    ranks = {i: rank(i) for i in columns}
+    best = min((r for r in ranks.values() if r is not None), default=None)
+    return [i for i, r in ranks.items() if r is not None and r == best]
+
+
+def _input_rank(meaning: Meaning) -> float | None:
+    if meaning.role == "error" or meaning.quantity not in (*DRIVING, ""):
+        return None
+    base = {"torque": 0.0, "force": 0.0, "current": 1.0, "voltage": 2.0, "": 9.0}[meaning.quantity]
+    return base + 1.5 * (meaning.role == "setpoint") + 0.5 * (meaning.side == "load")
+
+
+def _output_rank(meaning: Meaning) -> float | None:
+    if meaning.role == "error" or meaning.quantity not in ("position", "velocity", "acceleration"):
+        return None
+    return 2.0 * (meaning.quantity == "acceleration") + 3.0 * (meaning.role == "setpoint") + (meaning.side == "load")
+
+
+def _finer(channels: ReadChannels, chosen: int, outputs: Sequence[int]) -> int:
+    """Return the position of the same axis if it is fine, and the velocity if the position is coarse."""
+    name = channels.table.columns[chosen].name
+    alike = [i for i in outputs if index_of(channels.table.columns[i].name) == index_of(name)] or [chosen]
+    fine = [i for i in alike if channels.profiles[i].levels >= READING.coarse_levels]
+    positions = [i for i in fine if channels.meanings[i].quantity == "position"]
+    if channels.meanings[chosen].quantity == "position" and chosen in fine:
+        return chosen
+    return (positions or fine or [chosen])[0] if chosen not in fine or positions else chosen
+
+
+def _because(channels: ReadChannels, column: int, role: str) -> str:
+    meaning = channels.meanings[column]
+    what = meaning.words() or "no name says what it is"
+    return f"{role} '{channels.table.columns[column].name}': {what}" + (f", {meaning.reason}" if meaning.reason else "")
+
+
+def _options(channels: ReadChannels, u: int, y: int, time: TimeChoice) -> tuple[dict[str, Any], list[str]]:
+    """Return the arguments of `read_recording`, and what has to be asked for."""
+    kind = channels.meanings[y].quantity
+    name_u, name_y = channels.reference(u), channels.reference(y)
+    options: dict[str, Any] = {"input": name_u, "outputs": f"{name_y}:{kind}", **time.options}
+    units: dict[str, str] = {}
+    questions = [time.question, *_ask_input(channels, u, name_u, units)]
+    questions += _ask_output(channels, u, y, name_y, kind, units, options)
+    if channels.meanings[u].side == "motor" and channels.meanings[y].side == "load":
+        questions.append(f"the output is at the load: --gear '{name_y}=RATIO' brings it to the side of the motor")
+    samples = channels.profiles[y].samples
+    if samples > MANY_SAMPLES:
+        options["decimate"] = -(-samples // ENOUGH_SAMPLES)
+        questions.append(f"{samples} samples are many: --decimate keeps one in {options['decimate']}")
+    if units:
+        options["units"] = units
+    return options, questions
+
+
+def _ask_input(channels: ReadChannels, u: int, name: str, units: dict[str, str]) -> list[str]:
+    """Fill in the unit of the input, and return what is missing."""
+    quantity, given = channels.meanings[u].quantity, channels.table.columns[u].unit
+    if given and not is_unit(given):
+        return [_ask_unit(name, units, UNITS.get(quantity, "N m"), f"unit '{given}' of '{name}' is not known")]
+    unit = parse_unit(given).text if given else unit_in_name(channels.table.columns[u].name)
+    if unit == "%":
+        return [
+            f"what 100 % of '{name}' are is not in the file: add --rated '{name}=VALUE UNIT', else results are in %"
+        ]
+    asked = []
+    if not given and unit:
+        units[name] = unit
+    elif not given:
+        asked = [_ask_unit(name, units, UNITS.get(quantity, "N m"), f"the unit of '{name}' is not in the file")]
+    if quantity == "current":
+        asked.append(
+            f"'{name}' is a current: --torque-constant 'VALUE N m/A' makes it a torque, else results are per A"
+        )
+    return asked
+
+
+def _ask_unit(name: str, units: dict[str, str], unit: str, why: str) -> str:
+    """Fill in a unit, and return the question for the right one."""
+    units[name] = unit
+    return f"{why}: put the right one in place of {unit} in --unit"
+
+
+def _ask_output(
+    channels: ReadChannels, u: int, y: int, name: str, kind: str, units: dict[str, str], options: dict[str, Any]
+) -> list[str]:
+    """Fill in the unit of the output, and return what is missing."""
+    given = channels.table.columns[y].unit
+    written = unit_in_name(channels.table.columns[y].name)
+    known = parse_unit(given) if given and is_unit(given) else None
+    if known is not None and ("[count]", 1) in known.dimension:
+        options["counts"] = {name: 1.0}
+        return [f"how many increments make a turn is not in the file: put it in place of 1 in --counts '{name}=1'"]
+    if known is not None and base_of(known, kind) is not None:
+        return []
+    if known is None and not given and written and base_of(parse_unit(written), kind) is not None:
+        units[name] = written
+        return []
+    force = channels.meanings[u].quantity == "force"
+    si = assumed_unit(kind, "m" if force else "rad")
+    why = f"unit '{given}' of '{name}' says no {kind}" if given else f"the unit of '{name}' is not in the file"
+    return [_ask_unit(name, units, si, why)]
