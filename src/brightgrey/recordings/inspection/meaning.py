@@ -47,7 +47,7 @@ WRITTEN = {"nm": "N m"}
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a channel might be; empty texts where nothing says it."""
+    """Guess of what a channel is; empty texts where nothing says it."""
 
     quantity: str = ""  #: torque, force, current, voltage, position, velocity, acceleration or time.
     role: str = ""  #: setpoint, actual or error.
