@@ -62,7 +62,10 @@ def deviation_of(to, model, folder):
             {"kinds": ("velocity-differenced", "acceleration"), "hold": "zoh", "linear_axis": True},
         ),
         ("two_mass+viscous+directional_viscous+coulomb@2+viscous@2+ground_spring@2+pendulum", {"kinds": ALL}),
-        ("three_mass+backlash@2+stribeck@3+gravity@2+pendulum@2+directional_viscous@3+viscous@3", {"linear_axis": True}),
+        (
+            "three_mass+backlash@2+stribeck@3+gravity@2+pendulum@2+directional_viscous@3+viscous@3",
+            {"linear_axis": True},
+        ),
     ],
 )
 def test_export__run_by_its_tool__moves_like_the_model(to, structure, options, tmp_path):

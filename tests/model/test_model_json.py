@@ -109,7 +109,7 @@ def changed(example, path, value):
         (["parameters", "J1", "unit"], "g m²", ["'parameters.J1.unit'", "'g m²'", "'kg m²'"]),
         (["parameters", "J1", "unti"], "kg", ["unknown field 'parameters.J1.unti'"]),
         (["signals", 0, "kind"], "velocity", ["'signals'", "input comes first"]),
-        (["signals", 1, "kind"], "speed", ["'speed'", "velocity"]),
+        (["signals", 1, "kind"], "velocty", ["'velocty'", "velocity"]),
         (["signals", 1, "unit"], "furlong", ["'furlong'"]),
         (["signals", 1, "hold"], "cubic", ["'signals.1.hold'", "'cubic'"]),
         (["settings", "friction_width_unit"], "mm/s", ["'settings.friction_width_unit'", "'mm/s'", "'rad/s'"]),

@@ -110,7 +110,8 @@ def test_recording_from__colon_in_a_column_name__is_no_kind() -> None:
 
 REFUSED = {
     "kind": ({"outputs": "v:velocty"}, "unknown kind of output 'velocty'. Did you mean 'velocity'?"),
-    "kind of a pair": ({"outputs": [("v", "speed")]}, "unknown kind of output 'speed'"),
+    "kind of a pair": ({"outputs": [("v", "pace")]}, "unknown kind of output 'pace'"),
+    "mass": ({"outputs": "v:velocity@0"}, "'0' is no mass, counted from the motor"),
     "input": ({"input": "uu"}, "recording: unknown column 'uu'. Did you mean 'u'? Columns: t, u, v, w"),
     "output": ({"outputs": "x:velocity"}, "unknown column 'x'"),
     "time": ({"time": "T"}, "unknown column 'T'. Did you mean 't'?"),

@@ -114,7 +114,7 @@ class Watch:
 
 
 def _output_kinds(model: Model) -> list[str]:
-    return ["velocity" if s.kind == "velocity-differenced" else s.kind for s in model.outputs]
+    return [s.physical for s in model.outputs]
 
 
 def analyse(model: Model, *, speed: float | None = None, contact: str = "forward") -> Analysis:

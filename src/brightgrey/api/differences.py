@@ -55,8 +55,7 @@ def compare_for_control(
     out, for example one whose gap would have to carry a load. A single structure gives an empty result.
     """
     tied = _tied_structures(evidence)
-    kinds = [s.kind for s in recordings[0].outputs]
-    outputs = ["velocity" if kind == "velocity-differenced" else kind for kind in kinds]
+    outputs = [s.physical for s in recordings[0].outputs]
     band = excited_band([r.u for r in recordings], min(r.dt for r in recordings))
     comparable: list[tuple[Refined, StateSpace]] = []
     for refined in tied:

@@ -144,7 +144,14 @@ def identify(
     found = None
     if named is None:
         request = SearchRequest(
-            search or "auto", grammar_searched(search, grammar), tuple(require), tuple(exclude), seed, workers, progress=progress, executor=executor
+            search or "auto",
+            grammar_searched(search, grammar),
+            tuple(require),
+            tuple(exclude),
+            seed,
+            workers,
+            progress=progress,
+            executor=executor,
         )
         found = search_structure(task, request)
     chosen = found.structure if found else function_set().check(cast("Structure", named))

@@ -83,7 +83,7 @@ def simulate(model: Model, recording: Recording) -> Simulation:
 
 
 def _kind_and_dimension(signal: Signal) -> tuple[object, ...]:
-    return signal.kind, parse_unit(signal.unit).dimension
+    return signal.sensor, parse_unit(signal.unit).dimension
 
 
 def read_for(
@@ -119,7 +119,7 @@ def read_for(
         return read_recording(
             path,
             input=model.input.name,
-            outputs=[(s.name, s.kind) for s in model.outputs],
+            outputs=[(s.name, s.sensor) for s in model.outputs],
             time=time,
             dt=dt,
             input_gain=model.input.gain,

@@ -99,7 +99,9 @@ def grammar_searched(search: SearchKind | None, name: str | None) -> Grammar:
     """
     grammar = grammar_named(name or ("drive" if search in (None, "auto") else "paper"))
     if search == "exhaustive" and grammar.later:
-        raise SettingsError(f"an exhaustive search fits every structure, and '{grammar.name}' has millions: take 'paper'")
+        raise SettingsError(
+            f"an exhaustive search fits every structure, and '{grammar.name}' has millions: take 'paper'"
+        )
     return grammar
 
 

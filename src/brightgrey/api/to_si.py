@@ -23,7 +23,7 @@ Range = tuple[float, float]
 
 def listed(signals: Sequence[Signal]) -> str:
     """Kinds and units of the signals as text."""
-    return ", ".join(f"{signal.kind} in {signal.unit}" for signal in signals)
+    return ", ".join(f"{signal.sensor} in {signal.unit}" for signal in signals)
 
 
 def check_alike(several: Sequence[Recording], test: Recording | None) -> None:
@@ -33,7 +33,7 @@ def check_alike(several: Sequence[Recording], test: Recording | None) -> None:
     first = (several[0].input, *several[0].outputs)
     for other in (*several[1:], *(() if test is None else (test,))):
         came = (other.input, *other.outputs)
-        if [(s.kind, s.unit) for s in came] != [(s.kind, s.unit) for s in first]:
+        if [(s.sensor, s.unit) for s in came] != [(s.sensor, s.unit) for s in first]:
             raise RecordingError(
                 f"{other.name}: signals are {listed(came)}; those of {several[0].name} are {listed(first)}"
             )

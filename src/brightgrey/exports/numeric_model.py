@@ -53,6 +53,7 @@ class ModelOutput:
     row: int  #: Row of x, or n + row of x' for an acceleration.
     differenced: bool  #: Difference of this and the sample before, over the sampling interval.
     factor: float  #: Shown value over SI value.
+    mass: int = 1  #: Mass that it is the motion of.
 
 
 class PortLaw(NamedTuple):
@@ -255,13 +256,20 @@ def numeric_model(model: Model, f_tanh: float | None = None) -> NumericModel:
 
 
 def _lowered(model: Model, settings: Settings) -> NumericModel:
-    kinds = [signal.kind for signal in model.outputs]
-    natural = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
+    natural = [signal.simulated for signal in model.outputs]
     system = assemble(model.structure, model.values_si(), settings.f_tanh, natural)
     dt = model.settings.sampling_time
     low = lower(system, dt)
     outputs = tuple(
-        ModelOutput(s.name, s.kind, s.unit, int(row), s.kind == "velocity-differenced", s.factor)
+        ModelOutput(  # of a speed without sign the velocity is exported
+            s.name,
+            "velocity" if s.kind == "speed" else s.kind,
+            s.unit,
+            int(row),
+            s.kind == "velocity-differenced",
+            s.factor,
+            s.mass,
+        )
         for s, row in zip(model.outputs, low.outputs, strict=True)
     )
     return NumericModel(

@@ -42,7 +42,7 @@ def assemble(
     f_tanh : float or ndarray of shape (K,)
         Gain of eq. (2) in s/rad (s/m): the inverse of the width of friction's reversal.
     outputs : sequence of str
-        ``position``, ``velocity``, ``acceleration`` of mass 1.
+        ``position``, ``velocity``, ``acceleration`` of mass 1; ``velocity@2`` is that of mass 2.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def assemble(
     Raises
     ------
     SettingsError
-        If a parameter is missing or unknown, or an output is none of the three.
+        If a parameter is missing or unknown, or an output is none of the three, or of a mass that is not there.
     """
     names = structure.parameters
     for name in values:
@@ -59,8 +59,7 @@ def assemble(
     missing = [name for name in names if name not in values]
     if missing:
         raise SettingsError(f"no value for parameter {', '.join(missing)} of '{structure}'")
-    for output in outputs:
-        one_of("output", output, OUTPUTS)
+    sensors = [_sensor(output, structure) for output in outputs]
     given = [np.asarray(values[n], float) for n in names]
     if len({a.shape for a in given}) > 1:
         given = list(np.broadcast_arrays(*given))
@@ -73,7 +72,7 @@ def assemble(
         own = {q.symbol: arrays[placed.parameter(q.symbol)] for q in placed.effect.parameters}
         draft = replace(draft, owner=f"{placed.name}@{placed.place}")
         draft = placed.effect.stamp(draft, placed.place, {**own, "f_tanh": f_tanh})
-    return _select_sensors(_select_actuator(draft), outputs)
+    return _select_sensors(_select_actuator(draft), sensors, outputs)
 
 
 @cache
@@ -87,8 +86,17 @@ def _select_actuator(draft: Draft) -> Draft:
     return draft if draft.B.shape[1] == 1 else replace(draft, B=draft.B[:, :1])
 
 
-def _select_sensors(draft: Draft, outputs: Sequence[str]) -> StateSpace:
-    """Apply the output selection matrix: rows of x, or rows of x' for acceleration, at mass 1.
+def _sensor(output: str, structure: Structure) -> tuple[str, int]:
+    """Kind and mass of an output such as ``velocity@2``."""
+    kind, _, mass = output.partition("@")
+    one_of("output", kind, OUTPUTS)
+    if mass and not (mass.isdecimal() and 1 <= int(mass) <= structure.masses):
+        raise SettingsError(f"output '{output}': '{structure}' has masses 1 to {structure.masses}")
+    return kind, int(mass or 1)
+
+
+def _select_sensors(draft: Draft, sensors: Sequence[tuple[str, int]], outputs: Sequence[str]) -> StateSpace:
+    """Apply the output selection matrix: rows of x, or rows of x' for acceleration, at the sensors' masses.
 
     Acceleration as a row of x' gives C, D and g of eq. (9), (10), (18) and of backlash step 5 at once. It contains
     friction and gravity, which are missing in the paper's eq. (11).
@@ -97,13 +105,13 @@ def _select_sensors(draft: Draft, outputs: Sequence[str]) -> StateSpace:
     C = np.zeros((len(outputs), n, *draft.batch))
     D = np.zeros((len(outputs), 1, *draft.batch))
     rows = []
-    for out, kind in enumerate(outputs):
+    for out, (kind, mass) in enumerate(sensors):
         if kind == "acceleration":
-            row = draft.index("v1")
+            row = draft.index(f"v{mass}")
             C[out], D[out] = draft.A[row], draft.B[row]
             rows.append(row)
         else:
-            C[out] = draft.unit_row("q1" if kind == "position" else "v1")
+            C[out] = draft.unit_row(f"q{mass}" if kind == "position" else f"v{mass}")
             rows.append(-1)
     return StateSpace(
         draft.A, draft.B, C, D, draft.elements, draft.dead_time, draft.states, tuple(outputs), tuple(rows)

@@ -41,7 +41,7 @@ class StateSpace:
     states : tuple of State
         Names and dimensions of x.
     outputs : tuple of str
-        ``position``, ``velocity`` or ``acceleration`` of mass 1.
+        ``position``, ``velocity`` or ``acceleration`` of mass 1; of another mass as ``velocity@2``.
     derivative_rows : tuple of int
         For each output its row of x', or -1 if it is a row of x.
     """

@@ -143,6 +143,7 @@ def _signal_parts(recording: Recording) -> tuple[SignalPart, ...]:
             gain=signal.gain,
             sampling_time=recording.dt,
             hold=recording.hold,
+            mass=signal.mass,
         )
         for signal in (recording.input, *recording.outputs)
     )

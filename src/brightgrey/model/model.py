@@ -201,7 +201,7 @@ def load_model(path: str | Path) -> Model:
 
 
 def _signal_of(part: SignalPart) -> Signal:
-    return Signal(name=part.name, kind=part.kind, unit=part.unit, gain=part.gain, unit_given=True)
+    return Signal(name=part.name, kind=part.kind, unit=part.unit, gain=part.gain, unit_given=True, mass=part.mass)
 
 
 def _refuse_constant(name: str) -> float:

@@ -64,7 +64,10 @@ class ParameterPart(Part):
 
 
 class SignalPart(Part):
-    """A column of the recording. Recorded value times `gain` stands in `unit`; sampling_time in s."""
+    """A column of the recording. Recorded value times `gain` stands in `unit`; sampling_time in s.
+
+    `mass` is the one that an output is measured at, counted from the motor.
+    """
 
     name: str
     kind: str
@@ -72,6 +75,7 @@ class SignalPart(Part):
     gain: float
     sampling_time: float
     hold: Literal["linear", "zoh"]
+    mass: int = Field(default=1, ge=1)
 
 
 class SettingsPart(Part):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from brightgrey.errors import RecordingError, SettingsError
 from brightgrey.recordings.formats.table import TIME_NAME, Table
@@ -17,7 +17,7 @@ from brightgrey.recordings.window import TimeWindow
 
 __all__ = ["ColumnChoice", "OutputColumn", "ReadingOptions", "choose_columns"]
 
-# "name:kind", "name" (its kind follows from its unit or its name), or (name, kind)
+# "name:kind", "name:kind@mass", "name" (its kind follows from its unit or its name), or (name, kind)
 OutputColumn = str | tuple[str, str]
 
 KIND_NAMES = {
@@ -79,18 +79,20 @@ def choose_columns(table: Table, options: ReadingOptions) -> ColumnChoice:
         raise SettingsError("no output is named; at least one is needed, e.g. velocity:velocity")
     given = _given_units(table, options.units)
     check_names(options.scales, [column.name for column in table.columns])
-    chosen = [u, *(i for i, _ in named)]
+    chosen = [u, *(i for i, _, _ in named)]
     times, notes = _find_times(table, options, chosen)
     everything = [*chosen, *dict.fromkeys(times)]
     for i in everything:
         if everything.count(i) > 1:
             raise table.fault(f"column '{table.columns[i].name}' is named twice among input, outputs and time")
     kinds = []
-    for i, kind in named:
+    for i, kind, _ in named:
         found, reason = (kind, "") if kind else _guess_kind(table.columns[i].name, given.get(i))
         kinds.append(found)
         notes += [f"output '{table.columns[i].name}' is taken as {found}{reason}"] if reason else []
     signals = _chosen_signals(table, chosen, kinds, given, options)
+    masses = (1, *(mass for _, _, mass in named))
+    signals = tuple(replace(signal, mass=mass) for signal, mass in zip(signals, masses, strict=True))
     assumed = [f"'{s.name}' in {s.unit}{_unit_in_name(s)}" for s in signals if not s.unit_given]
     factors = {}
     for t in dict.fromkeys(times):
@@ -103,18 +105,25 @@ def choose_columns(table: Table, options: ReadingOptions) -> ColumnChoice:
     return ColumnChoice(u, tuple(chosen[1:]), times, tuple(factors[t] for t in times), signals, tuple(notes))
 
 
-def _find_output(table: Table, output: OutputColumn) -> tuple[int, str]:
-    """Return column and kind of an output; the kind is empty if it is not given."""
+def _find_output(table: Table, output: OutputColumn) -> tuple[int, str, int]:
+    """Return column, kind and mass of an output; the kind is empty if it is not given."""
     if not isinstance(output, str):
-        name, kind = output
-        check_kind(kind)
-        return table.find(name), kind
-    name, colon, kind = output.rpartition(":")
+        name, sensor = output
+        return table.find(name), *_kind_and_mass(sensor)
+    name, colon, sensor = output.rpartition(":")
     if not colon or table.matches(output):  # a colon may be part of a column's name
-        return table.find(output), ""
-    column = table.find(name)
-    check_kind(kind)
-    return column, kind
+        return table.find(output), "", 1
+    return table.find(name), *_kind_and_mass(sensor)
+
+
+def _kind_and_mass(sensor: str) -> tuple[str, int]:
+    """Kind and mass of ``velocity@2``; the mass is 1 where none is given."""
+    kind, at, mass = sensor.partition("@")
+    if at and not (mass.isdecimal() and int(mass) >= 1):
+        raise RecordingError(
+            f"'{sensor}': '{mass}' is no mass, counted from the motor; velocity@2 is at the second one"
+        )
+    return check_kind(kind), int(mass or 1)
 
 
 def _given_units(table: Table, units: Mapping[str, str]) -> dict[int, Unit | RecordingError]:

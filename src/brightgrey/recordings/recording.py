@@ -17,7 +17,7 @@ from brightgrey.notebook_html import sparkline, table
 from brightgrey.recordings.checks import resolution
 from brightgrey.recordings.policy import READING
 from brightgrey.recordings.units.parser import parse_unit
-from brightgrey.recordings.units.signals import Units, check_kind, motion_unit
+from brightgrey.recordings.units.signals import KINDS, Units, check_kind, motion_unit
 
 __all__ = ["HOLDS", "Hold", "Recording", "Signal", "check_hold", "interval"]
 
@@ -51,13 +51,16 @@ class Signal:
         Name of the column.
     kind : str
         ``input``, ``position``, ``velocity``, ``velocity-differenced`` or ``acceleration``. A velocity that
-        was made by differencing an encoder is ``velocity-differenced``: it lags half a sample.
+        was made by differencing an encoder is ``velocity-differenced``: it lags half a sample. ``speed`` is the
+        magnitude of a velocity, from a sensor without a sign.
     unit : str
         Unit that the values are shown in, e.g. ``N m``, ``mm/s``.
     gain : float
         Recorded column times gain stands in `unit`.
     unit_given : bool
         False where no unit was given and SI was assumed.
+    mass : int
+        Mass that an output is measured at, counted from the motor.
 
     Raises
     ------
@@ -70,11 +73,30 @@ class Signal:
     unit: str
     gain: float = 1.0
     unit_given: bool = True
+    mass: int = 1
 
     def __post_init__(self) -> None:
         if self.kind != "input":
             check_kind(self.kind)
         object.__setattr__(self, "unit", parse_unit(self.unit).text)
+
+    @property
+    def sensor(self) -> str:
+        """Kind of an output, with its mass unless that is the first: ``velocity@2``."""
+        return self._at_mass(self.kind)
+
+    @property
+    def simulated(self) -> str:
+        """Output of a model from which the signal is made: the position for a differenced velocity."""
+        return self._at_mass({"velocity-differenced": "position", "speed": "velocity"}.get(self.kind, self.kind))
+
+    @property
+    def physical(self) -> str:
+        """Output of a model that is the measured quantity itself: the velocity for a differenced one."""
+        return self._at_mass("velocity" if KINDS[self.kind] == 1 else self.kind)
+
+    def _at_mass(self, kind: str) -> str:
+        return kind if self.mass == 1 else f"{kind}@{self.mass}"
 
     @property
     def factor(self) -> float:
@@ -157,7 +179,7 @@ class Recording:
     @cached_property
     def fingerprint(self) -> str:
         """SHA-256 of all that it holds, as 64 hexadecimal digits."""
-        signals = [(s.name, s.kind, s.unit, s.gain) for s in (self.input, *self.outputs)]
+        signals = [(s.name, s.sensor, s.unit, s.gain) for s in (self.input, *self.outputs)]
         whole = hashlib.sha256(repr((self.name, self.hold, self.notes, signals, self.y.shape)).encode())
         for array in (self.t, self.u, self.y, self.resolution):
             whole.update(array.astype("<f8").tobytes())
@@ -173,7 +195,7 @@ class Recording:
         for signal, values in zip((self.input, *self.outputs), (self.u, *self.y), strict=True):
             shown = values * signal.factor
             least, largest = f"{shown.min():.4g}", f"{shown.max():.4g}"
-            rows.append((signal.name, signal.kind, signal.unit, least, largest, sparkline(shown)))
+            rows.append((signal.name, signal.sensor, signal.unit, least, largest, sparkline(shown)))
         length = f"{self.samples} samples every {self.dt:.6g} s from {self.t[0]:.6g} s to {self.t[-1]:.6g} s"
         notes = "".join(f"<li>{html.escape(note)}</li>" for note in self.notes)
         return (

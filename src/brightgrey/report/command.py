@@ -21,7 +21,7 @@ def _derived_command(content: Content) -> str:
     words = ["brightgrey", "identify", *(part.recording for part in model.initial_state)]
     words += ["--input", model.input.name]
     for signal in model.outputs:
-        words += ["--output", f"{signal.name}:{signal.kind}"]
+        words += ["--output", f"{signal.name}:{signal.sensor}"]
     for signal in (model.input, *model.outputs):
         words += ["--unit", f"{signal.name}={signal.unit}"]
     if model.input.gain != 1.0:

@@ -25,7 +25,7 @@ from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
 from brightgrey.search.fitting.structure_fit import Options, StructureFit
-from brightgrey.search.further_effects import further_effects
+from brightgrey.search.further_effects import FurtherEffect, further_effects
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.policy import BORDER, FURTHER, REFIT, BorderPolicy
 from brightgrey.search.task import IdentificationTask
@@ -95,11 +95,10 @@ class BorderSearch:
             self.fit_largest()
         if not np.isfinite(self.fits.best().cost):
             raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
+        while self.offer_further(self.fits.best().structure.masses - 1):  # before more masses are gone into
+            pass
         border = self.in_rounds()
-        for _ in range(FURTHER.times):
-            if not self.offer_further(border):
-                break
-            self.fit_largest()
+        while self.offer_further(min(self.lattice.structure(m).masses for m in border.minimal)):
             border = self.in_rounds()
         return border
 
@@ -109,26 +108,41 @@ class BorderSearch:
         self.fit_hard_limits()
         self.find_best()
 
-    def offer_further(self, border: Border) -> bool:
+    def offer_further(self, most_masses: int) -> bool:
         """Extend the lattice by effects that explain what it leaves; returns False if there is nothing to offer.
 
-        They are tried beside the best structure with each number of masses, fewest first, up to that of the simplest
-        minimal one: an effect at a mass that is there is a simpler explanation than another mass.
+        They are tried beside the best structure with each number of masses, fewest first: an effect at a mass that is
+        there is a simpler explanation than another mass. With what is offered, that structure is fitted by multistart.
         """
-        if self.with_effects is None or self.is_explained():
+        if self.with_effects is None or len(self.offered) >= FURTHER.most or self.is_explained():
             return False
         more = [p for p in self.later if p not in self.lattice.atoms]
-        for masses in range(1, min(self.lattice.structure(m).masses for m in border.minimal) + 1):
+        for masses in range(1, most_masses + 1):
             fitted = [f for s, f in self.fits.done.items() if s.masses == masses and not f.redundant_effects]
             if not fitted:
                 continue
-            structure = min(fitted, key=lambda f: (f.structure.has_hard_limit, f.cost)).structure
-            found = further_effects(self.refined, structure, more, border.least, self.seed)
-            if found:
-                self.offered += found
+            own, best = min(fitted, key=lambda f: (f.structure.has_hard_limit, f.cost)), self.fits.best()
+            found = further_effects(self.fits.task, own, more, self.seed)
+            if found and self.rescues(own, found, best):
+                self.offered += tuple(f.placed for f in found)
                 self.lattice = self.with_effects(self.offered)
-                self.anchors = anchors(self.lattice)
+                self.anchors = [s for s in anchors(self.lattice) if s.masses <= masses + 1]
+                self.fit(self.anchors)
                 return True
+        return False
+
+    def rescues(self, own: StructureFit, found: Sequence[FurtherEffect], best: StructureFit) -> bool:
+        """Fit a structure with further effects; True if they explain enough of what it leaves.
+
+        That is a notable part of its residual, and a third of what the best structure explains better.
+        """
+        extended = Structure((*own.structure.placed, *(f.placed for f in found)))
+        start = {**own.values, **{name: value for f in found for name, value in f.start.items()}}
+        gained = own.cost - self.fits.fit_from(extended, start, self.executor).cost
+        if gained >= max(FURTHER.rescued_share * (own.cost - best.cost), FURTHER.notable_gain * own.cost):
+            self.fits.propagate({extended}, self.executor)
+            return True
+        del self.fits.done[extended]  # the lattice has no place for it
         return False
 
     def in_rounds(self) -> Border:
@@ -140,13 +154,14 @@ class BorderSearch:
             statuses = {m: m in border.adequate for m in self.deviances()}
             if last is not None:
                 self.flipped = {m for m, adequate in last.items() if statuses.get(m, adequate) != adequate}
-            best = self.lattice.structure(border.best)
-            if best == reference:  # the next round would be this one again
+            table = self.deviances()
+            simplest = self.lattice.structure(min(border.minimal, key=lambda m: (table[m].free, border.excess[m])))
+            if simplest == reference:  # the next round would be this one again
                 self.flipped = set()
                 break
             if last is not None and not self.flipped:
                 break
-            reference, last = best, statuses
+            reference, last = simplest, statuses
         return border
 
     def fit(self, structures: Sequence[Structure]) -> None:

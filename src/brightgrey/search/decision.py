@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 
 from brightgrey.arrays import Array, positive
+from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.symptoms import residual_symptoms
 from brightgrey.estimation.optimisation.least_squares import polish
 from brightgrey.estimation.uncertainty.estimates import estimates_of
-from brightgrey.errors import one_of
 from brightgrey.kit import Grammar, Placed, Structure
 from brightgrey.search.border import Border, Refutation
 from brightgrey.search.border_search import BorderSearch
@@ -97,6 +97,7 @@ def decide_structures(
     KeyboardInterrupt, Stopped
         If it is stopped before the first fit.
     """
+    require = (*require, *_masses_with_sensors(task, grammar))
     later = [p for stage in grammar.stages for p in stage if str(p) not in exclude]
     wanted = [p for p in later if str(p) in require]
 
@@ -128,6 +129,15 @@ def decide_structures(
             if not search.fits.done:
                 raise
         return Decision(_ranking(search, evidence), evidence, search.fits.done)
+
+
+def _masses_with_sensors(task: IdentificationTask, grammar: Grammar) -> tuple[str, ...]:
+    """Multiple-mass system with as many masses as sensors need; nothing for sensors at mass 1."""
+    last = max(signal.mass for signal in task.recordings[0].outputs)
+    found = tuple(p.name for p in grammar.placed if p.effect.masses == last)
+    if not found:
+        raise SettingsError(f"a sensor is at mass {last}; the function set '{grammar.name}' has no drive with so many")
+    return found if last > 1 else ()
 
 
 def _evidence(search: BorderSearch, border: Border, grammar: Grammar) -> Evidence:

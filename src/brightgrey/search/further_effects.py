@@ -9,69 +9,76 @@ were taken before (orthogonal matching pursuit, Pati, Rezaiifar, Krishnaprasad 1
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.estimation.noise.orthonormal_basis import orthonormal_basis
 from brightgrey.kit import Placed, Structure
 from brightgrey.numerics.distributions import chi2
-from brightgrey.search.fitting.refined_fit import RefinedFits, accurate
+from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
+from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.policy import FURTHER, SELECTION
+from brightgrey.search.task import IdentificationTask
 
-__all__ = ["further_effects"]
+__all__ = ["FurtherEffect", "further_effects"]
 
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A further effect beside a structure, with the whitened changes that it makes at several values."""
+    """A further effect beside a structure, with the changes of the residuals that it makes at several values."""
 
     placed: Placed
-    changes: Array  #: Beyond what is explained already, shape (residuals, draws).
+    values: Mapping[str, Array]  #: Of its parameters by name, SI, shape (draws,).
+    size: str  #: Its parameter at whose zero it vanishes.
+    changes: Array  #: Shape (residuals, draws).
     either_sign: bool
 
 
+@dataclass(frozen=True)
+class FurtherEffect:
+    """A further effect that explains a notable part of a residual."""
+
+    placed: Placed
+    start: Mapping[str, float]  #: Its parameters by name, SI, as far as a first step says.
+
+
 def further_effects(
-    refined: RefinedFits, structure: Structure, more: Sequence[Placed], least: float, seed: int
-) -> tuple[Placed, ...]:
-    """Effects of `more` that explain a material part of the residual of `structure`, the most important first.
+    task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int
+) -> tuple[FurtherEffect, ...]:
+    """Effects of `more` that explain a material part of the residual of a fit, the most important first.
+
+    The residual is taken as it is. Whitened, the noise of the sensor hides a model error that is large and slow.
 
     Parameters
     ----------
-    refined : RefinedFits
-        In a round.
-    structure : Structure
-        A fitted one.
+    task : IdentificationTask
+    fitted : StructureFit
+        At its least sum of squared residuals.
     more : sequence of Placed
         Effects that it may lack.
-    least : float
-        Least deviance of any structure. An effect has to explain a part of what `structure` leaves beyond it.
     seed : int
         Of the values that are drawn for effects of several parameters.
     """
-    own, whitening = refined.of(structure), refined.whitening
-    residual, jacobian, inside = refined.jacobian(structure)
-    basis = whitening.basis(jacobian[:, list(inside)])
-    left = _beyond(basis, whitening.whiten(residual))
-    candidates = []
-    for placed in more:
-        if _has_place(structure, placed):
-            changes, either_sign = _changes(refined, structure, placed, seed)
-            candidates.append(_Candidate(placed, _beyond(basis, changes), either_sign))
-    enough = max(
-        float(chi2.isf(SELECTION.false_alarm_level / max(len(candidates), 1), 1)),
-        (SELECTION.min_rss_ratio - 1.0) * own.deviance,
-        FURTHER.rescued_share * (own.deviance - least),
-    )
-    chosen: list[Placed] = []
+    task = accurate(task)
+    residual, jacobian, inside = residual_and_jacobian(task, fitted.structure, fitted.values)
+    basis = orthonormal_basis(jacobian[:, list(inside)])
+    left = _beyond(basis, residual)
+    placed_there = [p for p in more if _has_place(fitted.structure, p)]
+    candidates = [_changes(task, fitted, residual, placed, seed) for placed in placed_there]
+    candidates = [replace(c, changes=_beyond(basis, c.changes)) for c in candidates]
+    cost, chance = float(residual @ residual), float(chi2.isf(SELECTION.false_alarm_level / max(len(more), 1), 1))
+    enough = max(FURTHER.notable_gain, chance / len(residual)) * cost
+    chosen: list[FurtherEffect] = []
     while candidates and len(chosen) < FURTHER.at_once:
         scores = [_scores(c, left) for c in candidates]
         first = int(np.argmax([s.max(initial=0.0) for s in scores]))
         if not scores[first].max(initial=0.0) >= enough:
             break
         taken = candidates.pop(first)
-        chosen.append(taken.placed)
+        chosen.append(_start(taken, left, int(np.argmax(scores[first]))))
         for _ in taken.placed.effect.parameters:  # an effect of several parameters has as many directions
             found = _scores(taken, left)
             direction = taken.changes[:, int(np.argmax(found))]
@@ -79,8 +86,8 @@ def further_effects(
                 break
             unit = (direction / np.linalg.norm(direction))[:, None]
             left = _beyond(unit, left)
-            taken = _Candidate(taken.placed, _beyond(unit, taken.changes), taken.either_sign)
-            candidates = [_Candidate(c.placed, _beyond(unit, c.changes), c.either_sign) for c in candidates]
+            taken = replace(taken, changes=_beyond(unit, taken.changes))
+            candidates = [replace(c, changes=_beyond(unit, c.changes)) for c in candidates]
     return tuple(chosen)
 
 
@@ -91,13 +98,11 @@ def _has_place(structure: Structure, placed: Placed) -> bool:
     return placed.place <= last and placed not in structure.placed and required <= set(structure.placed)
 
 
-def _changes(refined: RefinedFits, structure: Structure, placed: Placed, seed: int) -> tuple[Array, bool]:
-    """Whitened changes of the residuals by an effect of the size that matters, and if it may have either sign."""
-    task, own = accurate(refined.task), refined.of(structure)
-    big = Structure((*structure.placed, placed))
-    problem, space = task.problem_and_space(big)
-    base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **own.values}
-    size = placed.relevant_size(task.scales, own.values)
+def _changes(task: IdentificationTask, fitted: StructureFit, residual: Array, placed: Placed, seed: int) -> _Candidate:
+    """Changes of the residuals by an effect of the size that matters."""
+    problem, space = task.problem_and_space(Structure((*fitted.structure.placed, placed)))
+    base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **fitted.values}
+    size = placed.relevant_size(task.scales, fitted.values)
     (vanishing,) = (q for q in placed.effect.parameters if q.size)
     others = [n for n in map(placed.parameter, (q.symbol for q in placed.effect.parameters)) if n in space.names]
     others = [n for n in others if n != placed.parameter(vanishing.symbol)]
@@ -107,8 +112,22 @@ def _changes(refined: RefinedFits, structure: Structure, placed: Placed, seed: i
     for name in others:
         values[name][1:] = drawn[space.names.index(name), 1:]
     moved = problem.residuals(values, task.settings)
-    changes = refined.whitening.whiten(moved - refined.jacobian(structure)[0][:, None])
-    return np.where(np.isfinite(changes).all(axis=0), changes, 0.0), vanishing.scale == "linear"
+    names = [placed.parameter(q.symbol) for q in placed.effect.parameters]
+    return _Candidate(
+        placed,
+        {name: values[name] for name in names},
+        placed.parameter(vanishing.symbol),
+        np.asarray(moved - residual[:, None]),
+        vanishing.scale == "linear",
+    )
+
+
+def _start(candidate: _Candidate, left: Array, draw: int) -> FurtherEffect:
+    """The effect with the values of a draw, of the size that a first-order step gives."""
+    change = candidate.changes[:, draw]
+    start = {name: float(values[draw]) for name, values in candidate.values.items()}
+    start[candidate.size] *= -float(left @ change) / float(change @ change)
+    return FurtherEffect(candidate.placed, start)
 
 
 def _beyond(basis: Array, x: Array) -> Array:
@@ -117,8 +136,8 @@ def _beyond(basis: Array, x: Array) -> Array:
 
 
 def _scores(candidate: _Candidate, left: Array) -> Array:
-    """Decrease of the deviance by a step along each change, shape (draws,); 0 for a size of the wrong sign."""
+    """Decrease of the sum of squares by a step along each change, shape (draws,); 0 for a size of the wrong sign."""
     along = left @ candidate.changes
     length = np.square(candidate.changes).sum(axis=0)
     allowed = (length > 0.0) & (candidate.either_sign | (along < 0.0))
-    return np.divide(np.square(along), length, out=np.zeros_like(length), where=allowed)
+    return np.asarray(np.divide(np.square(along), length, out=np.zeros_like(length), where=allowed))

@@ -106,10 +106,12 @@ class BorderPolicy:
 class FurtherEffectsPolicy:
     """Offer of effects that a function set holds back until they are called for."""
 
-    #: Least part of what a structure leaves beyond the best one that a further effect has to explain at first order.
-    rescued_share: float = 0.1
+    #: Least part of a structure's sum of squared residuals that a further effect explains, at first order at first.
+    notable_gain: float = 0.04
+    #: Least part of what a structure leaves beyond the best one that further effects have to explain when fitted.
+    rescued_share: float = 1.0 / 3.0
     at_once: int = 4  #: Effects that are offered at a time; more follow if these leave something.
-    times: int = 4  #: Times that effects are offered.
+    most: int = 8  #: Effects that are offered in all.
     draws: int = 15  #: Values that are tried for the further parameters of an effect.
 
 

@@ -23,9 +23,10 @@ InputOption = typer.Option(
 )
 OutputOption = typer.Option(
     "--output",
-    metavar="NAME[:KIND]",
+    metavar="NAME[:KIND[@MASS]]",
     help="Column of a measured motion. KIND is position, velocity, velocity-differenced (computed from the differences "
-    "of an encoder) or acceleration. Repeat for more outputs.",
+    "of an encoder), speed (a magnitude without sign) or acceleration. velocity@2 is measured at the second mass. "
+    "Repeat for more outputs.",
     show_default=False,
 )
 

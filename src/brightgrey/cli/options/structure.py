@@ -45,6 +45,7 @@ class StructureOptions:
             metavar="NAME",
             help="Function set: drive begins with the paper's 448 structures and offers friction at other masses and "
             "further effects where those leave something unexplained (default of auto); paper is those 448 alone.",
+            rich_help_panel=STRUCTURE,
         ),
     ] = None
     require: Annotated[

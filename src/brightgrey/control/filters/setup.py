@@ -101,8 +101,11 @@ def prepare(
     """
     first = recording if isinstance(recording, Recording) else recording[0]
     kinds = [signal.kind for signal in first.outputs]
+    if "speed" in kinds:
+        name = first.outputs[kinds.index("speed")].name
+        raise RecordingError(f"'{name}' is a speed without sign, which no Kalman filter here can use")
     differenced = tuple(kind == "velocity-differenced" for kind in kinds)
-    outputs = ["position" if d else kind for d, kind in zip(differenced, kinds, strict=True)]
+    outputs = [signal.simulated for signal in first.outputs]
     system = assemble(structure, values, _sharpness(first, settings, setup), outputs)
     K = system.batch[0] if system.batch else 1
     each = [first] * K if isinstance(recording, Recording) else list(recording)
@@ -140,7 +143,7 @@ def _sharpness(recording: Recording, settings: Settings, setup: FilterSetup) -> 
 
 def _check_compatible(each: Sequence[Recording], sets: int) -> None:
     """Refuse recordings that cannot be filtered side by side."""
-    natures = {(r.samples, r.dt, r.hold, tuple(s.kind for s in r.outputs)) for r in each}
+    natures = {(r.samples, r.dt, r.hold, tuple(s.sensor for s in r.outputs)) for r in each}
     if len(each) != sets or len(natures) != 1:
         raise RecordingError(
             f"{len(each)} recordings for {sets} parameter sets; give one for each, all with the same length, signals, "

@@ -24,9 +24,12 @@ __all__ = [
     "times_autocovariance",
 ]
 
-_RELATIVE_VARIANCE_FLOOR = 1e-9  # of a signal's power; a smaller innovation is rounding of a pure line
+_RELATIVE_VARIANCE_FLOOR = 1e-14  # of a signal's power; a smaller innovation is rounding of a pure line
+_COVARIANCE_FLOOR = 1e-12  # the same, found from autocovariances, whose rounding it amplifies
 _DIRECT_LAGS = 64  # up to so many lags, sums lag by lag are faster than a Fourier transform
-_SPECTRUM_LENGTH = 8  # times the lags of an autocovariance: what wraps around has decayed by then
+_SPECTRUM_LENGTH = 8  # times the lags of an autocovariance, at first
+_LONGEST_SPECTRUM = 2**21
+_WRAPPED = 1e-3  # largest relative change of the variance by a spectrum twice as long: what wraps around has decayed
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,10 @@ class NoiseModelOptions:
 
     #: Rounds that correct the autocovariance for what the fit has absorbed; the fourth changes it by less than 1 %.
     corrections: int = 5
+    #: Largest logarithm by which each absorbed direction can have lowered the power of the noise along it. So many
+    #: directions out of all samples cannot have changed the innovations by more: a larger change is rounding, which
+    #: autocovariances of smooth noise amplify.
+    absorbed_log_power: float = 20.0
     rank_tolerance: float = 1e-10  #: Singular values of the Jacobian below this part of the largest count as zero.
 
 
@@ -55,9 +62,18 @@ class Autoregression:
 
     def autocovariance(self, count: int) -> Array:
         """Autocovariance of e at lags 0 to ``count - 1``."""
-        length = next_fast_len(_SPECTRUM_LENGTH * count, real=True)
-        spectrum = self.variance / np.abs(rfft(self.a, length)) ** 2
-        return np.asarray(irfft(spectrum, length)[:count])
+        length = next_fast_len(_SPECTRUM_LENGTH * max(count, len(self.a)), real=True)
+        c = self._wrapped_autocovariance(length)
+        while 4 * length <= _LONGEST_SPECTRUM:
+            shorter, length = c, next_fast_len(2 * length, real=True)
+            c = self._wrapped_autocovariance(length)
+            if abs(c[0] - shorter[0]) <= _WRAPPED * c[0]:
+                break
+        return np.asarray(c[:count])
+
+    def _wrapped_autocovariance(self, length: int) -> Array:
+        """Autocovariance by a spectrum of so many points; what has not decayed by then wraps around."""
+        return np.asarray(irfft(self.variance / np.abs(rfft(self.a, length)) ** 2, length))
 
     def effective_samples_mean(self, samples: int) -> float:
         """Number of independent samples whose mean has the variance of the mean of `samples` of this noise.
@@ -164,7 +180,7 @@ def levinson(c: Array) -> Autoregression | None:
     a, variance = np.ones(1), float(c[0])
     for m in range(1, len(c)):
         reflection = -float(a @ c[m:0:-1]) / variance
-        if not variance * (1.0 - reflection**2) > _RELATIVE_VARIANCE_FLOOR * c[0]:
+        if not variance * (1.0 - reflection**2) > _COVARIANCE_FLOOR * c[0]:
             return None
         a = np.append(a, 0.0)
         a = a + reflection * a[::-1]
@@ -221,6 +237,10 @@ def noise_models(
     if not bases[0].shape[1]:
         return tuple(models)
     sums = [lag_sums(part, part, m.order + 1) for part, m in zip(parts, models, strict=True)]
+    limits = [
+        m.variance * np.exp(options.absorbed_log_power * Q.shape[1] / len(Q))
+        for m, Q in zip(models, bases, strict=True)
+    ]
     for _ in range(options.corrections):
         coloured = [times_autocovariance(m.autocovariance(len(Q)), Q) for m, Q in zip(models, bases, strict=True)]
         inner = np.sum([Q.T @ W for Q, W in zip(bases, coloured, strict=True)], axis=0)
@@ -228,5 +248,6 @@ def noise_models(
             count = len(observed)
             absorbed = lag_sums(Q, W - Q @ inner, count) + lag_sums(W, Q, count)
             corrected = levinson((observed + absorbed) / (len(Q) - np.arange(count)))
-            models[i] = corrected or models[i]
+            if corrected is not None and corrected.variance <= limits[i]:
+                models[i] = corrected
     return tuple(models)

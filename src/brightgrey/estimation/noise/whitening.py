@@ -25,6 +25,9 @@ __all__ = ["Whitening", "whiten"]
 def whiten(x: Array, models: Sequence[Autoregression], lengths: Sequence[int]) -> Array:
     """Filter every segment with its noise model, so that the noise becomes white with variance 1.
 
+    The first samples of a segment, as many as the order of the model, become zero. What came before them is unknown,
+    and in smooth noise an error of the initial state would outweigh all that follows.
+
     Parameters
     ----------
     x : ndarray, shape (residuals, ...)
@@ -33,10 +36,11 @@ def whiten(x: Array, models: Sequence[Autoregression], lengths: Sequence[int]) -
     lengths : sequence of int
         Samples of each segment.
     """
-    parts = [
-        lfilter(model.a, [1.0], part, axis=0) / np.sqrt(max(model.variance, np.finfo(float).tiny))
-        for model, part in zip(models, split_segments(x, lengths), strict=True)
-    ]
+    parts = []
+    for model, part in zip(models, split_segments(x, lengths), strict=True):
+        white = lfilter(model.a, [1.0], part, axis=0) / np.sqrt(max(model.variance, np.finfo(float).tiny))
+        white[: model.order] = 0.0
+        parts.append(white)
     return np.asarray(np.concatenate(parts))
 
 
@@ -135,7 +139,8 @@ class Whitening:
 
 def _with_floor(noise: Autoregression, own: float, variance: float) -> tuple[Autoregression, float]:
     """Noise of variance `own` with errors of another added, and the variance that these have when they are whitened."""
-    white = variance * variance / (variance + own) if variance > 0.0 else 0.0
+    share = variance / (variance + own) if variance > 0.0 else 0.0
+    white = variance * share**2  # none of it where the noise is far larger
     coloured = (variance - white) / own if own > 0.0 else 0.0
     total = _add_white(Autoregression(noise.a, noise.variance * (1.0 + coloured)), white)
     flat = white * float(np.square(total.a).sum()) / max(total.variance, np.finfo(float).tiny)
@@ -150,4 +155,5 @@ def _add_white(model: Autoregression, variance: float) -> Autoregression:
         return Autoregression((1.0,), variance)
     c = model.autocovariance(model.order + 1)
     c[0] += variance
-    return levinson(c) or Autoregression((1.0,), float(c[0]))
+    whitened = variance * float(np.square(model.a).sum())  # where rounding allows no better: it stays coloured
+    return levinson(c) or Autoregression(model.a, model.variance + whitened)

@@ -13,9 +13,10 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.effects import Element
 from brightgrey.estimation.problem.nuisance import Nuisance
-from brightgrey.estimation.problem.scales import DERIVATIVE_ORDER, speed_of
+from brightgrey.estimation.problem.scales import speed_of
 from brightgrey.kit import Placed, StateSpace
 from brightgrey.recordings import Recording
+from brightgrey.recordings.units.signals import KINDS
 
 __all__ = [
     "INITIALS",
@@ -264,7 +265,7 @@ def _first_speed_std_of_slow_noise(recording: Recording, options: InitialStateOp
     """
     found, order = [0.0], options.mean_differences
     for signal, y in zip(recording.outputs, recording.y, strict=True):
-        for length in options.mean_lengths if DERIVATIVE_ORDER[signal.kind] == 1 else ():
+        for length in options.mean_lengths if KINDS[signal.kind] == 1 else ():
             means = y[: len(y) // length * length].reshape(-1, length).mean(axis=1)
             if len(means) > 2 * order:
                 bend = 1.4826 * float(np.median(np.abs(np.diff(means, n=order))))

@@ -20,8 +20,8 @@ __all__ = ["measured_speed", "with_output_feedback"]
 
 
 def measured_speed(recording: Recording) -> Array | None:
-    """Measured speed, shape (samples,), noise included; None if only the acceleration was measured."""
-    kinds = [signal.kind for signal in recording.outputs]
+    """Measured speed of mass 1, shape (samples,), noise included; None if neither it nor the position was measured."""
+    kinds = [signal.sensor for signal in recording.outputs]
     for kind in ("velocity", "velocity-differenced", "position"):
         if kind in kinds:
             y = recording.y[kinds.index(kind)]

@@ -19,11 +19,10 @@ from brightgrey.arrays import Array
 from brightgrey.effects import Scales
 from brightgrey.numerics.bounded_least_squares import bounded_least_squares
 from brightgrey.recordings import Recording
+from brightgrey.recordings.units.signals import KINDS
 
-__all__ = ["DERIVATIVE_ORDER", "ScalesOptions", "scales", "speed_of"]
+__all__ = ["ScalesOptions", "scales", "speed_of"]
 
-DERIVATIVE_ORDER = {"position": 0, "velocity": 1, "velocity-differenced": 1, "acceleration": 2}
-"""Order of the time derivative of position that an output measures."""
 _FILTER_PASSES = 3
 
 
@@ -120,9 +119,13 @@ def _clipped(value: float, unit: float, low: float, high: float) -> float:
 
 
 def _best_output(recording: Recording) -> int:
-    """Index of the output that measures motion best: velocity, else position, else acceleration."""
-    orders = [DERIVATIVE_ORDER[signal.kind] for signal in recording.outputs]
-    return orders.index(next(order for order in (1, 0, 2) if order in orders))
+    """Index of the output that measures motion best: velocity, else position, else acceleration; near the motor."""
+
+    def rank(out: int) -> tuple[bool, int, int]:
+        signal = recording.outputs[out]
+        return signal.kind == "speed", (1, 0, 2).index(KINDS[signal.kind]), signal.mass
+
+    return min(range(len(recording.outputs)), key=rank)
 
 
 def _integral(x: Array, dt: float) -> Array:
@@ -161,7 +164,7 @@ def _speed(recording: Recording, n: int) -> Array:
     """Speed, shape (samples,), smoothed over about 2n samples."""
     out = _best_output(recording)
     y, dt = recording.y[out], recording.dt
-    order = DERIVATIVE_ORDER[recording.outputs[out].kind]
+    order = KINDS[recording.outputs[out].kind]
     if order == 2:
         return _integral(y, dt)
     v = np.gradient(y, dt) if order == 0 else y
@@ -177,7 +180,7 @@ def _largest_speed(recording: Recording, options: ScalesOptions) -> float:
     largest = float(np.abs(speed_of(recording, options)).max())
     out = _best_output(recording)
     time = (recording.samples - 1) * recording.dt
-    step = float(recording.resolution[out]) * time ** (DERIVATIVE_ORDER[recording.outputs[out].kind] - 1)
+    step = float(recording.resolution[out]) * time ** (KINDS[recording.outputs[out].kind] - 1)
     return max(_positive_or(largest, 0.0), _positive_or(step, np.finfo(float).tiny ** 0.25))
 
 
@@ -249,7 +252,7 @@ def _balance(recording: Recording, n: int, speed: float, options: ScalesOptions)
     """Torque balance of a recording over windows of n samples."""
     out = _best_output(recording)
     y, dt = recording.y[out], recording.dt
-    order = DERIVATIVE_ORDER[recording.outputs[out].kind]
+    order = KINDS[recording.outputs[out].kind]
     if order == 2:
         acceleration = _window_means(y, n, dt, 0)
         rate = _window_means(_integral(y, dt), n, dt, 0)

@@ -64,8 +64,10 @@ def predict_many(
     found = response(system, u, recording.dt, x0, settings, group=group, threads=threads)
     y, (sample, follower) = found.y, found.rejoined.T
     for out, signal in enumerate(recording.outputs):
-        if signal.kind == "velocity-differenced":
-            before = y[out, :1] - recording.dt * x0[system.state_names.index("v1")]  # constant speed before t = 0
+        if signal.kind == "speed":
+            y[out] = np.abs(y[out])
+        if signal.kind == "velocity-differenced":  # the speed was constant before t = 0
+            before = y[out, :1] - recording.dt * x0[system.state_names.index(f"v{signal.mass}")]
             y[out] = np.diff(y[out], axis=0, prepend=before) / recording.dt
             y[out, sample, follower] = y[out, sample, follower // group * group]  # a jump to the leader is no motion
     return y
@@ -95,12 +97,11 @@ def systems(
 def system_for(
     structure: Structure, values: Mapping[str, Array], recording: Recording, settings: Settings
 ) -> StateSpace:
-    """K systems with the outputs of a recording; a differenced velocity has the position as its output.
+    """K systems with the outputs from which the signals of a recording are made.
 
     The width of friction's reversal is that of the settings, unless it is among the values.
     """
-    kinds = [signal.kind for signal in recording.outputs]
-    outputs = ["position" if kind == "velocity-differenced" else kind for kind in kinds]
+    outputs = [signal.simulated for signal in recording.outputs]
     f_tanh = 1.0 / values[FRICTION_WIDTH] if FRICTION_WIDTH in values else settings.f_tanh
     return assemble(structure, {name: values[name] for name in structure.parameters}, f_tanh, outputs)
 
@@ -236,11 +237,14 @@ class SimulationErrorProblem:
         """Sums of squared weighted residuals, shape (K,).
 
         With `upper_limits`, shape (K,), a simulation is aborted as soon as its sum reaches its limit, and the sum is
-        infinite, as it is for a simulation that has diverged. Differenced velocities are simulated to their end.
+        infinite, as it is for a simulation that has diverged. Signals that are made from an output are simulated to
+        their end.
         """
         total = np.zeros(len(next(iter(values.values()))))
         for r, state, lost in self._parts():
-            if upper_limits is not None and not any(signal.kind == "velocity-differenced" for signal in r.outputs):
+            if upper_limits is not None and not any(
+                signal.kind != signal.simulated.partition("@")[0] for signal in r.outputs
+            ):
                 system, u, x0 = systems(self.structure, values, r, settings, initial_state=state, gain=self.gain)
                 weights = self.weights**2
                 total = squares(

@@ -135,7 +135,7 @@ def _add_variables(numeric: NumericModel, into: ElementTree.Element) -> set[str]
     names = signal_names(numeric)
     add(names[0], "input", model.input.unit, 0.0, causality="input", variability="continuous")
     for name, output in zip(names[1:], numeric.outputs, strict=True):
-        add(name, f"{output.kind} of mass 1", output.unit, causality="output", variability="continuous")
+        add(name, f"{output.kind} of mass {output.mass}", output.unit, causality="output", variability="continuous")
     constant = {"causality": "local", "variability": "constant", "initial": "exact"}
     for name, declared in model.structure.parameters.items():
         part = model.parameters[name]

@@ -60,7 +60,7 @@ def _interface(numeric: NumericModel) -> list[str]:
     ]
     lines.append('Modelica.Blocks.Interfaces.RealInput u "Input";')
     lines += [
-        f'Modelica.Blocks.Interfaces.RealOutput y{i + 1} "{_kind(numeric, i)} of mass 1";'
+        f'Modelica.Blocks.Interfaces.RealOutput y{i + 1} "{_kind(numeric, i)} of mass {numeric.outputs[i].mass}";'
         for i in range(len(numeric.outputs))
     ]
     return lines
@@ -123,7 +123,9 @@ def component_model(numeric: NumericModel) -> str:
             path = f"{name}.y"
     equations.append(f"motor.{domain['f']} = {path}")
     read = {"position": domain["q"], "velocity": domain["v"], "acceleration": "a"}
-    equations += [f"y{i + 1} = mass1.{read[_kind(numeric, i)]}" for i in range(len(numeric.outputs))]
+    equations += [
+        f"y{i + 1} = mass{numeric.outputs[i].mass}.{read[_kind(numeric, i)]}" for i in range(len(numeric.outputs))
+    ]
     declarations = [f"{kind} {name}{f'({more})' if more else ''};" for name, (kind, more) in components.items()]
     return _model(numeric, declarations, equations, "".join(f"{model}\n" for model in dict.fromkeys(models)))
 

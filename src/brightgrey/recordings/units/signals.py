@@ -10,7 +10,7 @@ from brightgrey.recordings.units.parser import Unit, parse_unit, write_factors
 __all__ = ["KINDS", "Units", "assumed_unit", "check_kind", "motion_unit"]
 
 # Kind of output, and its order as a time derivative of the motion.
-KINDS = {"position": 0, "velocity": 1, "velocity-differenced": 1, "acceleration": 2}
+KINDS = {"position": 0, "velocity": 1, "velocity-differenced": 1, "speed": 1, "acceleration": 2}
 BASES = {"[angle]": "rad", "[length]": "m"}
 FITTING = {
     0: "an angle or a length, e.g. rad, deg, m, mm",

@@ -42,7 +42,7 @@ class AssembledModel:
 
     def with_values(self, values: Mapping[str, float] | Mapping[str, Array]) -> StateSpace:
         """State-space model with other values of the parameters, SI, each a number or an array of shape (sets,)."""
-        kinds = ["velocity" if s.kind == "velocity-differenced" else s.kind for s in self.model.outputs]
+        kinds = [s.physical for s in self.model.outputs]
         return assemble(self.model.structure, values, self.settings.f_tanh, kinds)
 
     @cached_property

@@ -71,7 +71,7 @@ def _largest_factor(recording: Recording, inertia: float, policy: CoarsePolicy) 
         if lost @ lost > policy.allowed_loss * float(np.square(r.u - r.u.mean()).sum()):
             continue
         moved = _motions(lost, r.dt, inertia)
-        error = [float(np.sqrt(np.mean(np.square(moved[signal.kind.split("-")[0]])))) for signal in r.outputs]
+        error = [float(np.sqrt(np.mean(np.square(moved[signal.physical.partition("@")[0]])))) for signal in r.outputs]
         if np.all(np.array(error) <= policy.allowed_error * noise):
             return factor
     return 1

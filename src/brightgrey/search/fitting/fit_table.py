@@ -9,7 +9,7 @@ They are found in *anchors*, two structures for each number of masses.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any
@@ -103,6 +103,16 @@ class FitTable:
         rising = sorted((s for s in structures if s not in self.done), key=complexity)
         self._new(rising, workers, progress)
         return self._settled(before, rising, workers) & set(before)
+
+    def fit_from(self, structure: Structure, values: Mapping[str, float], workers: Executor) -> StructureFit:
+        """Fit a structure that is new from values of its parameters, SI."""
+        space = self.task.space(structure, nuisances=True)
+        own = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **values}
+        start = StructureFit(structure, own, np.inf, len(space.names))
+        ((fitted, _),) = in_order(workers, refit_from_supermodel, [(self.task, start, [start], self._how, True)])
+        self.done[structure] = start if fitted is None else fitted
+        self._noted(False, self.done[structure])
+        return self.done[structure]
 
     def restart(self, structure: Structure, workers: Executor) -> set[Structure]:
         """Fit a structure by multistart, once, refit its submodels from its optimum, and then its other neighbours.

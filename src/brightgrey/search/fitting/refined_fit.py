@@ -25,7 +25,7 @@ from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, REFINEMENT
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["Refined", "RefinedFits", "accurate", "refine", "stands_for"]
+__all__ = ["Refined", "RefinedFits", "accurate", "refine", "residual_and_jacobian", "stands_for"]
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def accurate(task: IdentificationTask) -> IdentificationTask:
     return replace(task, settings=replace(task.settings, level="accurate"))
 
 
-def _residual_and_jacobian(
+def residual_and_jacobian(
     task: IdentificationTask, structure: Structure, values: Mapping[str, float]
 ) -> tuple[Array, Array, tuple[int, ...]]:
     """Weighted residuals and their Jacobian at level ``accurate``, and its columns of parameters not at a bound."""
@@ -89,7 +89,7 @@ def _residual_and_jacobian(
 
 def _whitening(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> Whitening:
     """Whitening by the residuals of a fit, with the error floor of simulation and sensor."""
-    residual, jacobian, inside = _residual_and_jacobian(task, structure, values)
+    residual, jacobian, inside = residual_and_jacobian(task, structure, values)
     lengths = segment_lengths(task.recordings)
     floor = error_variances(task.recordings, task.problem(structure).weights).ravel()
     return Whitening.of(residual, jacobian[:, list(inside)], lengths, floor.tolist())
@@ -250,7 +250,7 @@ class RefinedFits:
         refined = self.of(structure)
         known = self._jacobians.get(structure)
         if known is None or known[0] is not refined:
-            found = _residual_and_jacobian(self.task, structure, refined.values)
+            found = residual_and_jacobian(self.task, structure, refined.values)
             known = self._jacobians[structure] = refined, found
         return known[1]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import brightgrey.simulation.kernel.machine.simd_functions  # noqa: F401  laws compile with these implementations
 from brightgrey.effects import Law, registry
 from brightgrey.effects.arithmetic import positive_part, tanh
 from brightgrey.simulation.kernel.machine.compilation import inlined, inner

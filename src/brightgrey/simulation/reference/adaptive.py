@@ -67,9 +67,9 @@ class DriveEquations:
         bound of the exponent keeps trial steps far beyond finite.
         """
         if slides is None:
-            sign, faded = math.tanh(self.plant.f_tanh * v) if load.is_dry else 0.0, math.exp(-abs(v) / load.omega_S)
+            sign, faded = math.tanh(self.plant.f_tanh * v) if load.is_dry else 0.0, math.exp(-abs(v) / load.fading)
         else:
-            sign, faded = float(slides), math.exp(min(-slides * v / load.omega_S, 1.0))
+            sign, faded = float(slides), math.exp(min(-slides * v / load.fading, 1.0))
         return load.f_v * v + load.f_d * abs(v) + sign * (load.M_C + load.M_S * faded)
 
     def pressing(self, y: list[float], phase: Phase) -> float:

@@ -69,7 +69,7 @@ def _pack(plant: Plant, step: float) -> tuple[Array, Array]:
     rows = []
     for J, load, can_stick in zip(plant.J, plant.loads, plant.sticks, strict=True):
         still = STILL * load.breakaway / J * step if can_stick else -1.0
-        friction = (load.f_v, load.M_C, load.M_S, 1.0 / load.omega_S, load.f_d)
+        friction = (load.f_v, load.M_C, load.M_S, 1.0 / load.fading, load.f_d)
         rows.append((1.0 / J, *friction, load.M_G, load.c_g, load.G, load.k, load.phi_0, still))
     return p, np.array(rows)
 
@@ -155,9 +155,7 @@ def _fields_at_rest(
 
 
 @_compile_cached
-def _friction_guard(
-    x: Array, mode: int, slide: Any, i: int, u: float, p: Array, loads: Array, work: Array
-) -> float:
+def _friction_guard(x: Array, mode: int, slide: Any, i: int, u: float, p: Array, loads: Array, work: Array) -> float:
     """Not negative while mass i slides on, and while both fields hold it at rest."""
     if slide[i] != STICK:
         return float(slide[i] * x[int(p[0]) + i] + loads[i, 11])

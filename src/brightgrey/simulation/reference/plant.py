@@ -37,12 +37,12 @@ _NOT_NEGATIVE = ("c", "d", "alpha", "T_d", "c_g")
 
 @dataclass(frozen=True)
 class Load:
-    """What acts on one mass beside the shafts, in SI units: ``-M_F(v) + M_G - c_g q - G sin(k q + phi_0)``."""
+    """Torque on one mass beside that of the shafts, in SI units: ``-M_F(v) + M_G - c_g q - G sin(k q + phi_0)``."""
 
-    f_v: float = 0.0  #: Friction of eq. (2), with `omega_S` infinitely far off where there is no Stribeck friction.
+    f_v: float = 0.0  #: Friction of eq. (2), at this mass.
     M_C: float = 0.0
     M_S: float = 0.0
-    omega_S: float = 1.0
+    fading: float = 1.0  #: omega_S
     f_d: float = 0.0  #: Of friction f_d |v|.
     M_G: float = 0.0
     c_g: float = 0.0
@@ -107,7 +107,7 @@ class Plant:
         """
         rates = [1.0, 0.0 if self.T_1 is None else 1.0 / self.T_1]
         for J, load in zip(self.J, self.loads, strict=True):
-            slope = abs(load.M_S) / load.omega_S
+            slope = abs(load.M_S) / load.fading
             if math.isfinite(self.f_tanh):
                 slope = self.f_tanh * (abs(load.M_C) + abs(load.M_S))
             rates.append((slope + abs(load.f_v) + abs(load.f_d)) / J)
@@ -151,7 +151,7 @@ class Plant:
 
         def load(place: int) -> Load:
             known = [p for name in _AT_MASS for p in _AT_MASS[name] if (name, place) in placed]
-            return Load(**{p: float(values[_at(p, place)]) for p in known})
+            return Load(**{{"omega_S": "fading"}.get(p, p): float(values[_at(p, place)]) for p in known})
 
         plant = cls(
             J=tuple(float(values[f"J{i + 1}"]) for i in range(n)),

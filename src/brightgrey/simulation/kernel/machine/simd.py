@@ -17,13 +17,10 @@ from __future__ import annotations
 import operator
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba import extending
 from numba.core import types
 from numba.extending import models, overload, register_model
-
-from brightgrey.effects import arithmetic
 
 __all__ = [
     "LANES",
@@ -50,10 +47,9 @@ LANES = 16
 """Parameter sets side by side: two registers of 512 bits, of which one computes while the other waits. This measured a
 quarter faster than 8 lanes. Narrower processors take more instructions."""
 
-_DOUBLE = ir.DoubleType()
-_VECTOR = ir.VectorType(_DOUBLE, LANES)
-_WORD = ir.IntType(64)
-_WORDS = ir.VectorType(_WORD, LANES)
+DOUBLE = ir.DoubleType()
+VECTOR = ir.VectorType(DOUBLE, LANES)
+WORD = ir.IntType(64)
 _CONTRACT = ("contract",)
 
 
@@ -72,7 +68,7 @@ class _LanesModel(models.PrimitiveModel):
     """Data model: a register is an LLVM vector."""
 
     def __init__(self, manager: Any, fe_type: Any) -> None:
-        super().__init__(manager, fe_type, _VECTOR)  # type: ignore[no-untyped-call]
+        super().__init__(manager, fe_type, VECTOR)  # type: ignore[no-untyped-call]
 
 
 def _is_number(kind: Any) -> bool:
@@ -82,7 +78,7 @@ def _is_number(kind: Any) -> bool:
 def _broadcast(builder: Any, value: Any) -> Any:
     """Copy a double to all lanes."""
     first = ir.Constant(ir.IntType(32), 0)
-    undefined = ir.Constant(_VECTOR, ir.Undefined)
+    undefined = ir.Constant(VECTOR, ir.Undefined)
     lane0 = builder.insert_element(undefined, value, first)
     return builder.shuffle_vector(lane0, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES))
 
@@ -129,7 +125,7 @@ def _negative(a: Any) -> Any:
 def _address(builder: Any, table: Any, row: Any, lane: Any) -> Any:
     """Address of one entry of a C-contiguous table with LANES columns."""
     flat = builder.mul(row, ir.Constant(row.type, LANES))
-    pointer = builder.inttoptr(table, _DOUBLE.as_pointer())
+    pointer = builder.inttoptr(table, DOUBLE.as_pointer())
     return builder.gep(pointer, [flat if lane is None else builder.add(flat, lane)])
 
 
@@ -144,7 +140,7 @@ def get(typing: Any, table: Any, row: Any, who: Any) -> Any:
         address = _address(builder, args[0], index, lane)
         if one:
             return builder.load(address)
-        return builder.load(builder.bitcast(address, _VECTOR.as_pointer()), align=8)
+        return builder.load(builder.bitcast(address, VECTOR.as_pointer()), align=8)
 
     return (types.float64 if one else lanes)(table, row, who), generate
 
@@ -162,7 +158,7 @@ def put(typing: Any, table: Any, row: Any, who: Any, value: Any) -> Any:
             builder.store(context.cast(builder, args[3], signature.args[3], types.float64), address)
         else:
             register = _as_lanes(context, builder, signature.args[3], args[3])
-            builder.store(register, builder.bitcast(address, _VECTOR.as_pointer()), align=8)
+            builder.store(register, builder.bitcast(address, VECTOR.as_pointer()), align=8)
         return context.get_dummy_value()
 
     return types.void(table, row, who, value), generate
@@ -194,7 +190,7 @@ def set_whole(typing: Any, table: Any, index: Any, value: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         i = context.cast(builder, args[1], signature.args[1], types.intp)
-        pointer = builder.inttoptr(args[0], _WORD.as_pointer())
+        pointer = builder.inttoptr(args[0], WORD.as_pointer())
         builder.store(context.cast(builder, args[2], signature.args[2], types.int64), builder.gep(pointer, [i]))
         return context.get_dummy_value()
 
@@ -208,8 +204,8 @@ def group(kind: Any, at: int) -> Any:
     @intrinsic
     def load(typing: Any, table: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            pointer = builder.inttoptr(args[0], _WORD.as_pointer())
-            places = [ir.Constant(_WORD, at + i) for i in range(len(kind._fields))]
+            pointer = builder.inttoptr(args[0], WORD.as_pointer())
+            places = [ir.Constant(WORD, at + i) for i in range(len(kind._fields))]
             values = [builder.load(builder.gep(pointer, [place])) for place in places]
             return context.make_tuple(builder, signature.return_type, values)
 
@@ -223,7 +219,7 @@ def call(typing: Any, address: Any, numbers: Any) -> Any:
     """``call(address, (a, b, ...))``: call an entry of the kernel with integers."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kind = ir.FunctionType(ir.VoidType(), [_WORD] * len(numbers))
+        kind = ir.FunctionType(ir.VoidType(), [WORD] * len(numbers))
         function = builder.inttoptr(args[0], kind.as_pointer())
         values = [builder.extract_value(args[1], i) for i in range(len(numbers))]
         whole_numbers = [context.cast(builder, v, k, types.int64) for v, k in zip(values, numbers, strict=True)]
@@ -239,8 +235,8 @@ def store(typing: Any, array: Any, index: Any, value: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         i = context.cast(builder, args[1], signature.args[1], types.intp)
-        pointer = builder.gep(builder.inttoptr(args[0], _DOUBLE.as_pointer()), [i])
-        builder.store(args[2], builder.bitcast(pointer, _VECTOR.as_pointer()), align=8)
+        pointer = builder.gep(builder.inttoptr(args[0], DOUBLE.as_pointer()), [i])
+        builder.store(args[2], builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
         return context.get_dummy_value()
 
     return types.void(array, index, value), generate
@@ -298,127 +294,8 @@ def lanes_not_less(typing: Any, a: Any, b: Any) -> Any:
         if wide:
             v = [_as_lanes(context, builder, k, x) for k, x in pairs]
             bits = builder.bitcast(builder.fcmp_unordered(">=", *v), ir.IntType(LANES))
-            return builder.zext(bits, _WORD)
+            return builder.zext(bits, WORD)
         v = [context.cast(builder, x, k, types.float64) for k, x in pairs]
-        return builder.zext(builder.fcmp_unordered(">=", *v), _WORD)
+        return builder.zext(builder.fcmp_unordered(">=", *v), WORD)
 
     return types.int64(a, b), generate
-
-
-@intrinsic
-def _add_exponent(typing: Any, p: Any, t: Any) -> Any:
-    """P times 2^k, where k stands in the last bits of t = k + 1.5 * 2^52."""
-    wide = p == lanes
-    word = _WORDS if wide else _WORD
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        shift = ir.Constant(_WORDS, [52] * LANES) if wide else ir.Constant(_WORD, 52)
-        k = builder.shl(builder.bitcast(args[1], word), shift)
-        return builder.bitcast(builder.add(builder.bitcast(args[0], word), k), _VECTOR if wide else _DOUBLE)
-
-    return p(p, t), generate
-
-
-_MAGIC = 1.5 * 2.0**52  # adding it leaves the nearest whole number in the last bits
-_LOG2_E = float(np.log2(np.e))
-_LN2_HIGH = 0.693147180369123816490  # ln 2 in two parts (fdlibm): k * high is exact
-_LN2_LOW = 1.90821492927058770002e-10
-# (e^r - 1)/r on |r| <= ln(2)/2 by Chebyshev interpolation: e^0 stays 1, so that tanh(0) stays 0.
-_SERIES = (
-    0.9999999999999994,
-    0.49999999999797834,
-    0.1666666666666345,
-    0.04166666689104534,
-    0.008333333346829657,
-    0.001388882165909482,
-    0.0001984121861477155,
-    2.4876174580951866e-05,
-    2.7620744701922868e-06,
-)
-
-
-@register_jitable
-def vector_exponential(z: Any) -> Any:
-    """e^z to 4e-14 relative for |z| <= 700, cut off beyond: 2^k times a polynomial on |r| <= ln(2)/2."""
-    z = choose_less(z, 700.0, z, 700.0)
-    z = choose_less(-700.0, z, z, -700.0)
-    t = z * _LOG2_E + _MAGIC
-    k = t - _MAGIC
-    r = (z - k * _LN2_HIGH) - k * _LN2_LOW
-    p = r * _SERIES[8] + _SERIES[7]
-    p = p * r + _SERIES[6]
-    p = p * r + _SERIES[5]
-    p = p * r + _SERIES[4]
-    p = p * r + _SERIES[3]
-    p = p * r + _SERIES[2]
-    p = p * r + _SERIES[1]
-    p = p * r + _SERIES[0]
-    p = p * r + 1.0
-    return _add_exponent(p, t)
-
-
-_PI_HIGH = 3.1415926218032837  # pi in two parts (Cody and Waite): k * high is exact up to |k| = 2^26
-_PI_LOW = 3.178650954705639e-08
-# sin(r)/r over r^2 on |r| <= pi/2 by Chebyshev interpolation
-_SINE_SERIES = (
-    1.0,
-    -0.16666666666666666,
-    0.00833333333333318,
-    -0.0001984126984120718,
-    2.7557319211034157e-06,
-    -2.5052106875371277e-08,
-    1.6058940177206624e-10,
-    -7.643008906055446e-13,
-    2.7213893166649284e-15,
-)
-
-
-@register_jitable
-def vector_sine(z: Any) -> Any:
-    """sin(z) to 1e-15 for |z| <= 1e6: (-1)^k sin(r) with r = z - k pi."""
-    k = (z * (1.0 / np.pi) + _MAGIC) - _MAGIC
-    odd = k - ((k * 0.5 + _MAGIC) - _MAGIC) * 2.0
-    r = (z - k * _PI_HIGH) - k * _PI_LOW
-    s = r * r
-    p = s * _SINE_SERIES[8] + _SINE_SERIES[7]
-    p = p * s + _SINE_SERIES[6]
-    p = p * s + _SINE_SERIES[5]
-    p = p * s + _SINE_SERIES[4]
-    p = p * s + _SINE_SERIES[3]
-    p = p * s + _SINE_SERIES[2]
-    p = p * s + _SINE_SERIES[1]
-    p = p * s + _SINE_SERIES[0]
-    return r * p * (1.0 - odd * odd * 2.0)
-
-
-def _implement(function: Any, implementation: Any) -> None:
-    """Offer `implementation` for floats and registers wherever a compiled law calls `function`."""
-
-    def offer(z: Any) -> Any:
-        return implementation if z == lanes or isinstance(z, types.Float) else None
-
-    overload(function, strict=False)(offer)
-
-
-def _magnitude(z: Any) -> Any:
-    return choose_less(z, 0.0, -z, z)
-
-
-def _sign(z: Any) -> Any:
-    return choose_less(z, 0.0, -1.0 + 0.0 * z, 1.0 + 0.0 * z)
-
-
-def _tanh(z: Any) -> Any:
-    e = vector_exponential(choose_less(z, 0.0, z, -z) * 2.0)
-    t = (1.0 - e) / (1.0 + e)
-    return choose_less(z, 0.0, -t, t)
-
-
-_implement(arithmetic.exp, lambda z: vector_exponential(z))
-_implement(arithmetic.sin, lambda z: vector_sine(z))
-_implement(arithmetic.cos, lambda z: vector_sine(z + 0.5 * np.pi))
-_implement(arithmetic.magnitude, _magnitude)
-_implement(arithmetic.sign, _sign)
-_implement(arithmetic.tanh, _tanh)
-_implement(arithmetic.positive_part, lambda z: choose_less(z, 0.0, 0.0, z))
-_implement(arithmetic.negative_part, lambda z: choose_less(z, 0.0, z, 0.0))
