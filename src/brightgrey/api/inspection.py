@@ -164,7 +164,9 @@ def _own_step(opened: Table, column: int, values: Mapping[int, Array], time: Tim
     if column == time.column or "dt" in time.options:
         return None
     clock = opened.columns[column].clock
-    return time.dt if clock is None else usual_step(opened, clock, values)
+    if clock is None:
+        return time.dt
+    return usual_step(opened, clock, values) if clock in values else None
 
 
 def _row(channel: ChannelProfile, meaning: Meaning) -> tuple[str, ...]:

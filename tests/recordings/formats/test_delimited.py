@@ -224,6 +224,7 @@ CELLS = {
     "underscore": ("0.2,1_0,1", "row 22, column 'torque': '1_0' is not a number"),
     "hexadecimal": ("0.2,0x10,1", "row 22, column 'torque': '0x10' is not a number"),
     "infinite": ("0.2,inf,1", "row 22, column 'torque': the value is infinite"),
+    "apostrophe": ("0.2,0'568,1", "row 22, column 'torque': '0'568' is not a number"),
     "too few fields": ("0.2,1", "row 22: 2 fields where 3 are expected"),
     "too many fields": ("0.2,1,2,3", "row 22: 4 fields where 3 are expected"),
     "backwards": ("0.1,1,1", "row 22, column 't': time runs backwards: 0.1 s after 0.19 s"),
@@ -251,6 +252,13 @@ def test_read_delimited__text_in_the_first_row__is_no_header(tmp_path: Path, fir
     lines = ["t,torque,velocity", *rows()]
     lines[1] = first
     with pytest.raises(RecordingError, match=r"row 2, column .*'abc' is not a number"):
+        read(write(tmp_path, lines))
+
+
+def test_read_delimited__two_rows_in_the_first_line__are_refused(tmp_path: Path) -> None:
+    lines = ["t,torque,velocity", *rows()]
+    lines[1:3] = [lines[1] + lines[2]]
+    with pytest.raises(RecordingError, match="row 2: 5 fields where 3 are expected"):
         read(write(tmp_path, lines))
 
 

@@ -183,7 +183,9 @@ def _first_numbers(head: Lines, spread: _Spread, dialect: Dialect, header: bool 
         if header and index == 0:
             continue
         fields = dialect.split(line)
-        if len(fields) != usual and not _differ_by_empty(fields, usual):  # a property in a preamble
+        # A property in a preamble has another number of fields, and a name among them.
+        uneven = len(fields) != usual and not _differ_by_empty(fields, usual)
+        if uneven and not (len(fields) > 1 and all(map(dialect.is_number, fields))):
             continue
         candidates = [field for i, field in enumerate(fields) if i in numeric]
         present = [field for field in candidates if field.casefold() not in MISSING]

@@ -73,7 +73,9 @@ class Dialect:
 
     @cached_property
     def _grouped(self) -> re.Pattern[str]:
-        return re.compile(rf"[+-]?\d{{1,3}}(?:{re.escape(self.thousands)}\d{{3}})+(?:{re.escape(self.decimal)}\d*)?")
+        return re.compile(
+            rf"[+-]?[1-9]\d{{0,2}}(?:{re.escape(self.thousands)}\d{{3}})+(?:{re.escape(self.decimal)}\d*)?"
+        )
 
 
 def with_thousands(dialect: Dialect, lines: Sequence[str]) -> Dialect:

@@ -71,7 +71,7 @@ def read_scope_text(path: Path, like: str = "") -> Table:
     dialect = Dialect(delimiter, _decimal(text, int(body[0]), delimiter))
     numbers = TextNumbers(text, body, len(columns), dialect, {}, table, ragged=True)
     numbers.check_widths()
-    return _scaled(replace(table, load=numbers.load), _scales(properties))
+    return _scaled(replace(table, load=numbers.load), _scales(properties, len(columns)))
 
 
 def _columns(properties: list[list[str]], name: str) -> tuple[Column, ...]:
@@ -112,8 +112,8 @@ class _Scale:
         return (self.factor, self.offset) == (1.0, 0.0)
 
 
-def _scales(properties: list[list[str]]) -> dict[int, _Scale]:
-    """Return the scaling of every channel that has one, by column."""
+def _scales(properties: list[list[str]], columns: int) -> dict[int, _Scale]:
+    """Return the scaling of every column."""
     rows = _by_name(properties)
 
     def number(name: str, i: int, default: float) -> float:
@@ -128,7 +128,7 @@ def _scales(properties: list[list[str]]) -> dict[int, _Scale]:
         return "".join(rows.get(name, [])[i : i + 1])
 
     scales = {}
-    for i in range(len(rows["Name"])):
+    for i in range(columns):
         unit = number("Unit ScaleFactor", i, 1.0)
         factor = number("ScaleFactor", i, 1.0) * unit
         offset = number("Offset", i, 0.0) * unit + number("Unit Offset", i, 0.0)

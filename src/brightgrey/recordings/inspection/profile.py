@@ -10,6 +10,7 @@ import numpy as np
 from brightgrey.arrays import Array, Indices
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.table import Table
+from brightgrey.recordings.policy import READING
 
 __all__ = ["ChannelProfile", "block_means", "profile_channels"]
 
@@ -95,18 +96,23 @@ def profile_channels(table: Table) -> tuple[list[ChannelProfile], dict[int, Arra
 
 
 def _load_numbers(table: Table, columns: Sequence[int]) -> tuple[dict[int, Array], dict[int, str]]:
-    """Load columns together, or one by one if some of them hold text."""
+    """Load columns together, or one by one if some of them hold text; absurd numbers count as missing."""
     try:
-        return dict(zip(columns, table.load(columns), strict=True)), {}
+        return dict(zip(columns, _sound(table.load(columns)), strict=True)), {}
     except RecordingError:
         pass
     loaded, faults = {}, {}
     for i in columns:
         try:
-            (loaded[i],) = table.load([i])
+            (loaded[i],) = _sound(table.load([i]))
         except RecordingError as error:
             faults[i] = str(error)
     return loaded, faults
+
+
+def _sound(values: Array) -> Array:
+    values[~(np.abs(values) <= READING.absurd)] = np.nan
+    return values
 
 
 def _profile(column: int, name: str, unit: str | None, values: Array) -> ChannelProfile:
