@@ -8,6 +8,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from brightgrey import estimation
 from brightgrey.api.to_si import listed
 from brightgrey.errors import RecordingError
@@ -116,7 +118,7 @@ def read_for(
     """
 
     def read(units: Mapping[str, str]) -> Recording:
-        return read_recording(
+        recording = read_recording(
             path,
             input=model.input.name,
             outputs=[(s.name, s.sensor) for s in model.outputs],
@@ -126,6 +128,7 @@ def read_for(
             units=units,
             hold=model.settings.hold,
         )
+        return _with_gains(recording, [signal.gain for signal in model.outputs])
 
     signals = (model.input, *model.outputs)
     recording = read({**{s.name: s.unit for s in signals}, **units})
@@ -134,9 +137,24 @@ def read_for(
     except RecordingError:  # units that only the model can tell
         return recording
     for expected, came in zip(signals, (by_header.input, *by_header.outputs), strict=True):
-        if came.unit_given and came.unit != expected.unit and came.name not in units:
+        # With a gain the header is about other numbers than the model: counts, parts of a rated value.
+        plain = expected.gain == 1.0 and came.name not in units
+        if came.unit_given and came.unit != expected.unit and plain:
             raise RecordingError(
                 f"{recording.name}: column '{came.name}' is in {came.unit}, the model was identified from "
                 f"{expected.unit}; say which one is right, for example --unit '{came.name}={came.unit}'"
             )
     return recording
+
+
+def _with_gains(recording: Recording, gains: list[float]) -> Recording:
+    """Return a recording with its outputs times their gains."""
+    if all(gain == 1.0 for gain in gains):
+        return recording
+    factors = np.array(gains)
+    return replace(
+        recording,
+        y=recording.y * factors[:, None],
+        resolution=recording.resolution * np.abs(factors),
+        outputs=tuple(replace(s, gain=gain) for s, gain in zip(recording.outputs, gains, strict=True)),
+    )

@@ -26,6 +26,8 @@ def _derived_command(content: Content) -> str:
         words += ["--unit", f"{signal.name}={signal.unit}"]
     if model.input.gain != 1.0:
         words += ["--input-gain", f"{model.input.gain!r}"]
+    for signal in model.outputs:
+        words += ["--gear", f"{signal.name}={signal.gain!r}"] if signal.gain != 1.0 else []
     words += [] if model.evidence is not None else ["--structure", str(model.structure)]
     for name, value in fixed.items():
         words += ["--fix", f"{name}={value!r}"]

@@ -7,6 +7,7 @@ import pytest
 
 from brightgrey.errors import BrightgreyError, RecordingError, SettingsError
 from brightgrey.recordings import Recording, recording_from
+from brightgrey.recordings.units.signals import KINDS
 
 N = 40
 U = np.sin(np.arange(N))
@@ -33,6 +34,11 @@ def test_counts__increments__are_turns(kind: str, unit: str, factor: float) -> N
     recording = record(f"y:{kind}", units=units, counts={"y": 4096})
     np.testing.assert_allclose(recording.y[0], V * factor * 2 * np.pi / 4096, rtol=1e-12)
     assert recording.resolution[0] < 1.0
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if "velocity" in kind or kind == "speed"])
+def test_rated__percent_of_any_speed__is_a_speed(kind: str) -> None:
+    assert record(f"y:{kind}", units={"y": "%"}, rated={"speed": "3000 rpm"}).outputs[0].unit == "rpm"
 
 
 def test_gear__angle_at_the_load__is_one_at_the_motor() -> None:

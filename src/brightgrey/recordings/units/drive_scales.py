@@ -31,6 +31,7 @@ KIND_QUANTITIES = {
     "position": ("position",),
     "velocity": ("speed", "velocity"),
     "velocity-differenced": ("speed", "velocity"),
+    "speed": ("speed", "velocity"),
     "acceleration": (),
 }
 NOTHING: Mapping[str, Any] = MappingProxyType({})
