@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brightgrey.errors import BrightgreyError, RecordingError, SettingsError
-from brightgrey.recordings import Recording, Units, recording_from
+from brightgrey.recordings import Recording, Units, read_recording, recording_from
 
 N = 40
 T = 0.01 * np.arange(N)
@@ -168,3 +168,33 @@ def test_recording_from__coarse_velocity__is_suspected_to_be_differenced() -> No
 def test_recording_from__arrays_that_are_no_columns__are_refused(bad: object) -> None:
     with pytest.raises(RecordingError, match=r"recording: column"):
         recording_from({"t": T, "u": U, "v": bad}, input="u", outputs="v:velocity")
+
+
+CONTRADICTIONS = {
+    "kind by the unit": (
+        {"outputs": "velocity", "units": {"velocity": "deg"}},
+        "output 'velocity' is read as position, though its name says velocity",
+    ),
+    "unit of the file": (
+        {"outputs": "omega [deg/s]:velocity", "units": {"omega [deg/s]": "rad/s"}},
+        "'omega [deg/s]' is in deg/s by the file, and is read in rad/s as given",
+    ),
+    "power": (
+        {"outputs": "velocity:velocity", "units": {"u": "W"}},
+        "input 'u' in W is a power; models expect a torque, force, voltage or current",
+    ),
+}
+
+
+@pytest.mark.parametrize(("options", "note"), CONTRADICTIONS.values(), ids=CONTRADICTIONS)
+def test_read_recording__units_that_contradict__are_noted(tmp_path, options: dict[str, object], note: str) -> None:
+    path = tmp_path / "run.csv"
+    table = np.column_stack([T, U, Q, Q])
+    np.savetxt(path, table, delimiter=",", header="t [s],u,velocity,omega [deg/s]", comments="")
+    assert note in read_recording(path, input="u", **options).notes  # type: ignore[arg-type]
+
+
+def test_recording_from__time_as_input__asks_for_another_time() -> None:
+    columns = {"t": T, "u": U, "v": Q}
+    with pytest.raises(RecordingError, match="column 't' is input or output here, and no other one is the time"):
+        recording_from(columns, input="t", outputs="v:velocity")

@@ -12,7 +12,7 @@ from brightgrey.recordings.formats.table import TIME_NAME, Table
 from brightgrey.recordings.recording import Signal
 from brightgrey.recordings.units.drive_scales import DriveScales, check_names, rated_hint
 from brightgrey.recordings.units.parser import Unit, is_unit, parse_unit
-from brightgrey.recordings.units.signals import assumed_unit, base_of, check_kind, fits, kind_of
+from brightgrey.recordings.units.signals import KINDS, assumed_unit, base_of, check_kind, fits, kind_of
 from brightgrey.recordings.window import TimeWindow
 
 __all__ = ["ColumnChoice", "OutputColumn", "ReadingOptions", "choose_columns"]
@@ -100,6 +100,9 @@ def choose_columns(table: Table, options: ReadingOptions) -> ColumnChoice:
         assumed += [remark] if remark else []
     notes += [f"no unit is given; assumed: {', '.join(assumed)}"] if assumed else []
     notes += _notes_on_input(signals[0])
+    notes += _contradictions(
+        table, options.units, {table.columns[i].name: kind for (i, _, _), kind in zip(named, kinds, strict=True)}
+    )
     unused = [name for name in options.units if table.find(name) not in everything]
     notes += [f"the unit of '{name}' is not used" for name in unused]
     return ColumnChoice(u, tuple(chosen[1:]), times, tuple(factors[t] for t in times), signals, tuple(notes))
@@ -169,6 +172,11 @@ def _find_times(table: Table, options: ReadingOptions, chosen: Sequence[int]) ->
             return clocks, []
         without = table.columns[chosen[own.index(None)]].name
         raise table.fault("it has no time of its own, as others have; name the time or give dt", column=without)
+    taken = [table.columns[i].name for i in chosen if TIME_NAME.fullmatch(table.columns[i].name)]
+    if not found and taken:
+        raise table.fault(
+            f"column '{taken[0]}' is input or output here, and no other one is the time; name it or give dt"
+        )
     if not found:
         raise table.fault(f"no column is called t or time; name the time's column or give dt. Columns: {table.names()}")
     if len(found) > 1:
@@ -259,9 +267,25 @@ def _notes_on_input(signal: Signal) -> list[str]:
     """Return a note if the input is a motion, or a part of a value that is not known."""
     if signal.unit == "%":
         return [f"input '{signal.name}' is in % and so are the parameters; {rated_hint(signal.name, 'input')}"]
-    if kind_of(parse_unit(signal.unit)) is None:
+    unit = parse_unit(signal.unit)
+    if kind_of(unit) is None and unit.dimension != parse_unit("W").dimension:
         return []
-    return [f"input '{signal.name}' in {signal.unit} is a motion; models expect a torque, force, voltage or current"]
+    what = "power" if kind_of(unit) is None else "motion"
+    return [f"input '{signal.name}' in {signal.unit} is a {what}; models expect a torque, force, voltage or current"]
+
+
+def _contradictions(table: Table, units: Mapping[str, str], kinds: Mapping[str, str]) -> list[str]:
+    """Return notes on units that differ from those of the file, and on kinds that differ from a column's name."""
+    notes = []
+    for name, text in units.items():
+        column = table.columns[table.find(name)]
+        if column.unit and is_unit(column.unit) and parse_unit(column.unit).text != parse_unit(text).text:
+            notes.append(f"'{name}' is in {column.unit} by the file, and is read in {parse_unit(text).text} as given")
+    for name, kind in kinds.items():
+        said = next((known for known, pattern in KIND_NAMES.items() if pattern.search(name)), None)
+        if said and KINDS[said] != KINDS[kind]:
+            notes.append(f"output '{name}' is read as {kind}, though its name says {said}")
+    return notes
 
 
 def _unit_in_name(signal: Signal) -> str:

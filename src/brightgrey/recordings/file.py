@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from brightgrey.errors import RecordingError, nearest
+from brightgrey.errors import RecordingError, nearest, printable
 from brightgrey.recordings.formats import file_formats
 from brightgrey.recordings.formats.delimited import read_delimited
 from brightgrey.recordings.formats.file_format import FIRST_BYTES
@@ -57,14 +58,19 @@ def open_table(
         raise RecordingError(f"{file.name}: this is a compressed {found.title} file; unpack it, as it is no text")
     try:
         if found is not None:
-            return found.read(file, like), found.title
+            return _named(found.read(file, like)), found.title
         if start.startswith(ARCHIVE):
             raise RecordingError(f"{file.name}: this is a workbook or an archive; save the sheet as CSV and read that")
-        return read_delimited(file, delimiter=delimiter, decimal=decimal, header=header), DELIMITED
+        return _named(read_delimited(file, delimiter=delimiter, decimal=decimal, header=header)), DELIMITED
     except OSError as error:
         raise RecordingError(f"{file.name}: the file cannot be read ({error.strerror})") from error
     except MemoryError as error:
         raise RecordingError(f"{file.name}: the file does not fit into the memory; read a part of it") from error
+
+
+def _named(table: Table) -> Table:
+    """Return a table whose name can be written anywhere, whatever bytes the file's name has."""
+    return replace(table, name=printable(table.name))
 
 
 def _first_bytes(path: Path) -> bytes:

@@ -29,6 +29,10 @@ class ReadingPolicy:
     """Largest part of the samples (but at least one sample) that may be interpolated or left out."""
     window_slack: float = 0.01
     """Part of an interval by which a sample may lie outside of a window, because time stamps are rounded."""
+    many_samples: int = 50_000
+    """Number of samples from which decimation is suggested."""
+    enough_samples: int = 20_000
+    """Number of samples that a suggested decimation leaves at most."""
     coarse_levels: int = 500
     """A velocity with fewer levels than this between its extremes looks like encoder counts per interval."""
     sampled_lines: int = 200

@@ -145,11 +145,12 @@ def recording_from(
     arrays = []
     for key in columns:
         try:
-            array = np.asarray(columns[key], dtype=np.float64)
+            given = np.asarray(columns[key])
+            array = given.astype(np.float64) if given.dtype.kind != "c" else np.empty((0, 0))
         except (TypeError, ValueError):
             array = np.empty((0, 0))
         if array.ndim != 1:
-            raise RecordingError(f"{name}: column '{key}': expected numbers of shape (samples,)")
+            raise RecordingError(f"{name}: column '{key}': expected real numbers of shape (samples,)")
         arrays.append(array)
     lengths = {array.size for array in arrays}
     if len(lengths) != 1:
@@ -174,7 +175,8 @@ def _make_recording(table: Table, options: ReadingOptions) -> Recording:
     samples = sample(table, choice, options.dt, options.window, hold)
     # From the recorded number to the shown unit, and from there to SI.
     factors = np.array([signal.gain / signal.factor for signal in choice.signals])
-    values = samples.values * factors[:, None]
+    with np.errstate(over="ignore"):  # the recording refuses what is not finite
+        values = samples.values * factors[:, None]
     recording = Recording(
         name=table.name,
         t=samples.t,
@@ -183,10 +185,25 @@ def _make_recording(table: Table, options: ReadingOptions) -> Recording:
         input=choice.signals[0],
         outputs=choice.signals[1:],
         hold=hold,
-        notes=(*table.notes, *choice.notes, *samples.notes, *_remarks(choice.signals, samples)),
+        notes=(
+            *table.notes,
+            *choice.notes,
+            *samples.notes,
+            *_remarks(choice.signals, samples),
+            *_many(samples, options),
+        ),
         resolution=(samples.resolution * np.abs(factors))[1:],
     )
     return decimate(recording, options.decimate)
+
+
+def _many(samples: Samples, options: ReadingOptions) -> list[str]:
+    """Note that a recording has more samples than an identification needs."""
+    kept = samples.t.size // options.decimate
+    if kept <= READING.many_samples:
+        return []
+    every = options.decimate * -(-kept // READING.enough_samples)
+    return [f"{kept} samples make an identification slow; decimate by {every} keeps {samples.t.size // every} of them"]
 
 
 def _remarks(signals: Sequence[Signal], samples: Samples) -> list[str]:

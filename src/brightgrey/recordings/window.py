@@ -27,8 +27,11 @@ def check_window(limits: TimeWindow | None) -> tuple[float, float]:
     SettingsError
         If the start is not before the end.
     """
-    low, high = limits or (None, None)
-    start, end = -np.inf if low is None else float(low), np.inf if high is None else float(high)
+    try:
+        low, high = limits or (None, None)
+        start, end = -np.inf if low is None else float(low), np.inf if high is None else float(high)
+    except (TypeError, ValueError):
+        raise SettingsError(f"window {limits!r} is no pair of start and end in s, like (0.5, None)") from None
     if not start < end:
         raise SettingsError(f"window {start:g}:{end:g} does not start before it ends")
     return start, end

@@ -26,8 +26,6 @@ TRIED = 40
 """Inputs, and outputs, whose pairs are compared."""
 NEARLY = 0.9
 """Part of the best explanation from which a pair of channels is as good."""
-MANY_SAMPLES, ENOUGH_SAMPLES = 50_000, 20_000
-"""Samples from which a part of them is suggested, and how many remain."""
 
 
 @dataclass(frozen=True)
@@ -191,8 +189,8 @@ def _options(channels: ReadChannels, u: int, y: int, time: TimeChoice) -> tuple[
     if channels.meanings[u].side == "motor" and channels.meanings[y].side == "load":
         questions.append(f"the output is at the load: --gear '{name_y}=RATIO' brings it to the side of the motor")
     samples = channels.profiles[y].samples
-    if samples > MANY_SAMPLES:
-        options["decimate"] = -(-samples // ENOUGH_SAMPLES)
+    if samples > READING.many_samples:
+        options["decimate"] = -(-samples // READING.enough_samples)
         questions.append(f"{samples} samples are many: --decimate keeps one in {options['decimate']}")
     if units:
         options["units"] = units
