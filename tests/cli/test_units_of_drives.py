@@ -5,6 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from brightgrey import read_manifest
+from brightgrey.cli.options.recording import RecordingOptions
+
 # The drive of these tests has --f-tanh 4 in s/rad; here speeds stand in turns.
 STRUCTURE = ("--structure", "one_mass+coulomb+viscous", "--f-tanh", str(8 * np.pi))
 
@@ -63,3 +66,20 @@ def test_identify__output_in_increments__asks_for_their_number(scaled, tmp_path,
     assert done.code == 2
     assert "--counts 'speed=4096'" in done.err
     assert done.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("form", ["csv", "toml"])
+def test_manifest__units_of_drives__are_those_of_the_axis(scaled, tmp_path, form):
+    if form == "csv":
+        rows = f"recording,input,output,rated,counts\n{scaled},torque,speed,torque=4 N m,speed=10000\n"
+    else:
+        rows = (
+            f"[[axis]]\nrecording = '{scaled}'\ninput = 'torque'\noutput = 'speed'\n"
+            "rated = ['torque=4 N m']\ncounts = 'speed=10000'\n"
+        )
+    manifest = tmp_path / f"fleet.{form}"
+    manifest.write_text(rows)
+    (axis,) = read_manifest(manifest)
+    recording = RecordingOptions().read(axis.recordings[0], axis.options)
+    assert recording.input.unit == "N m"
+    assert recording.outputs[0].unit == "rev/s"

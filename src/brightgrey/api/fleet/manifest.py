@@ -14,10 +14,13 @@ from brightgrey.errors import SettingsError, unknown_name
 
 __all__ = ["Axis", "read_manifest"]
 
-_LISTS = ("recording", "output", "unit")
+_LISTS = ("recording", "output", "unit", "rated", "counts", "gear")
 _NUMBERS = ("dt", "input_gain", "decimate")
-_TEXTS = ("name", "input", "time", "window", "hold")
-KEYS = ("name", "recording", "input", "output", "time", "dt", "input_gain", "unit", "window", "decimate", "hold")
+_TEXTS = ("name", "input", "time", "window", "hold", "torque_constant")
+KEYS = (
+    *("name", "recording", "input", "output", "time", "dt", "input_gain", "unit", "window", "decimate", "hold"),
+    *("rated", "counts", "gear", "torque_constant"),
+)
 _FOLDER = re.compile(r"[\w-][\w.-]*")
 
 

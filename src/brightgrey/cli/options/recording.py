@@ -110,18 +110,9 @@ class RecordingOptions:
         from brightgrey.recordings.units.drive_scales import DriveScales
 
         units(self.unit or ())
-        DriveScales(**self._scales())
+        DriveScales(**_scales(asdict(self)))
         window(self.window)
         check_hold(self.hold)
-
-    def _scales(self) -> dict[str, Any]:
-        """Units of drives, as arguments of `read_recording`."""
-        return {
-            "rated": pairs("--rated", self.rated or (), "NAME=VALUE with a unit, like 'torque=9.84 mN m'"),
-            "counts": numbers("--counts", self.counts or (), "COLUMN=N, increments per turn"),
-            "gear": numbers("--gear", self.gear or (), "COLUMN=RATIO"),
-            "torque_constant": self.torque_constant,
-        }
 
     def read(self, path: Path, instead: Mapping[str, Any] | None = None) -> Recording:
         """Read a recording.
@@ -155,8 +146,18 @@ class RecordingOptions:
             window=window(given["window"]),
             decimate=given["decimate"],
             hold=check_hold(given["hold"]),
-            **self._scales(),
+            **_scales(given),
         )
+
+
+def _scales(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Units of drives, as arguments of `read_recording`."""
+    return {
+        "rated": pairs("--rated", given["rated"] or (), "NAME=VALUE with a unit, like 'torque=9.84 mN m'"),
+        "counts": numbers("--counts", given["counts"] or (), "COLUMN=N, increments per turn"),
+        "gear": numbers("--gear", given["gear"] or (), "COLUMN=RATIO"),
+        "torque_constant": given["torque_constant"],
+    }
 
 
 @dataclass(frozen=True, kw_only=True)
