@@ -39,6 +39,10 @@ class ReadingPolicy:
     """Lines of a text file that are looked at to find delimiter, decimal mark and the columns of numbers."""
     head_lines: int = 2000
     """Lines of a text file within which the numbers must begin."""
+    preamble_lines: int = 100
+    """Lines of a text file among which the names of the columns are looked for."""
+    footer_lines: int = 10
+    """Lines of remarks below the numbers of a text file that are left out."""
     lines_per_block: int = 1 << 16
     """Lines of a text file that are strings at one time."""
     least_expansion: int = 1 << 26

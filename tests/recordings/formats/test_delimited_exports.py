@@ -183,3 +183,29 @@ def test_errors__many_long_names__are_shortened(tmp_path: Path) -> None:
 def test_table__column_that_is_no_number__is_unknown(tmp_path: Path, name: str) -> None:
     with pytest.raises(RecordingError, match="unknown column"):
         read(write(tmp_path, LINES), input=name)
+
+
+EXPORTS = {
+    "footer": [*LINES, "End of measurement", "# 40 samples"],
+    "properties as wide as the numbers": ["Writer,2,", "Samples,300,300", "Date,2020/01/01,12", *LINES],
+    "names and units in comments": [
+        "# t torque velocity",
+        "# s Nm rad/s",
+        *(line.replace(",", " ") for line in LINES[1:]),
+    ],
+    "empty line after each": [text for line in LINES for text in (line, "")],
+    "a title, then names": ["Trace;Axis 1", *(line.replace(",", ";") for line in LINES)],
+}
+
+
+@pytest.mark.parametrize("lines", EXPORTS.values(), ids=EXPORTS)
+def test_read_delimited__text_around_the_numbers__is_skipped_with_a_note(tmp_path: Path, lines: list[str]) -> None:
+    recording = read(write(tmp_path, lines))
+    np.testing.assert_array_equal(recording.u, U)
+    np.testing.assert_array_equal(recording.y[0], V)
+    assert any("skipped" in note or "names are taken" in note for note in recording.notes)
+
+
+def test_read_delimited__units_in_a_second_comment__are_read(tmp_path: Path) -> None:
+    recording = read(write(tmp_path, EXPORTS["names and units in comments"]))
+    assert (recording.input.unit, recording.input.unit_given) == ("N m", True)

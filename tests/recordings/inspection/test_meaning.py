@@ -20,6 +20,7 @@ NAMES = {
     "iq_soll": ("current", "setpoint", ""),
     "x_mm": ("position", "", ""),
     "q1": ("position", "", ""),
+    "n": ("velocity", "", ""),
     "qd": ("velocity", "", ""),
     "u": ("voltage", "", ""),
     "state": ("", "", ""),

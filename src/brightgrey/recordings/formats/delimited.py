@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from brightgrey.errors import RecordingError, SettingsError
 from brightgrey.recordings.formats.dialect import MISSING, Dialect, dialects, find_dialect
 from brightgrey.recordings.formats.header import Lines, header_comment, named_columns
 from brightgrey.recordings.formats.numbers import TextNumbers
-from brightgrey.recordings.formats.table import Column, Table, with_clocks
+from brightgrey.recordings.formats.table import Column, Table, list_rows, with_clocks
 from brightgrey.recordings.formats.text import Text, read_text
 from brightgrey.recordings.formats.time_stamps import are_stamps, first_day
 from brightgrey.recordings.policy import READING
@@ -78,7 +78,9 @@ def read_delimited(
     dialect = _find_dialect(head, spread, candidates, decimal, name)
     first = _first_numbers(head, spread, dialect, header, name)
     body = content[np.searchsorted(content, head.rows[first] - 1) :]
-    return _table(text, body, head[:first], comments, dialect, header, name)
+    body, footer = _without_footer(text, body, dialect)
+    table = _table(text, body, head[:first], comments, dialect, header, name)
+    return replace(table, notes=(*table.notes, *footer))
 
 
 def _table(
@@ -158,6 +160,22 @@ def _without_cleared_cells(text: Text, content: Indices) -> Indices:
     return content[:end]
 
 
+def _without_footer(text: Text, body: Indices, dialect: Dialect) -> tuple[Indices, list[str]]:
+    """Leave out remarks below the numbers: lines of other width without any number in them."""
+    width = len(dialect.split(text.line(int(body[0]))))
+    end = body.size
+    while end > 1 and body.size - end < READING.footer_lines:
+        fields = dialect.split(text.line(int(body[end - 1])))
+        if len(fields) == width or any(map(dialect.is_number, fields)):
+            break
+        end -= 1
+    if end == body.size:
+        return body, []
+    return body[:end], [
+        f"{list_rows(body[end:] + 1)} below the numbers is skipped, beginning '{text.line(int(body[end]))[:40]}'"
+    ]
+
+
 def _find_dialect(
     head: Lines, spread: _Spread, candidates: Sequence[Dialect], decimal: str | None, name: str
 ) -> Dialect:
@@ -181,6 +199,7 @@ def _first_numbers(head: Lines, spread: _Spread, dialect: Dialect, header: bool 
     counts = Counter(i for row in tail for i, field in enumerate(row) if dialect.is_number(field))
     numeric = {i for i, count in counts.items() if 2 * count >= len(tail)}
     usual = Counter(map(len, tail)).most_common(1)[0][0]
+    names = _last_names([dialect.split(line) for line in head.text], usual, numeric, dialect)
     for index, line in enumerate(head.text):
         if header and index == 0:
             continue
@@ -191,9 +210,22 @@ def _first_numbers(head: Lines, spread: _Spread, dialect: Dialect, header: bool 
             continue
         candidates = [field for i, field in enumerate(fields) if i in numeric]
         present = [field for field in candidates if field.casefold() not in MISSING]
-        if present and 2 * sum(map(dialect.is_number, present)) >= len(present):
+        numbers = sum(map(dialect.is_number, present))
+        if index < names and numbers < len(present):  # a property that is as wide as the numbers
+            continue
+        if present and 2 * numbers >= len(present):
             return index
     raise RecordingError(f"{name}: there are no rows of numbers below the header")
+
+
+def _last_names(rows: list[list[str]], width: int, numeric: Set[int], dialect: Dialect) -> int:
+    """Return the index of the last row near the beginning that has text in all columns of numbers; -1 for none."""
+    last = -1
+    for index, fields in enumerate(rows[: READING.preamble_lines]):
+        texts = [field for i, field in enumerate(fields[:width]) if i in numeric]
+        if len(texts) == len(numeric) > 1 and all(texts) and not any(map(dialect.is_number, texts)):
+            last = index
+    return last
 
 
 def _differ_by_empty(fields: list[str], width: int) -> bool:

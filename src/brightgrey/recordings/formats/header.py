@@ -82,14 +82,20 @@ def named_columns(
 
 
 def header_comment(comments: Lines, first_row: int, width: int, dialect: Dialect) -> Lines:
-    """Return the header in the last comment above the numbers, as numpy writes it; empty if it does not fit."""
+    """Return the header in the last comment above the numbers, as numpy writes it, or in the one above its units.
+
+    It is empty if no comment fits.
+    """
     above = [(text, row) for text, row in zip(comments.text, comments.rows, strict=True) if row < first_row]
     if not above:
         return Lines([], [])
-    text = above[-1][0].lstrip(" #%/")
-    fields = split_header(text, dialect, width)
-    fitting = len(fields) == width and not any(map(dialect.is_number, fields))
-    return Lines([text], [above[-1][1]]) if fitting else Lines([], [])
+    last = [(text.lstrip(" #%/"), row) for text, row in above[-2:]]
+    fields = [split_header(text, dialect, width) for text, _ in last]
+    fitting = [len(row) == width and not any(map(dialect.is_number, row)) for row in fields]
+    if not fitting[-1]:
+        return Lines([], [])
+    named = last if all(fitting) and _are_units(fields[-1], width) else last[-1:]
+    return Lines([text for text, _ in named], [row for _, row in named])
 
 
 def split_header(line: str, dialect: Dialect, width: int) -> list[str]:
@@ -117,8 +123,10 @@ def column_of(header: str) -> Column:
 
 
 def _are_names(fields: list[str], dialect: Dialect) -> bool:
-    """Return True for texts none of which is a number, unless the first is the name of a property (``Date:``)."""
-    return not any(map(dialect.is_number, fields)) and not fields[0].endswith(":")
+    """Return True for different texts none of which is a number, unless the first names a property (``Date:``)."""
+    present = [field for field in fields if field]
+    distinct = len(set(present)) == len(present)
+    return distinct and not any(map(dialect.is_number, fields)) and not fields[0].endswith(":")
 
 
 def _units_in(fields: list[str]) -> list[str]:

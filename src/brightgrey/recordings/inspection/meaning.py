@@ -25,7 +25,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "velocity": ("velocity", "veloc", "vel", "speed", "spd", "drehzahl", "geschwindigkeit", "omega", "rpm", "dq", "qd"),
     "position": ("position", "pos", "angle", "winkel", "lage", "phi", "theta", "encoder", "enc", "weg"),
 }
-LETTERS = {"q": "position", "v": "velocity", "w": "velocity", "i": "current", "u": "voltage"}
+LETTERS = {"q": "position", "v": "velocity", "w": "velocity", "n": "velocity", "i": "current", "u": "voltage"}
 ROLES: Mapping[str, tuple[str, ...]] = {
     "error": ("error", "err", "deviation", "dev", "diff", "following", "schleppfehler"),
     "setpoint": (

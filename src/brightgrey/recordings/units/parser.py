@@ -60,7 +60,7 @@ ampere = [current] = A = amp
 volt = kilogram * meter ** 2 / ampere / second ** 3 = V
 watt = kilogram * meter ** 2 / second ** 3 = W
 percent = 0.01 = %
-count = [count] = count = inc = digit
+count = [count] = count = inc = digit = cnt = incr = tick = pulse
 """
 
 # Spellings of rpm on drives; a bare 1/min has no other meaning there.
