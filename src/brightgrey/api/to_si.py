@@ -76,6 +76,7 @@ def identification_task(
         bounds=_bounds_si(allowed, bounds, units),
         fixed=_fixed_si(allowed, fixed, units),
         friction_width=friction_width_nuisance(known.speed) if f_tanh is None else None,
+        drift=True,
     )
 
 

@@ -123,12 +123,15 @@ def _inertia(i: int, masses: int) -> Parameter:
 
 
 def _stiffness(k: int, masses: int) -> Parameter:
-    """Spring constant of shaft k: resonances between two periods per recording and Nyquist's frequency."""
+    """Spring constant of shaft k: resonances between two periods per recording and Nyquist's frequency.
+
+    A softer shaft that carries the whole inertia would follow any drift of load or sensor.
+    """
     return Parameter(
         f"c{k}",
         STIFFNESS,
         f"spring constant between mass {k} and {k + 1}",
-        bounds=lambda s: (0.01 * s.inertia * _slowest(s) ** 2, 0.5 * s.inertia * _fastest(s) ** 2),
+        bounds=lambda s: (s.inertia * _slowest(s) ** 2, 0.5 * s.inertia * _fastest(s) ** 2),
         start=lambda s: s.inertia / (2.0 * masses) * _slowest(s) * _fastest(s),
     )
 

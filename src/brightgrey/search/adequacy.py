@@ -32,7 +32,18 @@ class Round:
     least_free: int  #: Number of estimated parameters of the smallest structure.
     most_free: int  #: Of the largest one.
     error_floor: float  #: Deviance that errors of simulation and sensor may cause.
+    explained: bool = True  #: The residual of the best structure is white.
     policy: SelectionPolicy = SELECTION
+
+    @property
+    def material_growth(self) -> float:
+        """Growth of the deviance, as a part of it, that does not matter however significant it is.
+
+        Where the best residual is not white, it holds model error. Many samples then make anything significant, and an
+        effect has to explain a notable part of the residual's RMS.
+        """
+        notable = 1.0 / (1.0 - self.policy.notable_gain) ** 2
+        return (self.policy.min_rss_ratio if self.explained else notable) - 1.0
 
     def threshold(self, deviance: Deviance, least: float) -> float:
         """Largest excess over the `least` deviance with which a structure is adequate.
@@ -42,7 +53,7 @@ class Round:
         """
         more = max(self.most_free - deviance.free, 1)
         chance = float(chi2.isf(self.policy.false_alarm_level, more))
-        return max(chance, (self.policy.min_rss_ratio - 1.0) * least, self.error_floor)
+        return max(chance, self.material_growth * least, self.error_floor)
 
     def largest_threshold(self, least: float) -> float:
         """Threshold of the smallest structure: one fit that leaves more refutes everything within it."""

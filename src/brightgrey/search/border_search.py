@@ -20,7 +20,6 @@ from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.adequacy import Deviance, Round
 from brightgrey.search.border import Border, Refutation, assess
-from brightgrey.search.fitting.coarse import coarse_task
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
@@ -74,7 +73,7 @@ class BorderSearch:
 
     def __post_init__(self) -> None:
         self.anchors = anchors(self.lattice)
-        self.fits = FitTable(coarse_task(self.task), (), options=self.options, seed=self.seed, anchors=self.anchors)
+        self.fits = FitTable(self.task, (), options=self.options, seed=self.seed, anchors=self.anchors)
         self.refined = RefinedFits(self.task, self.fits, self.executor)
         self.tops: set[Structure] = set()
         self.restarts: dict[Structure, int] = {}
@@ -174,7 +173,7 @@ class BorderSearch:
     def fit_everything(self) -> None:
         """Fit all structures, and look for missed optima among them."""
         structures = [self.lattice.structure(m) for m in self.lattice.masks()]
-        self.fits = FitTable(coarse_task(self.task), structures, seed=self.seed)
+        self.fits = FitTable(self.task, structures, seed=self.seed)
         self.refined = RefinedFits(self.task, self.fits, self.executor)
 
         def tell(fitted: StructureFit) -> None:
@@ -254,7 +253,8 @@ class BorderSearch:
         whitening = self.refined.whitening
         least, largest = (self.lattice.structure(m) for m in (self.lattice.required, self.lattice.everything))
         free = [len(self.task.space(s, nuisances=True).names) for s in (least, largest)]
-        return Round(self.lattice, free[0], free[1], min(whitening.floor_deviance, float(whitening.samples)))
+        floor = min(whitening.floor_deviance, float(whitening.samples))
+        return Round(self.lattice, free[0], free[1], floor, self.is_explained())
 
     def decide(self) -> Border:
         """Fit what the decision rests on until nothing is wanted."""
@@ -322,12 +322,13 @@ class BorderSearch:
 
     def restart(self, border: Border) -> bool:
         """Restart where refutations rest, the nearest first; returns False if nothing is left to do."""
+        explained = self.is_explained()  # else no optimum is the truth, and one multistart has to do
         far = self.policy.far * max((r.threshold for r in border.refuted), default=0.0)
         for found in sorted(border.refuted, key=lambda r: r.excess / r.threshold):
             structure = self.lattice.structure(self.beside_refuted(found, border))
             is_far = found.excess > far
             hopeless = is_far and structure.has_hard_limit
-            if not hopeless and self.lacks_agreement(structure, 1 if is_far else None):
+            if not hopeless and self.lacks_agreement(structure, 1 if is_far or not explained else None):
                 self.restart_at(structure)
                 return True
         return False

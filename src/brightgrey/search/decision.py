@@ -22,6 +22,7 @@ from brightgrey.search.certificate import Certificate, RefutedStructure
 from brightgrey.search.criteria import Misfit, bic
 from brightgrey.search.detectability import Detectability, has
 from brightgrey.search.evidence import Evidence, assess_effects
+from brightgrey.search.fitting.coarse import coarse_task
 from brightgrey.search.fitting.refined_fit import Refined, accurate
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import Lattice, one_larger
@@ -113,7 +114,7 @@ def decide_structures(
     with thread_pool(executor) as workers:
         total = lattice.size if how == "exhaustive" else None
         search = BorderSearch(
-            task,
+            coarse_task(task),
             lattice,
             workers,
             seed,
@@ -128,7 +129,7 @@ def decide_structures(
         except (KeyboardInterrupt, Stopped):
             if not search.fits.done:
                 raise
-        return Decision(_ranking(search, evidence), evidence, search.fits.done)
+        return Decision(_ranking(search, task, evidence), evidence, search.fits.done)
 
 
 def _masses_with_sensors(task: IdentificationTask, grammar: Grammar) -> tuple[str, ...]:
@@ -283,12 +284,12 @@ def _unsteady_effects(search: BorderSearch, border: Border, best: Structure) -> 
     return frozenset(found)
 
 
-def _ranking(search: BorderSearch, evidence: Evidence | None) -> tuple[Ranked, ...]:
-    """Ranking of all structures that were fitted."""
-    task, fitted = search.task, search.fits.done
+def _ranking(search: BorderSearch, task: IdentificationTask, evidence: Evidence | None) -> tuple[Ranked, ...]:
+    """Ranking of all structures that were fitted, with their misfits on all samples of the recordings."""
+    fitted = search.fits.done
     minimal = [r.structure for r in evidence.minimal] if evidence else []
     optional = evidence.optional if evidence else ()
-    samples = sum(r.y.size for r in task.recordings)
+    samples = sum(r.y.size for r in search.task.recordings)
     shown, calls = {}, []
     for s, f in fitted.items():
         own = f.equals or s  # the values of redundant effects would spoil the misfit

@@ -61,7 +61,7 @@ class Detectability:
         free = [len(self.refined.task.space(s, nuisances=True).names) for s in (structure, big)]
         chance = float(chi2.isf(SELECTION.false_alarm_level, max(free[1] - free[0], 1)))
         least = self.refined.of(structure).deviance
-        return max(chance, (SELECTION.min_rss_ratio - 1.0) * least, self.circumstances.error_floor)
+        return max(chance, self.circumstances.material_growth * least, self.circumstances.error_floor)
 
     def gain(self, structure: Structure, effect: str) -> float:
         """Part of the whitened residual's RMS that `effect` explains beside `structure`."""

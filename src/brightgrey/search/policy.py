@@ -111,13 +111,13 @@ class FurtherEffectsPolicy:
     #: Least part of what a structure leaves beyond the best one that further effects have to explain when fitted.
     rescued_share: float = 1.0 / 3.0
     at_once: int = 4  #: Effects that are offered at a time; more follow if these leave something.
-    most: int = 8  #: Effects that are offered in all.
+    most: int = 6  #: Effects that are offered in all.
     draws: int = 15  #: Values that are tried for the further parameters of an effect.
 
 
 @dataclass(frozen=True)
 class CoarsePolicy:
-    """Samples that are left out for the descents of a search."""
+    """Samples that are left out in a search."""
 
     largest_factor: int = 10
     least_samples: int = 2000  #: Samples that every recording keeps.

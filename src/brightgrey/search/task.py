@@ -39,6 +39,7 @@ class IdentificationTask:
     #: SI; standard start of parameters, instead of the one found in the recordings.
     start: Mapping[str, float] = field(default_factory=dict)
     friction_width: Nuisance | None = None  #: None if the settings give it.
+    drift: bool = False  #: Long recordings have a drift each, a nuisance.
 
     def check(self, grammar: Grammar) -> None:
         """Refuse bounds and values of parameters that no structure of `grammar` has (SettingsError)."""
@@ -69,7 +70,7 @@ class IdentificationTask:
         """Residuals of `structure`, weighted by the noise of each output; made once for each structure."""
         if structure not in self._problems:
             self._problems[structure] = SimulationErrorProblem.of(
-                structure, self.recordings, friction_width=self.friction_width
+                structure, self.recordings, friction_width=self.friction_width, drift=self.drift
             )
         return self._problems[structure]
 

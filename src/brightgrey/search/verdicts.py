@@ -43,7 +43,9 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "indispensable": "No structure without it fits.",
         "loss": "Without it the residual is {ratio} times as large.",
         "small loss": "Without it the residual is about as large, but other effects would take its part.",
-        "inertia at bound": "An inertia is at its bound, however: a lag, or a spring to a wall, looks like that.",
+        "inertia at bound": (
+            "An inertia or a spring constant is at its bound, however: a lag, a spring to a wall or a drift looks like that."
+        ),
         "gap at bound": "The gap is at its bound, however: the fit uses it for something else.",
         "slow mode": (
             "Its masses swing less than once in the recording, however: that follows any drift of load or sensor."

@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 
 from brightgrey.arrays import Array, positive
+from brightgrey.estimation.problem.drift import drift_in, drifts_of, with_drift
 from brightgrey.estimation.problem.initial_state import Initial, InitialState, output_noise
 from brightgrey.estimation.problem.normal_equations import LARGEST, add_products, add_squares
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, Nuisance
@@ -89,6 +90,9 @@ def systems(
         x0 = np.array([[initial[state.name]] for state in system.states])
     else:
         x0 = (initial_state or InitialState.of(recording)).state(system, float(recording.u[0]), values)
+    drift = drift_in(values, initial_state.tag if initial_state else "")
+    if drift is not None:
+        system, x0 = with_drift(system, x0, drift, (recording.samples - 1) * recording.dt)
     sets = max((np.size(values[name]) for name in structure.parameters), default=1)
     system, u = with_output_feedback(system, recording, gain)
     return system, u, np.broadcast_to(x0, (len(x0), sets))
@@ -136,6 +140,7 @@ class SimulationErrorProblem:
     threads: int = 1  #: Threads to simulate on.
     gain: float = 0.0  #: Output feedback in torque per speed, N m s/rad (N s/m).
     friction_width: Nuisance | None = None  #: None if the settings give it, or if no friction reverses.
+    drifts: tuple[Nuisance, ...] = ()  #: Of the long recordings, if they are estimated.
 
     @classmethod
     def of(
@@ -145,8 +150,12 @@ class SimulationErrorProblem:
         threads: int = 1,
         initial: Initial = "auto",
         friction_width: Nuisance | None = None,
+        drift: bool = False,
     ) -> Self:
-        """Problem with weights from the noise of the recordings; `initial` as for :meth:`InitialState.of`."""
+        """Problem with weights from the noise of the recordings; `initial` as for :meth:`InitialState.of`.
+
+        With `drift`, long recordings have one each.
+        """
         noise = np.median([output_noise(r) for r in recordings], axis=0)
         spread = np.max([r.y.std(axis=1) for r in recordings], axis=0)
         floor = np.maximum(noise, _MIN_RELATIVE_NOISE * spread)
@@ -162,13 +171,14 @@ class SimulationErrorProblem:
             states,
             threads,
             friction_width=friction_width if structure.has_dry_friction else None,
+            drifts=drifts_of(recordings, tags) if drift else (),
         )
 
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
-        """Parts of the initial states and the width of friction's reversal, if they are estimated."""
+        """Parts of the initial states, drifts and the width of friction's reversal, if they are estimated."""
         width = () if self.friction_width is None else (self.friction_width,)
-        return (*self.unknown_initial, *width)
+        return (*self.unknown_initial, *self.drifts, *width)
 
     @property
     def unknown_initial(self) -> tuple[Nuisance, ...]:

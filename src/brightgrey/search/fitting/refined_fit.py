@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.effects import INERTIA
+from brightgrey.effects import INERTIA, STIFFNESS
 from brightgrey.estimation.noise.error_floor import error_variances
 from brightgrey.estimation.noise.whitening import Whitening
 from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian, evaluate
@@ -51,7 +51,7 @@ class Refined:
             return False
         last = placed.effect.masses
         ran = {n for n in self.at_bound if n not in task.bounds}
-        of_last = [q.symbol for q in placed.effect.parameters if not last or q.dimension == INERTIA]
+        of_last = [q.symbol for q in placed.effect.parameters if not last or q.dimension in (INERTIA, STIFFNESS)]
         return bool(ran & {placed.parameter(symbol) for symbol in of_last})
 
     def slowest_mode_cycles(self, task: IdentificationTask) -> float:
@@ -176,7 +176,7 @@ class RefinedFits:
     Parameters
     ----------
     task : IdentificationTask
-        With all samples; those of the table may be fewer.
+        That of the table.
     fits : FitTable
     executor : Executor
     """
