@@ -70,6 +70,11 @@ class Placed:
         sizes = declared(scales, values, self.place) if declared is not None else {}
         return {self.parameter(symbol): float(value) for symbol, value in sizes.items()}
 
+    @property
+    def title(self) -> str:
+        """Name for people, with its place unless that is the first."""
+        return self.effect.title if self.place == 1 else f"{self.effect.title} at {self.effect.where} {self.place}"
+
     def __str__(self) -> str:
         return self.name if self.place == 1 else f"{self.name}@{self.place}"
 

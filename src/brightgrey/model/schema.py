@@ -171,6 +171,7 @@ class CertificatePart(Part):
     refuted: tuple[RefutedPart, ...]
     undecided: tuple[str, ...]
     unexplained: tuple[str, ...]
+    offered: tuple[str, ...] = ()
 
 
 class FindingPart(Part):

@@ -34,6 +34,8 @@ class Certificate:
     refuted: tuple[RefutedStructure, ...]  #: The one with the least excess first.
     undecided: tuple[str, ...]  #: Largest structures that are left undecided, or whose status has changed.
     unexplained: tuple[str, ...]  #: Signs in the residual of the best structure that none of the structures explains.
+    #: Effects that the function set holds back, and that were offered since its first ones left a notable residual.
+    offered: tuple[str, ...] = ()
 
     def without(self, effect: str) -> RefutedStructure | None:
         """The refuted structure with the least residual that lacks `effect`."""
@@ -64,6 +66,11 @@ class Certificate:
             )
         if self.undecided:
             out.append(f"Left undecided within the budget: {', '.join(self.undecided)}.")
+        if self.offered:
+            titles_offered = ", ".join(Placed.parse(e).title for e in self.offered)
+            out.append(
+                f"Offered beyond the first effects, since those left a notable part of the residual: {titles_offered}."
+            )
         out.append(
             f"{self.fitted} fits decide all {self.structures:,} structures of the function set '{self.grammar}',"
             " conditional on these optima."

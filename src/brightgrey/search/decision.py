@@ -232,6 +232,7 @@ def _certificate(search: BorderSearch, border: Border, grammar: Grammar, found: 
         ),
         tuple(str(lattice.structure(m)) for m in undecided),
         _unexplained(search, lattice.structure(border.best)),
+        tuple(map(str, search.offered)),
     )
 
 

@@ -44,7 +44,8 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "loss": "Without it the residual is {ratio} times as large.",
         "small loss": "Without it the residual is about as large, but other effects would take its part.",
         "inertia at bound": (
-            "An inertia or a spring constant is at its bound, however: a lag, a spring to a wall or a drift looks like that."
+            "An inertia or a spring constant is at its bound, however: a lag, a spring to a wall or a drift looks like"
+            " that."
         ),
         "gap at bound": "The gap is at its bound, however: the fit uses it for something else.",
         "slow mode": (
@@ -137,8 +138,7 @@ class EffectVerdict:
     @property
     def title(self) -> str:
         """Name of the effect for people, with its place unless that is the first."""
-        placed = Placed.parse(self.effect)
-        return placed.effect.title if placed.place == 1 else f"{placed.effect.title} at {placed.place}"
+        return Placed.parse(self.effect).title
 
     @property
     def reason(self) -> str:

@@ -1,8 +1,8 @@
 """Drift: a torque that grows evenly over a recording and is zero in the mean, as a nuisance.
 
 Friction that warms up, a sensor or a load that changes slowly: on real axes the balance of torque drifts. A model
-without drift follows it by a soft shaft or a spring, which are not there. So long recordings have a drift each, in every
-structure that a search compares. It is no property of the drive and is in no model.
+without drift follows it by a soft shaft or a spring, which are not there. So long recordings have a drift each, in
+every structure that a search compares. It is no property of the drive and is in no model.
 """
 
 from __future__ import annotations
