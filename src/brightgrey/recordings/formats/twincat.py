@@ -3,7 +3,8 @@
 A preamble (``Name``, ``File``, ``Starttime of export``) is followed by a block of property lines with one cell per
 column, an empty line, and the numbers. A column whose cells repeat the names of the properties holds the time of the
 columns right of it, in ms: each channel may have its own, or several share one. Channels that are sampled less often
-end earlier. Any character but a space may be the separator; a line ``EOF`` may end the file. Times may be full stamps in 100 ns.
+end earlier. Any character but a space may be the separator; a line ``EOF`` may end the file. Times may be full stamps
+in 100 ns.
 
 Whether ``ScaleFactor``, ``Offset``, ``Unit ScaleFactor`` and ``Unit Offset`` are applied to the numbers already is an
 option of the export ("Scale values before export") that the file does not tell. Two channels of one variable show it,
