@@ -66,7 +66,8 @@ class BorderSearch:
     executor: Executor
     seed: int = 0
     later: tuple[Placed, ...] = ()  #: Effects that are offered where those of the lattice leave something unexplained.
-    with_effects: Callable[[Sequence[Placed]], Lattice] | None = None  #: The lattice with some of these.
+    #: The lattice with some of these, and with so many masses at most.
+    with_effects: Callable[[Sequence[Placed], int | None], Lattice] | None = None
     options: Options = field(default_factory=lambda: Options(patience=0, fresh_hard_limit=2))
     policy: BorderPolicy = BORDER
     progress: Callable[[str, int, Structure], None] = field(default_factory=lambda: lambda stage, fits, best: None)
@@ -97,9 +98,11 @@ class BorderSearch:
         while self.offer_further(self.fits.best().structure.masses - 1):  # before more masses are gone into
             pass
         border = self.in_rounds()
-        while self.offer_further(min(self.lattice.structure(m).masses for m in border.minimal)):
+        while True:
+            masses = min(self.lattice.structure(m).masses for m in border.minimal)
+            if not (self.offer_further(masses) or self.offer_mass(masses)):
+                return border
             border = self.in_rounds()
-        return border
 
     def fit_largest(self) -> None:
         """Fit the structures with most effects, until nothing is left to explain or to try."""
@@ -124,11 +127,28 @@ class BorderSearch:
             found = further_effects(self.fits.task, own, more, self.seed)
             if found and self.rescues(own, found, best):
                 self.offered += tuple(f.placed for f in found)
-                self.lattice = self.with_effects(self.offered)
-                self.anchors = [s for s in anchors(self.lattice) if s.masses <= masses + 1]
-                self.fit(self.anchors)
+                self.limit_masses(masses + 1)
                 return True
         return False
+
+    def offer_mass(self, masses: int) -> bool:
+        """Offer one mass more if all that are offered with the further effects are called for."""
+        limited = self.offered and masses == self.lattice.structure(self.lattice.everything).masses
+        if limited:
+            self.limit_masses(masses + 1)
+        return bool(limited) and self.lattice.structure(self.lattice.everything).masses > masses
+
+    def limit_masses(self, most: int) -> None:
+        """Take the lattice with the effects offered and so many masses at most, and fit its anchors.
+
+        If the masses that are there and one more do not call for it, two more do not either.
+        """
+        assert self.with_effects is not None
+        self.lattice = self.with_effects(self.offered, most)
+        for structure in [s for s in self.fits.done if s.masses > most]:
+            del self.fits.done[structure]
+        self.anchors = anchors(self.lattice)
+        self.fit(self.anchors)
 
     def rescues(self, own: StructureFit, found: Sequence[FurtherEffect], best: StructureFit) -> bool:
         """Fit a structure with further effects; True if they explain enough of what it leaves.

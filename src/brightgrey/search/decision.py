@@ -102,9 +102,11 @@ def decide_structures(
     later = [p for stage in grammar.stages for p in stage if str(p) not in exclude]
     wanted = [p for p in later if str(p) in require]
 
-    def with_effects(more: Sequence[Placed]) -> Lattice:
+    def with_effects(more: Sequence[Placed], most_masses: int | None = None) -> Lattice:
         offered = grammar.offering([*wanted, *more])
-        return Lattice.of(offered, require, [e for e in exclude if e in map(str, offered.placed)])
+        beyond = [p.name for p in offered.placed if p.effect.masses > (most_masses or p.effect.masses)]
+        known = [*exclude, *beyond]
+        return Lattice.of(offered, require, [e for e in known if e in map(str, offered.placed)])
 
     one_of_all = [str(p) for p in grammar.whole.placed]
     for name in exclude:
