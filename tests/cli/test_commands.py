@@ -84,6 +84,7 @@ def test_all_options_at_once(drive, tmp_path, call):
         "gain": -1.0,
         "sampling_time": 0,
         "hold": "linear",
+        "mass": 1,
     }
     assert len(model["initial_state"]) == 2
     assert set(model["fit"]["test"]) == {"speed"}

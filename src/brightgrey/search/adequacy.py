@@ -13,7 +13,7 @@ from brightgrey.numerics.distributions import chi2
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.policy import SELECTION, SelectionPolicy
 
-__all__ = ["Deviance", "Round"]
+__all__ = ["Deviance", "Round", "material_growth"]
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,16 @@ class Deviance:
 
     value: float  #: Whitened sum of squared residuals, noise of variance 1.
     free: int  #: Number of estimated parameters.
+
+
+def material_growth(explained: bool, policy: SelectionPolicy = SELECTION) -> float:
+    """Growth of the deviance, as a part of it, that does not matter however significant it is.
+
+    Where the best residual is not white, it holds model error. Many samples then make anything significant, and an
+    effect has to explain a notable part of the residual's RMS.
+    """
+    notable = 1.0 / (1.0 - policy.notable_gain) ** 2
+    return (policy.min_rss_ratio if explained else notable) - 1.0
 
 
 @dataclass(frozen=True)
@@ -37,13 +47,8 @@ class Round:
 
     @property
     def material_growth(self) -> float:
-        """Growth of the deviance, as a part of it, that does not matter however significant it is.
-
-        Where the best residual is not white, it holds model error. Many samples then make anything significant, and an
-        effect has to explain a notable part of the residual's RMS.
-        """
-        notable = 1.0 / (1.0 - self.policy.notable_gain) ** 2
-        return (self.policy.min_rss_ratio if self.explained else notable) - 1.0
+        """See :func:`material_growth`."""
+        return material_growth(self.explained, self.policy)
 
     def threshold(self, deviance: Deviance, least: float) -> float:
         """Largest excess over the `least` deviance with which a structure is adequate.

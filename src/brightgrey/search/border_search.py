@@ -18,7 +18,7 @@ import numpy as np
 from brightgrey.errors import SettingsError
 from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.kit import Placed, Structure
-from brightgrey.search.adequacy import Deviance, Round
+from brightgrey.search.adequacy import Deviance, Round, material_growth
 from brightgrey.search.border import Border, Refutation, assess
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
@@ -168,7 +168,7 @@ class BorderSearch:
         """Border of the lattice, in rounds with a noise model each, until no status changes."""
         reference, last = self.fits.best().structure, None
         for _ in range(self.policy.rounds):
-            self.refined.begin_round(reference)
+            self.refined.begin_round(reference, material_growth(self.is_explained()))
             border = self.decide()
             statuses = {m: m in border.adequate for m in self.deviances()}
             if last is not None:
@@ -280,7 +280,8 @@ class BorderSearch:
         """Fit what the decision rests on until nothing is wanted."""
         while True:
             border = assess(self.deviances(), self.round)
-            if len(self.fits.done) > self.policy.max_fits:
+            most = self.policy.max_fits if self.is_explained() else self.policy.max_fits_unexplained
+            if len(self.fits.done) > most:
                 return border
             wanted = self.wanted(border)
             if wanted:

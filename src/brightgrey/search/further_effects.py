@@ -74,9 +74,11 @@ def further_effects(
     chosen: list[FurtherEffect] = []
     while candidates and len(chosen) < FURTHER.at_once:
         scores = [_scores(c, left) for c in candidates]
-        first = int(np.argmax([s.max(initial=0.0) for s in scores]))
-        if not scores[first].max(initial=0.0) >= enough:
+        best = np.array([s.max(initial=0.0) for s in scores])
+        if not best.max() >= enough:
             break
+        alike = np.flatnonzero(best >= max(enough, FURTHER.alike * best.max()))
+        first = min(alike.tolist(), key=lambda i: (len(candidates[i].placed.effect.parameters), -best[i]))
         taken = candidates.pop(first)
         chosen.append(_start(taken, left, int(np.argmax(scores[first]))))
         for _ in taken.placed.effect.parameters:  # an effect of several parameters has as many directions

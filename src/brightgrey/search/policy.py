@@ -85,7 +85,8 @@ class RefinementPolicy:
 
     iterations: int = 10
     negligible: float = 0.05  #: Predicted decrease that is not worth a step: far below what chance does.
-    relative: float = 1e-6  #: The same as part of the cost.
+    relative: float = 1e-6  #: The same as part of the cost,
+    of_material: float = 1.0 / 80.0  #: and as part of a growth of it that does not matter.
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,7 @@ class BorderPolicy:
     side_by_side: int = 2  #: Largest undecided structures that are fitted in parallel.
     fields: int = 2  #: Parts of a multistart that are made in parallel.
     max_fits: int = 400  #: Structures that are fitted at most.
+    max_fits_unexplained: int = 80  #: The same where the best residual is not white: no structure is the truth.
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,7 @@ class FurtherEffectsPolicy:
 
     #: Least part of a structure's sum of squared residuals that a further effect explains, at first order at first.
     notable_gain: float = 0.04
+    alike: float = 0.5  #: Ratio of scores from which the effect with fewer parameters is taken.
     #: Least part of what a structure leaves beyond the best one that further effects have to explain when fitted.
     rescued_share: float = 1.0 / 3.0
     at_once: int = 4  #: Effects that are offered at a time; more follow if these leave something.

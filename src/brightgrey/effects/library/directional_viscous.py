@@ -24,7 +24,7 @@ EFFECT = Effect(
         "Below f_v it takes energy in both directions."
     ),
     equation="M_F = -f_d |v|",
-    source="Janot, Gautier, Brunot 2019, nonlinearbenchmark.org (EMPS): forward and backward identified apart",
+    source="Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, doi:10.1016/0005-1098(94)90209-7",
     stage="friction",
     where="mass",
     requires=("viscous",),

@@ -96,7 +96,12 @@ def _whitening(task: IdentificationTask, structure: Structure, values: Mapping[s
 
 
 def refine(
-    task: IdentificationTask, structure: Structure, values: Mapping[str, float], whitening: Whitening, hopeless: float
+    task: IdentificationTask,
+    structure: Structure,
+    values: Mapping[str, float],
+    whitening: Whitening,
+    hopeless: float,
+    material_growth: float = 0.0,
 ) -> Refined:
     """Fit from `values` in the whitened cost until the next step would lower it by less than chance can tell.
 
@@ -109,6 +114,8 @@ def refine(
     whitening : Whitening
     hopeless : float
         Deviance above which the exact value does not matter: one step is predicted, but not taken.
+    material_growth : float
+        Growth of the deviance, as a part of it, that does not matter; a small part of it is not worth a step either.
     """
     problem, space = task.problem_and_space(structure)
     settings = accurate(task).settings
@@ -125,7 +132,7 @@ def refine(
         factors = np.array([LM_DEFAULTS.probe_damping, *(damping * f for f in LM_DEFAULTS.damping_factors)])
         steps = _steps(theta, normal, scale, factors, space)
         gain = -(2.0 * steps @ normal.gradient[0] + np.einsum("sp,pq,sq->s", steps, normal.curvature[0], steps))
-        enough = max(REFINEMENT.negligible, REFINEMENT.relative * cost)
+        enough = max(REFINEMENT.negligible, max(REFINEMENT.relative, REFINEMENT.of_material * material_growth) * cost)
         if gain.max(initial=0.0) < enough or last - cost < 0.1 * enough:
             break
         if cost - gain.max() > hopeless:
@@ -187,6 +194,7 @@ class RefinedFits:
         self._jacobians: dict[Structure, tuple[Refined, tuple[Array, Array, tuple[int, ...]]]] = {}
         self._starts: dict[Structure, Mapping[str, float]] = {}
         self._whitening: Whitening | None = None
+        self._material_growth = 0.0
 
     @property
     def whitening(self) -> Whitening:
@@ -195,8 +203,12 @@ class RefinedFits:
             raise RuntimeError("begin_round comes first")
         return self._whitening
 
-    def begin_round(self, reference: Structure) -> None:
-        """Whiten by the residuals of a structure from now on; all deviances are new."""
+    def begin_round(self, reference: Structure, material_growth: float = 0.0) -> None:
+        """Whiten by the residuals of a structure from now on; all deviances are new.
+
+        The growth of a deviance that does not matter says how exact they have to be.
+        """
+        self._material_growth = material_growth
         known = self._refined.get(reference)
         values = known[1].values if known else self.fits.done[reference].values
         self._whitening = _whitening(self.task, reference, values)
@@ -263,7 +275,7 @@ class RefinedFits:
         for f in fitted:
             known = self._refined.get(f.structure)
             start = self._starts.get(f.structure, f.values) if known is None else f.values
-            calls.append((self.task, f.structure, start, self.whitening, hopeless))
+            calls.append((self.task, f.structure, start, self.whitening, hopeless, self._material_growth))
         for f, found in zip(fitted, in_order(self._executor, refine, calls), strict=True):
             known = self._refined.get(f.structure)
             if known is None or not known[1].finished or found.deviance < known[1].deviance:

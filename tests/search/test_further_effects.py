@@ -1,0 +1,73 @@
+"""Effects that a function set holds back: which of them a search offers, and what it then finds."""
+
+import numpy as np
+import pytest
+
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.kit import PAPER, Placed, function_set, grammar_named
+from brightgrey.search.decision import decide_structures
+from brightgrey.search.fitting.structure_fit import Options, fit_multistart
+from brightgrey.search.further_effects import further_effects
+from support.searches import simulated_task, verdicts
+
+F_TANH = 200.0
+LATER = [p for stage in grammar_named("drive").stages for p in stage]
+BASE = {"J1": 0.012, "f_v": 0.004, "M_C": 0.3}
+SECOND = {"J2": 0.008, "c1": 30.0, "d1": 0.03}
+CASES = [
+    ("one_mass+coulomb+viscous", {"directional_viscous": {"f_d": -0.003}}),
+    ("one_mass+coulomb+viscous", {"pendulum": {"G": 0.6, "k": 1.5, "phi_0": 0.4}}),
+    ("one_mass+coulomb+viscous+gravity", {"ground_spring": {"c_g": 0.08}}),
+    ("two_mass+coulomb+viscous", {"coulomb@2": {"M_C@2": 0.25}}),
+]
+
+
+def recorded(base, more, seed=1):
+    values = dict(BASE) | (SECOND if "two_mass" in base else {}) | ({"M_G": 0.2} if "gravity" in base else {})
+    values |= {name: value for own in more.values() for name, value in own.items()}
+    structure = "+".join((base, *more))
+    noise = 0.005 * E.speed
+    return simulated_task(structure, values, E.torque(), noise, dt=E.dt, f_tanh=F_TANH, seed=seed, step=1e-3)
+
+
+@pytest.mark.parametrize(("base", "more"), CASES, ids=[next(iter(m)) for _, m in CASES])
+def test_further_effects__one_is_missing__comes_first_near_its_size(base, more):
+    task = recorded(base, more)
+    fitted = fit_multistart(task, PAPER.parse(base), Options(fresh=4, patience=0), 0)
+    found = further_effects(task, fitted, LATER, 0)
+    ((name, values),) = more.items()
+    assert found[0].placed == Placed.parse(name)
+    size = next(iter(values))
+    assert 0.2 < found[0].start[size] / values[size] < 5.0
+
+
+def test_further_effects__nothing_is_missing__none():
+    task = recorded("two_mass+coulomb+viscous", {})
+    fitted = fit_multistart(task, PAPER.parse("two_mass+coulomb+viscous"), Options(fresh=4, patience=0), 0)
+    assert further_effects(task, fitted, LATER, 0) == ()
+
+
+def test_decide__friction_at_the_second_mass__is_found():
+    task = recorded("two_mass+coulomb+viscous", {"coulomb@2": {"M_C@2": 0.25}})
+    found = decide_structures(task, grammar_named("drive"), exclude=("four_mass", "current_control", "delay"))
+    truth = function_set().parse("two_mass+coulomb+viscous+coulomb@2")
+    assert verdicts(found)["coulomb@2"] == "needed"
+    assert verdicts(found).get("three_mass") != "needed"
+    assert any(set(m.structure.placed) <= set(truth.placed) for m in found.evidence.minimal)
+    assert "coulomb@2" in found.evidence.certificate.offered
+    assert any("Coulomb friction at mass 2" in s for s in found.evidence.certificate.sentences())
+
+
+def test_decide__the_papers_effects_explain_it__offers_nothing():
+    task = recorded("one_mass+coulomb+viscous", {})
+    found = decide_structures(task, grammar_named("drive"), exclude=("three_mass", "current_control", "delay"))
+    assert found.evidence.certificate.offered == ()
+    assert [str(m.structure) for m in found.evidence.minimal] == ["one_mass+coulomb+viscous"]
+
+
+def test_decide__required_at_another_mass__is_in_every_structure():
+    task = recorded("two_mass+coulomb+viscous", {"coulomb@2": {"M_C@2": 0.25}})
+    excluded = ("three_mass", "stribeck", "gravity", "backlash", "current_control", "delay")
+    found = decide_structures(task, grammar_named("drive"), require=("coulomb@2",), exclude=excluded)
+    assert all(Placed("coulomb", 2) in s.placed for s in found.fitted)
+    assert np.isfinite([f.cost for f in found.fitted.values()]).all()
