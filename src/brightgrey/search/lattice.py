@@ -123,7 +123,7 @@ class Lattice:
             for p in atoms
         )
         whole = cls(atoms, needs)
-        allowed = whole.within(whole.everything & ~sum(bits[e] for e in exclude))
+        allowed = whole.within(whole.everything & ~sum(bits[e] for e in set(exclude)))
         required = 0
         for name in require:
             if name in bits:
