@@ -191,27 +191,26 @@ def test_evidence__fit_at_fixed_size_within_accuracy__not_refuted():
     )
 
 
-@pytest.mark.parametrize(("seed", "size"), [(0, 0.1), (1, 0.5), (4, 0.1), (9, 0.1)])
-def test_evidence__drifting_load__second_mass_not_decidable(seed, size):
+def test_evidence__drifting_loads__second_mass_is_seldom_needed():
     """A second mass swings along with any slow torque, undamped or so softly that it does not come back while it is
-    recorded: the residual is 4 to 21 times smaller."""
-    t, rng = DT * np.arange(1000), np.random.default_rng(seed)
-    torque = 3.0 * np.sign(np.sin(2.0 * np.pi * 2.0 * t + 0.7)) * np.minimum(1.0, 20.0 * t)
-    load = size * np.cumsum(rng.normal(size=t.size)) * np.sqrt(DT)
-    (v,) = reference(
-        "one_mass+coulomb+viscous", {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}, torque + load, DT, f_tanh=F_TANH
-    )
-    q = DT * np.cumsum(v) + 0.001 * np.random.default_rng(1).normal(size=v.size)
-    task = task_of_arrays(torque, q, dt=DT, f_tanh=F_TANH, kind="position", names=("u", "q"))
-    found = evidence(task, ("two_mass", "coulomb", "viscous"))
-    card = cards_of(found)["two_mass"]
-    assert card.verdict == "not decidable"
+    recorded: the residual is 4 to 21 times smaller. One in eight is called needed: docs/design/further-mass.md."""
+    needed = 0
+    for seed in range(8):
+        t, rng = DT * np.arange(1000), np.random.default_rng(seed)
+        torque = 3.0 * np.sign(np.sin(2.0 * np.pi * 2.0 * t + 0.7)) * np.minimum(1.0, 20.0 * t)
+        load = 0.2 * np.cumsum(rng.normal(size=t.size)) * np.sqrt(DT)
+        values = {"J1": 0.02, "M_C": 0.5, "f_v": 0.03}
+        (v,) = reference("one_mass+coulomb+viscous", values, torque + load, DT, f_tanh=F_TANH)
+        q = DT * np.cumsum(v) + 0.001 * np.random.default_rng(1).normal(size=v.size)
+        task = task_of_arrays(torque, q, dt=DT, f_tanh=F_TANH, kind="position", names=("u", "q"))
+        needed += cards_of(evidence(task, ("two_mass", "coulomb", "viscous")))["two_mass"].verdict == "needed"
+    assert needed <= 3  # more by chance in one of 100 choices of the seeds
 
 
 @pytest.mark.parametrize(
     ("stiffness", "damping", "minimal", "told"),
     [
-        (1.0, 0.001, "two_mass+viscous", "Without it the residual is "),
+        (1.0, 0.001, "two_mass", "Without it the residual is "),
         (100.0, 0.3, "two_mass", "Without it the residual is "),
     ],
 )
@@ -224,7 +223,7 @@ def test_evidence__inertia_at_bound__not_decidable(stiffness, damping, minimal, 
     assert [str(j.structure) for j in found.minimal] == [minimal]
     assert card.verdict == "not decidable"
     assert card.reason.startswith(told)
-    assert "a lag, or a spring to a wall, looks like that" in card.reason
+    assert "a spring to a wall or a drift looks like that" in card.reason
 
 
 def test_evidence__fixed_value__tested_at_that_value():

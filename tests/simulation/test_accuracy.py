@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from brightgrey.effects import registry
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER, assemble
@@ -16,7 +15,7 @@ OUTPUTS = ("position", "velocity")
 
 
 def test_sample__has_every_effect():
-    assert {p.name for i in SAMPLE for p in ALL[i].placed} == set(registry())
+    assert {p.name for i in SAMPLE for p in ALL[i].placed} == set(PAPER.places)
 
 
 @pytest.mark.parametrize("number", SAMPLE, ids=lambda i: str(ALL[i]))

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from brightgrey.arrays import Array
 from brightgrey.effects.law import Law
 from brightgrey.effects.modelica import Modelica
@@ -185,7 +187,7 @@ class Effect:
         for control. `values` are those of the model without the effect, by name. The result may also change
         parameters that the model has, such as an inertia that is split.
     residual_signature : str
-        What the residual follows if the effect is missing; for laws of at most one port, which is a speed.
+        What the residual follows if the effect is missing; for laws of at most one port.
     cautions : tuple of Caution
     search : SearchHints
     modelica : Modelica or None
@@ -224,6 +226,15 @@ class Effect:
         """The effect has states of its own, so that it remembers."""
         before, after = self._stamped
         return len(after.states) > len(before.states)
+
+    @property
+    def port_reads(self) -> Literal["speed", "position", ""]:
+        """Motion of its mass that the only port of its law reads; empty for other laws."""
+        if self.law is None or self.law.ports != 1:
+            return ""
+        draft = self._stamped[1]
+        state = draft.states[int(np.argmax(draft.elements[-1].H[0] != 0.0))]
+        return "speed" if state.at_rest == "speed" else "position"
 
     @property
     def is_dry_friction(self) -> bool:

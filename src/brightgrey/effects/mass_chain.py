@@ -39,6 +39,8 @@ class ChainHeuristics:
         Grid for a mass that is split: share of its inertia before the new shaft.
     grid_damping_ratios : tuple of float
         Grid for the damping ratio of the new shaft.
+    softest_shaft : float
+        Least spring constant, in parts of that with which the whole inertia swings twice in the recording.
     relevant_part : float
         Least share of the last inertia that matters for control if it comes loose.
     relevant_frequency : float
@@ -53,6 +55,7 @@ class ChainHeuristics:
     stiff_range: float = 10.0
     grid_parts: tuple[float, ...] = (0.05, 0.2, 0.5, 0.8, 0.95)
     grid_damping_ratios: tuple[float, ...] = (1e-3, 3e-2)
+    softest_shaft: float = 0.05
     relevant_part: float = 0.1
     relevant_frequency: float = 0.3
     relevant_damping_ratio: float = 0.02
@@ -101,6 +104,11 @@ def _slowest(scales: Scales) -> float:
     return 2.0 * np.pi * 2.0 / scales.duration
 
 
+def _softest(scales: Scales) -> float:
+    """Least spring constant of a shaft: with it the whole inertia swings half a period in the recording."""
+    return CHAIN_HEURISTICS.softest_shaft * scales.inertia * _slowest(scales) ** 2
+
+
 def _fastest(scales: Scales) -> float:
     """Highest angular frequency in rad/s that samples can show: Nyquist's."""
     return np.pi / scales.interval
@@ -125,13 +133,13 @@ def _inertia(i: int, masses: int) -> Parameter:
 def _stiffness(k: int, masses: int) -> Parameter:
     """Spring constant of shaft k: resonances between two periods per recording and Nyquist's frequency.
 
-    A softer shaft that carries the whole inertia would follow any drift of load or sensor.
+    A softer shaft would follow any drift of load or sensor.
     """
     return Parameter(
         f"c{k}",
         STIFFNESS,
         f"spring constant between mass {k} and {k + 1}",
-        bounds=lambda s: (s.inertia * _slowest(s) ** 2, 0.5 * s.inertia * _fastest(s) ** 2),
+        bounds=lambda s: (_softest(s), 0.5 * s.inertia * _fastest(s) ** 2),
         start=lambda s: s.inertia / (2.0 * masses) * _slowest(s) * _fastest(s),
     )
 
@@ -169,7 +177,8 @@ def _sample_chains(scales: Scales, share: Array, *, masses: int) -> Array:
     omega = _slowest(scales) * (_fastest(scales) / _slowest(scales)) ** share[masses : 2 * masses - 1]
     least = CHAIN_HEURISTICS.min_damping_ratio
     ratio = least * (1.0 / least) ** share[2 * masses - 1 :]
-    return np.concatenate([J, reduced * omega**2, 2.0 * ratio * reduced * omega])
+    c = np.maximum(reduced * omega**2, _softest(scales))
+    return np.concatenate([J, c, 2.0 * ratio * reduced * omega])
 
 
 def _split_last_mass(scales: Scales, values: Values, place: int, *, masses: int) -> Mapping[str, float]:

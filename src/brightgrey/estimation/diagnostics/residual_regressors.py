@@ -69,7 +69,13 @@ Torques = Callable[[SimulatedMotion], tuple[Array, ...]]
 def candidate_torques(structure: Structure, scales: Scales, f_tanh: float) -> dict[str, Torques]:
     """Torques of amplitude 1 at most that the model may lack: of missing effects, and some that no effect describes."""
     present = {p.name for p in structure.placed}
-    missing = [e for e in registry().values() if e.residual_signature and e.name not in present]
+    missing = [
+        e
+        for e in registry().values()
+        if e.residual_signature
+        and e.name not in present
+        and not (e.port_reads == "position" and len(e.parameters) > 1)  # a pattern stands for any course over position
+    ]
     return {e.name: _effect_torque(e, scales, f_tanh) for e in missing} | {
         p.name: partial(_pattern_torques, p, scales, f_tanh) for p in TORQUE_PATTERNS
     }
@@ -130,7 +136,8 @@ def _effect_torque(effect: Effect, scales: Scales, f_tanh: float) -> Torques:
     p = tuple(values[symbol] for symbol in law.parameters)
 
     def torques(m: SimulatedMotion) -> tuple[Array, ...]:
-        torque = np.broadcast_to(law.value((m.speed,)[: law.ports], p)[0], m.speed.shape)
+        port = m.position if effect.port_reads == "position" else m.speed
+        torque = np.broadcast_to(law.value((port,)[: law.ports], p)[0], m.speed.shape)
         return (np.asarray(torque / max(float(np.abs(torque).max()), np.finfo(float).tiny)),)
 
     return torques
