@@ -7,7 +7,7 @@ from pathlib import Path
 
 from brightgrey import Recording, read_recording
 
-__all__ = ["DATA", "emps_recording", "mte360_recording", "two_mass_recordings"]
+__all__ = ["DATA", "emps_recording", "mte360_recording", "pendulum_recordings", "two_mass_recordings"]
 
 DATA = Path(os.environ.get("BRIGHTGREY_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
@@ -38,4 +38,20 @@ def emps_recording() -> Recording:
         time="t",
         input_gain=35.15065,
         units={"vir": "N", "qm": "m"},
+    )
+
+
+def pendulum_recordings() -> dict[str, Recording]:
+    """Records of the torque-limited pendulum, the motor's position as output."""
+    names = ("system_identification", "energy_shaping", "sac_with_hole")
+    return {name: _pendulum(name) for name in names}
+
+
+def _pendulum(name: str) -> Recording:
+    return read_recording(
+        DATA / "pendulum" / f"{name}.csv",
+        input="torque",
+        outputs=["position:position"],
+        time="time",
+        units={"torque": "N m", "position": "rad"},
     )
