@@ -91,7 +91,8 @@ def _sensor(output: str, structure: Structure) -> tuple[str, int]:
     kind, _, mass = output.partition("@")
     one_of("output", kind, OUTPUTS)
     if mass and not (mass.isdecimal() and 1 <= int(mass) <= structure.masses):
-        raise SettingsError(f"output '{output}': '{structure}' has masses 1 to {structure.masses}")
+        there = "mass 1 only" if structure.masses == 1 else f"masses 1 to {structure.masses}"
+        raise SettingsError(f"output '{output}': '{structure}' has {there}")
     return kind, int(mass or 1)
 
 
