@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from brightgrey.errors import SettingsError
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER, Placed, function_set, grammar_named
 from brightgrey.search.decision import decide_structures
@@ -63,6 +64,15 @@ def test_decide__the_papers_effects_explain_it__offers_nothing():
     found = decide_structures(task, grammar_named("drive"), exclude=("three_mass", "current_control", "delay"))
     assert found.evidence.certificate.offered == ()
     assert [str(m.structure) for m in found.evidence.minimal] == ["one_mass+coulomb+viscous"]
+
+
+def test_decide__more_masses_required_than_would_be_offered__are_there():
+    task = recorded("two_mass+coulomb+viscous", {"coulomb@2": {"M_C@2": 0.25}})
+    excluded = ("stribeck", "gravity", "backlash", "current_control", "delay")
+    found = decide_structures(task, grammar_named("drive"), require=("three_mass",), exclude=excluded)
+    assert all(s.masses >= 3 for s in found.fitted)
+    with pytest.raises(SettingsError, match="Did you mean 'coulomb@4'"):
+        decide_structures(task, grammar_named("drive"), exclude=("coulomb@9",))
 
 
 def test_decide__required_at_another_mass__is_in_every_structure():

@@ -114,7 +114,7 @@ class BorderSearch:
         """Extend the lattice by effects that explain what it leaves; returns False if there is nothing to offer.
 
         They are tried beside the best structure with each number of masses, fewest first: an effect at a mass that is
-        there is a simpler explanation than another mass. With what is offered, that structure is fitted by multistart.
+        there is a simpler explanation than another mass.
         """
         if self.with_effects is None or len(self.offered) >= FURTHER.most or self.is_explained():
             return False

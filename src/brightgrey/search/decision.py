@@ -104,7 +104,8 @@ def decide_structures(
 
     def with_effects(more: Sequence[Placed], most_masses: int | None = None) -> Lattice:
         offered = grammar.offering([*wanted, *more])
-        beyond = [p.name for p in offered.placed if p.effect.masses > (most_masses or p.effect.masses)]
+        most = max(most_masses or np.inf, *(Placed.parse(e).effect.masses for e in require), 0)
+        beyond = [p.name for p in offered.placed if p.effect.masses > most]
         known = [*exclude, *beyond]
         return Lattice.of(offered, require, [e for e in known if e in map(str, offered.placed)])
 
