@@ -62,3 +62,9 @@ def test_relevant_size__gap_in_another_shaft__reads_the_stiffness_of_that_shaft(
 def test_has_hard_limit__only_with_a_gap():
     assert Structure.parse("two_mass+coulomb+backlash").has_hard_limit
     assert not Structure.parse("two_mass+coulomb+stribeck+gravity+current_control+delay").has_hard_limit
+
+
+def test_parameters__of_another_place__say_where():
+    declared = Structure.parse("two_mass+coulomb+coulomb@2").parameters
+    assert declared["M_C"].about == "Coulomb friction torque (force, in a linear axis)"
+    assert declared["M_C@2"].about == "Coulomb friction torque (force, in a linear axis), at mass 2"

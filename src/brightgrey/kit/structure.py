@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Literal
@@ -51,6 +51,12 @@ class Placed:
     def parameter(self, symbol: str) -> str:
         """Name of the effect's parameter `symbol` at this place, e.g. ``M_C@2``."""
         return symbol if self.place == 1 else f"{symbol}@{self.place}"
+
+    def declared(self, parameter: Parameter) -> Parameter:
+        """Declaration of a parameter of the effect, which names the place unless that is the first."""
+        if self.place == 1:
+            return parameter
+        return replace(parameter, about=f"{parameter.about}, at {self.effect.where} {self.place}")
 
     def relevant_size(self, scales: Scales, values: Mapping[str, float]) -> dict[str, float]:
         """Parameters by name, SI, of the effect at the least size that matters for control; see `Effect`.
@@ -143,7 +149,7 @@ class Structure:
     def parameters(self) -> Mapping[str, Parameter]:
         """Declarations of all parameters by their names in this structure."""
         return MappingProxyType(
-            {placed.parameter(q.symbol): q for placed in self.placed for q in placed.effect.parameters}
+            {placed.parameter(q.symbol): placed.declared(q) for placed in self.placed for q in placed.effect.parameters}
         )
 
     def __str__(self) -> str:
