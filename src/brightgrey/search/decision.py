@@ -98,6 +98,9 @@ def decide_structures(
     KeyboardInterrupt, Stopped
         If it is stopped before the first fit.
     """
+    known = [str(p) for p in grammar.whole.placed]
+    for name in (*require, *exclude):
+        one_of("effect", name, known)
     require = (*require, *_masses_with_sensors(task, grammar))
     later = [p for stage in grammar.stages for p in stage if str(p) not in exclude]
     wanted = [p for p in later if str(p) in require]
@@ -106,12 +109,9 @@ def decide_structures(
         offered = grammar.offering([*wanted, *more])
         most = max(most_masses or np.inf, *(Placed.parse(e).effect.masses for e in require), 0)
         beyond = [p.name for p in offered.placed if p.effect.masses > most]
-        known = [*exclude, *beyond]
-        return Lattice.of(offered, require, [e for e in known if e in map(str, offered.placed)])
+        left_out = [*exclude, *beyond]
+        return Lattice.of(offered, require, [e for e in left_out if e in map(str, offered.placed)])
 
-    one_of_all = [str(p) for p in grammar.whole.placed]
-    for name in exclude:
-        one_of("effect", name, one_of_all)
     lattice = with_effects(())
     tell = progress or (lambda step: None)
     with thread_pool(executor) as workers:
