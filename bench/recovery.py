@@ -2,6 +2,7 @@
 
     python bench/recovery.py run 0 50 --seed 18 --noise 0.01    drives 0 to 49, added to the file of the seed
     python bench/recovery.py run 0 50 --noise 0.01 --masses 2 --without backlash delay --out small.jsonl.gz
+    python bench/recovery.py run 0 50 --seed 41 --noise 0.01 --grammar drive --out drive.jsonl.gz
     python bench/recovery.py table --seed 18
 
 A drive is known by its number: true structure (of the candidates), values over wide ranges
@@ -28,7 +29,7 @@ import numpy as np
 
 from brightgrey.api.to_si import identification_task
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
-from brightgrey.kit import PAPER, Structure
+from brightgrey.kit import GRAMMARS, PAPER, Grammar, Structure, grammar_named
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.decision import Decision, decide_structures
@@ -72,15 +73,20 @@ def visible(structure: Structure, truth: Structure, optional: Iterable[str]) -> 
 
 
 def examine(
-    drive: RandomDrive, noise: float, candidates: Sequence[Structure], pool: ThreadPoolExecutor, how: str
+    drive: RandomDrive, noise: float, pool: ThreadPoolExecutor, how: str, grammar: Grammar
 ) -> dict[str, object]:
     """One row of the file."""
     train, test = drive.recordings(noise)
     task = identification_task([train], None, {}, {}, None)
     begin = time.process_time()
-    found = decide_structures(task, PAPER, how=how, seed=drive.seed, executor=pool)
+    found = decide_structures(task, grammar, how=how, seed=drive.seed, executor=pool)
     seconds = time.process_time() - begin
-    return row(drive, noise, task, found, test, pool) | {"seconds": round(seconds, 1), "how": how}
+    return row(drive, noise, task, found, test, pool) | {
+        "seconds": round(seconds, 1),
+        "how": how,
+        "grammar": grammar.name,
+        "offered": list(found.evidence.certificate.offered),
+    }
 
 
 def row(
@@ -286,7 +292,9 @@ def run(options: argparse.Namespace, path: Path) -> None:
 
     def rows(number: int) -> Iterator[dict[str, object]]:
         drive = RandomDrive(options.seed, number, candidates)
-        yield from (examine(drive, noise, candidates, pool, options.search) for noise in left[number])
+        yield from (
+            examine(drive, noise, pool, options.search, grammar_named(options.grammar)) for noise in left[number]
+        )
 
     with ThreadPoolExecutor(options.workers) as pool:
         add_rows(path, [number for number, noises in left.items() if noises], rows, line)
@@ -303,6 +311,7 @@ def main() -> None:
     parser.add_argument("--masses", type=int, default=4, help="at most, in all candidates")
     parser.add_argument("--without", nargs="*", default=[], help="effects that no candidate has")
     parser.add_argument("--search", choices=("border", "exhaustive"), default="border")
+    parser.add_argument("--grammar", choices=GRAMMARS, default="paper", help="function set that is searched")
     parser.add_argument("--workers", type=int, default=1, help="threads")
     parser.add_argument("--out", type=Path, help="file of the rows, instead of that of the seed in bench/results/")
     options = parser.parse_args()

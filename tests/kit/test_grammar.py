@@ -52,12 +52,12 @@ def test_function_set__every_effect__stands_at_all_its_places():
         assert placed in kit.parse("+".join(others)).placed
 
 
-def test_drive__first_stage__is_the_paper():
+def test_drive__what_is_not_held_back__is_the_paper():
     drive = grammar_named("drive")
     assert drive.places == PAPER.places
-    later = [str(p) for stage in drive.stages for p in stage]
-    assert len(later) == len(set(later)) == 19
-    assert set(later).isdisjoint(map(str, drive.placed))
+    held_back = [str(p) for p in drive.further]
+    assert len(held_back) == len(set(held_back)) == 19
+    assert set(held_back).isdisjoint(map(str, drive.placed))
     assert set(drive.whole.parameters) > set(PAPER.parameters)
     assert set(PAPER.parameters) == {name for s in ALL for name in s.parameters}
 
@@ -65,7 +65,7 @@ def test_drive__first_stage__is_the_paper():
 def test_grammar__offering__brings_what_is_required():
     offered = grammar_named("drive").offering([Placed("directional_viscous", 2)])
     assert offered.places["viscous"] == (1, 2)
-    assert offered.later == ()
+    assert offered.further == ()
     with pytest.raises(StructureError, match="'directional_viscous@2' requires 'viscous@2'"):
         offered.parse("two_mass+viscous+directional_viscous@2")
     with pytest.raises(StructureError, match="Did you mean 'drive'"):

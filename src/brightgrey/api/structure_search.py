@@ -98,7 +98,7 @@ def grammar_searched(search: SearchKind | None, name: str | None) -> Grammar:
         For an unknown name, and for an exhaustive search of a function set that is too large for it.
     """
     grammar = grammar_named(name or ("drive" if search in (None, "auto") else "paper"))
-    if search == "exhaustive" and grammar.later:
+    if search == "exhaustive" and grammar.held_back:
         raise SettingsError(
             f"an exhaustive search fits every structure, and '{grammar.name}' has millions: take 'paper'"
         )

@@ -30,7 +30,7 @@ from brightgrey.effects.quantities import (
     Dimension,
     Scales,
 )
-from brightgrey.effects.system import Draft, Element, Limits, State, Values, friction_stamp
+from brightgrey.effects.system import Draft, Element, Limits, State, Values, friction_stamp, position_stamp
 
 __all__ = [
     "ANGLE",
@@ -62,6 +62,7 @@ __all__ = [
     "force_on_mass",
     "friction_law",
     "friction_stamp",
+    "position_stamp",
     "registry",
 ]
 

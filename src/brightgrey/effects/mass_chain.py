@@ -131,10 +131,7 @@ def _inertia(i: int, masses: int) -> Parameter:
 
 
 def _stiffness(k: int, masses: int) -> Parameter:
-    """Spring constant of shaft k: resonances between two periods per recording and Nyquist's frequency.
-
-    A softer shaft would follow any drift of load or sensor.
-    """
+    """Spring constant of shaft k: from one that would follow any drift, if it were softer, to Nyquist's frequency."""
     return Parameter(
         f"c{k}",
         STIFFNESS,

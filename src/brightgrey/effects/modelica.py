@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 __all__ = ["Modelica", "force_on_mass"]
 
@@ -38,10 +39,10 @@ class Modelica:
     model: str = ""
 
 
-def force_on_mass() -> Modelica:
-    """Draw a law that gives a torque on the mass at its place, from that mass's speed."""
+def force_on_mass(reads: Literal["speed", "position"] = "speed") -> Modelica:
+    """Draw a law that gives a torque on the mass at its place, from that mass's speed or position."""
     return Modelica(
         components=(("$library.Sources.$Force", "$name", ""),),
         equations=("$name.$f = $law", "connect($name.flange, mass$place.flange_b)"),
-        port="mass$place.$v",
+        port=f"mass$place.{'$v' if reads == 'speed' else '$q'}",
     )

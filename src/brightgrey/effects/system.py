@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from brightgrey.arrays import Array
 from brightgrey.effects.law import Law
 from brightgrey.effects.quantities import POSITION, SPEED, Dimension
 
-__all__ = ["Draft", "Element", "Limits", "Stamp", "State", "Values", "friction_stamp"]
+__all__ = ["Draft", "Element", "Limits", "Stamp", "State", "Values", "friction_stamp", "position_stamp"]
 
 Values = Mapping[str, Any]
 
@@ -208,8 +209,13 @@ Stamp = Callable[[Draft, int, Values], Draft]
 
 def friction_stamp(law: Law) -> Stamp:
     """Stamp of a law that gives a torque on the mass at its place, from that mass's speed (eq. 11)."""
+    return partial(_torque_on_mass, law=law, reads="v")
 
-    def stamp(draft: Draft, place: int, values: Values) -> Draft:
-        return draft.with_element(law, (draft.unit_row(f"v{place}"),), draft.B[:, place - 1], values)
 
-    return stamp
+def position_stamp(law: Law) -> Stamp:
+    """Stamp of a law that gives a torque on the mass at its place, from that mass's position."""
+    return partial(_torque_on_mass, law=law, reads="q")
+
+
+def _torque_on_mass(draft: Draft, place: int, values: Values, *, law: Law, reads: str) -> Draft:
+    return draft.with_element(law, (draft.unit_row(f"{reads}{place}"),), draft.B[:, place - 1], values)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from types import MappingProxyType
 
@@ -31,40 +31,38 @@ class Grammar:
     places : mapping of str to tuple of int
         Places at which each effect may stand, counted from the motor. An effect that is not listed is not in the
         function set.
-    later : tuple of mappings
-        Further places in stages: a search offers those of a stage only where all before leave something unexplained.
+    held_back : mapping of str to tuple of int
+        Further places: a search offers them only where the others leave something that nothing explains.
     """
 
     name: str
     places: Places
-    later: tuple[Places, ...] = ()
+    held_back: Places = field(default_factory=dict)
 
     @cached_property
     def whole(self) -> Grammar:
-        """The grammar with the places of all stages at once."""
-        placed = [*_listed(self.places), *(p for stage in self.later for p in _listed(stage))]
-        return Grammar(self.name, _places_of(placed))
+        """The grammar with what is held back."""
+        return Grammar(self.name, _places_of([*_listed(self.places), *_listed(self.held_back)]))
 
     @property
     def placed(self) -> tuple[Placed, ...]:
-        """All placed effects but those of later stages."""
+        """All placed effects but those that are held back."""
         return tuple(_listed(self.places))
 
     @property
-    def stages(self) -> tuple[tuple[Placed, ...], ...]:
-        """Placed effects of each later stage."""
-        return tuple(tuple(_listed(stage)) for stage in self.later)
+    def further(self) -> tuple[Placed, ...]:
+        """Placed effects that are held back."""
+        return tuple(_listed(self.held_back))
 
     def offering(self, more: Collection[Placed]) -> Grammar:
-        """The grammar without later stages, with further placed effects, and the effects that these require."""
+        """The grammar with further placed effects, and those that they require; nothing is held back."""
         required = [Placed(name, p.place) for p in more for name in p.effect.requires]
         return Grammar(self.name, _places_of([*_listed(self.places), *required, *more]))
 
     @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
         """Declarations of the parameters of all its structures, by name."""
-        placed = _listed(self.whole.places) if self.later else _listed(self.places)
-        return MappingProxyType({p.parameter(q.symbol): q for p in placed for q in p.effect.parameters})
+        return MappingProxyType({p.parameter(q.symbol): q for p in self.whole.placed for q in p.effect.parameters})
 
     def broken_rule(self, structure: Structure) -> str | None:
         """Sentence about the rule that `structure` breaks, or None if it is legal."""
@@ -131,9 +129,11 @@ PAPER = Grammar(
 """The paper's construction rules: 448 structures."""
 
 
-_FRICTION_ELSEWHERE = {"coulomb": (2, 3, 4), "viscous": (2, 3, 4), "stribeck": (2, 3, 4)}
 # A constant torque at another mass is a twin of that at mass 1: it only twists the shafts, which no sensor sees.
-_FURTHER_EFFECTS = {
+_OF_REAL_AXES: Places = {
+    "coulomb": (2, 3, 4),
+    "viscous": (2, 3, 4),
+    "stribeck": (2, 3, 4),
     "directional_viscous": (1, 2, 3, 4),
     "ground_spring": (1, 2),
     "pendulum": (1, 2),
@@ -143,9 +143,9 @@ _FURTHER_EFFECTS = {
 
 @cache
 def _drive() -> Grammar:
-    """The paper's rules and effects that others have put into the library; then, in stages, those of real axes."""
-    own = {name: (1,) for name in registry() if name not in PAPER.places and name not in _FURTHER_EFFECTS}
-    return Grammar("drive", {**PAPER.places, **own}, (_FRICTION_ELSEWHERE, _FURTHER_EFFECTS))
+    """The paper's rules and effects that others have put into the library; those of real axes are held back."""
+    own = {name: (1,) for name in registry() if name not in PAPER.places and name not in _OF_REAL_AXES}
+    return Grammar("drive", {**PAPER.places, **own}, _OF_REAL_AXES)
 
 
 GRAMMARS = ("drive", "paper")

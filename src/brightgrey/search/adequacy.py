@@ -24,14 +24,14 @@ class Deviance:
     free: int  #: Number of estimated parameters.
 
 
-def material_growth(explained: bool, policy: SelectionPolicy = SELECTION) -> float:
+def material_growth(*, model_error: bool, policy: SelectionPolicy = SELECTION) -> float:
     """Growth of the deviance, as a part of it, that does not matter however significant it is.
 
-    Where the best residual is not white, it holds model error. Many samples then make anything significant, and an
-    effect has to explain a notable part of the residual's RMS.
+    Where the best residual holds model error, many samples make anything significant, and an effect has to explain a
+    notable part of the residual's RMS.
     """
     notable = 1.0 / (1.0 - policy.notable_gain) ** 2
-    return (policy.min_rss_ratio if explained else notable) - 1.0
+    return (notable if model_error else policy.min_rss_ratio) - 1.0
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,13 @@ class Round:
     least_free: int  #: Number of estimated parameters of the smallest structure.
     most_free: int  #: Of the largest one.
     error_floor: float  #: Deviance that errors of simulation and sensor may cause.
-    explained: bool = True  #: The residual of the best structure is white.
+    model_error: bool = False  #: The residual of the best structure follows a pattern that nothing explains.
     policy: SelectionPolicy = SELECTION
 
     @property
     def material_growth(self) -> float:
         """See :func:`material_growth`."""
-        return material_growth(self.explained, self.policy)
+        return material_growth(model_error=self.model_error, policy=self.policy)
 
     def threshold(self, deviance: Deviance, least: float) -> float:
         """Largest excess over the `least` deviance with which a structure is adequate.

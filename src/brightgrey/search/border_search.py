@@ -24,8 +24,9 @@ from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
 from brightgrey.search.fitting.structure_fit import Options, StructureFit
-from brightgrey.search.further_effects import FurtherEffect, further_effects
+from brightgrey.search.further_effects import FurtherEffect, follows_further_effect, further_effects
 from brightgrey.search.lattice import Lattice
+from brightgrey.search.model_error import optimum_of, signs_of_model_error
 from brightgrey.search.policy import BORDER, FURTHER, REFIT, BorderPolicy
 from brightgrey.search.task import IdentificationTask
 
@@ -65,7 +66,7 @@ class BorderSearch:
     lattice: Lattice
     executor: Executor
     seed: int = 0
-    later: tuple[Placed, ...] = ()  #: Effects that are offered where those of the lattice leave something unexplained.
+    further: tuple[Placed, ...] = ()  #: Effects that are offered where those of the lattice leave model error.
     #: The lattice with some of these, and with so many masses at most.
     with_effects: Callable[[Sequence[Placed], int | None], Lattice] | None = None
     options: Options = field(default_factory=lambda: Options(patience=0, fresh_hard_limit=2))
@@ -80,6 +81,7 @@ class BorderSearch:
         self.restarts: dict[Structure, int] = {}
         self.flipped: set[int] = set()
         self.offered: tuple[Placed, ...] = ()
+        self._model_error: dict[tuple[Structure, float], bool] = {}
 
     def run(self, *, everything: bool = False) -> Border:
         """Border of all structures; with `everything`, all of them are fitted first.
@@ -116,15 +118,14 @@ class BorderSearch:
         They are tried beside the best structure with each number of masses, fewest first: an effect at a mass that is
         there is a simpler explanation than another mass.
         """
-        if self.with_effects is None or len(self.offered) >= FURTHER.most or self.is_explained():
+        if self.with_effects is None or len(self.offered) >= FURTHER.most or not self.has_model_error():
             return False
-        more = [p for p in self.later if p not in self.lattice.atoms]
         for masses in range(1, most_masses + 1):
             fitted = [f for s, f in self.fits.done.items() if s.masses == masses and not f.redundant_effects]
             if not fitted:
                 continue
             own, best = min(fitted, key=lambda f: (f.structure.has_hard_limit, f.cost)), self.fits.best()
-            found = further_effects(self.fits.task, own, more, self.seed)
+            found = further_effects(self.task, own, self.more, self.seed)
             if found and self.rescues(own, found, best):
                 self.offered += tuple(f.placed for f in found)
                 self.limit_masses(masses + 1)
@@ -133,10 +134,15 @@ class BorderSearch:
 
     def offer_mass(self, masses: int) -> bool:
         """Offer one mass more if all that are offered with the further effects are called for."""
-        limited = self.offered and masses == self.lattice.structure(self.lattice.everything).masses
-        if limited:
-            self.limit_masses(masses + 1)
-        return bool(limited) and self.lattice.structure(self.lattice.everything).masses > masses
+        if not self.offered or masses < self.most_masses:
+            return False
+        self.limit_masses(masses + 1)
+        return self.most_masses > masses
+
+    @property
+    def most_masses(self) -> int:
+        """Masses of the largest structure."""
+        return self.lattice.structure(self.lattice.everything).masses
 
     def limit_masses(self, most: int) -> None:
         """Take the lattice with the effects offered and so many masses at most, and fit its anchors.
@@ -168,7 +174,7 @@ class BorderSearch:
         """Border of the lattice, in rounds with a noise model each, until no status changes."""
         reference, last = self.fits.best().structure, None
         for _ in range(self.policy.rounds):
-            self.refined.begin_round(reference, material_growth(self.is_explained()))
+            self.refined.begin_round(reference, material_growth(model_error=self.has_model_error()))
             border = self.decide()
             statuses = {m: m in border.adequate for m in self.deviances()}
             if last is not None:
@@ -258,6 +264,24 @@ class BorderSearch:
         values = {name: np.array([value]) for name, value in best.values.items()}
         return is_white(problem.residuals(values, self.fits.task.settings)[:, 0], problem.segment_lengths)
 
+    def has_model_error(self) -> bool:
+        """True if the best residual follows a pattern or a further effect by more than coloured noise explains."""
+        best = self.fits.best()
+        known = best.structure, best.cost
+        if known not in self._model_error:
+            self._model_error[known] = not self.is_explained() and bool(
+                follows_further_effect(self.task, best, self.more, self.seed)
+                or signs_of_model_error(
+                    self.task, best.structure, optimum_of(self.task, best), self.fits.error_floor_cost(best)
+                )
+            )
+        return self._model_error[known]
+
+    @property
+    def more(self) -> list[Placed]:
+        """Further effects that have not been offered."""
+        return [p for p in self.further if p not in self.lattice.atoms]
+
     def deviances(self) -> dict[int, Deviance]:
         """Table of the fits in this round."""
         refined = self.refined.all(self.round.largest_threshold)
@@ -274,13 +298,13 @@ class BorderSearch:
         least, largest = (self.lattice.structure(m) for m in (self.lattice.required, self.lattice.everything))
         free = [len(self.task.space(s, nuisances=True).names) for s in (least, largest)]
         floor = min(whitening.floor_deviance, float(whitening.samples))
-        return Round(self.lattice, free[0], free[1], floor, self.is_explained())
+        return Round(self.lattice, free[0], free[1], floor, self.has_model_error())
 
     def decide(self) -> Border:
         """Fit what the decision rests on until nothing is wanted."""
         while True:
             border = assess(self.deviances(), self.round)
-            most = self.policy.max_fits if self.is_explained() else self.policy.max_fits_unexplained
+            most = self.policy.max_fits_with_model_error if self.has_model_error() else self.policy.max_fits
             if len(self.fits.done) > most:
                 return border
             wanted = self.wanted(border)
@@ -343,13 +367,13 @@ class BorderSearch:
 
     def restart(self, border: Border) -> bool:
         """Restart where refutations rest, the nearest first; returns False if nothing is left to do."""
-        explained = self.is_explained()  # else no optimum is the truth, and one multistart has to do
+        once = self.has_model_error()  # no optimum is the truth then, and one multistart has to do
         far = self.policy.far * max((r.threshold for r in border.refuted), default=0.0)
         for found in sorted(border.refuted, key=lambda r: r.excess / r.threshold):
             structure = self.lattice.structure(self.beside_refuted(found, border))
             is_far = found.excess > far
             hopeless = is_far and structure.has_hard_limit
-            if not hopeless and self.lacks_agreement(structure, 1 if is_far or not explained else None):
+            if not hopeless and self.lacks_agreement(structure, 1 if is_far or once else None):
                 self.restart_at(structure)
                 return True
         return False

@@ -11,8 +11,6 @@ import numpy as np
 
 from brightgrey.arrays import Array, positive
 from brightgrey.errors import SettingsError, one_of
-from brightgrey.estimation.diagnostics.outcome import FitContext
-from brightgrey.estimation.diagnostics.symptoms import residual_symptoms
 from brightgrey.estimation.optimisation.least_squares import polish
 from brightgrey.estimation.uncertainty.estimates import estimates_of
 from brightgrey.kit import Grammar, Placed, Structure
@@ -26,6 +24,7 @@ from brightgrey.search.fitting.coarse import coarse_task
 from brightgrey.search.fitting.refined_fit import Refined, accurate
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.lattice import Lattice, one_larger
+from brightgrey.search.model_error import signs_of_model_error
 from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import SearchProgress
@@ -102,8 +101,8 @@ def decide_structures(
     for name in (*require, *exclude):
         one_of("effect", name, known)
     require = (*require, *_masses_with_sensors(task, grammar))
-    later = [p for stage in grammar.stages for p in stage if str(p) not in exclude]
-    wanted = [p for p in later if str(p) in require]
+    further = [p for p in grammar.further if str(p) not in exclude]
+    wanted = [p for p in further if str(p) in require]
 
     def with_effects(more: Sequence[Placed], most_masses: int | None = None) -> Lattice:
         offered = grammar.offering([*wanted, *more])
@@ -121,8 +120,8 @@ def decide_structures(
             lattice,
             workers,
             seed,
-            tuple(later),
-            with_effects if later else None,
+            tuple(further),
+            with_effects if further else None,
             progress=lambda stage, done, best: tell(SearchProgress(stage, done, total, best)),
         )
         evidence = None
@@ -224,6 +223,7 @@ def _certificate(search: BorderSearch, border: Border, grammar: Grammar, found: 
     refined = search.refined.all(search.round.largest_threshold)
     costs = {lattice.mask(s): r.cost for s, r in refined.items()}
     least = min(costs.values())
+    best = lattice.structure(border.best)
     undecided = [*border.undecided, *(m for m in border.minimal if m in search.flipped)]
     return Certificate(
         grammar.name,
@@ -234,7 +234,7 @@ def _certificate(search: BorderSearch, border: Border, grammar: Grammar, found: 
             _refuted(search, border, r, costs, least) for r in sorted(border.refuted, key=lambda r: (r.excess, r.mask))
         ),
         tuple(str(lattice.structure(m)) for m in undecided),
-        _unexplained(search, lattice.structure(border.best)),
+        signs_of_model_error(search.task, best, search.refined.optimum(best), search.refined.whitening.floor_cost),
         tuple(map(str, search.offered)),
     )
 
@@ -256,18 +256,6 @@ def _refuted(
         str(tried),
         search.fits.agreeing.get(tried, 0),
     )
-
-
-def _unexplained(search: BorderSearch, best: Structure) -> tuple[str, ...]:
-    """Signs that the residual of the best structure holds something that none of the structures explains."""
-    task, refined = search.task, search.refined
-    whitening, optimum = refined.whitening, refined.optimum(best)
-    if optimum.cost <= whitening.floor_cost:
-        return ()
-    problem, space = task.problem_and_space(best)
-    settings = accurate(task).settings
-    context = FitContext(problem, space, settings, optimum, estimates_of(problem, space, settings, optimum))
-    return tuple(s.observation for s in residual_symptoms(context, task.scales) if s.unmodelled)
 
 
 def _unsteady_effects(search: BorderSearch, border: Border, best: Structure) -> frozenset[str]:

@@ -1,7 +1,7 @@
-"""Further effects: which places of a grammar's later stage are worth offering, by score tests at the fits so far.
+"""Further effects: which of those that a grammar holds back are worth offering, by scores at the fits so far.
 
 A large function set is out of reach of one fit of everything. So a search begins with a small one. Where that leaves
-something unexplained, each further effect is simulated once, at the least size that matters, beside a structure that
+model error, each further effect is simulated once, at the least size that matters, beside a structure that
 lacks it. What its change shares with the residual, beyond what the structure's own parameters explain, is its score
 (Rao 1948, doi:10.1017/S0305004100023987). Effects are taken one by one, the largest score first, each beside those that
 were taken before (orthogonal matching pursuit, Pati, Rezaiifar, Krishnaprasad 1993, doi:10.1109/ACSSC.1993.342465).
@@ -15,15 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS
+from brightgrey.estimation.diagnostics.residual_tests import Candidate, detect_regressors
 from brightgrey.estimation.noise.orthonormal_basis import orthonormal_basis
-from brightgrey.kit import Placed, Structure
+from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.numerics.distributions import chi2
 from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.policy import FURTHER, SELECTION
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["FurtherEffect", "further_effects"]
+__all__ = ["FurtherEffect", "follows_further_effect", "further_effects"]
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ def further_effects(
 ) -> tuple[FurtherEffect, ...]:
     """Effects of `more` that explain a material part of the residual of a fit, the most important first.
 
-    The residual is taken as it is. Whitened, the noise of the sensor hides a model error that is large and slow.
+    The residual is taken as it is. Beside a structure that misfits badly, its own misfit would pass for slow noise.
 
     Parameters
     ----------
@@ -66,9 +68,9 @@ def further_effects(
     residual, jacobian, inside = residual_and_jacobian(task, fitted.structure, fitted.values)
     basis = orthonormal_basis(jacobian[:, list(inside)])
     left = _beyond(basis, residual)
-    placed_there = [p for p in more if _has_place(fitted.structure, p)]
-    candidates = [_changes(task, fitted, residual, placed, seed) for placed in placed_there]
-    candidates = [replace(c, changes=_beyond(basis, c.changes)) for c in candidates]
+    candidates = [
+        replace(c, changes=_beyond(basis, c.changes)) for c in _candidates(task, fitted, residual, more, seed)
+    ]
     cost, chance = float(residual @ residual), float(chi2.isf(SELECTION.false_alarm_level / max(len(more), 1), 1))
     enough = max(FURTHER.notable_gain, chance / len(residual)) * cost
     chosen: list[FurtherEffect] = []
@@ -93,11 +95,32 @@ def further_effects(
     return tuple(chosen)
 
 
-def _has_place(structure: Structure, placed: Placed) -> bool:
-    """True if a structure lacks an effect, has its place, and what it requires."""
-    last = {"drive": 1, "mass": structure.masses, "shaft": structure.masses - 1}[placed.effect.where]
-    required = {Placed(name, placed.place) for name in placed.effect.requires}
-    return placed.place <= last and placed not in structure.placed and required <= set(structure.placed)
+def follows_further_effect(task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int) -> bool:
+    """True if the residual of a fit follows a further effect by more than noise of its colour explains.
+
+    This asks whether there is anything to offer, where the residual of the best structure is all that speaks of noise.
+    """
+    task = accurate(task)
+    residual, jacobian, inside = residual_and_jacobian(task, fitted.structure, fitted.values)
+    candidates = [
+        Candidate(change[:, None], str(c.placed))
+        for c in _candidates(task, fitted, residual, more, seed)
+        for change in c.changes.T
+        if change.any()
+    ]
+    lengths = task.problem(fitted.structure).segment_lengths
+    level = DIAGNOSTIC_DEFAULTS.symptom_level
+    found = detect_regressors(residual, jacobian[:, list(inside)], lengths, candidates, level) if candidates else []
+    return any(f.share >= FURTHER.notable_gain for f in found)
+
+
+def _candidates(
+    task: IdentificationTask, fitted: StructureFit, residual: Array, more: Sequence[Placed], seed: int
+) -> list[_Candidate]:
+    """The effects of `more` that a structure lacks and may have, each beside it."""
+    present, kit = fitted.structure.placed, function_set()
+    possible = (p for p in more if p not in present and not kit.broken_rule(Structure((*present, p))))
+    return [_changes(task, fitted, residual, placed, seed) for placed in possible]
 
 
 def _changes(task: IdentificationTask, fitted: StructureFit, residual: Array, placed: Placed, seed: int) -> _Candidate:

@@ -101,7 +101,7 @@ class BorderPolicy:
     side_by_side: int = 2  #: Largest undecided structures that are fitted in parallel.
     fields: int = 2  #: Parts of a multistart that are made in parallel.
     max_fits: int = 400  #: Structures that are fitted at most.
-    max_fits_unexplained: int = 80  #: The same where the best residual is not white: no structure is the truth.
+    max_fits_with_model_error: int = 80  #: The same where no structure is the truth.
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ class StructureOptions:
         SettingsError
             For an unknown effect or search, a structure that breaks a rule, or options that exclude each other.
         """
-        from brightgrey.kit import GRAMMARS, function_set, grammar_named
+        from brightgrey.kit import GRAMMARS, function_set
 
         effects = (*(self.require or ()), *(self.exclude or ()))
         if self.structure is not None:
@@ -89,8 +89,9 @@ class StructureOptions:
         if self.search == "genetic" and effects:
             raise SettingsError("--require and --exclude do not belong to the genetic search")
         if effects:
+            from brightgrey.api.structure_search import grammar_searched
             from brightgrey.search.lattice import Lattice
 
-            name = self.grammar or ("paper" if self.search == "exhaustive" else "drive")
-            Lattice.of(grammar_named(name).whole, self.require or (), self.exclude or ())
+            grammar = grammar_searched("exhaustive" if self.search == "exhaustive" else None, self.grammar)
+            Lattice.of(grammar.whole, self.require or (), self.exclude or ())
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects import STIFFNESS, Caution, Draft, Effect, Law, Modelica, Parameter, Values
+from brightgrey.effects import STIFFNESS, Caution, Effect, Law, Modelica, Parameter, position_stamp
 
 
 def spring_torque(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -13,11 +13,6 @@ def spring_torque(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[An
 
 
 SPRING_LAW = Law(("c_g",), spring_torque, affine=True, odd=True)
-
-
-def add_ground_spring(draft: Draft, place: int, values: Values) -> Draft:
-    """Add the torque to the mass at `place`, from that mass's position."""
-    return draft.with_element(SPRING_LAW, (draft.unit_row(f"q{place}"),), draft.B[:, place - 1], values)
 
 
 EFFECT = Effect(
@@ -43,7 +38,7 @@ EFFECT = Effect(
         ),
     ),
     law=SPRING_LAW,
-    stamp=add_ground_spring,
+    stamp=position_stamp(SPRING_LAW),
     relevant_size=lambda s, values, place: {"c_g": 0.01 * s.torque / s.travel},
     residual_signature="the position",
     cautions=(

@@ -12,14 +12,13 @@ from brightgrey.effects import (
     PER_POSITION,
     TORQUE,
     Caution,
-    Draft,
     Effect,
     Law,
-    Modelica,
     Parameter,
     Scales,
     SearchHints,
-    Values,
+    force_on_mass,
+    position_stamp,
 )
 from brightgrey.effects.arithmetic import cos, sin
 
@@ -32,11 +31,6 @@ def pendulum_torque(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[
 
 
 PENDULUM_LAW = Law(("G", "k", "phi_0"), pendulum_torque)
-
-
-def add_pendulum(draft: Draft, place: int, values: Values) -> Draft:
-    """Add the torque to the mass at `place`, from that mass's position."""
-    return draft.with_element(PENDULUM_LAW, (draft.unit_row(f"q{place}"),), draft.B[:, place - 1], values)
 
 
 def sample_pendulums(scales: Scales, share: Array) -> Array:
@@ -84,7 +78,7 @@ EFFECT = Effect(
         ),
     ),
     law=PENDULUM_LAW,
-    stamp=add_pendulum,
+    stamp=position_stamp(PENDULUM_LAW),
     relevant_size=lambda s, values, place: {"G": 0.02 * s.torque, "k": np.pi / s.travel, "phi_0": 0.0},
     residual_signature="the sine of the position",
     cautions=(
@@ -96,9 +90,5 @@ EFFECT = Effect(
         ),
     ),
     search=SearchHints(sample=sample_pendulums),
-    modelica=Modelica(
-        components=(("$library.Sources.$Force", "$name", ""),),
-        equations=("$name.$f = $law", "connect($name.flange, mass$place.flange_b)"),
-        port="mass$place.$q",
-    ),
+    modelica=force_on_mass("position"),
 )

@@ -139,8 +139,7 @@ class Whitening:
 
 def _with_floor(noise: Autoregression, own: float, variance: float) -> tuple[Autoregression, float]:
     """Noise of variance `own` with errors of another added, and the variance that these have when they are whitened."""
-    share = variance / (variance + own) if variance > 0.0 else 0.0
-    white = variance * share**2  # none of it where the noise is far larger
+    white = max(variance - own, 0.0)
     coloured = (variance - white) / own if own > 0.0 else 0.0
     total = _add_white(Autoregression(noise.a, noise.variance * (1.0 + coloured)), white)
     flat = white * float(np.square(total.a).sum()) / max(total.variance, np.finfo(float).tiny)

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from brightgrey.arrays import Array
 from brightgrey.estimation.problem.initial_state import output_noise
 from brightgrey.recordings import Recording
+from brightgrey.recordings.clocks import straight_lines
 from brightgrey.search.policy import COARSE, CoarsePolicy
 from brightgrey.search.task import IdentificationTask
 
@@ -42,23 +42,8 @@ def decimated(recording: Recording, factor: int) -> Recording:
     if r.hold == "zoh":
         u = np.append(r.u[:last].reshape(-1, factor).mean(axis=1), r.u[last])
     else:
-        u = _nearest_polygon(r.u[: last + 1], factor)
+        u = straight_lines(r.t[: last + 1], r.u[: last + 1], r.t[: last + 1 : factor])
     return replace(r, t=r.t[: last + 1 : factor], u=u, y=y)
-
-
-def _nearest_polygon(u: Array, factor: int) -> Array:
-    """Values at every `factor`-th sample whose linear interpolation is nearest to `u` in the mean square."""
-    up = np.arange(factor) / factor  # of the hat function on the left of its knot
-    parts = u[:-1].reshape(-1, factor)
-    knots = len(parts) + 1
-    right, left = np.zeros(knots), np.zeros(knots)
-    right[:-1] = parts @ (1.0 - up)
-    left[1:] = parts @ up
-    left[-1] += u[-1]
-    diagonal = np.full(knots, np.square(1.0 - up).sum() + np.square(up).sum())
-    diagonal[0], diagonal[-1] = np.square(1.0 - up).sum(), np.square(up).sum() + 1.0
-    beside = np.full(knots, float(np.sum(up * (1.0 - up))))
-    return np.asarray(solve_banded((1, 1), np.stack([beside, diagonal, beside]), right + left))
 
 
 def _largest_factor(recording: Recording, inertia: float, policy: CoarsePolicy) -> int:

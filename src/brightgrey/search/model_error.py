@@ -1,0 +1,49 @@
+"""Model error: patterns in a residual that stationary noise does not make, and that a model could explain.
+
+A residual that is not white may be nothing but coloured noise of a sensor. Then statistics hold, and further effects
+are not called for. Where the residual follows a motion, a torque pattern or a resonance beyond its own colour, the
+structures offered lack something.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from brightgrey.estimation.diagnostics.outcome import FitContext
+from brightgrey.estimation.diagnostics.symptoms import residual_symptoms
+from brightgrey.estimation.optimisation.least_squares import OptimumWithJacobian
+from brightgrey.estimation.uncertainty.estimates import estimates_of
+from brightgrey.kit import Structure
+from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
+from brightgrey.search.fitting.structure_fit import StructureFit
+from brightgrey.search.task import IdentificationTask
+
+__all__ = ["optimum_of", "signs_of_model_error"]
+
+
+def optimum_of(task: IdentificationTask, fitted: StructureFit) -> OptimumWithJacobian:
+    """A fit of the table with its residual and Jacobian."""
+    residual, jacobian, _ = residual_and_jacobian(task, fitted.structure, fitted.values)
+    values = np.array([fitted.values[name] for name in task.space(fitted.structure, nuisances=True).names])
+    return OptimumWithJacobian(values, float(residual @ residual), True, 0, 0, residual, jacobian)
+
+
+def signs_of_model_error(
+    task: IdentificationTask, structure: Structure, optimum: OptimumWithJacobian, floor_cost: float
+) -> tuple[str, ...]:
+    """Signs that the residual of a fit holds something that the structure does not explain, one sentence each.
+
+    Parameters
+    ----------
+    task : IdentificationTask
+    structure : Structure
+    optimum : OptimumWithJacobian
+    floor_cost : float
+        Sum of squares that the errors of simulation and sensor may leave: below it there is nothing to see.
+    """
+    if optimum.cost <= floor_cost:
+        return ()
+    problem, space = task.problem_and_space(structure)
+    settings = accurate(task).settings
+    context = FitContext(problem, space, settings, optimum, estimates_of(problem, space, settings, optimum))
+    return tuple(s.observation for s in residual_symptoms(context, task.scales) if s.unmodelled)

@@ -1,0 +1,67 @@
+"""Noise models of smooth noise: residuals of a position are nearly integrated, so that tiny differences decide."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from brightgrey.estimation.noise.autoregression import Autoregression, autoregression, noise_models
+from brightgrey.estimation.noise.whitening import Whitening
+
+N = 20_000
+
+
+def integrated_twice(pole, seed):
+    """White noise of variance 1 through two poles, and the innovations."""
+    white = np.random.default_rng(seed).normal(size=N)
+    return lfilter([1.0], np.polymul([1.0, -pole], [1.0, -pole]), white)
+
+
+def slow_columns(count):
+    """Derivatives by parameters, as slow as a motion."""
+    t = np.linspace(0.0, 1.0, N)
+    return np.array([np.sin((k + 1) * np.pi * t) for k in range(count)]).T * 1e4
+
+
+@pytest.mark.parametrize("pole", [0.9, 0.99, 0.999, 0.9999])
+def test_autocovariance__near_the_unit_root__is_that_of_the_closed_form(pole):
+    """Its spectrum is so narrow that what wraps around in a short one outweighs all else."""
+    c = Autoregression((1.0, -pole), 1.0).autocovariance(3)
+    np.testing.assert_allclose(c, pole ** np.arange(3) / (1.0 - pole**2), rtol=3e-3)
+
+
+@pytest.mark.parametrize("pole", [0.9, 0.99, 0.999])
+@pytest.mark.parametrize("columns", [1, 6])
+def test_noise_models__smooth_noise_after_a_fit__keep_the_innovations(pole, columns):
+    """A fit absorbs a few directions of 20,000: the innovations stay, whatever their share of the power is."""
+    noise, jacobian = integrated_twice(pole, 1), slow_columns(columns)
+    residual = noise - jacobian @ np.linalg.lstsq(jacobian, noise)[0]
+    (found,) = noise_models(residual, jacobian, [N])
+    assert found.variance == pytest.approx(1.0, rel=0.05)  # five standard deviations of a variance of 20,000 samples
+    white = lfilter(found.a, [1.0], noise)[found.order :]
+    assert white.var() == pytest.approx(1.0, rel=0.05)
+
+
+def test_autoregression__innovations_of_1e12_of_the_power__are_found():
+    """Steps of 50 nm in an error of 2.5 mm, as on a linear axis."""
+    noise = integrated_twice(0.9999, 2)
+    assert np.mean(noise**2) > 1e9
+    assert autoregression(noise).variance == pytest.approx(1.0, rel=0.05)
+
+
+@pytest.mark.parametrize("share", [1e-6, 1e-2])
+def test_whitening__error_floor_far_below_the_noise__costs_its_share(share):
+    """Errors of a simulation that are far smaller than smooth noise do not hide it."""
+    noise = integrated_twice(0.999, 3)
+    floor = share * float(np.mean(noise**2))
+    whitening = Whitening.of(noise, np.zeros((N, 0)), [N], [floor])
+    assert whitening.floor_deviance == pytest.approx(share * N, rel=0.2)
+    white = whitening.whiten(noise)
+    assert white @ white + whitening.floor_deviance == pytest.approx(N, rel=0.05)
+
+
+def test_whitening__no_noise_at_all__floor_counts_as_white():
+    rng = np.random.default_rng(4)
+    whitening = Whitening.of(1e-9 * rng.normal(size=N), np.zeros((N, 0)), [N], [1.0])
+    assert whitening.floor_deviance == pytest.approx(N, rel=0.01)
+    error = rng.normal(size=N)
+    assert np.square(whitening.whiten(error)).sum() == pytest.approx(N, rel=0.05)
