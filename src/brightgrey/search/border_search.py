@@ -369,14 +369,27 @@ class BorderSearch:
         """Restart where refutations rest, the nearest first; returns False if nothing is left to do."""
         once = self.has_model_error()  # no optimum is the truth then, and one multistart has to do
         far = self.policy.far * max((r.threshold for r in border.refuted), default=0.0)
-        for found in sorted(border.refuted, key=lambda r: r.excess / r.threshold):
+        nearest = sorted(border.refuted, key=lambda r: r.excess / r.threshold)
+        for found in nearest:
             structure = self.lattice.structure(self.beside_refuted(found, border))
             is_far = found.excess > far
             hopeless = is_far and structure.has_hard_limit
             if not hopeless and self.lacks_agreement(structure, 1 if is_far or once else None):
                 self.restart_at(structure)
                 return True
+        for found in nearest:  # its further masses may have an optimum that the anchor has no place for
+            largest = self.lattice.structure(self.lattice.within(found.mask & ~self.hard_limits))
+            if found.excess <= far and self.lacks_agreement(largest, 1):
+                self.fit([largest])
+                self.restart_at(largest)
+                return True
         return False
+
+    @property
+    def hard_limits(self) -> int:
+        """Mask of the atoms with a hard limit that are not required."""
+        atoms = enumerate(self.lattice.atoms)
+        return sum(1 << i for i, p in atoms if p.effect.has_hard_limit) & ~self.lattice.required
 
 
 def _beside(lattice: Lattice) -> int:

@@ -14,7 +14,7 @@ from brightgrey.kit import PAPER
 from brightgrey.search import IdentificationTask
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import _leaders, find_missed_optima
-from brightgrey.search.fitting.structure_fit import StructureFit, best_starts
+from brightgrey.search.fitting.structure_fit import Options, StructureFit, best_starts, refit_from_supermodel
 from brightgrey.search.lattice import complexity, contains
 from brightgrey.search.parallel import thread_pool
 from brightgrey.search.task import FAST_LEVEL_ACCURACY
@@ -181,13 +181,31 @@ def test_restart_many__better_supermodel__its_optimum_is_a_start(task):
     fits = FitTable(task, list(names.values()))
     fits.done.update({s: StructureFit(s, {}, costs[name], complexity(s)) for name, s in names.items()})
     asked = Asked(fits)
-    for better in ("two_mass+backlash", "two_mass+viscous", None):
-        fits.restart_many([names["two_mass"], names["two_mass+coulomb"]], 1, asked)
-        if better:
-            fits.done[names[better]] = replace(fits.done[names[better]], redundant_effects=(better.split("+")[1],))
+    fits.restart_many([names["two_mass"], names["two_mass+coulomb"]], 1, asked)
     begun = [[str(f.structure) for f in known] for *_, known in asked.calls]
-    assert begun[::2] == [["two_mass", "two_mass+backlash"], ["two_mass", "two_mass+viscous"], ["two_mass"]]
-    assert begun[1::2] == 3 * [["two_mass+coulomb"]]
+    assert begun == [["two_mass", "two_mass+backlash"], ["two_mass+coulomb"]]
+
+
+def test_restart_many__supermodel_with_a_redundant_effect__begins_where_it_has_its_optimum_from(task):
+    """The optimum of a structure without the effect of the asked one: it would not be tried otherwise."""
+    own, same, larger = map(PAPER.parse, ("two_mass+coulomb", "two_mass+viscous", "two_mass+coulomb+viscous"))
+    fits = FitTable(task, [own, same, larger])
+    fits.done |= {own: StructureFit(own, {}, 100.0, 7), same: StructureFit(same, {}, 40.0, 7)}
+    fits.done[larger] = StructureFit(larger, {}, 40.0, 8, ("coulomb",), equals=same)
+    asked = Asked(fits)
+    fits.restart_many([own], 1, asked)
+    ((*_, known),) = asked.calls
+    assert [f.structure for f in known] == [own, same]
+
+
+def test_refit_from_supermodel__an_effect_that_it_lacks__begins_where_it_vanishes(task):
+    own = StructureFit(PAPER.parse("one_mass+coulomb"), {"J1": 1.0, "M_C": 1.0}, 1e300, 2)
+    other = StructureFit(PAPER.parse("one_mass+viscous"), {"J1": 0.01, "f_v": 0.02}, 1.0, 2)
+    space = task.space(own.structure, nuisances=True)
+    found, _ = refit_from_supermodel(task, own, [other], Options(rounds=0), anyway=True)
+    assert found is not None
+    assert found.values["J1"] == pytest.approx(0.01)
+    assert found.values["M_C"] == pytest.approx(space.low[space.names.index("M_C")])
 
 
 def test_continue_to_submodels__same_optimum__once(task, monkeypatch):

@@ -217,9 +217,14 @@ class FitTable:
 
     def _ahead(self, fitted: StructureFit) -> list[StructureFit]:
         """Best of the smallest supermodels that fit much better, as a list of at most one."""
-        around = [self.done[t] for t in minimal_supermodels(fitted.structure, self.done)]
-        ahead = [f for f in around if not f.redundant_effects and f.cost < REFIT.clear_gain * fitted.cost]
+        around = [self._behind(t) for t in minimal_supermodels(fitted.structure, self.done)]
+        ahead = [f for f in around if f.cost < REFIT.clear_gain * fitted.cost]
         return sorted(ahead, key=lambda f: f.cost)[:1]
+
+    def _behind(self, s: Structure) -> StructureFit:
+        """Fit of a structure, or of the one without its redundant effects, whose optimum it has."""
+        fitted = self.done[s]
+        return fitted if fitted.equals is None else self.done.get(fitted.equals, fitted)
 
     def _much_better(self, known: StructureFit, new: StructureFit) -> bool:
         """Keep a further fit if it is clearly better; returns True if it is."""
@@ -289,9 +294,9 @@ class FitTable:
 
         def call(s: Structure, around: Sequence[Structure]) -> tuple[Any, ...] | None:
             own = self.done[s]
-            better = [t for t in around if self.done[t].cost < own.cost and not self.done[t].redundant_effects]
+            better = [t for t in around if self.done[t].cost < own.cost]
             better = [t for t in better if self._should_refit(s, self.done[t].cost)]
-            offers = [self.done[t] for t in self._fresh(s, better)]
+            offers = [self._behind(t) for t in self._fresh(s, better)]
             telling = min((f.cost for f in offers), default=np.inf) < min(REFIT.clear_gain * own.cost, near)
             anyway = telling and not s.has_hard_limit
             return (refit_from_supermodel, self.task, own, offers, self._how, anyway) if offers else None

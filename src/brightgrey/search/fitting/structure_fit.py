@@ -142,9 +142,23 @@ def continue_from_supermodel(
 
 
 def _given(space: ParameterSpace, structure: Structure, known: Sequence[StructureFit]) -> list[Mapping[str, float]]:
-    """Values of fits that say all that is searched for."""
+    """Values of other fits that have all masses; an effect that one of them lacks begins where it vanishes."""
     handed = (v for f in known for v in handed_down(f.values, f.information, f.structure, structure, space))
-    return [v for v in handed if set(space.names) <= set(v)]
+    vanishing = _vanishing(space, structure)
+    return [v for h in handed if set(space.names) <= set(v := {**vanishing, **h})]
+
+
+def _vanishing(space: ParameterSpace, structure: Structure) -> dict[str, float]:
+    """Values at which the effects beside the masses do next to nothing, and nuisances as declared."""
+    declared = {p.parameter(q.symbol): (p, q) for p in structure.placed for q in p.effect.parameters}
+    values = {}
+    for name, low, start in zip(space.names, space.low, space.start, strict=True):
+        placed, parameter = declared.get(name, (None, None))
+        if placed is not None and placed.effect.masses:
+            continue
+        least = parameter is not None and parameter.size
+        values[name] = float((low if parameter and parameter.scale == "log" else 0.0) if least else start)
+    return values
 
 
 def _fitted(
