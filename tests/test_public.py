@@ -13,12 +13,15 @@ import pytest
 import brightgrey
 
 FUNCTIONS = {
-    *("analyse", "demo", "design", "export", "identify", "identify_fleet", "identify_resumable", "inspect"),
-    *("list_runs", "load_model", "read_for", "read_manifest", "read_recording", "recording_from", "simulate", "watch"),
+    *("analyse", "check", "demo", "design", "export", "identify", "identify_fleet", "identify_resumable", "inspect"),
+    *("list_runs", "load_model", "read_for", "read_manifest", "read_recording", "read_recordings", "recording_from"),
+    *("simulate", "watch"),
 }
 TYPES = {
     *("Analysis", "Axis", "Budget", "Compensator", "Design", "Export", "Fleet", "GeneticSettings", "Inspection"),
     *(
+        "CheckResult",
+        "Checkup",
         "Margins",
         "Member",
         "Model",

@@ -29,8 +29,11 @@ if TYPE_CHECKING:
     from brightgrey.exports.registry import Export, export
     from brightgrey.kit.structure import Structure
     from brightgrey.model.model import Model, load_model
+    from brightgrey.recordings.checks.check import CheckResult
+    from brightgrey.recordings.checks.checkup import Checkup, check
     from brightgrey.recordings.read import read_recording, recording_from
     from brightgrey.recordings.recording import Recording, Signal
+    from brightgrey.recordings.recording_toml import read_recordings
     from brightgrey.runs.caching_executor import Budget
     from brightgrey.runs.status import RunStatus
     from brightgrey.runs.store import RunError
@@ -41,6 +44,8 @@ __all__ = [
     "Axis",
     "BrightgreyError",
     "Budget",
+    "CheckResult",
+    "Checkup",
     "Compensator",
     "Design",
     "Export",
@@ -65,6 +70,7 @@ __all__ = [
     "Watch",
     "__version__",
     "analyse",
+    "check",
     "demo",
     "design",
     "export",
@@ -77,6 +83,7 @@ __all__ = [
     "read_for",
     "read_manifest",
     "read_recording",
+    "read_recordings",
     "recording_from",
     "simulate",
     "watch",
@@ -99,8 +106,11 @@ _HOME = {
     "exports.registry": ("Export", "export"),
     "kit.structure": ("Structure",),
     "model.model": ("Model", "load_model"),
+    "recordings.checks.check": ("CheckResult",),
+    "recordings.checks.checkup": ("Checkup", "check"),
     "recordings.read": ("read_recording", "recording_from"),
     "recordings.recording": ("Recording", "Signal"),
+    "recordings.recording_toml": ("read_recordings",),
     "runs.caching_executor": ("Budget",),
     "runs.status": ("RunStatus",),
     "runs.store": ("RunError",),

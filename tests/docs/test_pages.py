@@ -11,6 +11,7 @@ import pytest
 import brightgrey
 from brightgrey.cli import main
 from brightgrey.effects import registry
+from brightgrey.recordings.checks.checkup import all_checks
 from brightgrey.report.effect_catalogue import catalogue
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -48,6 +49,7 @@ def test_pages__name_options_that_exist(capsys):
         "demo",
         "fleet",
         "inspect",
+        "check",
     ):
         main([command, "--help"])
     offered = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out))
@@ -135,3 +137,10 @@ def test_documentation__builds_without_a_warning(tmp_path):
     command = [sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", str(DOCS), str(tmp_path / "html")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_page_of_checks__lists_every_check_with_its_question():
+    text = (DOCS / "how-to" / "check.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| ([a-z ]+) \| (.+?\?) \|", text, re.MULTILINE) == [
+        (c.name, c.question) for c in all_checks()
+    ]

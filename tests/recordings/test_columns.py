@@ -148,22 +148,6 @@ def test_recording_from__unused_unit_or_motion_as_input__is_noted() -> None:
     assert note in record(units={"u": "rad/s"}).notes
 
 
-def test_recording_from__constant_channels__are_noted() -> None:
-    columns = {"t": T, "u": np.full(N, 1.5), "v": np.zeros(N)}
-    recording = recording_from(columns, input="u", outputs="v:velocity", units={"u": "V"})
-    assert "input 'u' never changes (1.5 V): nothing can be identified from it" in recording.notes
-    assert any("output 'v' never changes" in note for note in recording.notes)
-
-
-def test_recording_from__coarse_velocity__is_suspected_to_be_differenced() -> None:
-    columns = {"t": T, "u": U, "v": 4.66 * np.rint(Q)}
-    assert any(
-        "say v:velocity-differenced" in n for n in recording_from(columns, input="u", outputs="v:velocity").notes
-    )
-    notes = recording_from(columns, input="u", outputs="v:velocity-differenced").notes
-    assert not any("differencing" in n for n in notes)
-
-
 @pytest.mark.parametrize("bad", [np.zeros((N, 2)), ["a"] * N, None, np.zeros(N - 1)])
 def test_recording_from__arrays_that_are_no_columns__are_refused(bad: object) -> None:
     with pytest.raises(RecordingError, match=r"recording: column"):

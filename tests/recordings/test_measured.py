@@ -10,6 +10,7 @@ import pytest
 import scipy.io
 
 from brightgrey.recordings import Units, read_recording
+from brightgrey.recordings.checks.checkup import check
 
 Measured = Callable[[str], Path]
 
@@ -41,11 +42,13 @@ def test_read_recording__mte360_with_two_carts__has_its_documented_values(measur
     assert recording.units.of((1, -1, 2))[0] == "V s²/mm"
 
 
-def test_read_recording__mte360_single_axis__notes_the_coarse_velocity(measured: Measured) -> None:
+def test_check__mte360_single_axis__velocity_is_differenced(measured: Measured) -> None:
     path = measured("mte360/single_axis_square_1_5.mat")
     recording = read_recording(path, input="u", outputs="v", units={"u": "V", "v": "mm/s"})
     assert (recording.samples, recording.dt) == (4001, 1e-3)
-    assert any("steps of 4.6592 mm/s" in note for note in recording.notes)
+    (found,) = (r for r in check(recording).results if r.check == "differenced velocity")
+    assert found.grade == "mind"
+    assert "steps of 4.659 mm/s" in found.figure
 
 
 @pytest.mark.parametrize("name", ["axis2_FF_A", "axis3_FF_A"])

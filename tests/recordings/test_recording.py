@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from brightgrey.errors import BrightgreyError
 from brightgrey.recordings import Recording, cut_window, decimate
-from brightgrey.recordings.checks import resolution
+from brightgrey.recordings.sample_values import resolution
 from brightgrey.recordings.window import coarse_input
 from support.recordings import make_recording
 

@@ -215,7 +215,10 @@ def test_evidence__drifting_loads__second_mass_is_seldom_needed():
     ],
 )
 def test_evidence__inertia_at_bound__not_decidable(stiffness, damping, minimal, told):
-    """A spring to the wall is fitted as one to the largest mass there may be, needed for the fit or not."""
+    """A spring to the wall is fitted as one to the largest mass there may be.
+
+    Such a mass hardly moves, so that the damper beside the spring takes the place of viscous friction at mass 1.
+    """
     values = {"J1": 0.02, "J2": 20.0, "c1": stiffness, "d1": damping, "f_v": 0.03}
     task = task_of("two_mass+viscous", values, reversing(), 0.05)
     found = evidence(task, ("two_mass", "viscous"))

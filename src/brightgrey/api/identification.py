@@ -26,6 +26,8 @@ from brightgrey.model.ranking import Row
 from brightgrey.model.schema import CriterionPart
 from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Recording
+from brightgrey.recordings.checks.checkup import Checkup
+from brightgrey.recordings.checks.checkup import check as check_recordings
 from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search.genetic import Progress
 from brightgrey.search.progress import SearchProgress
@@ -60,6 +62,7 @@ def identify(
     level: Literal["accurate", "fast"] = "accurate",
     estimator: Literal["least-squares", "pattern-search"] = "least-squares",
     profile: Sequence[str] = (),
+    check: bool = True,
 ) -> Result:
     """Estimate the parameters of `structure` from recordings, or search for the structure first.
 
@@ -112,6 +115,8 @@ def identify(
     profile : sequence of str
         Parameters whose interval is found by profile likelihood, too: where the cost is no parabola. Each takes
         some tens of further fits.
+    check : bool
+        Check the recordings first, and refuse them where a check says *stop*; see :func:`brightgrey.check`.
 
     Returns
     -------
@@ -122,7 +127,7 @@ def identify(
     ------
     BrightgreyError
         For a structure that breaks a rule, unknown parameters, bounds with low > high, recordings that do not
-        fit each other.
+        fit each other, or that a check refuses.
 
     Notes
     -----
@@ -135,6 +140,9 @@ def identify(
     """
     several = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
     check_alike(several, test)
+    checkup = check_recordings(several if test is None else (*several, test))
+    if check:
+        checkup.refuse()
     if structure is not None and (search is not None or grammar is not None or require or exclude):
         raise SettingsError("a structure and a search were given; do one of them")
     if structure is None and start is not None:
@@ -172,7 +180,7 @@ def identify(
         threads=workers,
     )
     profiles = tuple(estimation.profile(fit, several, name) for name in dict.fromkeys(profile))
-    return _assemble_result(fit, several, test, constants, seed, found, profiles)
+    return _assemble_result(fit, several, test, constants, seed, found, profiles, checkup)
 
 
 def _traces(fit: Fit, recordings: Sequence[Recording], test: Recording | None) -> tuple[tuple[Trace, ...], ...]:
@@ -196,6 +204,7 @@ def _assemble_result(
     seed: int,
     found: SearchResult | None,
     profiles: tuple[Profile, ...],
+    checkup: Checkup,
 ) -> Result:
     """Put the model, its place in the ranking and the notes together."""
     train, unseen = _traces(fit, several, test)
@@ -223,7 +232,10 @@ def _assemble_result(
         fit_percent=float(np.mean([np.nan if f.fit_percent is None else f.fit_percent for f in fits.values()])),
         criterion=value,
     )
-    notes = _notes(several if test is None else (*several, test))
+    notes = (
+        *_notes(several if test is None else (*several, test)),
+        *(m.text for m in checkup.of_grade("stop", "mind")),
+    )
     if found:
         first = replace(found.ranking[0], rss=row.rss, fit_percent=row.fit_percent)
         ranking, notes = (first, *found.ranking[1:]), (*notes, found.note)
@@ -242,6 +254,7 @@ def _assemble_result(
         evidence,
         run=run,
         differences=apart,
+        checkup=checkup,
         stopped=found is not None and found.stopped,
     )
 

@@ -19,6 +19,7 @@ from brightgrey.model.files import check_folder, write_files
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row, front, ranking_csv
 from brightgrey.model.trace import Trace
+from brightgrey.recordings.checks.checkup import Checkup
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import Run
 
@@ -60,6 +61,8 @@ class Result:
         If the search found equivalent structures: their differences for control, the best structure first.
     stopped : bool
         The search was stopped before its end; the result is the best one so far.
+    checkup : Checkup
+        What the checks say of the recordings.
     """
 
     model: Model
@@ -74,6 +77,7 @@ class Result:
     request: str = ""
     differences: tuple[ControlDifference, ...] = field(default=(), repr=False)
     stopped: bool = False
+    checkup: Checkup = field(default=Checkup(()), repr=False)
 
     @property
     def symptoms(self) -> tuple[Symptom, ...]:
@@ -113,6 +117,7 @@ class Result:
             request=self.request,
             symptoms=self.symptoms,
             differences=self.differences,
+            checks=self.checkup.results,
         )
 
     def plot(self, what: str = "comparison") -> Figure:

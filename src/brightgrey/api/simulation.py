@@ -17,6 +17,7 @@ from brightgrey.model.model import Model
 from brightgrey.model.schema import OutputFitPart
 from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Recording, Signal, read_recording
+from brightgrey.recordings.recording_toml import is_recording_toml, read_recordings
 from brightgrey.recordings.units.parser import parse_unit
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ def read_for(
     ----------
     model : Model
     path : str or Path
+        Or a recording.toml, which says all itself.
     time, dt
         As for :func:`read_recording`.
     units : mapping of str to str
@@ -116,6 +118,11 @@ def read_for(
     RecordingError
         If a column is missing, its header says another unit than the model, or the file cannot be used.
     """
+    if is_recording_toml(path):
+        several = read_recordings(path, {"dt": dt, "time": time} if dt or time else None)
+        if len(several) > 1:
+            raise RecordingError(f"{path} names {len(several)} recordings; one is wanted here")
+        return several[0]
 
     def read(units: Mapping[str, str]) -> Recording:
         recording = read_recording(

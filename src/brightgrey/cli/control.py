@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from brightgrey.cli.options.common import Json, Quiet, Step, Time, Unit, number, units
+from brightgrey.cli.options.common import Json, Quiet, Step, Time, Unit
 from brightgrey.errors import SettingsError
+from brightgrey.option_texts import number, units
 
 __all__ = ["analyse", "control", "watch"]
 

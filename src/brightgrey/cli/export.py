@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from brightgrey.cli.options.common import Json, Quiet, Step, Time, Unit, units
+from brightgrey.cli.options.common import Json, Quiet, Step, Time, Unit
+from brightgrey.option_texts import units
 
 __all__ = ["export"]
 

@@ -73,6 +73,7 @@ def fleet(
             restart=run.restart,
             done=_announce(len(axes), silent=quiet or json),
             summary=show.text,
+            check=not run.no_check,
             **arguments,
         )
     _show(found, out, quiet=quiet, json=json)

@@ -14,7 +14,7 @@ from brightgrey.cli.options.estimation import EstimationOptions, FurtherEstimati
 from brightgrey.cli.options.genetic import GeneticOptions
 from brightgrey.cli.options.given_command import given
 from brightgrey.cli.options.groups import with_options
-from brightgrey.cli.options.recording import RequiredRecordingOptions
+from brightgrey.cli.options.recording import RecordingOptions
 from brightgrey.cli.options.run import RunOptions
 from brightgrey.cli.options.structure import StructureOptions
 
@@ -30,9 +30,11 @@ def identify(
     context: typer.Context,
     recordings: Annotated[
         list[Path],
-        typer.Argument(metavar="RECORDING", help="Recordings in any format, one or more.", show_default=False),
+        typer.Argument(
+            metavar="RECORDING", help="Recordings in any format, one or more, or a recording.toml.", show_default=False
+        ),
     ],
-    columns: RequiredRecordingOptions,
+    columns: RecordingOptions,
     structures: StructureOptions,
     estimation: EstimationOptions,
     further: FurtherEstimationOptions,
@@ -73,7 +75,7 @@ def identify(
     ):
         stored = identify_resumable(
             out,
-            [columns.read(file) for file in recordings],
+            columns.read_all(recordings),
             structure,
             search=settings or structures.search,
             grammar=structures.grammar,
@@ -92,6 +94,7 @@ def identify(
             restart=run.restart,
             summary=lambda result: show.text(result, out),
             request=given(context),
+            check=not run.no_check,
             **arguments,
         )
     show.stored(stored, out, quiet=quiet, json=json)

@@ -11,6 +11,7 @@ from typing import Annotated, cast
 
 import typer
 
+from brightgrey.cli.check import check
 from brightgrey.cli.control import analyse, control, watch
 from brightgrey.cli.demo import demo
 from brightgrey.cli.effects import effects
@@ -65,6 +66,10 @@ IDENTIFY = "brightgrey identify axis.csv --input torque --output velocity"
 COMMANDS: dict[Callable[..., None], tuple[str, str]] = {
     demo: ("brightgrey demo", "brightgrey demo --out demo --seed 1"),
     inspect: ("brightgrey inspect axis.csv", "brightgrey inspect drive_1.mat drive_2.mat --json"),
+    check: (
+        "brightgrey check axis.csv --input torque --output velocity",
+        "brightgrey check axis.csv --input torque --output q:position --output v:velocity --fix",
+    ),
     identify: (IDENTIFY, f"{IDENTIFY} --unit 'torque=N m' --structure two_mass+coulomb+viscous --out axis"),
     simulate: (
         "brightgrey simulate out/model.json axis.csv",

@@ -43,6 +43,7 @@ class ReadingOptions:
     decimate: int
     hold: str
     scales: DriveScales = field(default_factory=DriveScales)
+    shift: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class ColumnChoice:
     times: tuple[int, ...]  #: Column of the time of each, input first; empty if the sampling interval is given.
     time_factors: tuple[float, ...]  #: Seconds per unit of these columns.
     signals: tuple[Signal, ...]  #: Input first.
+    shifts: tuple[float, ...]  #: Time in s that is added to the stamps of each, input first.
     notes: tuple[str, ...]  #: Assumptions.
 
 
@@ -105,7 +107,25 @@ def choose_columns(table: Table, options: ReadingOptions) -> ColumnChoice:
     )
     unused = [name for name in options.units if table.find(name) not in everything]
     notes += [f"the unit of '{name}' is not used" for name in unused]
-    return ColumnChoice(u, tuple(chosen[1:]), times, tuple(factors[t] for t in times), signals, tuple(notes))
+    shifts, more = _shifts(table, options.shift, chosen)
+    return ColumnChoice(u, tuple(chosen[1:]), times, tuple(factors[t] for t in times), signals, shifts, (*notes, *more))
+
+
+def _shifts(table: Table, given: Mapping[str, float], chosen: Sequence[int]) -> tuple[tuple[float, ...], list[str]]:
+    """Return the shift of each chosen column in s, with a note for each that is not zero."""
+    found, notes = dict.fromkeys(chosen, 0.0), []
+    for name, seconds in given.items():
+        if not math.isfinite(seconds):
+            raise SettingsError(f"shift {name} {seconds:g} is not a finite time in s")
+        i = table.find(name)
+        if i in found:
+            found[i] = seconds
+            notes.append(
+                f"'{name}' is taken {abs(seconds):.6g} s {'earlier' if seconds < 0 else 'later'} than recorded"
+            )
+        else:
+            notes.append(f"the shift of '{name}' is not used")
+    return tuple(found[i] for i in chosen), notes
 
 
 def _find_output(table: Table, output: OutputColumn) -> tuple[int, str, int]:

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from brightgrey.errors import RecordingError
-from brightgrey.recordings.checks import is_constant
 from brightgrey.recordings.columns import OutputColumn, ReadingOptions, choose_columns
 from brightgrey.recordings.file import open_table
 from brightgrey.recordings.formats.table import Column, Table
 from brightgrey.recordings.policy import READING
-from brightgrey.recordings.recording import Recording, Signal, check_hold
+from brightgrey.recordings.recording import Recording, check_hold
 from brightgrey.recordings.samples import Samples, sample
 from brightgrey.recordings.units.drive_scales import DriveScales
 from brightgrey.recordings.window import TimeWindow, check_decimate, check_window, decimate
@@ -41,6 +40,7 @@ def read_recording(
     counts: Mapping[str, float] = NOT_GIVEN,
     gear: Mapping[str, float] = NOT_GIVEN,
     torque_constant: str | None = None,
+    shift: Mapping[str, float] = NOT_GIVEN,
     delimiter: str | None = None,
     decimal: str | None = None,
     header: bool | None = None,
@@ -91,6 +91,9 @@ def read_recording(
         Factor of an output, by column, e.g. the ratio that turns an angle at the load into one at the motor.
     torque_constant : str, optional
         Torque or force per current for an input in A: ``"0.05 N m/A"``.
+    shift : mapping of str to float, optional
+        Time in s that is added to the time stamps of a column, by column: -0.003 if a clock is 3 ms late. The column
+        is interpolated at the instants of the others.
     delimiter, decimal, header : optional
         Delimiter of a text file (a space means any white space), decimal mark, and True if there is a header.
         Those that are not given are found automatically.
@@ -109,7 +112,7 @@ def read_recording(
     """
     table, _ = open_table(path, input, delimiter=delimiter, decimal=decimal, header=header)
     scales = DriveScales(rated, counts, gear, torque_constant)
-    options = ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold, scales)
+    options = ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold, scales, shift)
     return _make_recording(table, options)
 
 
@@ -129,6 +132,7 @@ def recording_from(
     counts: Mapping[str, float] = NOT_GIVEN,
     gear: Mapping[str, float] = NOT_GIVEN,
     torque_constant: str | None = None,
+    shift: Mapping[str, float] = NOT_GIVEN,
     name: str = "recording",
 ) -> Recording:
     """Make a recording of arrays in memory, with the same checks as a file's.
@@ -162,7 +166,7 @@ def recording_from(
         lambda indices: np.array([arrays[i] for i in indices]),
     )
     scales = DriveScales(rated, counts, gear, torque_constant)
-    options = ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold, scales)
+    options = ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold, scales, shift)
     return _make_recording(table, options)
 
 
@@ -172,7 +176,7 @@ def _make_recording(table: Table, options: ReadingOptions) -> Recording:
     check_decimate(options.decimate)
     hold = check_hold(options.hold)
     choice = choose_columns(table, options)
-    samples = sample(table, choice, options.dt, options.window, hold)
+    samples = sample(table, choice, options, hold)
     # From the recorded number to the shown unit, and from there to SI.
     factors = np.array([signal.gain / signal.factor for signal in choice.signals])
     with np.errstate(over="ignore"):  # the recording refuses what is not finite
@@ -189,7 +193,6 @@ def _make_recording(table: Table, options: ReadingOptions) -> Recording:
             *table.notes,
             *choice.notes,
             *samples.notes,
-            *_remarks(choice.signals, samples),
             *_many(samples, options),
         ),
         resolution=(samples.resolution * np.abs(factors))[1:],
@@ -204,19 +207,3 @@ def _many(samples: Samples, options: ReadingOptions) -> list[str]:
         return []
     every = options.decimate * -(-kept // READING.enough_samples)
     return [f"{kept} samples make an identification slow; decimate by {every} keeps {samples.t.size // every} of them"]
-
-
-def _remarks(signals: Sequence[Signal], samples: Samples) -> list[str]:
-    """Note constant channels, and velocities that look like a differenced encoder."""
-    remarks = []
-    for signal, values, step in zip(signals, samples.values, samples.resolution, strict=True):
-        role = "input" if signal.kind == "input" else "output"
-        if is_constant(values):
-            shown = f"{values[0] * signal.gain:.6g} {signal.unit}"
-            remarks.append(f"{role} '{signal.name}' never changes ({shown}): nothing can be identified from it")
-        elif signal.kind == "velocity" and np.ptp(values) < READING.coarse_levels * step:
-            remarks.append(
-                f"velocity '{signal.name}' moves in steps of {step:.6g} {signal.unit}: if it was made by"
-                f" differencing an encoder, say {signal.name}:velocity-differenced"
-            )
-    return remarks

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from brightgrey.arrays import Array
 from brightgrey.errors import RecordingError, one_of
 from brightgrey.notebook_html import sparkline, table
-from brightgrey.recordings.checks import resolution
 from brightgrey.recordings.policy import READING
+from brightgrey.recordings.sample_values import resolution
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import KINDS, Units, check_kind, motion_unit
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.arrays import Array, Indices
-from brightgrey.recordings.checks import fill_single, resolution, span_of_present
 from brightgrey.recordings.clocks import Channel, onto_one_clock, resampling_error
-from brightgrey.recordings.columns import ColumnChoice
+from brightgrey.recordings.columns import ColumnChoice, ReadingOptions
 from brightgrey.recordings.formats.table import Table, list_rows
 from brightgrey.recordings.policy import READING
 from brightgrey.recordings.recording import Hold, check_samples
+from brightgrey.recordings.sample_values import fill_single, resolution, span_of_present
 from brightgrey.recordings.time_base import Stamps, UniformGrid, longest_stretch, repairs_allowed, uniform_grid
 from brightgrey.recordings.window import TimeWindow, inside
 
@@ -32,9 +32,7 @@ class Samples:
     notes: tuple[str, ...]  #: Repairs.
 
 
-def sample(
-    table: Table, choice: ColumnChoice, dt: float | None, limits: TimeWindow | None, hold: Hold = "linear"
-) -> Samples:
+def sample(table: Table, choice: ColumnChoice, options: ReadingOptions, hold: Hold) -> Samples:
     """Load the chosen columns, cut them to a window, check and repair them, and put them onto one clock.
 
     Each repair is noted. A single missing value or sample between two good ones is interpolated, a sample
@@ -54,11 +52,11 @@ def sample(
     steps, notes = np.empty(len(channels)), []
     for time, places in clocks.items():
         factor = 1.0 if time is None else choice.time_factors[places[0]]
-        part = _sample_clock(table, [channels[i] for i in places], time, factor, dt, limits)
+        part = _sample_clock(table, [channels[i] for i in places], time, factor, options.dt, options.window)
         notes += [note for note in part.notes if note not in notes]
         for place, row, step in zip(places, part.values, part.resolution, strict=True):
             name = table.columns[channels[place]].name
-            found[place] = Channel(name, float(part.t[0]), part.dt, row)
+            found[place] = Channel(name, float(part.t[0]) + choice.shifts[place], part.dt, row)
             steps[place] = step
     t, values, more = onto_one_clock([found[place] for place in range(len(channels))], hold, table.name)
     check_samples(table.name, t.size, " in the time that all channels share")

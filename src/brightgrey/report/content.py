@@ -10,6 +10,7 @@ from typing import Any
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
 from brightgrey.model.trace import Trace
+from brightgrey.recordings.checks.check import CheckResult
 from brightgrey.report.charts.backlash import gap_charts
 from brightgrey.report.charts.chart import Chart
 from brightgrey.report.charts.comparison import comparisons, correlations
@@ -41,6 +42,7 @@ class Content:
     #: Quantities for control that differ between tied structures: objects with ``structure`` and ``rows`` of (name,
     #: value).
     differences: Sequence[Any] = ()
+    checks: Sequence[CheckResult] = ()  #: Of the recordings, the gravest first.
 
     @cached_property
     def assembled(self) -> AssembledModel:

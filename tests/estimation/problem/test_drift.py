@@ -41,7 +41,7 @@ def test_drift__in_the_values__equals_a_ramp_of_the_input(structure, values):
         one = {name: value[:1] for name, value in many.items()}
         known = predict_many(Structure.parse(structure), one, recording(ramp), settings, initial=at_rest)[..., 0]
         size = np.abs(known).max(axis=1, keepdims=True)
-        assert np.all(np.abs(found[..., k] - known) <= 2e-4 * size), torque
+        assert np.all(np.abs(found[..., k] - known) <= 2e-4 * size), torque  # two simulations, each within 1e-4
 
 
 def test_problem__long_recordings__have_a_drift_each():

@@ -11,16 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from brightgrey.errors import SettingsError, unknown_name
+from brightgrey.option_texts import LISTS
+from brightgrey.recordings.recording_toml import KEYS as RECORDING_KEYS
+from brightgrey.recordings.recording_toml import checked_options
 
 __all__ = ["Axis", "read_manifest"]
 
-_LISTS = ("recording", "output", "unit", "rated", "counts", "gear")
-_NUMBERS = ("dt", "input_gain", "decimate")
-_TEXTS = ("name", "input", "time", "window", "hold", "torque_constant")
-KEYS = (
-    *("name", "recording", "input", "output", "time", "dt", "input_gain", "unit", "window", "decimate", "hold"),
-    *("rated", "counts", "gear", "torque_constant"),
-)
+KEYS = ("name", *RECORDING_KEYS)
+SEVERAL = ("recording", *LISTS)
 _FOLDER = re.compile(r"[\w-][\w.-]*")
 
 
@@ -95,7 +93,7 @@ def _csv(path: Path) -> list[dict[str, Any]]:
             raise SettingsError(f"manifest '{path}': row {number} has not as many cells as the header")
         cells = {key.strip(): value.strip() for key, value in row.items()}
         filled = {key: value for key, value in cells.items() if value}
-        rows.append({k: [p.strip() for p in v.split(";")] if k in _LISTS else v for k, v in filled.items()})
+        rows.append({k: [p.strip() for p in v.split(";")] if k in SEVERAL else v for k, v in filled.items()})
     return rows
 
 
@@ -107,32 +105,22 @@ def _toml(path: Path) -> list[dict[str, Any]]:
     rows = content.pop("axis", [])
     if content or not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise SettingsError(f"manifest '{path}': expected one table [[axis]] for each axis, and nothing else")
-    return [{k: [v] if k in _LISTS and isinstance(v, str) else v for k, v in row.items()} for row in rows]
+    return rows
 
 
 def _axis(path: Path, number: int, row: Mapping[str, Any]) -> Axis:
     where = f"manifest '{path}', axis {number}"
-    for key, value in row.items():
+    for key in row:
         if key not in KEYS:
             raise SettingsError(f"{where}: {unknown_name('column', key, KEYS)}")
-        if key in _LISTS and not (isinstance(value, list) and all(isinstance(v, str) for v in value)):
-            raise SettingsError(f"{where}: {key} has to be a text or several")
-        if key in _TEXTS and not isinstance(value, str):
-            raise SettingsError(f"{where}: {key} has to be a text")
-    if not row.get("recording"):
+    if not isinstance(row.get("name", ""), str):
+        raise SettingsError(f"{where}: name has to be a text")
+    options = checked_options(where, {key: value for key, value in row.items() if key != "name"})
+    files = options.pop("recording", None)
+    if not files:
         raise SettingsError(f"{where} names no recording")
-    recordings = tuple(path.parent / name for name in row["recording"])
+    recordings = tuple(path.parent / name for name in files)
     name = row.get("name", recordings[0].stem)
     if not _FOLDER.fullmatch(name):
         raise SettingsError(f"{where}: '{name}' is no name of a folder; letters, digits, '.', '_' and '-' are allowed")
-    options = {
-        k: _number(where, k, v) if k in _NUMBERS else v for k, v in row.items() if k not in ("name", "recording")
-    }
     return Axis(name, recordings, options)
-
-
-def _number(where: str, key: str, value: Any) -> float | int:
-    try:
-        return int(value) if key == "decimate" else float(value)
-    except (TypeError, ValueError):
-        raise SettingsError(f"{where}: {key} '{value}' is not a number") from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable
 from typing import Annotated
@@ -11,6 +10,7 @@ import typer
 
 from brightgrey.cli.options.groups import OUTPUT, RECORDING, RUN
 from brightgrey.errors import SettingsError
+from brightgrey.option_texts import number, numbers, pairs
 
 __all__ = [
     "CORES",
@@ -23,11 +23,6 @@ __all__ = [
     "Workers",
     "bounds",
     "fixed",
-    "number",
-    "numbers",
-    "pairs",
-    "units",
-    "window",
 ]
 
 CORES = os.cpu_count() or 1
@@ -61,31 +56,6 @@ Step = Annotated[
 
 BOUND = "NAME=LOW:HIGH in the recording's units, or 'NAME=LOW%:HIGH% of VALUE'"
 FIX = "NAME=VALUE, a number in the recording's units"
-WINDOW = "A:B, two times in s"
-
-
-def number(option: str, text: str, wanted: str) -> float:
-    """Finite number; raises SettingsError that names `option` and what is `wanted`."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise SettingsError(f"{option}: '{text}' is not a number; expected {wanted}")
-    return value
-
-
-def pairs(option: str, texts: Iterable[str], wanted: str) -> dict[str, str]:
-    """NAME=SOMETHING, each name once, else SettingsError. The last = divides: names of columns may hold one."""
-    pairs: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = (part.strip() for part in text.rpartition("="))
-        if not (equals and name and value):
-            raise SettingsError(f"{option} '{text}': expected {wanted}")
-        if name in pairs:
-            raise SettingsError(f"{option} names '{name}' more than once")
-        pairs[name] = value
-    return pairs
 
 
 def bounds(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
@@ -110,26 +80,3 @@ def bounds(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
 def fixed(texts: Iterable[str]) -> dict[str, float]:
     """Read ``--fix NAME=VALUE``, in the recording's units."""
     return numbers("--fix", texts, FIX)
-
-
-def numbers(option: str, texts: Iterable[str], wanted: str) -> dict[str, float]:
-    """Read an option of NAME=NUMBER."""
-    return {name: number(f"{option} {name}", value, wanted) for name, value in pairs(option, texts, wanted).items()}
-
-
-def units(texts: Iterable[str]) -> dict[str, str]:
-    """Read ``--unit COLUMN=UNIT``."""
-    return pairs("--unit", texts, "COLUMN=UNIT, the unit written like mm/s")
-
-
-def window(text: str | None) -> tuple[float | None, float | None] | None:
-    """Read ``--window A:B`` in s; a missing end is the recording's. Raises SettingsError."""
-    if text is None:
-        return None
-    start, colon, end = (part.strip() for part in text.partition(":"))
-    if not colon or not (start or end):
-        raise SettingsError(f"--window '{text}': expected {WINDOW}")
-    return (
-        number("--window", start, WINDOW) if start else None,
-        number("--window", end, WINDOW) if end else None,
-    )

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from brightgrey.cli.options.common import number, pairs
 from brightgrey.cli.options.groups import ESTIMATION, GENETIC
 from brightgrey.errors import SettingsError, one_of
+from brightgrey.option_texts import number, pairs
 
 if TYPE_CHECKING:
     from brightgrey.search.genetic import GeneticSettings

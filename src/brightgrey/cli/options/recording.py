@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from brightgrey.cli.options.common import Step, Time, Unit, numbers, pairs, units, window
+from brightgrey.cli.options.common import Step, Time, Unit
 from brightgrey.cli.options.groups import RECORDING
 from brightgrey.errors import SettingsError
+from brightgrey.option_texts import reading_arguments
 
 if TYPE_CHECKING:
     from brightgrey.recordings import Recording
 
-__all__ = ["RecordingOptions", "RequiredRecordingOptions"]
+__all__ = ["RecordingOptions"]
 
 InputOption = typer.Option(
     "--input", metavar="NAME", help="Column of the input: torque, force, current, voltage.", show_default=False
@@ -33,7 +34,7 @@ OutputOption = typer.Option(
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingOptions:
-    """Options that say what is in a file; input and output may come from elsewhere."""
+    """Options that say what is in a file; a recording.toml or a manifest may say it, too."""
 
     input: Annotated[str | None, InputOption] = None
     output: Annotated[list[str] | None, OutputOption] = None
@@ -104,22 +105,36 @@ class RecordingOptions:
         ),
     ] = None
 
+    shift: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--shift",
+            metavar="COLUMN=S",
+            help="Time in s that is added to the time stamps of a column whose clock is off. Repeat for more.",
+            rich_help_panel=RECORDING,
+        ),
+    ] = None
+
+    def given(self) -> dict[str, Any]:
+        """Options that are not the defaults, as a recording.toml has them."""
+        return {f.name: v for f in fields(self) if (v := getattr(self, f.name)) is not None and v != f.default}
+
     def check(self) -> None:
         """Refuse texts that cannot be read (SettingsError), before any file is opened."""
         from brightgrey.recordings.recording import check_hold
         from brightgrey.recordings.units.drive_scales import DriveScales
 
-        units(self.unit or ())
-        DriveScales(**_scales(asdict(self)))
-        window(self.window)
+        arguments = reading_arguments(asdict(self))
+        DriveScales(**{name: arguments[name] for name in SCALES if name in arguments})
         check_hold(self.hold)
 
     def read(self, path: Path, instead: Mapping[str, Any] | None = None) -> Recording:
-        """Read a recording.
+        """Read one recording.
 
         Parameters
         ----------
         path : Path
+            A recording, or a recording.toml that names one.
         instead : mapping of str to object, optional
             Options of this recording that replace those of the command line.
 
@@ -128,41 +143,36 @@ class RecordingOptions:
         BrightgreyError
             If the file, a column or an option cannot be used.
         """
+        found = self.read_all([path], instead)
+        if len(found) > 1:
+            raise SettingsError(f"{path} names {len(found)} recordings; one is wanted here")
+        return found[0]
+
+    def read_all(self, paths: Sequence[Path], instead: Mapping[str, Any] | None = None) -> list[Recording]:
+        """Read recordings, and all that a recording.toml names; options of the command line replace those in it.
+
+        Raises
+        ------
+        BrightgreyError
+            If a file, a column or an option cannot be used.
+        """
         from brightgrey.recordings import read_recording
-        from brightgrey.recordings.recording import check_hold
+        from brightgrey.recordings.recording_toml import is_recording_toml, read_recordings
 
-        given = {**asdict(self), **(instead or {})}
-        for name in ("input", "output"):
-            if not given[name]:
-                raise SettingsError(f"{path}: neither the manifest nor --{name} says which column is the {name}")
-        return read_recording(
-            path,
-            input=given["input"],
-            outputs=given["output"],
-            time=given["time"],
-            dt=given["dt"],
-            input_gain=given["input_gain"],
-            units=units(given["unit"] or ()),
-            window=window(given["window"]),
-            decimate=given["decimate"],
-            hold=check_hold(given["hold"]),
-            **_scales(given),
-        )
+        recordings: list[Recording] = []
+        for path in paths:
+            if is_recording_toml(path):
+                recordings += read_recordings(path, {**self.given(), **(instead or {})})
+                continue
+            options = {**asdict(self), **(instead or {})}
+            for name in ("input", "output"):
+                if not options[name]:
+                    raise SettingsError(
+                        f"{path}: --{name} is missing: which column is it? 'brightgrey inspect {path}' suggests one"
+                    )
+            recordings.append(read_recording(path, **reading_arguments(options)))
+        return recordings
 
 
-def _scales(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Units of drives, as arguments of `read_recording`."""
-    return {
-        "rated": pairs("--rated", given["rated"] or (), "NAME=VALUE with a unit, like 'torque=9.84 mN m'"),
-        "counts": numbers("--counts", given["counts"] or (), "COLUMN=N, increments per turn"),
-        "gear": numbers("--gear", given["gear"] or (), "COLUMN=RATIO"),
-        "torque_constant": given["torque_constant"],
-    }
-
-
-@dataclass(frozen=True, kw_only=True)
-class RequiredRecordingOptions(RecordingOptions):
-    """The same where only the command line can name input and output."""
-
-    input: Annotated[str, InputOption] = field()  # without a default, unlike that of the other class
-    output: Annotated[list[str], OutputOption] = field()
+SCALES = ("rated", "counts", "gear", "torque_constant")
+"""Options that give the units of drives."""

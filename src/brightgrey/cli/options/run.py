@@ -54,6 +54,10 @@ class RunOptions:
             rich_help_panel=RUN,
         ),
     ] = None
+    no_check: Annotated[
+        bool,
+        typer.Option("--no-check", help="Go on where a check of the recordings says stop.", rich_help_panel=RUN),
+    ] = False
     restart: Annotated[
         bool, typer.Option("--restart", help="Delete the run in DIR and start again.", rich_help_panel=RUN)
     ] = False

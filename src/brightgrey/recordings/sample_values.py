@@ -45,6 +45,14 @@ def resolution(values: Array, *, lattice_tolerance: float = 0.02, same_level: fl
             return step
     if largest == 0.0:
         return float(np.finfo(np.float64).eps)
+    for digits in range(12) if levels.size > 1 else ():  # printed decimals, whose last one may not occur twice in a row
+        counts = levels * 10.0**digits
+        if same_level * 10.0**digits * largest > lattice_tolerance:
+            break
+        if np.abs(counts - np.rint(counts)).max() <= same_level * 10.0**digits * largest:
+            if 10.0**-digits > 1e3 * np.spacing(largest):
+                return 10.0**-digits
+            break
     with np.errstate(over="ignore"):
         single = values.astype(np.float32)
     # Single precision is printed with nine digits, which change a number by 5e-9 of itself at most.

@@ -1,0 +1,203 @@
+"""Checks of recordings: each finds its fault, and is silent without one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from brightgrey.errors import RecordingError
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.recordings import Recording, Signal
+from brightgrey.recordings.checks.checkup import all_checks, check
+from brightgrey.simulation.reference import reference
+
+VALUES = {"J1": 0.012, "J2": 0.006, "c1": 300.0, "d1": 0.1, "M_C": 0.4, "f_v": 0.02}
+NOISE = {"position": 0.005, "velocity": 0.05}
+
+
+@pytest.fixture(scope="module")
+def motion():
+    found = reference(
+        "two_mass+coulomb+viscous", VALUES, E.torque(), E.dt, f_tanh=200.0, outputs=("position", "velocity")
+    )
+    return dict(zip(("position", "velocity"), found, strict=True))
+
+
+@pytest.fixture
+def made(motion):
+    """Recordings of the drive: noise on the outputs, and changes that a test makes."""
+
+    def make(*kinds, u=None, masses=(1, 1), **changed):
+        rng = np.random.default_rng(3)
+        y = {kind: motion[kind] + NOISE[kind] * rng.standard_normal(E.samples) for kind in ("position", "velocity")}
+        y |= changed
+        signals = tuple(
+            Signal(kind, kind, {"position": "rad", "velocity": "rad/s"}[kind], mass=mass)
+            for kind, mass in zip(kinds, masses, strict=False)
+        )
+        outputs = np.array([y[kind] for kind in kinds])
+        torque = E.torque() if u is None else u
+        return Recording(
+            "axis", E.dt * np.arange(E.samples), torque, outputs, Signal("torque", "input", "N m"), signals
+        )
+
+    return make
+
+
+def said(recording, name, *grades):
+    return [r for r in check(recording).results if r.check == name and r.grade in (grades or ("stop", "mind", "note"))]
+
+
+def test_all_checks__each_asks_a_question():
+    assert len(all_checks()) >= 15
+    assert all(c.question.endswith("?") and c.name for c in all_checks())
+
+
+@pytest.mark.parametrize("kinds", [("velocity",), ("position",), ("position", "velocity")])
+def test_check__sound_recording__no_fault(made, kinds):
+    assert check(made(*kinds)).of_grade("stop", "mind") == ()
+
+
+@pytest.mark.parametrize("kind", ["velocity", "position"])
+def test_input_sign__turned__stops_and_says_the_gain(made, kind):
+    found = check(made(kind, u=-E.torque()))
+    (stop,) = found.of_grade("stop")
+    assert (stop.check, stop.remedy) == ("sign of the input", {"input_gain": -1.0})
+    with pytest.raises(RecordingError, match=r"axis: a positive 'torque' slows the motion down.*--no-check"):
+        found.refuse()
+
+
+def test_check__same_recording_twice__is_minded(made):
+    """As a second recording, or as the one that is only predicted."""
+    found = check([made("velocity"), made("position"), replace(made("velocity"), name="again")]).of_grade("mind")
+    assert [(r.check, r.recording) for r in found] == [("same recording", "again")]
+
+
+def test_input_sign__sine_of_one_frequency__is_left_open(made):
+    """The second derivative of a sine is the sine with its sign turned, so that elasticity could turn it."""
+    t = E.dt * np.arange(E.samples)
+    v = 5.0 * np.sin(40.0 * t)
+    recording = made("velocity", u=0.01 * np.gradient(v, E.dt), velocity=v)
+    assert check(recording).of_grade("stop") == ()
+
+
+@pytest.mark.parametrize(
+    ("factor", "cause"),
+    [(180 / np.pi, "degrees"), (30 / np.pi, "rpm"), (-1.0, "sign is turned"), (3.7, "gear ratio or a unit")],
+)
+def test_outputs__factor__stops_with_its_cause(made, motion, factor, cause):
+    (stop,) = said(made("position", "velocity", velocity=factor * motion["velocity"]), "outputs")
+    assert stop.grade == "stop"
+    assert cause in stop.sentence
+    name, ratio = stop.remedy["gear"][0].split("=")
+    assert name == "velocity"
+    assert float(ratio) == pytest.approx(1 / factor, rel=0.01)
+
+
+def test_outputs__late_velocity__says_how_late(made, motion):
+    late = np.interp(np.arange(E.samples) - 5.0, np.arange(E.samples), motion["velocity"])
+    (mind,) = said(made("position", "velocity", velocity=late), "outputs")
+    assert mind.grade == "mind"
+    name, shift = mind.remedy["shift"][0].split("=")
+    assert name == "velocity"
+    assert float(shift) == pytest.approx(-5 * E.dt, abs=0.5 * E.dt)
+
+
+def test_outputs__twisted_shaft__is_no_delay(made, motion):
+    """The load's position lags by what accelerates the load, which is no delay."""
+    load = reference(
+        "two_mass+coulomb+viscous", VALUES | {"c1": 30.0}, E.torque(), E.dt, f_tanh=200.0, outputs=("position", "q2")
+    )
+    recording = replace(
+        made("position", "position", masses=(1, 2)),
+        y=load + 1e-4 * np.random.default_rng(0).standard_normal(load.shape),
+    )
+    assert said(recording, "outputs") == []
+
+
+def test_swapped_channels__torque_for_velocity__is_minded(made, motion):
+    noisy = motion["velocity"] + 0.05 * np.random.default_rng(1).standard_normal(E.samples)
+    (mind,) = said(made("velocity", u=noisy, velocity=E.torque()), "swapped channels")
+    assert "swap --input and --output" in mind.sentence
+
+
+def test_setpoint__polynomial_course__is_minded(made, motion):
+    t = np.linspace(0.0, 1.0, E.samples)
+    planned = np.round(40.0 * (10 * t**3 - 15 * t**4 + 6 * t**5), 6)
+    assert said(made("position", position=planned), "setpoint", "mind")
+
+
+def test_repeated_samples__at_random__are_counted(made, motion):
+    y = motion["velocity"] + 0.05 * np.random.default_rng(1).standard_normal(E.samples)
+    for k in np.flatnonzero(np.random.default_rng(2).random(E.samples) < 0.18):
+        y[k] = y[max(k - 1, 0)]
+    (mind,) = said(made("velocity", velocity=y), "repeated samples")
+    assert float(mind.figure.split()[0]) == pytest.approx(18.0, abs=3.0)
+
+
+def test_repeated_samples__every_fourth_row_is_new__suggests_to_keep_these(made, motion):
+    (mind,) = said(made("velocity", velocity=np.repeat(motion["velocity"][::4], 4)[: E.samples]), "repeated samples")
+    assert mind.remedy == {"decimate": 4}
+
+
+def test_differenced_velocity__counts_per_sample__names_the_kind(made, motion):
+    step = 2e-3
+    counts = np.floor(motion["position"] / step)
+    y = np.diff(counts, prepend=counts[0]) * step / E.dt
+    (mind,) = said(made("velocity", velocity=y), "differenced velocity")
+    assert mind.remedy == {"output": ["velocity:velocity-differenced"]}
+    rounded = np.round(motion["velocity"] / (step / E.dt)) * step / E.dt
+    assert said(made("velocity", velocity=rounded), "differenced velocity") == []
+
+
+def test_limits__clipped_output__is_minded(made, motion):
+    y = np.minimum(motion["velocity"], 0.8 * motion["velocity"].max())
+    assert said(made("velocity", velocity=y), "limits", "mind")
+
+
+def test_outliers__single_sample_and_wrapping_counter(made, motion):
+    y = np.array(motion["position"])
+    y[900] += 2.0
+    (mind,) = said(made("position", position=y), "outliers")
+    assert f"{900 * E.dt:g} s" in mind.sentence
+    (mind,) = said(made("position", position=np.mod(motion["position"], 3.0)), "outliers")
+    assert "wraps around" in mind.sentence
+
+
+def test_resolution__few_steps__is_minded(made, motion):
+    step = 0.2 * np.ptp(motion["velocity"])
+    assert said(made("velocity", velocity=np.round(motion["velocity"] / step) * step), "resolution", "mind")
+
+
+def test_constant_channel__output_stops_and_input_is_minded(made):
+    assert said(made("velocity", velocity=np.zeros(E.samples)), "constant channel", "stop")
+    assert said(made("velocity", u=np.ones(E.samples)), "constant channel", "mind")
+
+
+def test_same_channel__output_is_the_input__stops(made):
+    assert said(made("velocity", velocity=2.0 * E.torque()), "same channel", "stop")
+
+
+def test_closed_loop__noise_in_the_input__is_noted(made, motion):
+    noise = 0.05 * np.random.default_rng(5).standard_normal(E.samples)
+    recording = made("velocity", u=E.torque() - 0.5 * noise, velocity=motion["velocity"] + noise)
+    assert said(recording, "closed loop", "note")
+
+
+def test_drift__ramp_of_torque__is_noted(made):
+    ramp = 0.5 * np.abs(E.torque()).max() * np.linspace(-0.5, 0.5, E.samples)
+    (note,) = said(made("velocity", u=E.torque() + ramp), "drift")
+    assert float(note.figure.split()[3]) == pytest.approx(0.5 * np.abs(E.torque()).max(), rel=0.3)
+
+
+def test_start__in_motion__is_noted(made):
+    whole = made("velocity")
+    late = replace(whole, t=whole.t[700:], u=whole.u[700:], y=whole.y[:, 700:])
+    assert said(late, "start", "note")
+    assert said(whole, "start") == []
+
+
+def test_motion__one_direction_and_no_acceleration(made, motion):
+    noise = 1e-3 * np.random.default_rng(0).standard_normal((2, E.samples))
+    found = said(made("velocity", u=0.4 + noise[0], velocity=1.0 + noise[1]), "motion")
+    assert {r.grade for r in found} == {"mind", "note"}
