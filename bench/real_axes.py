@@ -15,8 +15,11 @@ import numpy as np
 
 from brightgrey import Recording, identify
 from brightgrey.api.result import Result
+from brightgrey.api.to_si import identification_task
 from brightgrey.arrays import Array
 from brightgrey.estimation import predict
+from brightgrey.kit import function_set
+from brightgrey.search.fitting.structure_fit import Options, fit_multistart
 from support.measured import emps_recording, mte360_recording, pendulum_recordings, two_mass_recordings
 from support.results import Table, arguments, publish
 
@@ -128,6 +131,21 @@ def emps_halves() -> Table:
     return Table("EMPS, RMSE in mm in open loop", columns, rows)
 
 
+def emps_drift() -> Table:
+    """RMSE of EMPS with a drift of the torque as a nuisance and without it, as a search sees it."""
+    recording = emps_recording()
+    rows = []
+    for name in (EMPS_PAPER, f"{EMPS_PAPER}+directional_viscous"):
+        structure, cells = function_set().parse(name), []
+        for drift in (False, True):
+            task = replace(identification_task([recording], None, {}, {}, None), drift=drift)
+            fitted = fit_multistart(task, structure, Options(fresh=4, patience=0), 0)
+            weight = task.problem(structure).weights[0]
+            cells.append(f"{1e3 * np.sqrt(fitted.cost / recording.samples) / weight:.2f}")
+        rows.append([f"`{name}`", *cells])
+    return Table("EMPS, RMSE in mm with a drift as a nuisance", ["structure", "without a drift", "with it"], rows)
+
+
 def _part(recording: Recording, first: int, last: int) -> Recording:
     rows = slice(first, last)
     return replace(recording, t=recording.t[rows], u=recording.u[rows], y=recording.y[:, rows])
@@ -149,7 +167,7 @@ JOBS = {
     "emps": lambda: found("EMPS", [emps_recording()]),
     "mte360": lambda: found("MTE360", list(two_mass_recordings().values())),
     "pendulum": lambda: [pendulum()],
-    "predictions": lambda: [mte360_predictions(), emps_halves()],
+    "predictions": lambda: [mte360_predictions(), emps_halves(), emps_drift()],
 }
 
 

@@ -170,6 +170,9 @@ def identify_resumable(
             try:
                 result = identify(recordings, structure, executor=caching, progress=on_progress, **options)
             except (Stopped, KeyboardInterrupt) as reason:
+                if _is_fit(asked):  # nothing of it can be kept
+                    store.discard()
+                    raise
                 raise RunError(
                     f"stopped before a structure was fitted; the same command continues with what is kept in '{folder}'"
                 ) from reason

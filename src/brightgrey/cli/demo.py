@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from brightgrey.cli.options.common import CORES, Json, Quiet, Seed, Workers
+from brightgrey.cli.options.common import CORES, Json, OutputFolder, Quiet, Seed, Workers
 from brightgrey.cli.options.given_command import given
 
 __all__ = ["demo"]
@@ -16,7 +15,7 @@ __all__ = ["demo"]
 
 def demo(
     context: typer.Context,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("demo"),
+    out: OutputFolder = Path("demo"),
     seed: Seed = 0,
     workers: Workers = CORES,
     quiet: Quiet = False,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from brightgrey.cli.options.common import Json, Quiet, Step, Time, Unit
+from brightgrey.cli.options.common import Json, OutputFolder, Quiet, Step, Time, Unit
 from brightgrey.option_texts import units
 
 __all__ = ["export"]
@@ -31,7 +31,7 @@ def export(
     time: Time = None,
     dt: Step = None,
     unit: Unit = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the files go.")] = Path("export"),
+    out: OutputFolder = Path("export"),
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from brightgrey.cli.options.common import Json, Quiet
+from brightgrey.cli.options.common import Json, OutputFolder, Quiet
 from brightgrey.cli.options.estimation import EstimationOptions
 from brightgrey.cli.options.groups import with_options
 from brightgrey.cli.options.recording import RecordingOptions
@@ -33,7 +33,7 @@ def fleet(
     structures: StructureOptions,
     estimation: EstimationOptions,
     run: RunOptions,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("fleet"),
+    out: OutputFolder = Path("fleet"),
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:

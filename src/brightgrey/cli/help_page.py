@@ -5,10 +5,15 @@ The tables of rich cannot be read in a narrow window, and to load them takes lon
 
 from __future__ import annotations
 
+import math
+import signal
 import textwrap
 from typing import Any
 
+import typer
 from typer.core import TyperCommand, TyperGroup
+
+from brightgrey.errors import SettingsError
 
 __all__ = ["Command", "Program"]
 
@@ -29,6 +34,18 @@ class Program(TyperGroup):
 
 class Command(TyperCommand):
     """A command whose options stand under headings. Its epilog holds one example per line."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command, unless a number is infinite or none (nan)."""
+        for parameter in self.get_params(ctx):
+            value = ctx.params.get(parameter.name or "")
+            if isinstance(value, float) and not math.isfinite(value):
+                raise SettingsError(f"{parameter.opts[-1]} {value:g}: a finite number is expected")
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            typer.echo("brightgrey: interrupted, nothing written", err=True)
+            raise typer.Exit(128 + signal.SIGINT) from None
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments, the options used most, and the others by their headings."""

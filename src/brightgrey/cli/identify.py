@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from brightgrey.cli.options.common import Json, Quiet
+from brightgrey.cli.options.common import Json, OutputFolder, Quiet
 from brightgrey.cli.options.estimation import EstimationOptions, FurtherEstimationOptions
 from brightgrey.cli.options.genetic import GeneticOptions
 from brightgrey.cli.options.given_command import given
@@ -40,7 +40,7 @@ def identify(
     further: FurtherEstimationOptions,
     genetic: GeneticOptions,
     run: RunOptions,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("out"),
+    out: OutputFolder = Path("out"),
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -69,7 +69,7 @@ def identify(
 
     estimator = one_of("estimator", genetic.estimator or "least-squares", ESTIMATORS) if structure else "least-squares"
     with (
-        stop_on_signal() as stop,
+        stop_on_signal(searching=structure is None) as stop,
         run.workforce.executor() as executor,
         _progress(structure, silent=quiet or json) as progress,
     ):

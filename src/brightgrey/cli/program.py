@@ -7,6 +7,7 @@ import io
 import os
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Annotated, cast
 
 import typer
@@ -110,6 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments the help is shown.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    _open_closed_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without ± must not end the program
@@ -127,12 +129,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     except OSError as error:
         return _fail(f"{error.strerror or error}" + (f": '{error.filename}'" if error.filename else ""))
-    except (KeyboardInterrupt, typer.Abort):
-        print("brightgrey: interrupted, nothing written", file=sys.stderr)
+    except (KeyboardInterrupt, typer.Abort):  # before a command has begun
         return 130
     if not given:
         return 2
     return code if isinstance(code, int) else 0
+
+
+def _open_closed_streams() -> None:
+    """Let a program whose output or errors nobody takes (``>&-``) write to nowhere."""
+    if sys.stdout is None:
+        sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115 (until the program ends)
+    if sys.stderr is None:
+        sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
 
 
 def _fail(message: str) -> int:

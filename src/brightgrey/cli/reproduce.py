@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from brightgrey.cli.options.common import CORES, Json, Quiet, Seed, Workers
+from brightgrey.cli.options.common import CORES, Json, OutputFolder, Quiet, Seed, Workers
 from brightgrey.cli.options.genetic import GeneticOptions
 from brightgrey.cli.options.groups import with_options
 
@@ -20,7 +20,7 @@ def reproduce(
     seeds: Annotated[int, typer.Option("--seeds", min=1, metavar="N", help="Number of seeds.")] = 1,
     seed: Seed = 0,
     workers: Workers = CORES,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("reproduction"),
+    out: OutputFolder = Path("reproduction"),
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -15,6 +16,7 @@ from brightgrey.option_texts import number, numbers, pairs
 __all__ = [
     "CORES",
     "Json",
+    "OutputFolder",
     "Quiet",
     "Seed",
     "Step",
@@ -30,6 +32,16 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but er
 Json = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON instead of tables.", rich_help_panel=OUTPUT)
 ]
+
+
+def _folder(text: str) -> Path:
+    """Folder of ``--out``; an empty text would be the current one, by mistake."""
+    if not text:
+        raise typer.BadParameter("it is empty; name a folder, '.' for the current one")
+    return Path(text)
+
+
+OutputFolder = Annotated[Path, typer.Option("--out", metavar="DIR", parser=_folder, help="Folder for the results.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, metavar="N", help="Seed of all random draws.", rich_help_panel=RUN)]
 Workers = Annotated[
     int,

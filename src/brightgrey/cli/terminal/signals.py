@@ -29,10 +29,13 @@ class SignalStop(Stop):
 
 
 @contextmanager
-def stop_on_signal() -> Iterator[SignalStop]:
-    """Stop a search when SIGINT or SIGTERM comes; a search without any result then ends the program."""
+def stop_on_signal(*, searching: bool = True) -> Iterator[SignalStop]:
+    """Stop a search when SIGINT or SIGTERM comes; a search without any result then ends the program.
+
+    Without a search there is no best result so far, and a signal ends the program at once.
+    """
     stop = SignalStop()
-    if threading.current_thread() is not threading.main_thread():
+    if not searching or threading.current_thread() is not threading.main_thread():
         yield stop
         return
 

@@ -1,0 +1,60 @@
+"""What ends a command early, or before it begins: a signal, closed streams, numbers and folders that are none."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from brightgrey.excitation.demo import demo_recording
+from brightgrey.runs.store import FILE
+from support.small_runs import start
+
+MOST = 60.0  # s until a test has failed
+LONG = "four_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
+COLUMNS = ("--input", "torque", "--output", "velocity")
+
+
+@pytest.fixture
+def demo(tmp_path):
+    path = tmp_path / "demo.csv"
+    path.write_text(demo_recording())
+    return path
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_identify__signal_while_a_given_structure_is_fitted__ends_and_leaves_no_result(demo, tmp_path, number):
+    process = start("identify", demo, *COLUMNS, "--structure", LONG, "--out", tmp_path / "out")
+    end = time.monotonic() + MOST
+    while not (tmp_path / "out" / FILE).exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=MOST)
+    assert process.returncode == (130 if number == signal.SIGINT else -number)
+    if number == signal.SIGINT:
+        assert err == "brightgrey: interrupted, nothing written\n"
+    assert not (tmp_path / "out" / "model.json").exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell that closes streams")
+def test_identify__closed_output__ends_well(demo, tmp_path):
+    words = [sys.executable, "-m", "brightgrey", "identify", str(demo), *COLUMNS, "--structure", "one_mass"]
+    command = f"{' '.join(words)} --out {tmp_path / 'out'} >&- 2>&-"
+    assert subprocess.run(command, shell=True, check=False).returncode == 0
+    assert (tmp_path / "out" / "model.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--out", ""), "'--out': it is empty; name a folder"),
+        (("--f-tanh", "nan"), "--f-tanh nan: a finite number is expected"),
+        (("--input-gain", "inf"), "--input-gain inf: a finite number is expected"),
+    ],
+)
+def test_identify__option_that_is_none__one_line(demo, call, options, message):
+    done = call("identify", demo, *COLUMNS, "--structure", "one_mass", *options)
+    assert done.code == 2
+    assert message in done.err
+    assert done.err.count("\n") == 1
