@@ -58,3 +58,10 @@ def test_identify__option_that_is_none__one_line(demo, call, options, message):
     assert done.code == 2
     assert message in done.err
     assert done.err.count("\n") == 1
+
+
+def test_fleet__no_axis_can_be_identified__says_why_even_if_quiet(tmp_path, call):
+    (tmp_path / "fleet.csv").write_text("recording,input,output\nnone.csv,u,v\n")
+    done = call("fleet", tmp_path / "fleet.csv", "--out", tmp_path / "out", "--quiet")
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith("brightgrey: no axis could be identified; none: ")

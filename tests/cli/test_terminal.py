@@ -93,3 +93,8 @@ def test_the_report_says_the_command_that_was_given(drive, tmp_path, call):
     assert command.endswith("--f-tanh 4.0 --seed 5")
     for absent in ("--out", "--quiet", "--workers"):
         assert f"{absent} " not in command
+
+
+def test_a_window_of_no_columns_gets_the_text_of_a_pipe(drive, call, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "0")
+    assert "sign of the input" in call("check", drive.folder / "a.csv", *drive.options[:4], "--all").out

@@ -79,6 +79,8 @@ def fleet(
     _show(found, out, quiet=quiet, json=json)
     stop.exit_with_signal()
     if all(m.model is None for m in found.members):
+        first = found.members[0]
+        typer.echo(f"brightgrey: no axis could be identified; {first.name}: {first.error}", err=True)
         raise typer.Exit(2)
 
 

@@ -49,8 +49,9 @@ PIPED_WIDTH = 120  # nobody's window: wide enough that no row is folded
 def screen(*, stderr: bool = False) -> Console:
     """Make a console that prints names of columns as they are, brackets and all."""
     stream = sys.stderr if stderr else sys.stdout
-    piped = not stream.isatty() and "COLUMNS" not in os.environ
-    return Console(stderr=stderr, width=PIPED_WIDTH if piped else None, markup=False, emoji=False, highlight=False)
+    given = os.environ.get("COLUMNS", "")
+    wide = (not stream.isatty() and not given) or given == "0"  # a window without columns shows nothing
+    return Console(stderr=stderr, width=PIPED_WIDTH if wide else None, markup=False, emoji=False, highlight=False)
 
 
 @contextmanager
