@@ -482,21 +482,26 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=61)
     parser.add_argument("--each", type=int, default=100, help="recordings with each fault")
     parser.add_argument("--fits", type=int, default=40, help="of which so many are fitted, to find out if they matter")
+    parser.add_argument("--only", choices=("all", "clean", "faults", "real"), default="all")
     parser.add_argument("--save", action="store_true", help="write the tables to bench/results/ for docs/validation/")
     options = parser.parse_args()
     limit_blas_threads()
     found = drives(options.seed, options.first, options.last)
     if options.what == "drives":
         return
-    tables = [
-        Table("Recordings without a fault", ("said", "recordings"), list(clean_rows(found, options.seed))),
-        Table(
+    tables = []
+    if options.only in ("all", "clean"):
+        tables.append(
+            Table("Recordings without a fault", ("said", "recordings"), list(clean_rows(found, options.seed)))
+        )
+    if options.only in ("all", "faults"):
+        made = Table(
             "Made faults",
             ("fault", "sizes", "named", "small", "medium", "large", "named where it matters"),
             list(fault_rows(found, options.seed, options.each, options.fits)),
-        ),
-    ]
-    if DATA.exists():
+        )
+        tables.append(made)
+    if options.only in ("all", "real") and DATA.exists():
         tables.append(Table("Recorded files", ("file, and what is known of it", "said", "in all"), list(real_rows())))
     publish("checks", tables, to_file=options.save)
 

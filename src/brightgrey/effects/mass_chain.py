@@ -124,7 +124,7 @@ def _inertia(i: int, masses: int) -> Parameter:
         f"J{i}",
         INERTIA,
         f"moment of inertia of mass {i} (mass, in a linear axis)",
-        bounds=lambda s: (low * s.inertia, 5.0 * s.inertia),
+        bounds=lambda s: (low * s.inertia / s.inertia_factor, 5.0 * s.inertia),
         start=lambda s: s.inertia / masses,
         fault=Fault("load", grows=False) if i == masses else None,
     )
@@ -165,7 +165,8 @@ def _sample_chains(scales: Scales, share: Array, *, masses: int) -> Array:
     The total inertia comes from the torque balance and is divided mass by mass. The resonance of each shaft is that
     of all inertia before it against all behind it, uniform in the logarithm over the visible frequencies.
     """
-    total = scales.inertia * CHAIN_HEURISTICS.total_factor ** (2.0 * share[0] - 1.0)
+    factor = CHAIN_HEURISTICS.total_factor
+    total = scales.inertia / (factor * scales.inertia_factor) * (scales.inertia_factor * factor**2) ** share[0]
     part = 1.0 / (1.0 + CHAIN_HEURISTICS.division_factor ** (1.0 - 2.0 * share[1:masses]))
     left = np.cumprod(np.concatenate([np.ones_like(share[:1]), 1.0 - part]), axis=0)
     J = total * left * np.concatenate([part, np.ones_like(share[:1])])

@@ -57,6 +57,8 @@ class Scales:
     inertia, friction, viscous, offset : float
         Coefficients of a linear regression of the input on acceleration, sign of speed, speed and a constant:
         total inertia, Coulomb friction, viscous friction, and the constant torque that moves nothing.
+    inertia_factor : float
+        Factor by which the total inertia may be smaller: where the regression does not hold, it is an upper limit.
     """
 
     torque: float
@@ -69,3 +71,4 @@ class Scales:
     friction: float
     viscous: float
     offset: float
+    inertia_factor: float = 1.0

@@ -68,6 +68,7 @@ class RefitPolicy:
     cutoff: float = 4.0  #: Structures above this multiple of the least cost are far behind.
     #: A submodel is given up where, on part of the recording, it costs more than this multiple of its supermodel.
     keeps_up: float = 4.0
+    vanished: float = 100.0  #: Multiple of its lower bound up to which a size has all but vanished.
     narrow_range: float = 10.0  #: Ratio of upper to lower bound up to which a range counts as narrow.
     #: Limit of a descent, and its relative tolerance.
     iterations: int = 30

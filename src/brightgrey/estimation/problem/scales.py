@@ -44,6 +44,7 @@ class ScalesOptions:
     similar_uncertainty: float = 1.5
     #: Part of the torque's variance; a balance that leaves more does not hold. An oscillating drive leaves half of it.
     unexplained_torque: float = 0.2
+    least_inertia: float = 0.01  #: Of a balance that does not hold, as a part of that upper limit.
     driven_torque: float = 0.05  #: Part of the torque's standard deviation that a window has to leave.
     #: Limits of the inertia, relative to the largest torque over the largest acceleration, and the lower limit of
     #: friction and damping, relative to the largest torque.
@@ -87,7 +88,7 @@ def scales(recordings: Recording | Sequence[Recording], options: ScalesOptions =
     travel = _positive_or(max(_travel(r) for r in recordings), speed * duration)
     acceleration = max(_largest_acceleration(r, options) for r in recordings)
     acceleration = _positive_or(acceleration, speed / duration)
-    inertia, friction, viscous, offset = _regression(recordings, speed, options)
+    (inertia, friction, viscous, offset), factor = _regression(recordings, speed, options)
     low, high = options.plausible_low, options.plausible_high
     return Scales(
         torque=torque,
@@ -100,6 +101,7 @@ def scales(recordings: Recording | Sequence[Recording], options: ScalesOptions =
         friction=_clipped(friction, torque, low, 1.0),
         viscous=_clipped(viscous, torque / speed, low, 1.0),
         offset=float(np.clip(offset, -torque, torque)),
+        inertia_factor=factor,
     )
 
 
@@ -201,8 +203,10 @@ def _largest_acceleration(recording: Recording, options: ScalesOptions) -> float
     return float(np.abs(_difference(_speed(recording, n), n, recording.dt)).max())
 
 
-def _regression(recordings: tuple[Recording, ...], speed: float, options: ScalesOptions) -> Array:
+def _regression(recordings: tuple[Recording, ...], speed: float, options: ScalesOptions) -> tuple[Array, float]:
     """Inertia, friction, viscous friction and offset, by the longest window with nearly the least standard error.
+
+    And the factor by which the inertia may be smaller.
 
     A short window leaves noise and oscillations in the acceleration, which pull the inertia to zero. A long window
     averages the motion away. In between, the relative standard error of the inertia is least; it counts the rows that
@@ -230,8 +234,10 @@ def _regression(recordings: tuple[Recording, ...], speed: float, options: Scales
         driven = [
             torque / acceleration for torque, acceleration in deviations if acceleration > 0.0 and torque >= enough
         ]
-        values[0] = max([values[0], *driven])
-    return values
+        limit = max([values[0], *driven])
+        least = max(float(values[0]), options.least_inertia * limit)
+        return np.array([limit, *values[1:]]), limit / least if least > 0.0 else 1.0
+    return values, 1.0
 
 
 def _inertia_error(torque: Array, terms: Array, values: Array, memory: float) -> float:

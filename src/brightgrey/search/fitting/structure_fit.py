@@ -88,6 +88,7 @@ def refit_from_supermodel(
     values = _given(space, own.structure, larger)
     if not values:
         return None, SimulationCount()
+    values += [grown for known in values for grown in _grown(task, space, own.structure, known)]
     begins = np.array([[known[name] for name in space.names] for known in values]).T
     begins = np.clip(begins, space.low[:, None], space.high[:, None])
     cost = problem.costs(space.named(begins), task.settings)
@@ -146,6 +147,23 @@ def _given(space: ParameterSpace, structure: Structure, known: Sequence[Structur
     handed = (v for f in known for v in handed_down(f.values, f.information, f.structure, structure, space))
     vanishing = _vanishing(space, structure)
     return [v for h in handed if set(space.names) <= set(v := {**vanishing, **h})]
+
+
+def _grown(
+    task: IdentificationTask, space: ParameterSpace, structure: Structure, values: Mapping[str, float]
+) -> list[Mapping[str, float]]:
+    """The same values with each effect that has all but vanished at the least size that matters.
+
+    A size on a logarithmic scale does not grow from there by itself: its derivative has vanished, too.
+    """
+    lowest = dict(zip(space.names, space.low.tolist(), strict=True))
+    grown: list[Mapping[str, float]] = []
+    for placed in structure.beside:
+        size = next((placed.parameter(q.symbol) for q in placed.effect.parameters if q.size and q.scale == "log"), None)
+        if size in lowest and values[size] <= REFIT.vanished * lowest[size]:
+            relevant = placed.relevant_size(task.scales, values)
+            grown += [{**values, size: relevant[size]}] if size in relevant else []
+    return grown
 
 
 def _vanishing(space: ParameterSpace, structure: Structure) -> dict[str, float]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from brightgrey.recordings.checks.check import Check, CheckResult, mind, note, passed
+from brightgrey.recordings.checks.check import Check, CheckResult, note, passed
 from brightgrey.recordings.checks.examined import Examined
 from brightgrey.recordings.checks.force_balance import balances
 
@@ -33,7 +33,7 @@ def run(examined: Examined) -> Iterator[CheckResult]:
     shows = max(abs(balance.deviations("inertia")) for balance in found)
     figure = f"the inertia is {shows:.1f} standard errors from zero"
     if shows < POLICY.clear:
-        yield mind(
+        yield note(
             figure,
             "the acceleration hardly shows in the input beside friction and gravity: inertia, elasticity and gaps are"
             " uncertain. Record faster changes of speed, or more of them",
