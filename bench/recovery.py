@@ -29,7 +29,7 @@ import numpy as np
 
 from brightgrey.api.to_si import identification_task
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
-from brightgrey.kit import GRAMMARS, PAPER, Grammar, Structure, grammar_named
+from brightgrey.kit import GRAMMARS, PAPER, Grammar, Structure, function_set, grammar_named
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.decision import Decision, decide_structures
@@ -262,7 +262,7 @@ def recalled(rows: Sequence[Mapping]) -> dict[str, list[bool]]:
 def covered_but_for_trifles(r: Mapping) -> bool:
     """Return True if a minimal structure is within the truth and everything it lacks is optional or does not matter."""
     known = {*r["optional"], *(effect for effect, rise in r["matters"].items() if rise <= MATTERS)}
-    return any(visible(PAPER.parse(s), PAPER.parse(r["truth"]), known) for s in r["minimal"])
+    return any(visible(function_set().parse(s), PAPER.parse(r["truth"]), known) for s in r["minimal"])
 
 
 def by_effect(rows: Sequence[Mapping], what: str) -> dict[str, list[bool]]:
