@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from brightgrey.errors import BrightgreyError
-from brightgrey.runs import RunError, Store
+from brightgrey.runs import RunError, Store, read_status
 from brightgrey.runs.serialisation import text_of, value_of
 from brightgrey.runs.store import FILE
 from support.small_runs import call
@@ -137,6 +137,33 @@ os.kill(os.getpid(), signal.SIGKILL)
         assert store.result("k") == "1.0"
         with pytest.raises(RunError, match="another process"):
             Store.open(tmp_path, REQUEST)
+
+
+def test_read_status__file_that_a_killed_process_left_in_the_middle__is_recovered(tmp_path):
+    """Its log is there and the index of that is not, which a reader that may not write cannot make."""
+    with Store.open(tmp_path / "run", REQUEST) as store:
+        store.save_evaluation("0" * 64, 0, "f", "one_mass", 0.1, text_of(1.0))
+        (tmp_path / "left").mkdir()
+        for name in (FILE, f"{FILE}-wal"):
+            shutil.copy(tmp_path / "run" / name, tmp_path / "left" / name)
+    assert read_status(tmp_path / "left").evaluations == 1
+
+
+def test_read_status__hot_journal__is_rolled_back(kept):
+    """A transaction was written half: what was there before counts."""
+    folder, _ = kept
+    database = sqlite3.connect(folder / FILE, isolation_level=None)
+    database.execute("PRAGMA journal_mode = DELETE")
+    database.execute("PRAGMA cache_size = 1")  # so that changes reach the file before the end
+    database.execute("BEGIN IMMEDIATE")
+    database.execute("DELETE FROM evaluations")
+    left = folder.parent / "left"
+    left.mkdir()
+    for name in (FILE, f"{FILE}-journal"):
+        shutil.copy(folder / name, left / name)
+    database.execute("ROLLBACK")
+    database.close()
+    assert read_status(left).evaluations == 60
 
 
 def test_store__other_request__refused(kept):

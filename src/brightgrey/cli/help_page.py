@@ -36,7 +36,7 @@ class Command(TyperCommand):
     """A command whose options stand under headings. Its epilog holds one example per line."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command, unless a number is infinite or none (nan)."""
+        """Run the command; a number that is infinite or none (nan) is refused (SettingsError)."""
         for parameter in self.get_params(ctx):
             value = ctx.params.get(parameter.name or "")
             if isinstance(value, float) and not math.isfinite(value):

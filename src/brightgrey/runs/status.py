@@ -6,7 +6,7 @@ import sqlite3
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from brightgrey.runs.store import FILE, LOCK, RunError, checked_facts, connect, damaged
 
@@ -53,19 +53,31 @@ def read_status(folder: str | Path) -> RunStatus:
         raise RunError(f"there is no run in '{folder}'")
     try:
         running = _is_locked(path)
-        database = connect(path, "ro")
         try:
-            facts = checked_facts(path, database)
-            count, seconds = database.execute("SELECT count(*), total(seconds) FROM evaluations").fetchone()
-            (generations,) = database.execute("SELECT count(*) FROM generations").fetchone()
-        finally:
-            database.close()
+            facts, count, seconds, generations = _content(path, "ro")
+        except sqlite3.OperationalError:
+            if running:
+                raise
+            # A process that was killed has left the file for the next one to recover, and to read is not enough.
+            facts, count, seconds, generations = _content(path, "rw")
     except sqlite3.OperationalError as error:
         raise RunError(f"cannot read '{path / FILE}': {error}") from error
     except (sqlite3.Error, UnicodeDecodeError) as error:
         raise damaged(path, str(error)) from error
     state = "running" if running and facts["state"] != "finished" else facts["state"]
     return RunStatus(path, facts["request"], state, count, seconds, generations, facts.get("stage", {}))
+
+
+def _content(folder: Path, mode: Literal["ro", "rw"]) -> tuple[dict[str, Any], int, float, int]:
+    """Facts of a run, its evaluations and their seconds, and its generations."""
+    database = connect(folder, mode)
+    try:
+        facts = checked_facts(folder, database)
+        count, seconds = database.execute("SELECT count(*), total(seconds) FROM evaluations").fetchone()
+        (generations,) = database.execute("SELECT count(*) FROM generations").fetchone()
+    finally:
+        database.close()
+    return facts, count, seconds, generations
 
 
 def _is_locked(folder: Path) -> bool:
