@@ -33,13 +33,13 @@ def recorded(base, more, seed=1):
 
 @pytest.mark.parametrize(("base", "more"), CASES, ids=[next(iter(m)) for _, m in CASES])
 def test_further_effects__one_is_missing__is_found_near_its_size(base, more):
-    """Not always as the first: a pendulum in the right pose is much like another effect on a single travel."""
     task = recorded(base, more)
     fitted = fit_multistart(task, PAPER.parse(base), Options(fresh=4, patience=0), 0)
-    found = {str(f.placed): f.start for f in further_effects(task, fitted, FURTHER, 0)}
+    found = further_effects(task, fitted, FURTHER, 0)
     ((name, values),) = more.items()
     size = next(iter(values))
-    assert 0.2 < found[name][size] / values[size] < 5.0
+    assert found[0].placed == Placed.parse(name)
+    assert 0.2 < found[0].start[size] / values[size] < 5.0
 
 
 def test_further_effects__nothing_is_missing__none():

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.arrays import Array, Indices
 
-__all__ = ["fill_single", "is_constant", "resolution", "span_of_present"]
+__all__ = [
+    "difference_noise",
+    "fill_single",
+    "is_constant",
+    "noise_by_difference",
+    "resolution",
+    "span_of_present",
+]
 
 
 def resolution(values: Array, *, lattice_tolerance: float = 0.02, same_level: float = 1e-11) -> float:
@@ -59,6 +68,28 @@ def resolution(values: Array, *, lattice_tolerance: float = 0.02, same_level: fl
     if np.isfinite(single).all() and (np.abs(values - single) <= 5.1e-9 * np.abs(values)).all():
         return float(np.spacing(np.float32(largest)))
     return float(np.spacing(largest))
+
+
+def difference_noise(values: Array, order: int) -> Array:
+    """Standard deviation of white noise from differences of an order, in which a smooth motion is small.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., samples)
+    order : int
+        Of the differences.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        By their median, so that jumps do not count.
+    """
+    return np.asarray(np.median(np.abs(np.diff(values, order)), axis=-1) * noise_by_difference(order))
+
+
+def noise_by_difference(order: int) -> float:
+    """Standard deviation of white noise over the median of the magnitude of its differences of an order."""
+    return 1.4826 / math.sqrt(math.comb(2 * order, order))
 
 
 def is_constant(values: Array) -> bool:

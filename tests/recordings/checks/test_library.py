@@ -73,6 +73,13 @@ def test_check__same_recording_twice__is_minded(made):
     assert [(r.check, r.recording) for r in found] == [("same recording", "again")]
 
 
+def test_remedies__two_recordings_with_one_fault__one_option_for_a_column(made, motion):
+    """Their factors differ in the last digits, and an option may name a column once."""
+    both = [made("position", "velocity", velocity=factor * motion["velocity"]) for factor in (57.2958, 57.2)]
+    (gear,) = check(both).remedies()["gear"]
+    assert gear.startswith("velocity=")
+
+
 def test_input_sign__sine_of_one_frequency__is_left_open(made):
     """The second derivative of a sine is the sine with its sign turned, so that elasticity could turn it."""
     t = E.dt * np.arange(E.samples)

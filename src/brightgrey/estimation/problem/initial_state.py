@@ -16,6 +16,7 @@ from brightgrey.estimation.problem.nuisance import Nuisance
 from brightgrey.estimation.problem.scales import speed_of
 from brightgrey.kit import Placed, StateSpace
 from brightgrey.recordings import Recording
+from brightgrey.recordings.sample_values import difference_noise
 from brightgrey.recordings.units.signals import KINDS
 
 __all__ = [
@@ -59,8 +60,7 @@ def output_noise(recording: Recording) -> Array:
 
     It is estimated from second differences, and is at least the rounding error of the resolution.
     """
-    bend = np.diff(recording.y, n=2, axis=1)
-    spread = 1.4826 * np.median(np.abs(bend), axis=1) / np.sqrt(6.0)  # of a normal variable by its median; 1 + 4 + 1
+    spread = difference_noise(recording.y, 2)
     least = np.maximum(recording.resolution / np.sqrt(12.0), 1e-12 * recording.y.std(axis=1))
     noise = np.asarray(np.maximum(spread, least))
     noise.setflags(write=False)

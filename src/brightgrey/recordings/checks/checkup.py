@@ -49,14 +49,15 @@ class Checkup:
         return self.results[0].grade if self.results else "passed"
 
     def remedies(self) -> dict[str, Any]:
-        """Changes of options that mend what can be mended, those of several results together."""
+        """Changes of options that mend what can be mended; for each column that of the gravest result."""
         together: dict[str, Any] = {}
         for result in self.results:
             for name, change in result.remedy.items():
-                if isinstance(change, list):
-                    together[name] = list(dict.fromkeys([*together.get(name, []), *change]))
-                else:
-                    together[name] = change
+                if not isinstance(change, list):
+                    together.setdefault(name, change)
+                    continue
+                known = {_column(text) for text in together.setdefault(name, [])}
+                together[name] += [text for text in change if _column(text) not in known]
         return together
 
     def refuse(self) -> None:
@@ -98,6 +99,11 @@ def check(recordings: Recording | Sequence[Recording]) -> Checkup:
             results += [replace(r, check=one.name, recording=recording.name) for r in one.run(examined)]
     results += _given_twice(several)
     return Checkup(tuple(sorted(results, key=lambda r: GRADES.index(r.grade))))
+
+
+def _column(remedy: str) -> str:
+    """Column of ``column=number`` or ``column:kind``."""
+    return remedy.rpartition("=")[0] or remedy.rpartition(":")[0]
 
 
 def _given_twice(several: Sequence[Recording]) -> list[CheckResult]:

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from brightgrey.arrays import Array
 from brightgrey.recordings.recording import Recording
-from brightgrey.recordings.sample_values import is_constant, resolution
+from brightgrey.recordings.sample_values import difference_noise, is_constant, resolution
 from brightgrey.recordings.units.signals import KINDS
 from brightgrey.recordings.window import decimate
 
@@ -39,9 +39,7 @@ def noise_of(x: Array) -> float:
 
     It is a median, so that jumps do not count, and at least what rounding to the signal's resolution makes.
     """
-    third = np.abs(np.diff(x, 3))
-    spread = float(np.median(third)) / 0.6745 / np.sqrt(20.0)
-    return float(max(spread, resolution(x) / np.sqrt(12.0)))
+    return float(max(float(difference_noise(x, 3)), resolution(x) / np.sqrt(12.0)))
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,13 @@ coefficients, one in which inertia, friction and spring are not negative.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brightgrey.arrays import Array
+from brightgrey.numerics.bounded_least_squares import bounded_least_squares
 from brightgrey.recordings.checks.examined import Examined, SmoothedMotion
 from brightgrey.recordings.checks.regression import Regression, independent_samples, regress
 from brightgrey.recordings.units.parser import parse_unit
@@ -103,28 +102,9 @@ def natural_misfit(found: ForceBalance, sign: float) -> tuple[float, float]:
     samples : float
         Independent samples of what is left.
     """
-    bounded = [name in NOT_NEGATIVE for name in found.names]
-    residual = sign * found.u - found.terms @ _not_negative(found.terms, sign * found.u, np.array(bounded))
+    scale = np.linalg.norm(found.terms, axis=0)
+    terms = found.terms / np.where(scale > 0.0, scale, 1.0)
+    low = np.array([0.0 if name in NOT_NEGATIVE else -np.inf for name in found.names])
+    residual = sign * found.u - terms @ bounded_least_squares(terms, sign * found.u, low, np.full(low.size, np.inf))
     total = float(np.square(found.u - found.u.mean()).sum())
     return float(residual @ residual) / total if total > 0.0 else 1.0, independent_samples(residual)
-
-
-def _not_negative(terms: Array, u: Array, bounded: NDArray[np.bool_]) -> Array:
-    """Coefficients by least squares of which those that are `bounded` are not negative, shape (terms,).
-
-    The solution is that without bounds of some of the bounded terms, the others being zero. There are few of them, so
-    that all choices are tried.
-    """
-    scale = np.linalg.norm(terms, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    q, r = np.linalg.qr(terms / scale)
-    target, best, least = q.T @ u, np.zeros(len(scale)), np.inf
-    for choice in itertools.product((True, False), repeat=int(bounded.sum())):
-        kept = ~bounded
-        kept[bounded] = choice
-        found = np.zeros(len(scale))
-        found[kept] = np.linalg.lstsq(r[:, kept], target, rcond=1e-10)[0]
-        misfit = float(np.square(r @ found - target).sum())
-        if misfit < least and (found[bounded] >= 0.0).all():
-            best, least = found, misfit
-    return best / scale

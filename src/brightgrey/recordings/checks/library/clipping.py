@@ -10,15 +10,13 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.recordings.checks.check import Check, CheckResult, mind, note, passed
 from brightgrey.recordings.checks.examined import Examined
-from brightgrey.recordings.sample_values import is_constant, resolution
+from brightgrey.recordings.sample_values import difference_noise, is_constant, resolution
 
 
 @dataclass(frozen=True)
 class _Policy:
     """Numbers of this module."""
 
-    third: float = 0.6745 * np.sqrt(20.0)
-    """Median of third differences of white noise of variance 1."""
     far: float = 30.0
     """Steps of the resolution that a slope beside a top has to make within it."""
     beside: int = 3
@@ -69,7 +67,7 @@ def _at_limit(values: Array) -> tuple[float, float]:
     """
     best = 0.0, 0.0
     step = resolution(values)
-    noisy = float(np.median(np.abs(np.diff(values, 3)))) / POLICY.third > step
+    noisy = float(difference_noise(values, 3)) > step
     for limit in (float(values.max()), float(values.min())):
         at = np.flatnonzero(np.diff(np.pad((values == limit).astype(int), 1)))
         tops = [(int(a), int(b)) for a, b in zip(at[::2], at[1::2], strict=True) if b - a >= POLICY.least]

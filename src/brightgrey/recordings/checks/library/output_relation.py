@@ -130,7 +130,7 @@ def _say_factor(pair: _Pair) -> CheckResult:
     threshold = f"{POLICY.clear:g} standard errors, and {100 * POLICY.large:.0f} %"
     off = abs(pair.factor - 1.0)
     if pair.explained < POLICY.of_difference:
-        return mind(figure, f"'{second}' does not follow '{first}': they may be different axes", threshold)
+        return mind(figure, f"'{second}' does not follow '{first}': name outputs of one axis", threshold)
     if off < max(POLICY.clear * pair.factor_error, POLICY.small):
         return passed(figure, threshold)
     if off < POLICY.large:
