@@ -31,7 +31,9 @@ def test_identify__signal_while_a_given_structure_is_fitted__ends_and_leaves_no_
         time.sleep(0.05)
     process.send_signal(number)
     _, err = process.communicate(timeout=MOST)
-    assert process.returncode == (130 if number == signal.SIGINT else -number)
+    # A shell sees 130 either way: Python ends by the signal itself if that came while it executed a text (as the
+    # code that dataclasses write is), although the program had dealt with it.
+    assert process.returncode in ((130, -number) if number == signal.SIGINT else (-number,))
     if number == signal.SIGINT:
         assert err == "brightgrey: interrupted, nothing written\n"
     assert not (tmp_path / "out" / "model.json").exists()

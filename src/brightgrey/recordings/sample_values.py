@@ -13,7 +13,7 @@ __all__ = [
     "difference_noise",
     "fill_single",
     "is_constant",
-    "noise_by_difference",
+    "noise_of_differences",
     "resolution",
     "span_of_present",
 ]
@@ -84,12 +84,12 @@ def difference_noise(values: Array, order: int) -> Array:
     ndarray, shape (...)
         By their median, so that jumps do not count.
     """
-    return np.asarray(np.median(np.abs(np.diff(values, order)), axis=-1) * noise_by_difference(order))
+    return noise_of_differences(np.median(np.abs(np.diff(values, order)), axis=-1), order)
 
 
-def noise_by_difference(order: int) -> float:
-    """Standard deviation of white noise over the median of the magnitude of its differences of an order."""
-    return 1.4826 / math.sqrt(math.comb(2 * order, order))
+def noise_of_differences(median: Array, order: int) -> Array:
+    """Standard deviation of white noise, from the median of the magnitude of its differences of an order."""
+    return np.asarray(1.4826 * median / math.sqrt(math.comb(2 * order, order)))
 
 
 def is_constant(values: Array) -> bool:

@@ -212,8 +212,9 @@ def _regression(recordings: tuple[Recording, ...], speed: float, options: Scales
     averages the motion away. In between, the relative standard error of the inertia is least; it counts the rows that
     the window leaves independent.
 
-    If not even that balance holds, because the drive oscillates more slowly than the window, the inertia is an upper
-    limit: all torque accelerates, in the window where that gives the largest inertia and enough torque is left.
+    If not even that balance holds, because the drive oscillates more slowly than the window, or if it leaves no
+    inertia, the inertia is an upper limit: all torque accelerates, in the window where that gives the largest inertia
+    and enough torque is left.
     """
     shortest = options.shortest_window
     longest = max(int(options.longest_window * min(r.samples for r in recordings)), shortest)
@@ -229,7 +230,7 @@ def _regression(recordings: tuple[Recording, ...], speed: float, options: Scales
         deviations.append((float(np.std(torque)), float(np.std(terms[:, 0]))))
     least = min(uncertainty for uncertainty, *_ in found)
     _, values, unexplained, variance = [f for f in found if f[0] <= options.similar_uncertainty * least][-1]
-    if unexplained > options.unexplained_torque * variance:
+    if values[0] <= 0.0 or unexplained > options.unexplained_torque * variance:
         enough = options.driven_torque * deviations[0][0]
         driven = [
             torque / acceleration for torque, acceleration in deviations if acceleration > 0.0 and torque >= enough

@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter
 from brightgrey.arrays import Array
 from brightgrey.recordings.checks.check import Check, CheckResult, mind, passed
 from brightgrey.recordings.checks.examined import Examined, noise_of
-from brightgrey.recordings.sample_values import is_constant, noise_by_difference, resolution
+from brightgrey.recordings.sample_values import is_constant, noise_of_differences, resolution
 from brightgrey.recordings.units.signals import KINDS
 
 
@@ -64,7 +64,7 @@ def run(examined: Examined) -> Iterator[CheckResult]:
 def _local_noise(x: Array) -> Array:
     """Noise around each sample, shape (samples,): it may be larger in motion than at rest."""
     third = median_filter(np.abs(np.diff(x, 3)), size=POLICY.near, mode="nearest")
-    return np.asarray(np.pad(third, (1, 2), mode="edge") * noise_by_difference(3))
+    return np.asarray(np.pad(noise_of_differences(third, 3), (1, 2), mode="edge"))
 
 
 def _single(x: Array, size: Array) -> Array:
