@@ -66,5 +66,5 @@ def test_has_hard_limit__only_with_a_gap():
 
 def test_parameters__of_another_place__say_where():
     declared = Structure.parse("two_mass+coulomb+coulomb@2").parameters
-    assert declared["M_C"].about == "Coulomb friction torque (force, in a linear axis)"
-    assert declared["M_C@2"].about == "Coulomb friction torque (force, in a linear axis), at mass 2"
+    assert declared["M_C"].about == "Coulomb friction torque (or force)"
+    assert declared["M_C@2"].about == "Coulomb friction torque (or force), at mass 2"

@@ -45,7 +45,7 @@ def test_result_html__shows_verdict_parameters_and_figure(result):
     html = result._repr_html_()
     rows = read(html[: html.index("<svg")] + "</div></div>").tables[None]
     assert [row[0] for row in rows[1 : 1 + len(result.model.parameters)]] == list(result.model.parameters)
-    assert "The model is two_mass" in html
+    assert "Two masses, coupled by a shaft" in html
     assert "<svg" in html
     assert "<script" not in html
 

@@ -22,22 +22,21 @@ def certificate(*refutations, unexplained=()):
 def test_sentences__refuted_structure__says_what_is_missing_and_how_sure_it_is():
     first, last = certificate(refuted("viscous")).sentences()
     assert first == (
-        "Even with every other effect allowed, without viscous the residual is 3.4 times as large"
-        " (whitened sum of squares 812 above the least one, chance explains 13.4; 3 independent starts agree)."
+        "Without viscous friction the residual is 3.4 times as large, whatever else is allowed. (Whitened sum of"
+        " squares: 812 above the least one, of which chance explains 13.4; 3 independent starts agree.)"
     )
     assert last == ("31 fits decide all 1,448 structures of the function set 'paper', conditional on these optima.")
 
 
 def test_sentences__mass_is_missing__it_is_counted():
-    first, _ = certificate(refuted("three_mass")).sentences((("three_mass", "Three-mass system"),))
-    assert "without a third mass the residual is" in first
+    first, _ = certificate(refuted("three_mass")).sentences()
+    assert "Without a third mass the residual is" in first
 
 
-def test_sentences__alternatives_and_single_start__titles_of_effects_are_used():
-    titles = (("coulomb", "Coulomb friction"), ("gravity", "a constant load"))
-    first, _ = certificate(refuted("coulomb", "gravity", agreeing=1)).sentences(titles)
-    assert "without Coulomb friction and a constant load the residual is" in first
-    assert "1 independent start agrees)" in first
+def test_sentences__alternatives_and_single_start__are_in_words():
+    first, _ = certificate(refuted("coulomb", "gravity", agreeing=1)).sentences()
+    assert "Without Coulomb friction and a constant load the residual is" in first
+    assert "1 independent start agrees.)" in first
 
 
 def test_sentences__unexplained_residual__said_first():

@@ -9,6 +9,7 @@ import pytest
 from brightgrey.estimation import scales
 from brightgrey.estimation.noise.error_floor import TRUSTED_ACCURACY
 from brightgrey.kit import PAPER, Placed
+from brightgrey.kit.in_words import effect_in_words
 from brightgrey.recordings import Signal
 from brightgrey.search import IdentificationTask
 from brightgrey.search.lattice import contains
@@ -70,8 +71,8 @@ def test_verdict__each_effect__loss_gain_and_sentence(friction):
 
 def test_reason__not_needed__size_and_estimate(friction):
     reasons = {c.effect: c.reason for c in friction.cards}
-    assert reasons["gravity"].startswith("M_G of ±0.03 N m or more would have shown; the fit puts it at ")
-    assert reasons["delay"].startswith("T_d of 0.0004 s or more would have shown; the fit puts it at ")
+    assert reasons["gravity"].startswith("From ±0.03 N m on it would have shown. The fit has ")
+    assert reasons["delay"].startswith("From 0.4 ms on it would have shown. The fit has ")
     for effect in ("gravity", "delay"):
         assert re.search(r", which explains \S+ % of the residual\.$", reasons[effect])
 
@@ -83,8 +84,8 @@ def test_reason__not_detectable__detection_limit_grows_with_noise():
         task = task_of("one_mass+viscous", {"J1": 0.02, "f_v": 0.03}, reversing(), noise)
         (card,) = (c for c in evidence(task, ("viscous", "gravity")).cards if c.effect == "gravity")
         assert card.verdict == "not decidable"
-        before, size = card.reason.split("; it would from M_G of ")
-        assert before == "At a size that matters (M_G of 0.03 N m) this recording would not have shown it"
+        before, size = card.reason.split("; it would from ")
+        assert before == "At a size that matters (0.03 N m) this recording would not have shown it"
         told.append(float(size.removesuffix(" N m on.")))
     assert told[1:] == pytest.approx([2.0 * told[0], 4.0 * told[0]])
 
@@ -108,7 +109,7 @@ def test_reason__size_of_two_parameters__in_units_of_recording():
     known = scales(axis)
     task = IdentificationTask((axis,), known, Settings(1e3 * F_TANH, known.speed, "fast"))
     reasons = {c.effect: c.reason for c in evidence(task, ("coulomb", "viscous", "stribeck")).cards}
-    assert f"M_S of 30 N at omega_S of {50.0 * known.speed:.2g} mm/s" in reasons["stribeck"]
+    assert f"(30 N at {50.0 * known.speed:.2g} mm/s)" in reasons["stribeck"]
 
 
 def test_evidence__best_criterion__contains_minimal_structure(friction):
@@ -140,8 +141,8 @@ def test_evidence__effects_cancel__not_decidable(way, noise):
     cards = cards_of(found)
     for effect, other in (("coulomb", "gravity"), ("gravity", "coulomb")):
         assert cards[effect].verdict == "not decidable"
-        assert cards[effect].reason.endswith(f"beside another effect: {Placed.parse(other).effect.title}.")
-        assert "At a size that matters (M_" in cards[effect].reason
+        assert cards[effect].reason.endswith(f"beside another effect: {effect_in_words(Placed.parse(other))}.")
+        assert "At a size that matters (" in cards[effect].reason
 
 
 def test_evidence__masses__cumulative():
@@ -187,7 +188,7 @@ def test_evidence__fit_at_fixed_size_within_accuracy__not_refuted():
     card = cards_of(found)["current_control"]
     assert (card.verdict, card.reason) == (
         "not decidable",
-        "Held at a size that matters (T_1 of 0.0004 s), it makes the fit no worse.",
+        "Held at a size that matters (0.4 ms), it makes the fit no worse.",
     )
 
 
@@ -235,7 +236,7 @@ def test_evidence__fixed_value__tested_at_that_value():
     found = evidence(replace(task, fixed={"M_G": 0.2}), ("coulomb", "viscous", "gravity"))
     card = cards_of(found)["gravity"]
     assert card.verdict == "not needed"
-    assert card.reason == "M_G of 0.2 N m, as it is fixed, makes the fit worse."
+    assert card.reason == "Its fixed size, 0.2 N m, makes the fit worse."
 
 
 def test_evidence__bound_without_width__search_completes():

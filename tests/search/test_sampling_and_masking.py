@@ -96,7 +96,7 @@ def test_evidence__backlash_crossed__decided():
     y = speed(values, REVERSING, "two_mass+viscous", noise=0.01)  # hides a gap of a hundred-thousandth of the way
     found, _ = cards(y, REVERSING, ("two_mass", "viscous", "backlash"))
     assert found["backlash"].verdict == "not decidable"
-    assert "it would from alpha of " in found["backlash"].reason
+    assert "it would from ±" in found["backlash"].reason
     y = speed(values | {"alpha": 0.02}, REVERSING, "two_mass+viscous+backlash", noise=0.01)
     found, _ = cards(y, REVERSING, ("two_mass", "viscous", "backlash"))
     assert found["backlash"].verdict == "needed"

@@ -61,7 +61,7 @@ def test_front_is_part_of_the_ranking_and_of_its_file(found, tmp_path):
 
 
 def test_terminal_shows_ties_and_front(found, capsys):
-    show(found, Path("out"), quiet=False, json=False)
+    show(found, Path("out"), quiet=False, json=False, verbose=True)
     printed = capsys.readouterr().out
     assert "friction at standstill" in printed
     assert "front" in printed

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 
-from brightgrey.cli.options.common import CORES, Json, OutputFolder, Quiet, Seed, Workers
+from brightgrey.cli.options.common import CORES, Json, OutputFolder, Quiet, Seed, Verbose, Workers
 from brightgrey.cli.options.given_command import given
 
 __all__ = ["demo"]
@@ -18,6 +18,7 @@ def demo(
     out: OutputFolder = Path("demo"),
     seed: Seed = 0,
     workers: Workers = CORES,
+    verbose: Verbose = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -36,6 +37,6 @@ def demo(
         result = identify_demo(seed=seed, workers=workers, progress=lambda step: display(step, "demo"))
         result = replace(result, request=given(context))
         result.write(out)
-    show.result(result, out, quiet=quiet, json=json)
+    show.result(result, out, quiet=quiet, json=json, verbose=verbose)
     if result.stopped:
         raise typer.Exit(130)

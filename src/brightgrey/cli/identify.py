@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from brightgrey.cli.options.common import Json, OutputFolder, Quiet
+from brightgrey.cli.options.common import Json, OutputFolder, Quiet, Verbose
 from brightgrey.cli.options.estimation import EstimationOptions, FurtherEstimationOptions
 from brightgrey.cli.options.genetic import GeneticOptions
 from brightgrey.cli.options.given_command import given
@@ -41,6 +41,7 @@ def identify(
     genetic: GeneticOptions,
     run: RunOptions,
     out: OutputFolder = Path("out"),
+    verbose: Verbose = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -97,7 +98,7 @@ def identify(
             check=not run.no_check,
             **arguments,
         )
-    show.stored(stored, out, quiet=quiet, json=json)
+    show.stored(stored, out, quiet=quiet, json=json, verbose=verbose)
     if stored.stopped:
         stop.exit_with_signal()
 

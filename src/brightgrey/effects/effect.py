@@ -59,6 +59,8 @@ class Parameter:
         be told from sampling, and of several such parameters a recording may show only the sum.
     size : bool
         The effect vanishes where this parameter is zero.
+    half : bool
+        It is half of what people speak of, as of a gap; its value is then shown as ±.
     fault : Fault or None
         Meaning of its change when a machine is monitored; None where nothing wears or is exchanged.
     """
@@ -71,6 +73,7 @@ class Parameter:
     scale: Literal["log", "linear"] = "log"
     lag: bool = False
     size: bool = False
+    half: bool = False
     fault: Fault | None = None
 
 
@@ -162,6 +165,9 @@ class Effect:
         Number in the paper's figure 7; later effects continue the count.
     title : str
         Name for people.
+    words : str
+        Name within a sentence, with its article where it has one: ``a constant load``, ``dead time``. Effects that
+        bring masses are named by the last of these, ``a second mass``.
     about : str
         What the effect is, and when it is not the right one.
     equation : str
@@ -197,6 +203,7 @@ class Effect:
     name: str
     number: int
     title: str
+    words: str
     about: str
     equation: str
     source: str

@@ -85,6 +85,7 @@ def mass_chain(name: str, masses: int) -> Effect:
         name=name,
         number=masses,
         title=f"{name.split('_')[0].capitalize()}-mass system",
+        words=("one mass", "a second mass", "a third mass", "a fourth mass")[masses - 1],
         about=f"{masses} inert mass{'es' if masses > 1 else ''}{coupled}; motor and sensor at mass 1.",
         equation="M q'' + D q' + C q = F" if masses > 1 else "J1 q'' = F",
         source="paper eq. (1), (7), (8)",
@@ -123,7 +124,7 @@ def _inertia(i: int, masses: int) -> Parameter:
     return Parameter(
         f"J{i}",
         INERTIA,
-        f"moment of inertia of mass {i} (mass, in a linear axis)",
+        f"inertia of mass {i}",
         bounds=lambda s: (low * s.inertia / s.inertia_factor, 5.0 * s.inertia),
         start=lambda s: s.inertia / masses,
         fault=Fault("load", grows=False) if i == masses else None,

@@ -15,6 +15,7 @@ from pydantic import ConfigDict, Field, ValidationError
 from brightgrey.effects import SPEED, Element
 from brightgrey.errors import BrightgreyError, SettingsError, nearest, unknown_name
 from brightgrey.kit import Placed, Structure, function_set
+from brightgrey.kit.in_words import structure_in_words
 from brightgrey.kit.structure import Verdict
 from brightgrey.model.files import write_file
 from brightgrey.model.schema import (
@@ -121,7 +122,7 @@ class Model(Part):
             for name, fit in self.fit.train.items()
         ]
         return (
-            f"<div><p><b>{html.escape(str(self.structure))}</b>: {html.escape(self.outcome.text)}</p>"
+            f"<div><p><b>{html.escape(structure_in_words(self.structure))}</b>: {html.escape(self.outcome.text)}</p>"
             f"{table(('Parameter', 'Value', 'Standard deviation', 'Unit', 'Note', 'Meaning'), rows)}"
             f"{table(('Output', 'Fit in %', 'RMSE'), fits)}</div>"
         )

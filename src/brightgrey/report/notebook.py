@@ -7,7 +7,8 @@ import html
 from brightgrey.notebook_html import table
 from brightgrey.report.content import Content
 from brightgrey.report.drawing.matplotlib_figure import draw, picture
-from brightgrey.report.text.tables import fit_rows, parameter_rows, remarks, verdict_text
+from brightgrey.report.text.headline import headline
+from brightgrey.report.text.tables import fit_rows, parameter_rows, remarks, sentence
 
 __all__ = ["result_html"]
 
@@ -17,12 +18,13 @@ def result_html(content: Content) -> str:
     model = content.model
     parameters = [(r.name, r.estimate, r.unit, r.note, r.about) for r in parameter_rows(model)]
     fits = [(r.output, r.on, r.fit_percent, r.rmse, r.unit) for r in fit_rows(model)]
-    parts = [f"<p><b>{html.escape(str(model.structure))}</b></p><p>{html.escape(verdict_text(model))}</p>"]
+    first, *rest = headline(content).sentences
+    parts = [f"<p><b>{html.escape(first)}</b></p><p>{html.escape(' '.join([*rest, sentence(model.outcome.text)]))}</p>"]
     parts += [f"<p>Mind: {html.escape(text.rstrip('.'))}.</p>" for text in remarks(model)]
     parts.append(table(("Parameter", "Estimate", "Unit", "Note", "Meaning"), parameters))
     parts.append(table(("Output", "Recording", "Fit in %", "RMSE", "Unit"), fits))
     if content.evidence and content.evidence.cards:
-        cards = [(card.effect, card.verdict, card.reason) for card in content.evidence.cards]
+        cards = [(card.title, card.verdict, card.reason) for card in content.evidence.cards]
         parts.append(table(("Effect", "Verdict", "Reason"), cards))
     if "comparison" in content.charts:
         svg = picture(draw(content.charts["comparison"])).decode()

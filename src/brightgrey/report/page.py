@@ -9,6 +9,8 @@ from platform import python_version
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from brightgrey.kit import Placed, Structure
+from brightgrey.kit.in_words import effect_in_words, structure_in_words
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
 from brightgrey.report.command import command
@@ -18,7 +20,9 @@ from brightgrey.report.drawing.plotly_figure import library, plot, script
 from brightgrey.report.options import REPORT_OPTIONS
 from brightgrey.report.quantities.number_format import significant
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
-from brightgrey.report.text.tables import fit_rows, friction_width_text, parameter_rows, remarks, verdict_text
+from brightgrey.report.text.headline import headline, listing
+from brightgrey.report.text.next_steps import next_steps
+from brightgrey.report.text.tables import fit_rows, friction_width_text, parameter_rows, remarks, sentence
 from brightgrey.search.genetic import Run
 
 __all__ = ["page"]
@@ -46,12 +50,16 @@ def page(content: Content) -> str:
         lstrip_blocks=True,
     )
     environment.filters["exact"] = exact
+    environment.filters["words"] = lambda structure: structure_in_words(Structure.parse(str(structure)))
     model, charts = content.model, content.charts
     rows = parameter_rows(model)
     return environment.get_template("report.html.j2").render(
         content=content,
         model=model,
-        verdict=verdict_text(model),
+        words=structure_in_words(model.structure),
+        headline=headline(content),
+        outcome=sentence(model.outcome.text),
+        steps=next_steps(content),
         remarks=remarks(model),
         charts=charts,
         plots=Markup(script({f"{n}-{i}": plot(c) for n, cs in charts.items() for i, c in enumerate(cs)})),
@@ -62,7 +70,8 @@ def page(content: Content) -> str:
         fits=fit_rows(model),
         criterion=significant(model.criterion.value, 6) if model.criterion else "",
         sheet=commissioning_sheet(content.assembled, content.correlation),
-        titles=[(card.effect, card.title) for card in content.evidence.cards] if content.evidence else [],
+        minimal=model.ties.minimal if model.ties else (),
+        optional=_optional_text(model),
         cards=content.evidence.cards if content.evidence else (),
         ranking=_ranking_cells(content.ranking),
         settings=_setting_rows(model),
@@ -75,6 +84,12 @@ def page(content: Content) -> str:
 def exact(shown: str, value: float | None) -> Markup | str:
     """HTML of a number as shown, with its exact value as data."""
     return shown if value is None or not shown else Markup(f'<data value="{value!r}">{escape(shown)}</data>')
+
+
+def _optional_text(model: Model) -> str:
+    """Sentence on effects that the recording would not show."""
+    names = [effect_in_words(Placed.parse(name)) for name in model.ties.optional] if model.ties else []
+    return listing("Even if the drive had them, the recording would not show", names, "and")
 
 
 def _range_bars(model: Model) -> list[str]:

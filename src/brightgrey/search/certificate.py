@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from brightgrey.kit import Placed
+from brightgrey.kit import Placed, Structure
+from brightgrey.kit.in_words import effect_in_words, enumerated, structure_in_words
 
 __all__ = ["Certificate", "RefutedStructure"]
 
@@ -47,9 +47,8 @@ class Certificate:
         found = self.without(effect)
         return None if found is None else found.ratio - 1.0
 
-    def sentences(self, titles: Sequence[tuple[str, str]] = ()) -> tuple[str, ...]:
-        """The certificate in words, the most important first; `titles` are names of effects for people."""
-        names = dict(titles)
+    def sentences(self) -> tuple[str, ...]:
+        """The certificate in words, the most important first."""
         out = []
         if self.unexplained:
             out.append(
@@ -57,20 +56,13 @@ class Certificate:
                 + "; ".join(self.unexplained)
                 + "."
             )
-        for r in self.refuted:
-            lacking = " and ".join(_in_words(e, names.get(e, e)) for e in r.without)
-            out.append(
-                f"Even with every other effect allowed, without {lacking} the residual is {r.ratio:.3g} times as large"
-                f" (whitened sum of squares {r.excess:.3g} above the least one, chance explains {r.threshold:.3g};"
-                f" {_starts(r.agreeing)})."
-            )
+        out += [_refutation(refuted) for refuted in self.refuted]
         if self.undecided:
-            out.append(f"Left undecided within the budget: {', '.join(self.undecided)}.")
+            names = "; ".join(structure_in_words(Structure.parse(name)) for name in self.undecided)
+            out.append(f"Left undecided within the budget: {names}.")
         if self.offered:
-            titles_offered = ", ".join(Placed.parse(e).title for e in self.offered)
-            out.append(
-                f"Offered beyond the first effects, since those left a notable part of the residual: {titles_offered}."
-            )
+            names = enumerated([effect_in_words(Placed.parse(e)) for e in self.offered])
+            out.append(f"The first effects left a notable part of the residual. So these were offered, too: {names}.")
         out.append(
             f"{self.fitted} fits decide all {self.structures:,} structures of the function set '{self.grammar}',"
             " conditional on these optima."
@@ -78,10 +70,18 @@ class Certificate:
         return tuple(out)
 
 
-def _in_words(effect: str, title: str) -> str:
-    """Effect within a sentence; masses count cumulatively."""
-    masses = Placed.parse(effect).effect.masses
-    return ("a motor", "a second mass", "a third mass", "a fourth mass")[masses - 1] if masses else title
+def _refutation(refuted: RefutedStructure) -> str:
+    lacking = enumerated([effect_in_words(Placed.parse(e)) for e in refuted.without])
+    return (
+        f"Without {lacking} the residual is {refuted.ratio:.3g} times as large, whatever else is allowed. (Whitened sum"
+        f" of squares: {_number(refuted.excess)} above the least one, of which chance explains"
+        f" {_number(refuted.threshold)}; {_starts(refuted.agreeing)}.)"
+    )
+
+
+def _number(value: float) -> str:
+    """`value` with three significant digits, large ones without an exponent."""
+    return f"{float(f'{value:.3g}'):,.0f}" if 1000.0 <= value < 1e9 else f"{value:.3g}"
 
 
 def _starts(count: int) -> str:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from brightgrey.kit import Placed, Structure
+from brightgrey.kit.in_words import effect_in_words, structure_in_words
 from brightgrey.kit.structure import Verdict
 from brightgrey.numerics.distributions import f
 from brightgrey.search.border import Border
@@ -95,7 +96,7 @@ def _doubt(case: _Case, structure: Structure, effect: str, test: Obstacle | Call
     if d.tells(structure, effect):
         return Reason("small gain")
     if isinstance(test, Obstacle):
-        names = (Placed.parse(test.other).effect.title,) if test.other else ()
+        names = (effect_in_words(Placed.parse(test.other)),) if test.other else ()
         return Reason(test.kind, size=_size(case, effect, [test.size]), names=names)
     return (
         None
@@ -118,7 +119,8 @@ def _verdict(case: _Case, effect: str, against: Mapping[Structure, Reason]) -> E
     elif having:
         late = _below_sampling(case, having[0], effect)
         others = next(s for s in found if s not in having)
-        why = Reason("equivalent", names=(str(having[0]), str(others)), further=(late,) if late else ())
+        names = (structure_in_words(having[0]), structure_in_words(others))
+        why = Reason("equivalent", names=names, further=(late,) if late else ())
     elif against:
         why = decisive(list(against.values()))
         if why.kind == "not detectable":
@@ -220,7 +222,7 @@ def _size(case: _Case, effect: str, sizes: Sequence[Mapping[str, float]]) -> tup
         values = {size[name] for size in sizes if name in size}
         if values:
             unit, factor = case.detectability.refined.task.recordings[0].units.of(parameter.dimension)
-            out.append(Size(name, factor * max(values), unit, len(values) > 1))
+            out.append(Size(name, factor * max(values), unit, parameter.half or len(values) > 1))
     return tuple(out)
 
 

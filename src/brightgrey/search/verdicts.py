@@ -8,7 +8,9 @@ from types import MappingProxyType
 from typing import Literal
 
 from brightgrey.kit import Placed
+from brightgrey.kit.in_words import effect_in_words, enumerated
 from brightgrey.kit.structure import Verdict
+from brightgrey.recordings.units.amounts import amount, rounded
 
 __all__ = ["EffectVerdict", "Reason", "ReasonKind", "Size", "Verdict", "decisive"]
 
@@ -57,9 +59,9 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         ),
         "undecided": "A structure without it was not decided within the budget, however.",
         "sampling": "The fit puts it at {lag} s, less than one sample ({interval} s): sampling looks like that.",
-        "equivalent": "{names} fit equally well.",
+        "equivalent": "Structures with and without it fit equally well: {names}.",
         "gain below threshold": (
-            "It explains {gain} % of the residual, which is less than further effects of no meaning may explain."
+            "It explains {gain} % of the residual; effects that mean nothing may explain as much."
         ),
         "small gain": "It explains hardly anything of the residual, but more than chance does.",
         "fits at relevant size": "The fit has it at a size that matters, and is no worse.",
@@ -71,9 +73,9 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
             "It was not tested: it cannot be added to the best structure alone, only together with another effect."
         ),
         "refuted": (
-            "{size} or more would have shown; the fit puts it at {estimate}, which explains {gain} % of the residual."
+            "From {size} on it would have shown. The fit has {estimate}, which explains {gain} % of the residual."
         ),
-        "refuted as fixed": "{size}, as it is fixed, makes the fit worse.",
+        "refuted as fixed": "Its fixed size, {size}, makes the fit worse.",
         "refuted without size": "At a size that matters it would have shown, but it explains {gain} % of the residual.",
     }
 )
@@ -87,15 +89,10 @@ class Size:
     name: str
     value: float
     unit: str
-    either_sign: bool = False  #: The value stands for both signs.
+    either_sign: bool = False  #: The value stands for both signs, or for half of a gap.
 
     def __str__(self) -> str:
-        return f"{self.name} of {'±' if self.either_sign else ''}{self.amount}"
-
-    @property
-    def amount(self) -> str:
-        """Value to two significant digits, and unit."""
-        return f"{_two_digits(self.value)} {self.unit}"
+        return f"{'±' if self.either_sign else ''}{amount(self.value, self.unit)}"
 
 
 @dataclass(frozen=True)
@@ -110,16 +107,16 @@ class Reason:
     size: tuple[Size, ...] = ()
     limit: tuple[Size, ...] = ()
     estimate: tuple[Size, ...] = ()
-    names: tuple[str, ...] = ()  #: Structures, or the title of another effect.
+    names: tuple[str, ...] = ()  #: Structures or another effect, in words.
     further: tuple[Reason, ...] = ()  #: Reservations.
 
     def __str__(self) -> str:
-        words = {name: _three_digits(v) if name == "ratio" else _two_digits(v) for name, v in self.numbers.items()}
+        words = {name: rounded(v, 3 if name == "ratio" else 2) for name, v in self.numbers.items()}
         size = " at ".join(map(str, self.size))
         words["size"] = size if self.kind.startswith("refuted") or not size else f" ({size})"
         words["limit"] = f"; it would from {' at '.join(map(str, self.limit))} on" if self.limit else ""
-        words["estimate"] = " at ".join("zero" if s.value == 0.0 else s.amount for s in self.estimate)
-        words["names"] = " and ".join(self.names)
+        words["estimate"] = " at ".join("zero" if s.value == 0.0 else str(s) for s in self.estimate)
+        words["names"] = enumerated(self.names)
         return " ".join([SENTENCES[self.kind].format(**words), *map(str, self.further)])
 
 
@@ -137,8 +134,9 @@ class EffectVerdict:
 
     @property
     def title(self) -> str:
-        """Name of the effect for people, with its place unless that is the first."""
-        return Placed.parse(self.effect).title
+        """Name of the effect for people, with its place unless that is the first: ``Second mass``."""
+        words = effect_in_words(Placed.parse(self.effect), article=False)
+        return f"{words[:1].upper()}{words[1:]}"
 
     @property
     def reason(self) -> str:
@@ -153,11 +151,3 @@ def decisive(reasons: Sequence[Reason]) -> Reason:
     """The reason that comes first in the table of sentences; of several of one kind that with the largest gain."""
     order = list(SENTENCES)
     return min(reasons, key=lambda r: (order.index(r.kind), -r.numbers.get("gain", 0.0)))
-
-
-def _two_digits(value: float) -> str:
-    return f"{float(f'{value:.2g}'):g}"
-
-
-def _three_digits(value: float) -> str:
-    return f"{value:.3g}"

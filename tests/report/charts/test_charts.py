@@ -28,11 +28,13 @@ from brightgrey.simulation import response
 from support.genetic_runs import individual, small_run
 from support.models import DT, F_TANH, FULL, TOP, VALUES, independent, model_with_intervals, trace_of
 
+EFFECTS = ("one_mass", "coulomb", "viscous", "stribeck", "gravity")
+
 
 @pytest.fixture(scope="module")
 def content():
     model = model_with_intervals()
-    rows = [Row(f"one_mass{'+x' * k}", k + 1, 1.0, 99.0 + 0.1 * k, -1.0 * k, k == 2) for k in range(5)]
+    rows = [Row("+".join(EFFECTS[: k + 1]), k + 1, 1.0, 99.0 + 0.1 * k, -1.0 * k, k == 2) for k in range(5)]
     return Content(model, [trace_of(model)], ranking=rows, correlation=independent(model), run=small_run())
 
 

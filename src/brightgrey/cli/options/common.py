@@ -22,12 +22,17 @@ __all__ = [
     "Step",
     "Time",
     "Unit",
+    "Verbose",
     "Workers",
     "bounds",
     "fixed",
 ]
 
 CORES = os.cpu_count() or 1
+Verbose = Annotated[
+    bool,
+    typer.Option("--verbose", "-v", help="Print all verdicts, the certificate, the ranking.", rich_help_panel=OUTPUT),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.", rich_help_panel=OUTPUT)]
 Json = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON instead of tables.", rich_help_panel=OUTPUT)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json as json_module
+import math
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,6 +18,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+
+from brightgrey.kit.in_words import structure_in_words
+from brightgrey.kit.structure import Structure
 
 if TYPE_CHECKING:
     from brightgrey.api.differences import ControlDifference
@@ -43,6 +47,11 @@ __all__ = [
 
 _TOP = 10  # structures of the ranking that are shown
 _COMPARED = 3  # tied structures that are shown side by side
+_BAR, _FULL_BAR = 16, 100.0  # characters of a full bar, and how many times as large the residual then is
+_DRAWN, _LINE, _LEAST_LINE = 4, 60, 12  # outputs that are drawn; characters of a line
+_ROOM_FOR_WORDS, _ROOM_FOR_MEANINGS = 50, 96  # characters
+PART = "\f"
+"""Mark between the parts of a stored text: brief, details, files."""
 PIPED_WIDTH = 120  # nobody's window: wide enough that no row is folded
 
 
@@ -73,64 +82,142 @@ def as_json(value: Any) -> None:
     print(json_module.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def stored(found: StoredRun, folder: Path, *, quiet: bool, json: bool) -> None:
+def stored(found: StoredRun, folder: Path, *, quiet: bool, json: bool, verbose: bool) -> None:
     """Print the result of a run that has finished now or earlier."""
     if found.result is not None:
-        result(found.result, folder, quiet=quiet, json=json)
+        result(found.result, folder, quiet=quiet, json=json, verbose=verbose)
         if found.stopped and not (quiet or json):
             screen().print("Stopped before the end: the same command goes on from here.")
     elif json:
         print(found.files["model.json"].decode(), end="")
     elif not quiet:
         screen().print(f"The run in {folder} was finished before; its result:", soft_wrap=True)
-        print(found.summary, end="")
+        brief, details, files = found.summary.split(PART)
+        print(brief + (details if verbose else "") + files, end="")
 
 
 def text(found: Result, folder: Path) -> str:
-    """Text that :func:`result` prints if the output is not a terminal."""
+    """Text that :func:`result` prints if the output is not a terminal: brief part, details and files, by `PART`."""
     out = io.StringIO()
-    _print_result(Console(file=out, width=PIPED_WIDTH, markup=False, emoji=False, highlight=False), found, folder)
+    console = Console(file=out, width=PIPED_WIDTH, markup=False, emoji=False, highlight=False)
+    _print_brief(console, found)
+    out.write(PART)
+    _print_details(console, found)
+    out.write(PART)
+    _print_files(console, found, folder)
     return out.getvalue()
 
 
-def result(found: Result, folder: Path, *, quiet: bool, json: bool) -> None:
-    """Print parameters, fit, remarks and where the files are."""
+def result(found: Result, folder: Path, *, quiet: bool, json: bool, verbose: bool) -> None:
+    """Print what was found, how well it fits and where the files are; with `verbose` all verdicts, too."""
     if quiet:
         return
     if json:
         print(found.model.text(), end="")
         return
-    _print_result(screen(), found, folder)
+    console = screen()
+    _print_brief(console, found)
+    if verbose:
+        _print_details(console, found)
+    _print_files(console, found, folder)
 
 
-def _print_result(console: Console, found: Result, folder: Path) -> None:
-    from brightgrey.report.text.tables import FIXED, fit_rows, friction_width_text, parameter_rows, remarks, sentence
+def _print_brief(console: Console, found: Result) -> None:
+    from brightgrey.report.text.headline import headline
+    from brightgrey.report.text.tables import remarks, sentence
 
-    console.print(Text(str(found.model.structure), style="bold"))
-    rows = parameter_rows(found.model)
-    noted = any(row.note for row in rows)
-    table = plain_table("parameter", "estimate >", "unit", *(["note"] if noted else []))
-    for row in rows:
-        doubtful = row.note and row.note != FIXED
-        cells = (row.name, row.estimate, row.unit, *([row.note] if noted else []))
-        table.add_row(*cells, style="yellow" if doubtful else None)
-    console.print(table)
-    if found.model.structure.has_dry_friction:
-        console.print(f"Friction reverses {friction_width_text(found.model.settings)}.")
+    head = headline(found.content)
+    _paragraph(console, head.found, style="bold")
+    for part in head.sentences[1:]:
+        _paragraph(console, part)
+    console.print()
+    _parameters(console, found)
+    console.print()
+    _residuals(console, found)
+    if found.evidence is not None:
+        _needed(console, found.evidence)
+    for symptom in found.symptoms:
+        _bullet(console, f"{symptom.title}: {symptom.observation}; {symptom.advice}.")
+    outcome = found.model.outcome
+    said = outcome.kind in ("converged", "at bound")  # by the fit, and by the remarks
+    for text in (*([] if said else [sentence(outcome.text)]), *remarks(found.model), *found.notes):
+        _bullet(console, text)
+
+
+def _print_details(console: Console, found: Result) -> None:
+    from brightgrey.report.text.tables import fit_rows
+
     console.print()
     _fits(console, fit_rows(found.model))
     console.print()
     if found.evidence is not None:
         _evidence(console, found.evidence)
-        _certificate(console, found.evidence)
+        for sentence in found.evidence.certificate.sentences():
+            _bullet(console, sentence)
+        console.print()
         _top(console, found.ranking, found.front)
     _print_differences(console, found.differences)
-    for symptom in found.symptoms:
-        _bullet(console, f"{symptom.title}: {symptom.observation}; {symptom.advice}.")
-    for text in (sentence(found.model.outcome.text), *remarks(found.model), *found.notes):
-        _bullet(console, text)
-    names = ", ".join(found.names)
-    console.print(f"Results are in {folder}: {names}", soft_wrap=True)
+    _bullet(console, f"The structure in commands: {found.model.structure}")
+
+
+def _print_files(console: Console, found: Result, folder: Path) -> None:
+    console.print(f"Results are in {folder}: {', '.join(found.names)}", soft_wrap=True)
+
+
+def _parameters(console: Console, found: Result) -> None:
+    """Parameters with their intervals, and the speed within which friction reverses."""
+    from brightgrey.report.text.tables import FIXED, friction_width_text, parameter_rows
+
+    rows = parameter_rows(found.model)
+    noted = any(row.note for row in rows)
+    narrow = console.width < _ROOM_FOR_MEANINGS
+    table = plain_table(
+        "parameter", "estimate >", "unit", *(["note"] if noted else []), *([] if narrow else ["meaning"])
+    )
+    for row in rows:
+        doubtful = row.note and row.note != FIXED
+        cells = (row.name, row.estimate, row.unit, *([row.note] if noted else []), *([] if narrow else [row.about]))
+        table.add_row(*cells, style="yellow" if doubtful else None)
+    console.print(table)
+    if found.model.structure.has_dry_friction:
+        console.print(f"Friction reverses {friction_width_text(found.model.settings)}.")
+
+
+def _residuals(console: Console, found: Result) -> None:
+    """Measured motion and residual over the recording, drawn with block characters."""
+    from brightgrey.recordings.inspection.profile import block_line
+    from brightgrey.recordings.units.amounts import rounded
+
+    rows = [(trace, k) for trace in found.traces for k in range(len(trace.outputs))][:_DRAWN]
+    if not rows:
+        return
+    table = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
+    width = max(min(_LINE, console.width - _ROOM_FOR_WORDS), _LEAST_LINE)
+    for trace, k in rows:
+        signal, residual = trace.outputs[k], abs(trace.residual[k])
+        largest = float(residual.max())
+        on = f"{signal.name} of {trace.name}" if len(found.traces) > 1 else signal.name
+        table.add_row(Text(f"{on}, measured"), block_line(trace.measured[k], width), "")
+        words = f"up to {rounded(largest)} {signal.unit}" if largest == largest else "diverges"
+        table.add_row(Text(f"{on}, |residual|"), Text(block_line(residual, width), style="red"), words)
+    console.print(table)
+    console.print()
+
+
+def _needed(console: Console, evidence: Evidence) -> None:
+    """Effects that are needed, with bars: by how much the residual grows without them."""
+    cards = [card for card in evidence.cards if card.verdict == "needed"]
+    if not cards:
+        return
+    table = plain_table("needed", "", "residual without it")
+    for card in sorted(cards, key=lambda card: -(card.loss or 0.0)):
+        ratio = 1.0 + (card.loss or 0.0)
+        cells = max(round(_BAR * min(math.log(ratio) / math.log(_FULL_BAR), 1.0)), 1)
+        known = card.why.kind == "loss" and not card.why.further
+        words = f"{ratio:.3g} times as large" if known else card.reason
+        table.add_row(card.title, Text("█" * cells, style="green"), words)
+    console.print(table)
+    console.print()
 
 
 def simulation(done: Simulation, file: Path | None, *, quiet: bool, json: bool) -> None:
@@ -220,22 +307,15 @@ def _evidence(console: Console, evidence: Evidence) -> None:
     table = plain_table("effect", "verdict", "reason")
     styles = {"needed": "bold", "not decidable": "yellow"}
     for card in evidence.cards:
-        table.add_row(card.effect, card.verdict, card.reason, style=styles.get(card.verdict))
+        table.add_row(card.title, card.verdict, card.reason, style=styles.get(card.verdict))
     if evidence.cards:
         console.print(table)
         console.print()
     if len(evidence.minimal) > 1:
-        names = "; ".join(str(j.structure) for j in evidence.minimal)
-        _bullet(console, f"the recording cannot tell these minimal structures apart: {names}")
+        _bullet(console, "The recording cannot tell these minimal structures apart:")
+        for one in evidence.minimal:
+            _bullet(console, structure_in_words(one.structure))
         console.print()
-
-
-def _certificate(console: Console, evidence: Evidence) -> None:
-    """Sentences of the certificate, the most important first."""
-    titles = [(card.effect, card.title) for card in evidence.cards]
-    for sentence in evidence.certificate.sentences(titles):
-        _bullet(console, sentence)
-    console.print()
 
 
 def _print_differences(console: Console, tied: Sequence[ControlDifference]) -> None:
@@ -243,7 +323,7 @@ def _print_differences(console: Console, tied: Sequence[ControlDifference]) -> N
     shown = [d for d in tied if d.minimal][:_COMPARED]
     if len(shown) < 2:
         return
-    table = plain_table("for control", *(str(d.structure) for d in shown))
+    table = plain_table("for control", *(structure_in_words(d.structure) for d in shown))
     for k, (name, _) in enumerate(shown[0].rows):
         table.add_row(name, *(d.rows[k][1] for d in shown))
     console.print(table)
@@ -263,9 +343,14 @@ def _top(console: Console, ranking: Sequence[Row], front: Sequence[Row]) -> None
             "yes" if row.tied else "",
             "yes" if row.structure in ahead else "",
         )
-        table.add_row(str(rank), row.structure, *cells)
+        table.add_row(str(rank), structure_in_words(Structure.parse(row.structure)), *cells)
     console.print(table)
     console.print()
+
+
+def _paragraph(console: Console, text: str, style: str = "") -> None:
+    lines = wrap(text, max(console.width, 1), break_long_words=False, break_on_hyphens=False)
+    console.print(Text("\n".join(lines), style=style), soft_wrap=True)
 
 
 def _bullet(console: Console, text: str) -> None:

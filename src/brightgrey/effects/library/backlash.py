@@ -104,8 +104,9 @@ EFFECT = Effect(
     name="backlash",
     number=9,
     title="Backlash",
+    words="backlash",
     about=(
-        "A gap of width 2 alpha in a shaft (gearbox, coupling, rack). lambda is the position in the gap, 0 when "
+        "A gap of width 2 alpha in a shaft (gearbox, coupling, rack). The position in the gap, lambda, is 0 when "
         "the shaft can push forward, -2 alpha when it can push backward."
     ),
     equation="M_B = c tau + d tau', tau = q_i - q_j - lambda, lambda' = f_lambda kept in [-2 alpha, 0]",
@@ -123,6 +124,7 @@ EFFECT = Effect(
             bounds=lambda s: (1e-6 * s.travel, 0.5 * s.travel),
             start=lambda s: 1e-3 * s.travel,
             size=True,
+            half=True,
             fault=Fault("backlash"),
         ),
     ),

@@ -18,6 +18,7 @@ EFFECT = Effect(
     name="coulomb",
     number=5,
     title="Coulomb friction",
+    words="Coulomb friction",
     about="Friction of constant size against the motion. It reverses within a speed of 1/f_tanh.",
     equation="M_F = -M_C tanh(f_tanh v)",
     source="paper eq. (2), (11)",
@@ -27,7 +28,7 @@ EFFECT = Effect(
         Parameter(
             "M_C",
             TORQUE,
-            "Coulomb friction torque (force, in a linear axis)",
+            "Coulomb friction torque (or force)",
             bounds=lambda s: (1e-4 * s.torque, 2.0 * s.torque),
             start=lambda s: max(s.friction, 1e-2 * s.torque),
             size=True,

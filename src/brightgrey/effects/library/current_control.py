@@ -26,6 +26,7 @@ EFFECT = Effect(
     name="current_control",
     number=10,
     title="Current control loop",
+    words="a current control loop",
     about=(
         "First-order lag between commanded and real torque. "
         "Below one sampling interval it cannot be told from sampling."

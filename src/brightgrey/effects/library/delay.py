@@ -16,6 +16,7 @@ EFFECT = Effect(
     name="delay",
     number=11,
     title="Dead time",
+    words="dead time",
     about=(
         "Bus cycles and filters between command and torque. Half a sample of it may come from how the data was taken."
     ),

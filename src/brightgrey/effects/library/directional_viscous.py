@@ -19,6 +19,7 @@ EFFECT = Effect(
     name="directional_viscous",
     number=12,
     title="Direction-dependent viscous friction",
+    words="direction-dependent viscous friction",
     about=(
         "Viscous friction of f_v + f_d forward and f_v - f_d backward, as nuts and guides under preload have it. "
         "Below f_v it takes energy in both directions."

@@ -23,7 +23,8 @@ def add_gravity(draft: Draft, place: int, values: Values) -> Draft:
 EFFECT = Effect(
     name="gravity",
     number=8,
-    title="Constant torque (gravity or offset)",
+    title="Constant load",
+    words="a constant load",
     about="A constant torque added to a mass. An offset of the torque sensor looks just the same.",
     equation="M = M_G",
     source="paper section 2.1, 2.2",
@@ -33,7 +34,7 @@ EFFECT = Effect(
         Parameter(
             "M_G",
             TORQUE,
-            "constant torque (force, in a linear axis) added to the mass",
+            "constant torque (or force) on the mass",
             bounds=lambda s: (-2.0 * s.torque, 2.0 * s.torque),
             # The offset is the part of the input that only holds the load; the load is its opposite.
             start=lambda s: -s.offset,

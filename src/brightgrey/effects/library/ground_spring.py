@@ -19,6 +19,7 @@ EFFECT = Effect(
     name="ground_spring",
     number=13,
     title="Spring to the ground",
+    words="a spring to the ground",
     about=(
         "A torque that grows with the distance from position 0: cable chain, balancer, spring. "
         "A preload is the constant torque (gravity) beside it."

@@ -43,7 +43,8 @@ def sample_pendulums(scales: Scales, share: Array) -> Array:
 EFFECT = Effect(
     name="pendulum",
     number=14,
-    title="Position-dependent gravity (pendulum)",
+    title="Position-dependent gravity",
+    words="position-dependent gravity",
     about=(
         "Gravity on an arm or an eccentric load. k turns the position into the angle of the arm: 1 where the position "
         "is that angle. On a short way it is a constant torque and a spring."

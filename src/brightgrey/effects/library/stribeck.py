@@ -35,6 +35,7 @@ EFFECT = Effect(
     name="stribeck",
     number=7,
     title="Stribeck friction",
+    words="Stribeck friction",
     about=(
         "Friction in excess of Coulomb's that fades with speed. Above max|v|/3 its speed omega_S makes it "
         "Coulomb plus negative viscous friction, below about 5/f_tanh it is invisible."

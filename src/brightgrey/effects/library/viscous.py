@@ -18,6 +18,7 @@ EFFECT = Effect(
     name="viscous",
     number=6,
     title="Viscous friction",
+    words="viscous friction",
     about="Friction that grows with speed: lubricant, eddy currents, back-EMF of a voltage-driven motor.",
     equation="M_F = -f_v v",
     source="paper eq. (2), (11)",

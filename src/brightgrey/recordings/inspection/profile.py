@@ -12,7 +12,7 @@ from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.table import Table
 from brightgrey.recordings.policy import READING
 
-__all__ = ["ChannelProfile", "block_means", "profile_channels"]
+__all__ = ["ChannelProfile", "block_line", "block_means", "profile_channels"]
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 DRAWN = 720
@@ -70,14 +70,26 @@ class ChannelProfile:
 
     def sparkline(self, width: int = 16) -> str:
         """Draw the course with block characters."""
-        present = self.course[np.isfinite(self.course)]
-        if not present.size:
-            return ""
-        edges = np.linspace(0, present.size, min(width, present.size) + 1).astype(int)[:-1]
-        means = np.add.reduceat(present, edges) / np.diff(np.append(edges, present.size))
-        span = float(np.ptp(means))
-        heights = (means - means.min()) / span * 7 if span > 0 else np.zeros(means.size)
-        return "".join(BLOCKS[1 + round(float(height))] for height in heights)
+        return block_line(self.course, width)
+
+
+def block_line(values: Array, width: int) -> str:
+    """Course of values in block characters, each the mean of as many values; values that are not finite are left out.
+
+    Parameters
+    ----------
+    values : ndarray, shape (points,)
+    width : int
+        Characters at most.
+    """
+    present = values[np.isfinite(values)]
+    if not present.size:
+        return ""
+    edges = np.linspace(0, present.size, min(width, present.size) + 1).astype(int)[:-1]
+    means = np.add.reduceat(present, edges) / np.diff(np.append(edges, present.size))
+    span = float(np.ptp(means))
+    heights = (means - means.min()) / span * 7 if span > 0 else np.zeros(means.size)
+    return "".join(BLOCKS[1 + round(float(height))] for height in heights)
 
 
 def profile_channels(table: Table) -> tuple[list[ChannelProfile], dict[int, Array]]:

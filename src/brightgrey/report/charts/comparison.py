@@ -13,6 +13,11 @@ from brightgrey.report.options import REPORT_OPTIONS
 
 __all__ = ["comparisons", "correlations", "quantity"]
 
+_CAPTION = (
+    "The simulated line lies on the measured one where the model holds. The residual below should look like noise; a"
+    " shape that follows the motion is something that the model lacks."
+)
+
 
 def quantity(kind: str) -> str:
     """Name the quantity of a signal: ``velocity-differenced`` is a velocity."""
@@ -52,7 +57,7 @@ def _comparison_chart(trace: Trace, row: int, most: int) -> Chart:
         levels=(0.0,),
         height=1.0 / 3.0,
     )
-    return Chart("comparison", (above, below))
+    return Chart("comparison", (above, below), _CAPTION)
 
 
 def correlations(traces: Sequence[Trace]) -> tuple[Chart, ...]:

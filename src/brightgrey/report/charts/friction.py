@@ -7,6 +7,7 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.effects import SPEED, TORQUE, Element
 from brightgrey.kit import StateSpace
+from brightgrey.kit.in_words import effects_in_words, enumerated
 from brightgrey.report.charts.chart import Chart, Line, Panel
 from brightgrey.report.options import REPORT_OPTIONS
 from brightgrey.report.quantities.assembled_model import AssembledModel
@@ -88,7 +89,7 @@ def _friction_chart(
         x_label=f"speed of mass {mass} in {speed_unit}",
         levels=(0.0,),
     )
-    names = ", ".join(dict.fromkeys(e.name.removesuffix("@1") for e in elements))
+    names = enumerated(effects_in_words(dict.fromkeys(model.placed(e) for e in elements)))
     caption = f"Sum of {names} over the speeds of the recording, with the width of the reversal at standstill."
     if drawn:
         draws = REPORT_OPTIONS.friction_draws

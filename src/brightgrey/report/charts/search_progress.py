@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from brightgrey.kit import Structure
+from brightgrey.kit.in_words import structure_in_words
 from brightgrey.model.ranking import Row, front
 from brightgrey.report.charts.chart import Chart, Line, Panel
 from brightgrey.report.options import REPORT_OPTIONS
@@ -23,7 +25,8 @@ def front_chart(rows: Sequence[Row], chosen: str) -> tuple[Chart, ...]:
     def line(part: Sequence[Row], label: str, colour: str, style: str, width: float) -> Line:
         x = np.array([float(r.n_parameters) for r in part])
         y = np.array([100.0 - r.fit_percent for r in part])
-        return Line(x, y, label, colour, style, width, texts=tuple(r.structure for r in part))  # type: ignore[arg-type]
+        texts = tuple(structure_in_words(Structure.parse(r.structure)) for r in part)
+        return Line(x, y, label, colour, style, width, texts=texts)  # type: ignore[arg-type]
 
     tied = [r for r in finite if r.tied and r.structure != chosen]
     lines = [
@@ -33,7 +36,8 @@ def front_chart(rows: Sequence[Row], chosen: str) -> tuple[Chart, ...]:
     lines += [line(tied, "tied with the chosen", "second", "points", 4.0)] if tied else []
     lines += [line([r for r in finite if r.structure == chosen], "chosen", "residual", "points", 4.5)]
     panel = Panel("unexplained motion\nin % (100 - fit)", tuple(lines), "estimated parameters", y_log=True)
-    return (Chart("pareto", (panel,), f"{len(finite)} structures were tried."),)
+    caption = f"{len(finite)} structures were tried. The lower, the better the fit; the further left, the simpler."
+    return (Chart("pareto", (panel,), caption),)
 
 
 def history_chart(run: Run | None) -> tuple[Chart, ...]:
@@ -43,7 +47,7 @@ def history_chart(run: Run | None) -> tuple[Chart, ...]:
     best = [run.best_of(number) for number in range(run.generations)]
     values = np.array([e.value for e in best])
     generation = np.arange(float(run.generations))
-    texts = tuple(str(e.job.structure) for e in best)
+    texts = tuple(structure_in_words(e.job.structure) for e in best)
     lines = (
         Line(generation, np.maximum.accumulate(values), "best so far", "simulated"),
         Line(generation, values, "best of the generation", "residual", "points", 3.0, texts=texts),

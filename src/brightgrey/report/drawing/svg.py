@@ -42,7 +42,7 @@ def tree(root: Node) -> str:
         spots.append(_Spot(EDGE + STEP * x, EDGE + LEVEL * depth, text, str(node.type), kind))
     lines = [(spots[a], spots[b]) for a, b in edges(root)]
     shapes = "".join(f'<circle class="{s.kind}" cx="{s.x:g}" cy="{s.y:g}" r="{RADIUS:g}"/>' for s in spots)
-    return _svg(spots, lines, shapes, (EDGE, EDGE), "tree")
+    return _svg(spots, lines, shapes, (EDGE, EDGE), ("tree", "Tree of the numbers of the effects"))
 
 
 def family(run: Run) -> str:
@@ -70,7 +70,7 @@ def family(run: Run) -> str:
         f'height="{2 * half[1]:g}" rx="4"/>'
         for s in spots.values()
     )
-    return _svg(list(spots.values()), lines, shapes, (0.5 * CELL, EDGE), "family")
+    return _svg(list(spots.values()), lines, shapes, (0.5 * CELL, EDGE), ("family", "Ancestors of the best individual"))
 
 
 def _generation_and_number(e: Evaluation) -> tuple[int, int]:
@@ -83,7 +83,11 @@ def effect_numbers(structure: Structure) -> str:
 
 
 def _svg(
-    spots: Sequence[_Spot], lines: Sequence[tuple[_Spot, _Spot]], shapes: str, rim: tuple[float, float], name: str
+    spots: Sequence[_Spot],
+    lines: Sequence[tuple[_Spot, _Spot]],
+    shapes: str,
+    rim: tuple[float, float],
+    name: tuple[str, str],
 ) -> str:
     width, height = max(s.x for s in spots) + rim[0], max(s.y for s in spots) + rim[1]
     drawn = "".join(f'<line x1="{a.x:g}" y1="{a.y:g}" x2="{b.x:g}" y2="{b.y:g}"/>' for a, b in lines)
@@ -92,7 +96,7 @@ def _svg(
         for s in spots
     )
     size = f'width="{width:g}" height="{height:g}" viewBox="0 0 {width:g} {height:g}"'
-    return f'<svg class="{name}" role="img" {size}>{drawn}{shapes}{words}</svg>'
+    return f'<svg class="{name[0]}" role="img" {size}><title>{name[1]}</title>{drawn}{shapes}{words}</svg>'
 
 
 def range_bar(part: ParameterPart, bounds: tuple[float, float] | None, *, log: bool) -> str:

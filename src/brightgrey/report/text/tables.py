@@ -18,7 +18,6 @@ __all__ = [
     "parameter_rows",
     "remarks",
     "sentence",
-    "verdict_text",
 ]
 
 FIXED = "fixed"
@@ -143,18 +142,6 @@ def _interval_end(end: float, half_width: float) -> str:
 
 def _range_text(pair: tuple[float, float] | None) -> str:
     return f"{significant(pair[0], 2)} … {significant(pair[1], 2)}" if pair else ""
-
-
-def verdict_text(model: Model) -> str:
-    """Structure, fit of every output and outcome of the estimation, in two sentences."""
-    parts = []
-    for row in fit_rows(model):
-        what = row.output if row.on == "train" else f"{row.output} of the test recording"
-        if row.fit_percent == "diverged":
-            parts.append(f"its simulation of {what} diverges")
-        else:
-            parts.append(f"it fits {what} to {row.fit_percent} % (RMSE {row.rmse} {row.unit})")
-    return f"The model is {model.structure}; {', '.join(parts)}. {sentence(model.outcome.text)}"
 
 
 def sentence(text: str) -> str:

@@ -1,0 +1,146 @@
+"""Headline of a result: what was found, what is absent, how well it fits and what stays open, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from brightgrey.kit import Placed
+from brightgrey.kit.in_words import effect_in_words, effects_in_words, masses_in_words
+from brightgrey.recordings.units.amounts import rounded
+from brightgrey.report.content import Content
+from brightgrey.report.text.tables import fit_rows, parameter_rows
+
+__all__ = ["Headline", "headline", "listing"]
+
+LONGEST_SENTENCE = 30
+"""Words of a sentence; longer lists are split."""
+
+
+@dataclass(frozen=True)
+class Headline:
+    """Sentences of a headline by what they speak of; empty where there is nothing to say."""
+
+    found: str  #: Masses, shafts and effects of the model.
+    absent: str  #: Effects that the recording excludes, with the size from which on they would have shown.
+    fit: str  #: Fit of every output, and of the test recording.
+    open: str  #: Effects that the recording does not decide, and structures that explain it equally well.
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The parts that say something."""
+        return tuple(part for part in (self.found, self.absent, self.fit, self.open) if part)
+
+
+def headline(content: Content) -> Headline:
+    """Headline of a result.
+
+    Parameters
+    ----------
+    content : Content
+        Its model and its evidence; the linear model gives the resonances.
+    """
+    return Headline(_found(content), _absent(content), _fit(content), _open(content))
+
+
+def listing(prefix: str, items: Sequence[str], last: str, suffix: str = "") -> str:
+    """Sentences that list items, such as ``No backlash, dead time or constant load.``, each of at most 30 words.
+
+    Parameters
+    ----------
+    prefix : str
+        Words before the first item, the same in every sentence.
+    items : sequence of str
+    last : {'and', 'or'}
+        Word before the last item of a sentence.
+    suffix : str
+        Words after the last item of a sentence.
+
+    Returns
+    -------
+    str
+        As many sentences as it takes to keep each within 30 words; empty without items.
+    """
+    return " ".join(_sentences(prefix, items, last, suffix))
+
+
+def _sentences(prefix: str, items: Sequence[str], last: str, suffix: str) -> Iterator[str]:
+    left = list(items)
+    while left:
+        count = len(left)
+        while True:
+            now = left[:count]
+            text = f" {last} ".join([*([", ".join(now[:-1])] if now[:-1] else []), now[-1]])
+            sentence = f"{prefix} {text}{suffix}."
+            if count == 1 or len(sentence.split()) <= LONGEST_SENTENCE:
+                break
+            count -= 1
+        yield sentence
+        left = left[count:]
+
+
+def _found(content: Content) -> str:
+    structure = content.model.structure
+    masses = f"{masses_in_words(structure).capitalize()}{_coupling(content)}"
+    effects = effects_in_words(p for p in structure.placed if not p.effect.masses)
+    if not effects:
+        return f"{masses}, without friction or load."
+    whole = listing(f"{masses}, with", effects, "and")
+    return whole if whole.count(". ") == 0 else f"{masses}. {listing('The drive has', effects, 'and')}"
+
+
+def _coupling(content: Content) -> str:
+    """Size of a single mass, or the shafts between several with their resonances."""
+    masses = content.model.structure.masses
+    if masses == 1:
+        row = parameter_rows(content.model)[0]
+        return f" ({row.name} = {row.value} {row.unit})"
+    shafts = "a shaft" if masses == 2 else "shafts"
+    found = content.assembled.analysis
+    heights = [rounded(mode.frequency, 3) for mode in found.resonances] if found else []
+    if not heights:
+        return f", coupled by {shafts}"
+    word = "a resonance" if len(heights) == 1 else "resonances"
+    return f", coupled by {shafts} with {word} at {' and '.join(heights)} Hz"
+
+
+def _absent(content: Content) -> str:
+    items = []
+    for card in content.evidence.cards if content.evidence else ():
+        if card.verdict == "not needed":
+            words = effect_in_words(Placed.parse(card.effect), article=False)
+            size = " at ".join(map(str, card.why.size))
+            items.append(f"{words} above {size}" if size and card.why.kind == "refuted" else words)
+    return listing("No", items, "or")
+
+
+def _fit(content: Content) -> str:
+    return " ".join(_fit_sentences(content))
+
+
+def _fit_sentences(content: Content) -> Iterable[str]:
+    rows = fit_rows(content.model)
+    for on, where in (("train", ""), ("test", " of the test recording")):
+        some = [row for row in rows if row.on == on]
+        fits = [
+            f"{row.output} to {row.fit_percent} % (RMSE {row.rmse} {row.unit})"
+            for row in some
+            if row.fit_percent != "diverged"
+        ]
+        lost = [row.output for row in some if row.fit_percent == "diverged"]
+        if fits:
+            yield listing("The model fits", fits, "and", where)
+        if lost:
+            yield listing("The simulation of", lost, "and", f"{where} diverges")
+
+
+def _open(content: Content) -> str:
+    model, parts = content.model, []
+    if content.evidence:
+        some = [Placed.parse(c.effect) for c in content.evidence.cards if c.verdict == "not decidable"]
+        items = [effect_in_words(placed) for placed in some]
+        parts.append(listing("The recording does not decide whether the drive has", items, "or"))
+    minimal = model.ties.minimal if model.ties else ()
+    if len(minimal) > 1:
+        parts.append(f"This is the first of {len(minimal)} structures that explain it equally well.")
+    return " ".join(part for part in parts if part)
