@@ -65,7 +65,7 @@ def test_new_effect__is_identified_and_shown_in_the_report(extended):
         assert abs(part["value"] - truth) < 5 * part["std"]
     html = (extended.folder / "out" / "report.html").read_text(encoding="utf-8")
     assert "M_F = -k_D v^2 tanh(f_tanh v)" in html
-    assert "Sum of coulomb, drag" in html
+    assert "Sum of Coulomb friction and drag" in html
 
 
 def test_new_effect__search__includes_it_and_calls_it_needed(extended):
