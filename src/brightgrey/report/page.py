@@ -11,12 +11,12 @@ from markupsafe import Markup, escape
 
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
+from brightgrey.numerics.number_format import significant
 from brightgrey.report.command import command
 from brightgrey.report.content import Content
 from brightgrey.report.drawing import svg
 from brightgrey.report.drawing.plotly_figure import library, plot, script
 from brightgrey.report.options import REPORT_OPTIONS
-from brightgrey.report.quantities.number_format import significant
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
 from brightgrey.report.text.tables import fit_rows, friction_width_text, parameter_rows, remarks, verdict_text
 from brightgrey.search.genetic import Run
