@@ -89,7 +89,7 @@ def test_svg__has_every_value_as_text():
 def test_undecided_effects__are_dashed():
     for seed in SEEDS:
         drive = random_drive(seed)[1]
-        dashed = {i.effect for i in lay_out(drive).items if isinstance(i, PlacedSymbol) and i.dashed}
+        dashed = {i.effect for i in lay_out(drive).items if isinstance(i, PlacedSymbol) and i.dashed and i.effect}
         assert dashed == {part.effect for part in drive.parts if part.undecided}
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from brightgrey.drawing.drive import DrivePart, Sensor, ValueText, shown_symbol
 from brightgrey.drawing.items import STYLE, Cell, DrawnItem, Label, PlacedSymbol, Wire
-from brightgrey.drawing.text_width import wrap
+from brightgrey.drawing.text_width import text_width, wrap
 from brightgrey.effects import Symbol
 
 __all__ = ["block_cell", "input_cell", "mark_cell", "mass_cell", "shaft_cell"]
@@ -19,6 +19,7 @@ GROUND = Symbol(
     (((1.0, 1.0), (1.0, 25.0)), *(((1.0, 7.0 + 6.0 * i), (7.0, 1.0 + 6.0 * i)) for i in range(4))),
 )
 RING = Symbol("input", 20.0, 20.0, circles=((10.0, 10.0, 10.0),))
+_UNSURE = " ?"
 Runs = tuple[tuple[str, bool], ...]
 
 
@@ -90,7 +91,7 @@ def _grounded(parts: Sequence[DrivePart], centre: float, foot: float, y: float) 
         height = max(symbol.height, GROUND.height)
         end = y + 0.5 * height
         mark = _mark(part, x, end - 0.5 * symbol.height)
-        wall = PlacedSymbol(mark.box[2] + STYLE.lead, end - 0.5 * GROUND.height, GROUND)
+        wall = PlacedSymbol(mark.box[2] + STYLE.lead, end - 0.5 * GROUND.height, GROUND, dashed=part.undecided)
         items += [mark, wall, Wire(centre, end, x, end, dashed=part.undecided)]
         items.append(Wire(mark.box[2], end, wall.x, end, dashed=part.undecided))
         items += _downwards(wall.box[2] + STYLE.gap, y, lines)
@@ -139,19 +140,20 @@ def _mark(part: DrivePart, x: float, y: float) -> PlacedSymbol:
 
 def _value_words(value: ValueText) -> list[str]:
     interval = [f"± {value.half_width}"] if value.half_width else []
-    return [value.value, *interval, *([value.unit] if value.unit else [])]
+    return [value.value, *interval, *([value.unit] if value.unit not in ("", "1") else [])]
 
 
 def _lines(part: DrivePart) -> list[tuple[Runs, bool]]:
     """Lines beside a part: its name, then its values; each with a mark if it is less important."""
     lines: list[tuple[Runs, bool]] = []
-    title = part.title + (" ?" if part.undecided and part.title else "")
-    lines += [(((line, False),), True) for line in wrap(title, STYLE.small, STYLE.text_width)]
+    named = wrap(part.title, STYLE.small, STYLE.text_width - text_width(_UNSURE, STYLE.small))
+    if named and part.undecided:
+        named[-1] += _UNSURE
+    lines += [(((line, False),), True) for line in named]
     for name, value in part.values:
         runs = shown_symbol(name)
         if value is None:
-            mark = " ?" if part.undecided and not part.title else ""
-            lines.append(((*runs, (mark, False)) if mark else runs, False))
+            lines.append(((*runs, (_UNSURE, False)) if part.undecided and not part.title else runs, False))
             continue
         first, *rest = _value_words(value)
         text = f" = {first}"

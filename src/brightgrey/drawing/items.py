@@ -25,15 +25,18 @@ class DrawingStyle:
     line_height: float = 15.0
     ascent: float = 0.93  #: Of DejaVu Sans, over its size.
     descent: float = 0.24
-    text_width: float = 116.0  #: Most pixels of a line, unless one value is longer.
+    text_width: float = 124.0  #: Most pixels of a line, unless one value is longer.
     margin: float = 10.0
+    wide: float = 1100.0  #: Of a row on a screen.
+    medium: float = 640.0  #: Of a row on paper and in small windows.
+    narrow: float = 376.0  #: Of a row on a telephone of 400 pixels, less the page's own margin.
     gap: float = 8.0  #: Between neighbours.
     row_gap: float = 22.0
     bus: float = 10.0  #: From the wire below or above a mass to what hangs on it.
     lead: float = 8.0  #: Wire between cells and parts.
     mark_width: float = 34.0  #: Of the letter where a row ends.
     line: float = 1.5  #: Thickness.
-    dash: float = 4.0
+    dash: float = 3.0
     legend: str = "Dashed, with a question mark: the recording does not decide whether it is there."
 
 

@@ -37,7 +37,7 @@ class Layout:
     items: tuple[DrawnItem, ...]
 
 
-def lay_out(drive: Drive, width: float = 1100.0) -> Layout:
+def lay_out(drive: Drive, width: float = STYLE.wide) -> Layout:
     """Layout of a drive.
 
     Parameters

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from brightgrey.drawing.drive import Drive
+from brightgrey.drawing.items import STYLE
 from brightgrey.drawing.layout import lay_out
 from brightgrey.drawing.svg import svg
 from brightgrey.errors import SettingsError
 
 __all__ = ["DriveDrawing"]
 
-# Widths in pixels of the drawings in a page: for a screen, for paper and small windows, for a telephone.
-WIDE, MEDIUM, NARROW = 1100.0, 640.0, 376.0
+# One drawing is shown: by default that for paper.
 _PAGE_CSS = (
     ".drive-wide,.drive-narrow{display:none}"
     "@media screen and (min-width:1160px){.drive-wide{display:block}.drive-medium{display:none}}"
@@ -27,7 +27,7 @@ class DriveDrawing:
 
     drive: Drive
 
-    def svg(self, width: float = WIDE) -> str:
+    def svg(self, width: float = STYLE.wide) -> str:
         """Text of an SVG file.
 
         Parameters
@@ -43,7 +43,7 @@ class DriveDrawing:
 
     def html(self) -> str:
         """Element of a page that shows one of three drawings, by the width of the window or on paper."""
-        widths = {"wide": WIDE, "medium": MEDIUM, "narrow": NARROW}
+        widths = {"wide": STYLE.wide, "medium": STYLE.medium, "narrow": STYLE.narrow}
         shown = "".join(f'<div class="drive-{name}">{self.svg(width)}</div>' for name, width in widths.items())
         return f"<div><style>{_PAGE_CSS}</style>{shown}</div>"
 

@@ -6,6 +6,8 @@ not listed counts as wide as the widest one.
 
 from __future__ import annotations
 
+import re
+
 __all__ = ["WIDTHS", "text_width", "wrap"]
 
 _FIRST = 32
@@ -44,15 +46,26 @@ def text_width(text: str, size: float) -> float:
 
 
 def wrap(text: str, size: float, width: float) -> list[str]:
-    """Lines of words that are no wider than `width`; a longer word is cut."""
+    """Lines that are no wider than `width`. Words are kept whole if they fit, then their parts up to a mark or dot."""
     lines = [""]
     for word in text.split():
         if lines[-1] and text_width(f"{lines[-1]} {word}", size) <= width:
             lines[-1] += f" {word}"
-            continue
-        lines.append("")
-        for character in word:
-            if lines[-1] and text_width(lines[-1] + character, size) > width:
+        elif text_width(word, size) <= width:
+            lines.append(word)
+        else:
+            lines += _broken(word, size, width)
+    return [line for line in lines if line]
+
+
+def _broken(word: str, size: float, width: float) -> list[str]:
+    """Lines of a word that is too long for one."""
+    lines = [""]
+    for part in re.findall(r"[^._/-]+[._/-]*|[._/-]+", word):
+        if text_width(lines[-1] + part, size) > width:
+            lines.append("")
+        for character in part:
+            if text_width(lines[-1] + character, size) > width:
                 lines.append("")
             lines[-1] += character
-    return [line for line in lines if line]
+    return lines
