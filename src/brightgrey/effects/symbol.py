@@ -53,7 +53,7 @@ def friction_symbol(*curve: tuple[float, float]) -> Symbol:
     Parameters
     ----------
     *curve : tuple of (speed, friction)
-        Points of the curve, both from -1 to 1; friction against positive speed is positive.
+        Points of the curve, both relative to the largest one, from -1 to 1. Friction against positive speed is positive.
     """
     frame = ((0.0, 0.0), (40.0, 0.0), (40.0, 32.0), (0.0, 32.0), (0.0, 0.0))
     axis = ((4.0, 16.0), (36.0, 16.0))
@@ -66,7 +66,7 @@ def block(*curve: tuple[float, float]) -> Symbol:
     Parameters
     ----------
     *curve : tuple of (time, response)
-        Points of the response, both from 0 to 1.
+        Points of the response, both relative to the last one, from 0 to 1.
     """
     frame = ((0.0, 0.0), (48.0, 0.0), (48.0, 36.0), (0.0, 36.0), (0.0, 0.0))
     return Symbol("input", 48.0, 36.0, (frame, tuple((6.0 + 36.0 * t, 29.0 - 22.0 * y) for t, y in curve)))
