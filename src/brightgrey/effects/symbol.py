@@ -53,7 +53,7 @@ def friction_symbol(*curve: tuple[float, float]) -> Symbol:
     Parameters
     ----------
     *curve : tuple of (speed, friction)
-        Points of the curve, both relative to the largest one, from -1 to 1. Friction against positive speed is positive.
+        Points of the curve, both relative to the largest one, from -1 to 1. Friction is positive at positive speed.
     """
     frame = ((0.0, 0.0), (40.0, 0.0), (40.0, 32.0), (0.0, 32.0), (0.0, 0.0))
     axis = ((4.0, 16.0), (36.0, 16.0))
