@@ -20,8 +20,8 @@ from brightgrey import Recording, Result, identify
 from brightgrey.api.to_si import identification_task
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.kit import PAPER, Structure
+from brightgrey.numerics.number_format import significant, with_uncertainty
 from brightgrey.recordings.window import cut_window
-from brightgrey.report.quantities.number_format import significant, with_uncertainty
 from brightgrey.report.text.tables import friction_width_text
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search import IdentificationTask

@@ -41,6 +41,7 @@ ROOMS = {
     "search": "which structure",
     "estimation": "parameters and intervals of one structure",
     "simulation": "one compiled kernel, and its plain twin",
+    "drawing": "the drive as a picture",
     "kit": "structures, grammars, state space",
     "effects": "one file per physical effect",
     "excitation": "motions, random drives",
@@ -68,7 +69,7 @@ def layers() -> list[list[str]]:
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
         "contracts"
     ]
-    (found,) = [contract["layers"] for contract in contracts if contract["type"] == "layers"]
+    (found,) = [contract["layers"] for contract in contracts if contract["containers"] == ["brightgrey"]]
     rows = [[name for name in layer.split(" | ") if name in ROOMS] for layer in found]
     return [row for row in rows if row]
 

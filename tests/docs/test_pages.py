@@ -123,6 +123,7 @@ def test_effect_catalogue__has_every_declaration():
             assert word in part
         for parameter in effect.parameters:
             assert f"| `{parameter.symbol}` |" in part
+        assert 'class="drive"' in part
 
 
 def test_reference__lists_exactly_the_public_names():

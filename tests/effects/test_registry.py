@@ -45,6 +45,19 @@ positive = st.floats(0.2, 3.0)
 
 
 @each
+def test_symbols__are_inside_their_boxes(effect):
+    assert effect.symbols
+    for symbol in effect.symbols:
+        points = [point for line in symbol.lines for point in line]
+        points += [(x + dx, y + dy) for x, y, r in symbol.circles for dx, dy in ((-r, 0), (r, 0), (0, -r), (0, r))]
+        assert points
+        assert all(0.0 <= x <= symbol.width and 0.0 <= y <= symbol.height for x, y in points)
+        shown = {"mass": ("ground", "load"), "shaft": ("series",), "drive": ("input", "body", "spring", "damper")}
+        assert symbol.at in shown[effect.where]
+        assert set(symbol.shows or ()) <= {q.symbol for q in effect.parameters}
+
+
+@each
 def test_declaration__is_complete(effect):
     for text in (effect.title, effect.about, effect.equation, effect.source):
         assert text.strip()

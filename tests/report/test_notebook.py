@@ -43,10 +43,11 @@ def test_model_html__shows_its_parameters(result):
 
 def test_result_html__shows_verdict_parameters_and_figure(result):
     html = result._repr_html_()
-    rows = read(html[: html.index("<svg")] + "</div></div>").tables[None]
+    rows = read(re.sub(r"<svg.*?</svg>", "", html, flags=re.DOTALL)).tables[None]
     assert [row[0] for row in rows[1 : 1 + len(result.model.parameters)]] == list(result.model.parameters)
     assert "Two masses, coupled by a shaft" in html
-    assert "<svg" in html
+    assert html.count('class="drive"') == 3
+    assert html.count("<svg") > 3
     assert "<script" not in html
 
 
@@ -72,3 +73,15 @@ def test_table_and_sparkline__escape_cells_and_keep_extremes():
     heights = [float(pair.split(",")[1]) for pair in re.search(r'points="([^"]+)"', sparkline(y))[1].split()]
     assert min(heights) == 1.0
     assert max(heights) == 27.0
+
+
+def test_drawing__has_the_values_of_the_model(result):
+    drawing = result.drawing()
+    shown = {name: value for part in drawing.drive.parts for name, value in part.values}
+    assert set(shown) == set(result.model.parameters)
+    for name, part in result.model.parameters.items():
+        assert float(shown[name].value) == pytest.approx(part.value, rel=1e-3)
+        assert shown[name].unit == part.unit
+        assert bool(shown[name].half_width) == (part.ci95 is not None and part.ci95[1] > part.ci95[0])
+    assert drawing.drive.sensors[0].name == result.model.outputs[0].name
+    assert drawing.svg() == result.model.drawing().svg()

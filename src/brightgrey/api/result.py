@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from brightgrey.api.differences import ControlDifference
+from brightgrey.drawing.picture import DriveDrawing
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.diagnostics.symptoms import Symptom
@@ -145,6 +146,16 @@ class Result:
         if what not in drawn:
             raise SettingsError(unknown_name("figure of this result", what, list(drawn)))
         return draw(drawn[what])
+
+    def drawing(self) -> DriveDrawing:
+        """Drawing of the drive that was found; see :meth:`Model.drawing`.
+
+        Returns
+        -------
+        DriveDrawing
+            A notebook shows it, ``drawing.save("drive.svg")`` writes it.
+        """
+        return self.model.drawing()
 
     def _repr_html_(self) -> str:
         from brightgrey.report.notebook import result_html

@@ -30,6 +30,7 @@ from brightgrey.effects.quantities import (
     Dimension,
     Scales,
 )
+from brightgrey.effects.symbol import Symbol, block, friction_symbol
 from brightgrey.effects.system import Draft, Element, Limits, State, Values, friction_stamp, position_stamp
 
 __all__ = [
@@ -58,10 +59,13 @@ __all__ = [
     "SearchHints",
     "Stage",
     "State",
+    "Symbol",
     "Values",
+    "block",
     "force_on_mass",
     "friction_law",
     "friction_stamp",
+    "friction_symbol",
     "position_stamp",
     "registry",
 ]

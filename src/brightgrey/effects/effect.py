@@ -13,6 +13,7 @@ from brightgrey.arrays import Array
 from brightgrey.effects.law import Law
 from brightgrey.effects.modelica import Modelica
 from brightgrey.effects.quantities import Dimension, Scales
+from brightgrey.effects.symbol import Symbol
 from brightgrey.effects.system import Draft, Stamp, Values
 
 __all__ = ["Caution", "Circumstances", "Effect", "Fault", "Parameter", "SearchHints", "Stage"]
@@ -196,6 +197,8 @@ class Effect:
         What the residual follows if the effect is missing; for laws of at most one port.
     cautions : tuple of Caution
     search : SearchHints
+    symbols : tuple of Symbol
+        Its symbol in the drawing of a drive; several for an effect that brings several parts.
     modelica : Modelica or None
         How it is drawn in Modelica; without it, a model with this effect is exported as equations.
     """
@@ -218,6 +221,7 @@ class Effect:
     residual_signature: str = ""
     cautions: tuple[Caution, ...] = ()
     search: SearchHints = SearchHints()
+    symbols: tuple[Symbol, ...] = ()
     modelica: Modelica | None = None
 
     @cached_property

@@ -6,7 +6,7 @@ Paper section 2.1 and eq. (1), (7), (8). The motor's torque and the sensor are a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 
@@ -16,6 +16,7 @@ from brightgrey.arrays import Array
 from brightgrey.effects.effect import Effect, Fault, Parameter, SearchHints
 from brightgrey.effects.modelica import Modelica
 from brightgrey.effects.quantities import DAMPING, INERTIA, STIFFNESS, Scales
+from brightgrey.effects.symbol import Stroke, Symbol
 from brightgrey.effects.system import Draft, Values
 
 __all__ = ["ChainHeuristics", "mass_chain"]
@@ -96,6 +97,7 @@ def mass_chain(name: str, masses: int) -> Effect:
         masses=masses,
         relevant_size=partial(_split_last_mass, masses=masses) if masses > 1 else None,
         search=hints,
+        symbols=_chain_symbols(masses),
         modelica=_draw_chain(masses),
     )
 
@@ -254,6 +256,24 @@ def _join_masses(J: list[float], c: list[float], d: list[float], k: int) -> None
 def _rows(masses: int) -> tuple[slice, slice, slice]:
     """Rows of inertias, springs and dampers among the parameters."""
     return slice(masses), slice(masses, 2 * masses - 1), slice(2 * masses - 1, None)
+
+
+def _chain_symbols(masses: int) -> tuple[Symbol, ...]:
+    """Discs (boxes, in a linear axis), and a spring beside a dashpot between them."""
+    box: Stroke = ((0.0, 0.0), (44.0, 0.0), (44.0, 44.0), (0.0, 44.0), (0.0, 0.0))
+    coil: Stroke = tuple((10.0 + 5.5 * i, 1.0 if i % 2 else 15.0) for i in range(1, 8))
+    zigzag: Stroke = ((0.0, 8.0), (10.0, 8.0), *coil, (54.0, 8.0), (64.0, 8.0))
+    pot: Stroke = ((44.0, 1.0), (24.0, 1.0), (24.0, 15.0), (44.0, 15.0))
+    rod: Stroke = ((36.0, 8.0), (64.0, 8.0))
+    dashpot: tuple[Stroke, ...] = (((0.0, 8.0), (24.0, 8.0)), pot, ((36.0, 3.0), (36.0, 13.0)), rod)
+    found: list[Symbol] = []
+    for i in range(1, masses + 1):
+        linear = Symbol("body", 44.0, 44.0, (box,), letters=str(i), shows=(f"J{i}",), place=i, motion="linear")
+        found += [replace(linear, lines=(), circles=((22.0, 22.0, 22.0),), motion="rotary"), linear]
+    for k in range(1, masses):
+        found.append(Symbol("spring", 64.0, 16.0, (zigzag,), shows=(f"c{k}",), place=k))
+        found.append(Symbol("damper", 64.0, 16.0, dashpot, shows=(f"d{k}",), place=k))
+    return tuple(found)
 
 
 def _draw_chain(masses: int) -> Modelica:

@@ -12,6 +12,8 @@ from typing import Any, Literal, Self
 
 from pydantic import ConfigDict, Field, ValidationError
 
+from brightgrey.drawing.drive import Sensor, ValueText, drive_of
+from brightgrey.drawing.picture import DriveDrawing
 from brightgrey.effects import SPEED, Element
 from brightgrey.errors import BrightgreyError, SettingsError, nearest, unknown_name
 from brightgrey.kit import Placed, Structure, function_set
@@ -31,6 +33,7 @@ from brightgrey.model.schema import (
     TiesPart,
 )
 from brightgrey.notebook_html import table
+from brightgrey.numerics.number_format import with_uncertainty
 from brightgrey.recordings import Signal
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units, motion_unit
@@ -108,6 +111,30 @@ class Model(Part):
             hold=s.hold,
             substeps=s.substeps,
         )
+
+    def drawing(self) -> DriveDrawing:
+        """Drawing of the drive: masses, shafts, friction and all else, with values and 95 % intervals.
+
+        Effects that the recording does not decide are dashed and have a question mark; only a search gives verdicts.
+
+        Returns
+        -------
+        DriveDrawing
+            A notebook shows it, ``drawing.save("drive.svg")`` writes it, ``drawing.svg()`` gives its text.
+        """
+        values = {}
+        for name, part in self.parameters.items():
+            half_width = (part.ci95[1] - part.ci95[0]) / 2.0 if part.ci95 else None
+            values[name] = ValueText(*with_uncertainty(part.value, half_width, digits=4), part.unit)
+        drive = drive_of(
+            self.structure,
+            rotary="[angle]" in dict(parse_unit(self.units.motion).dimension),
+            values=values,
+            sensors=[Sensor(s.mass, s.name, f"{s.kind} in {s.unit}") for s in self.signals[1:]],
+            input_text=f"{self.input.name} in {self.input.unit}",
+            undecided=[name for name, verdict in (self.evidence or {}).items() if verdict == "not decidable"],
+        )
+        return DriveDrawing(drive)
 
     def _repr_html_(self) -> str:
         rows = []

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from brightgrey.drawing.drive import drive_of
+from brightgrey.drawing.picture import DriveDrawing
+from brightgrey.drawing.svg import symbol_svg
 from brightgrey.effects import Effect, registry
+from brightgrey.kit import Placed, Structure
 from brightgrey.recordings.units.signals import Units
 
 __all__ = ["catalogue"]
@@ -22,7 +26,7 @@ def catalogue() -> str:
 
 
 def _effect(effect: Effect) -> Iterator[str]:
-    yield from (f"## {effect.number} · {effect.title}", "", f"`{effect.name}`. {effect.about}", "")
+    yield from (f"## {effect.number} · {effect.title}", "", _drawn(effect), "", f"`{effect.name}`. {effect.about}", "")
     yield from ("```text", effect.equation, "```", "")
     yield from ("| parameter | rotary drive | linear axis | meaning |", "|---|---|---|---|")
     rotary, linear = Units(), Units("N", "m")
@@ -39,3 +43,10 @@ def _effect(effect: Effect) -> Iterator[str]:
     yield from ["- It has states of its own."] if effect.has_states else []
     yield from (f"- Mind ({c.kind}, `{'`, `'.join(c.symbols)}`): {c.text}." for c in effect.cautions)
     yield from (f"- Source: {effect.source}.", "")
+
+
+def _drawn(effect: Effect) -> str:
+    """Symbol of the effect, or the whole chain of an effect that brings the masses."""
+    if effect.masses:
+        return f"<div>{DriveDrawing(drive_of(Structure((Placed(effect.name),)))).svg()}</div>"
+    return f"<div>{''.join(map(symbol_svg, effect.symbols))}</div>"

@@ -1,4 +1,4 @@
-"""HTML of a result in a notebook: verdict, parameters, fit and the main figure."""
+"""HTML of a result in a notebook: verdict, drawing, parameters, fit and the main figure."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ def result_html(content: Content) -> str:
     fits = [(r.output, r.on, r.fit_percent, r.rmse, r.unit) for r in fit_rows(model)]
     first, *rest = headline(content).sentences
     parts = [f"<p><b>{html.escape(first)}</b></p><p>{html.escape(' '.join([*rest, sentence(model.outcome.text)]))}</p>"]
+    parts.append(model.drawing().html())
     parts += [f"<p>Mind: {html.escape(text.rstrip('.'))}.</p>" for text in remarks(model)]
     parts.append(table(("Parameter", "Estimate", "Unit", "Note", "Meaning"), parameters))
     parts.append(table(("Output", "Recording", "Fit in %", "RMSE", "Unit"), fits))

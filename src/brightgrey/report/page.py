@@ -13,12 +13,12 @@ from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import effect_in_words, structure_in_words
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
+from brightgrey.numerics.number_format import significant
 from brightgrey.report.command import command
 from brightgrey.report.content import Content
 from brightgrey.report.drawing import svg
 from brightgrey.report.drawing.plotly_figure import library, plot, script
 from brightgrey.report.options import REPORT_OPTIONS
-from brightgrey.report.quantities.number_format import significant
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
 from brightgrey.report.text.headline import headline, listing
 from brightgrey.report.text.next_steps import next_steps
@@ -58,6 +58,7 @@ def page(content: Content) -> str:
         model=model,
         words=structure_in_words(model.structure),
         headline=headline(content),
+        drawing=Markup(model.drawing().html()),
         outcome=sentence(model.outcome.text),
         steps=next_steps(content),
         remarks=remarks(model),

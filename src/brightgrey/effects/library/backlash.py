@@ -19,6 +19,7 @@ from brightgrey.effects import (
     Scales,
     SearchHints,
     State,
+    Symbol,
     Values,
 )
 from brightgrey.effects.arithmetic import negative_part, positive_part
@@ -133,6 +134,19 @@ EFFECT = Effect(
     relevant_size=relevant_gap,
     # Gaps of any size are plausible: the scale is logarithmic over four decades.
     search=SearchHints(sample=lambda s, share: 1e-5 * s.travel * 1e4**share),
+    symbols=(
+        Symbol(  # a tongue that moves between the lips of a fork
+            "series",
+            36.0,
+            24.0,
+            (
+                ((0.0, 12.0), (7.0, 12.0)),
+                ((27.0, 8.0), (27.0, 3.0), (7.0, 3.0), (7.0, 21.0), (27.0, 21.0), (27.0, 16.0)),
+                ((17.0, 7.0), (17.0, 17.0)),
+                ((17.0, 12.0), (36.0, 12.0)),
+            ),
+        ),
+    ),
     modelica=Modelica(
         instead=("shaft$place", "Gap", "alpha = $alpha, lambda(start = start_lambda$place)"),
         model=DRAWING,

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects import TORQUE, Effect, Fault, Parameter, force_on_mass, friction_law, friction_stamp
+from brightgrey.effects import (
+    TORQUE,
+    Effect,
+    Fault,
+    Parameter,
+    force_on_mass,
+    friction_law,
+    friction_stamp,
+    friction_symbol,
+)
 
 
 def coulomb_torque(v: Any, p: tuple[Any, ...]) -> tuple[Any, Any]:
@@ -39,5 +48,6 @@ EFFECT = Effect(
     stamp=friction_stamp(COULOMB_LAW),
     relevant_size=lambda s, values, place: {"M_C": 0.01 * s.torque},
     residual_signature="the sign of speed",
+    symbols=(friction_symbol((-1.0, -0.8), (0.0, -0.8), (0.0, 0.8), (1.0, 0.8)),),
     modelica=force_on_mass(),
 )

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from brightgrey.effects import TIME, TORQUE, Draft, Effect, Modelica, Parameter, SearchHints, State, Values
+from brightgrey.effects import TIME, TORQUE, Draft, Effect, Modelica, Parameter, SearchHints, State, Values, block
 
 
 def prepend_lag(draft: Draft, place: int, values: Values) -> Draft:
@@ -51,6 +51,7 @@ EFFECT = Effect(
     relevant_size=lambda s, values, place: {"T_1": 0.2 * s.interval},
     # From a fifth of a sample to fifty samples.
     search=SearchHints(sample=lambda s, share: 0.2 * s.interval * 250.0**share),
+    symbols=(block((0.0, 0.0), (0.15, 0.0), (0.25, 0.35), (0.35, 0.58), (0.5, 0.78), (0.7, 0.92), (1.0, 1.0)),),
     modelica=Modelica(
         block=(
             "Modelica.Blocks.Continuous.FirstOrder",

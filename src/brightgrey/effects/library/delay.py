@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from brightgrey.effects import TIME, Draft, Effect, Modelica, Parameter, SearchHints, Values
+from brightgrey.effects import TIME, Draft, Effect, Modelica, Parameter, SearchHints, Values, block
 
 
 def shift_input(draft: Draft, place: int, values: Values) -> Draft:
@@ -41,5 +41,6 @@ EFFECT = Effect(
     relevant_size=lambda s, values, place: {"T_d": 0.2 * s.interval},
     # From a tenth of a sample to fifty samples.
     search=SearchHints(sample=lambda s, share: 0.1 * s.interval * 500.0**share),
+    symbols=(block((0.0, 0.0), (0.55, 0.0), (0.55, 1.0), (1.0, 1.0)),),
     modelica=Modelica(block=("Modelica.Blocks.Nonlinear.FixedDelay", "delayTime = $T_d")),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects import DAMPING, Effect, Law, Parameter, force_on_mass, friction_stamp
+from brightgrey.effects import DAMPING, Effect, Law, Parameter, force_on_mass, friction_stamp, friction_symbol
 from brightgrey.effects.arithmetic import magnitude, sign
 
 
@@ -44,5 +44,6 @@ EFFECT = Effect(
     stamp=friction_stamp(DIRECTIONAL_LAW),
     relevant_size=lambda s, values, place: {"f_d": 0.01 * s.torque / s.speed},
     residual_signature="the magnitude of speed",
+    symbols=(friction_symbol((-1.0, -0.4), (0.0, 0.0), (1.0, 1.0)),),
     modelica=force_on_mass(),
 )

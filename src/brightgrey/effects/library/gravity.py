@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects import TORQUE, Caution, Draft, Effect, Law, Modelica, Parameter, Values
+from brightgrey.effects import TORQUE, Caution, Draft, Effect, Law, Modelica, Parameter, Symbol, Values
 
 
 def constant_torque(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -58,6 +58,14 @@ EFFECT = Effect(
             ("M_G",),
             lambda c: not c.reverses and any(law.odd and not law.affine for law in c.beside),
             "the speed never reverses, so that friction of constant size looks the same",
+        ),
+    ),
+    symbols=(
+        Symbol(
+            "load",
+            16.0,
+            32.0,
+            (((0.0, 16.0), (8.0, 16.0)), ((8.0, 0.0), (8.0, 31.0)), ((3.0, 23.0), (8.0, 32.0), (13.0, 23.0))),
         ),
     ),
     modelica=Modelica(

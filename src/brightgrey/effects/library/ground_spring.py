@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects import STIFFNESS, Caution, Effect, Law, Modelica, Parameter, position_stamp
+from brightgrey.effects import STIFFNESS, Caution, Effect, Law, Modelica, Parameter, Symbol, position_stamp
 
 
 def spring_torque(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -48,6 +48,26 @@ EFFECT = Effect(
             ("c_g",),
             lambda _: True,
             "this is a torque in proportion to the position: a spring, or gravity on an arm over a short way",
+        ),
+    ),
+    symbols=(
+        Symbol(
+            "ground",
+            40.0,
+            16.0,
+            (
+                (
+                    (0.0, 8.0),
+                    (6.0, 8.0),
+                    (8.5, 1.0),
+                    (13.5, 15.0),
+                    (18.5, 1.0),
+                    (23.5, 15.0),
+                    (28.5, 1.0),
+                    (31.5, 8.0),
+                    (40.0, 8.0),
+                ),
+            ),
         ),
     ),
     modelica=Modelica(

@@ -17,6 +17,7 @@ from brightgrey.effects import (
     Parameter,
     Scales,
     SearchHints,
+    Symbol,
     force_on_mass,
     position_stamp,
 )
@@ -91,5 +92,14 @@ EFFECT = Effect(
         ),
     ),
     search=SearchHints(sample=sample_pendulums),
+    symbols=(
+        Symbol(
+            "load",
+            34.0,
+            34.0,
+            (((2.0, 2.0), (16.0, 2.0)), ((9.0, 2.0), (24.0, 22.0)), ((9.0, 6.0), (9.0, 28.0))),
+            circles=((27.0, 26.0, 6.0),),
+        ),
+    ),
     modelica=force_on_mass("position"),
 )

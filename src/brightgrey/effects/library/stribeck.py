@@ -14,6 +14,7 @@ from brightgrey.effects import (
     force_on_mass,
     friction_law,
     friction_stamp,
+    friction_symbol,
 )
 from brightgrey.effects.arithmetic import exp, magnitude, sign
 
@@ -84,6 +85,20 @@ EFFECT = Effect(
             ("M_S",),
             lambda c: all(law.affine for law in c.beside),
             "without Coulomb friction beside it, Stribeck friction fits nearly as well as Coulomb friction would",
+        ),
+    ),
+    symbols=(
+        friction_symbol(
+            (-1.0, -0.4),
+            (-0.7, -0.43),
+            (-0.45, -0.52),
+            (-0.2, -0.72),
+            (0.0, -1.0),
+            (0.0, 1.0),
+            (0.2, 0.72),
+            (0.45, 0.52),
+            (0.7, 0.43),
+            (1.0, 0.4),
         ),
     ),
     modelica=force_on_mass(),

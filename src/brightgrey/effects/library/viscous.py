@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brightgrey.effects import DAMPING, Effect, Fault, Law, Modelica, Parameter, friction_stamp
+from brightgrey.effects import DAMPING, Effect, Fault, Law, Modelica, Parameter, friction_stamp, friction_symbol
 
 
 def viscous_torque(z: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
@@ -39,6 +39,7 @@ EFFECT = Effect(
     stamp=friction_stamp(VISCOUS_LAW),
     relevant_size=lambda s, values, place: {"f_v": 0.01 * s.torque / s.speed},
     residual_signature="speed",
+    symbols=(friction_symbol((-1.0, -0.9), (1.0, 0.9)),),
     modelica=Modelica(
         components=(
             ("$library.Components.Damper", "$name", "d = $f_v"),

@@ -1,4 +1,4 @@
-"""Export to LaTeX: equations with values and units."""
+"""Export to LaTeX: drawing of the drive, equations with values and units."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from brightgrey.drawing.items import STYLE
+from brightgrey.drawing.layout import lay_out
 from brightgrey.effects import PER_SPEED, Element
 from brightgrey.exports.expressions.languages import LATEX, latex_name, latex_number, spell
 from brightgrey.exports.expressions.trace import rename_symbols, traced
 from brightgrey.exports.external_tools import MissingToolError, program, run_program
+from brightgrey.exports.latex_picture import escaped, latex_picture
 from brightgrey.exports.numeric_model import NumericModel, amplitude_of, numeric_model
 from brightgrey.exports.registry import Exporter
 from brightgrey.exports.verification import VerificationRun, Verified, native
@@ -20,8 +23,6 @@ from brightgrey.exports.verification import VerificationRun, Verified, native
 __all__ = ["EXPORTER"]
 
 _DOCUMENT_FILE = "drive.tex"
-_ESCAPES = str.maketrans({c: f"\\{c}" for c in "_%#&${}"} | {"\\": r"\textbackslash{}"})
-_SIGNS = {"²": "$^2$", "³": "$^3$", "°": r"$^\circ$", "µ": r"$\mu$", "μ": r"$\mu$", "·": r"$\cdot$", "⁻¹": "$^{-1}$"}
 _DOCUMENT_TEXT = r"""\documentclass[a4paper,11pt]{article}
 \usepackage{amsmath}
 \usepackage[T1]{fontenc}
@@ -29,6 +30,9 @@ _DOCUMENT_TEXT = r"""\documentclass[a4paper,11pt]{article}
 \begin{document}
 \section*{%(title)s}
 Identified by brightgrey %(version)s from input %(input)s. Equations in SI units.
+
+\subsection*{Drawing (units of the recording)}
+%(drawing)s
 
 \subsection*{State equations}
 \begin{align*}
@@ -52,22 +56,16 @@ Identified by brightgrey %(version)s from input %(input)s. Equations in SI units
 def files_of(numeric: NumericModel) -> dict[str, bytes]:
     """File ``drive.tex``."""
     text = _DOCUMENT_TEXT % {
-        "title": _escaped(numeric.title),
-        "version": _escaped(numeric.model.version),
-        "input": _escaped(f"{numeric.model.input.name} [{numeric.model.input.unit}]"),
+        "title": escaped(numeric.title),
+        "version": escaped(numeric.model.version),
+        "input": escaped(f"{numeric.model.input.name} [{numeric.model.input.unit}]"),
+        "drawing": latex_picture(lay_out(numeric.model.drawing().drive, STYLE.medium)),
         "states": " \\\\\n".join(_state_equations(numeric)),
         "elements": _law_equations(numeric),
         "outputs": " \\\\\n".join(_output_equations(numeric)),
         "parameters": "\n".join(_parameter_rows(numeric)),
     }
     return {_DOCUMENT_FILE: text.encode()}
-
-
-def _escaped(text: str) -> str:
-    text = text.translate(_ESCAPES)
-    for sign, spelled in _SIGNS.items():
-        text = text.replace(sign, spelled)
-    return text
 
 
 def _delayed_input(numeric: NumericModel) -> str:
@@ -107,7 +105,7 @@ def _law_equations(numeric: NumericModel) -> str:
         placed = numeric.model.placed(element)
         ports = [_port_text(row, names) for row in np.asarray(element.H, float)]
         left = rf"\varphi_{{{k + 1}}} &= "
-        lines.append(rf"&\text{{{_escaped(placed.effect.title)}}} \notag")
+        lines.append(rf"&\text{{{escaped(placed.effect.title)}}} \notag")
         if element.limits is not None:
             lines += _limited_equations(
                 element, left, ports[0].removeprefix("(").removesuffix(")"), names[element.limits.state]
@@ -149,7 +147,7 @@ def _output_equations(numeric: NumericModel) -> Iterable[str]:
         row = names[output.row] if output.row < numeric.n else rf"\dot{{{names[output.row - numeric.n]}}}"
         if output.differenced:
             row = rf"\frac{{{row}(t) - {row}(t - {latex_number(numeric.dt)})}}{{{latex_number(numeric.dt)}}}"
-        yield rf"\text{{{_escaped(output.name)}}} &= {row}"
+        yield rf"\text{{{escaped(output.name)}}} &= {row}"
 
 
 def _parameter_rows(numeric: NumericModel) -> Iterable[str]:
@@ -157,12 +155,12 @@ def _parameter_rows(numeric: NumericModel) -> Iterable[str]:
         part = numeric.model.parameters[name]
         deviation = "" if part.std is None else rf" \pm {part.std:.1g}".replace("e", r"\mathrm{e}")
         value = f"{latex_number(part.value)}{deviation}"
-        yield rf"${latex_name(name)}$ & ${value}$ & {_escaped(part.unit)} & {_escaped(declared.about)} \\ % {name}"
+        yield rf"${latex_name(name)}$ & ${value}$ & {escaped(part.unit)} & {escaped(declared.about)} \\ % {name}"
     if np.isinf(numeric.settings.f_tanh):
         return
     unit, factor = numeric.model.units.of(PER_SPEED)
     gain = latex_number(numeric.settings.f_tanh * factor)
-    yield rf"${latex_name('f_tanh')}$ & ${gain}$ & {_escaped(unit)} & inverse of the width of the reversal \\"
+    yield rf"${latex_name('f_tanh')}$ & ${gain}$ & {escaped(unit)} & inverse of the width of the reversal \\"
 
 
 def verify(folder: Path, numeric: NumericModel, run: VerificationRun) -> Verified:
@@ -187,4 +185,4 @@ def _read_back(text: str) -> Iterable[tuple[str, float]]:
         yield name, float(mantissa) * 10.0 ** (int(exponent.rstrip("}")) if times else 0)
 
 
-EXPORTER = Exporter("LaTeX document: equations with values and units", 1e-3, files_of, verify)
+EXPORTER = Exporter("LaTeX document: drawing, equations with values and units", 1e-3, files_of, verify)

@@ -13,10 +13,10 @@ from brightgrey.effects import SPEED
 from brightgrey.model.model import Model
 from brightgrey.model.trace import Trace
 from brightgrey.numerics.digital_filter import csd
+from brightgrey.numerics.number_format import significant
 from brightgrey.report.charts.chart import Chart, Line, Mark, Panel
 from brightgrey.report.options import REPORT_OPTIONS
 from brightgrey.report.quantities.assembled_model import AssembledModel
-from brightgrey.report.quantities.number_format import significant
 
 __all__ = ["MeasuredResponse", "measured_response", "response_chart"]
 

@@ -10,10 +10,10 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.effects import INERTIA, POSITION, SPEED, TORQUE
 from brightgrey.model.model import Model
+from brightgrey.numerics.number_format import significant, with_uncertainty
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.report.charts.friction import friction_at, friction_elements
 from brightgrey.report.quantities.assembled_model import AssembledModel
-from brightgrey.report.quantities.number_format import significant, with_uncertainty
 from brightgrey.report.quantities.propagation import Correlation, intervals
 from brightgrey.report.text.tables import interval_text
 

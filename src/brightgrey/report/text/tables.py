@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from brightgrey.model.model import Model
 from brightgrey.model.schema import OutputFitPart, ParameterPart, SettingsPart
-from brightgrey.report.quantities.number_format import is_drowned, significant, with_uncertainty
+from brightgrey.numerics.number_format import is_drowned, significant, with_uncertainty
 
 __all__ = [
     "FitRow",

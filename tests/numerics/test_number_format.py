@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from brightgrey.report.quantities.number_format import significant, with_uncertainty
+from brightgrey.numerics.number_format import significant, with_uncertainty
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,101 @@
+"""Layouts of 300 random drives: nothing overlaps, everything is inside, and every effect is there once."""
+
+import itertools
+import xml.etree.ElementTree as ET
+from collections import Counter
+
+import pytest
+from matplotlib import get_data_path
+from matplotlib.ft2font import FT2Font, LoadFlags
+
+from brightgrey.drawing.items import Label, PlacedSymbol, Wire
+from brightgrey.drawing.layout import lay_out
+from brightgrey.drawing.svg import svg
+from brightgrey.drawing.text_width import WIDTHS
+from support.drawn_drives import random_drive
+
+SVG = "{http://www.w3.org/2000/svg}"
+WIDTH_OF_PAGES = (376.0, 640.0, 1100.0)
+SEEDS = range(300)
+
+
+def overlap(a, b):
+    """True if two boxes share more than their edges."""
+    return min(a[2], b[2]) - max(a[0], b[0]) > 1e-6 and min(a[3], b[3]) - max(a[1], b[1]) > 1e-6
+
+
+@pytest.mark.parametrize("width", WIDTH_OF_PAGES)
+def test_layout__of_random_drives__has_no_overlap_and_stays_inside(width):
+    for seed in SEEDS:
+        layout = lay_out(random_drive(seed)[1], width)
+        kinds = {kind: [i for i in layout.items if isinstance(i, kind)] for kind in (Label, PlacedSymbol, Wire)}
+        solid = [*kinds[Label], *kinds[PlacedSymbol]]
+        for a, b in itertools.combinations(solid, 2):
+            assert not overlap(a.box, b.box), (seed, a, b)
+        for text, wire in itertools.product(kinds[Label], kinds[Wire]):
+            assert not overlap(text.box, wire.box), (seed, text, wire)
+        for symbol, wire in itertools.product(kinds[PlacedSymbol], kinds[Wire]):
+            x1, y1, x2, y2 = symbol.box
+            assert not overlap((x1 + 1, y1 + 1, x2 - 1, y2 - 1), wire.box), (seed, symbol, wire)
+        for item in layout.items:
+            left, top, right, bottom = item.box
+            assert min(left, top) >= 0.0, (seed, item)
+            assert right <= layout.width, (seed, item)
+            assert bottom <= layout.height, (seed, item)
+
+
+@pytest.mark.parametrize("width", WIDTH_OF_PAGES)
+def test_layout__is_no_wider_than_asked(width):
+    assert max(lay_out(random_drive(seed)[1], width).width for seed in SEEDS) <= width
+
+
+def test_layout__has_the_symbol_of_every_effect_once_at_its_place():
+    for seed in SEEDS:
+        structure, drive = random_drive(seed)
+        layout = lay_out(drive)
+        shown = Counter(i.effect for i in layout.items if isinstance(i, PlacedSymbol) and i.effect)
+        for placed in structure.beside:
+            assert shown[str(placed)] == len(placed.effect.symbols) == 1, (seed, placed)
+        chain = next(p for p in drive.parts if p.symbol.at == "body").effect
+        assert shown[chain] == drive.masses + 2 * (drive.masses - 1)
+        letters = [i.letters.rstrip("?") for i in layout.items if isinstance(i, PlacedSymbol) and i.effect == chain]
+        assert [x for x in letters if x] == [str(i + 1) for i in range(drive.masses)]
+
+
+def test_svg__is_well_formed_repeatable_and_loads_nothing():
+    for seed in SEEDS:
+        drive = random_drive(seed)[1]
+        text = svg(lay_out(drive, 640.0))
+        assert text == svg(lay_out(random_drive(seed)[1], 640.0))
+        root = ET.fromstring(text)
+        assert root.tag == f"{SVG}svg"
+        assert root.find(f"{SVG}title").text
+        assert root.find(f"{SVG}desc").text
+        words = text.replace("http://www.w3.org/2000/svg", "")
+        assert not [bad for bad in ("http", "href", "url(", "@import", "<script", "<image") if bad in words]
+
+
+def test_svg__has_every_value_as_text():
+    for seed in SEEDS:
+        drive = random_drive(seed)[1]
+        root = ET.fromstring(svg(lay_out(drive, 376.0)))
+        texts = " ".join("".join(e.itertext()) for e in root.iter(f"{SVG}text"))
+        for part in drive.parts:
+            for _, value in part.values:
+                assert value is None or f"= {value.value}" in texts
+                assert value is None or not value.half_width or f"± {value.half_width}" in texts
+
+
+def test_undecided_effects__are_dashed():
+    for seed in SEEDS:
+        drive = random_drive(seed)[1]
+        dashed = {i.effect for i in lay_out(drive).items if isinstance(i, PlacedSymbol) and i.dashed and i.effect}
+        assert dashed == {part.effect for part in drive.parts if part.undecided}
+
+
+def test_text_width__is_that_of_the_font():
+    font = FT2Font(f"{get_data_path()}/fonts/ttf/DejaVuSans.ttf")
+    for character, width in WIDTHS.items():
+        glyph = font.load_char(ord(character), flags=LoadFlags.NO_SCALE)
+        exact = 1000.0 * glyph.horiAdvance / font.units_per_EM
+        assert exact <= width < exact + 1.0, character
