@@ -4,6 +4,7 @@ Skipped where there is no Chromium; install the package ``chromium``.
 """
 
 import json
+import re
 import shutil
 from dataclasses import replace
 
@@ -84,7 +85,7 @@ class Visit:
 
 
 SECTIONS = [
-    *("next", "motion", "values", "evidence", "certificate", "ties"),
+    *("next", "drawing", "motion", "values", "evidence", "certificate", "ties"),
     *("commissioning", "friction", "frequency", "backlash"),
     *("residuals", "structures", "history", "model", "recording", "repeat"),
 ]
@@ -174,6 +175,16 @@ def test_report__printed_from_a_dark_screen__is_white(browser, report):
         assert visit.page.evaluate(widest) > 1000
 
 
+@pytest.mark.long
+def test_report__of_the_demo__prints_on_four_pages(browser, tmp_path):
+    demo_result(None).write(tmp_path)
+    with Visit(browser, tmp_path / "report.html", 1280) as visit:
+        visit.page.emulate_media(media="print")
+        visit.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        printed = visit.page.pdf(format="A4", prefer_css_page_size=True)
+    assert len(re.findall(rb"/Type\s*/Page\b", printed)) == 4
+
+
 def test_figures__window_resized__follow_its_width(browser, report):
     with Visit(browser, report, 1280) as visit:
         size = "(r => [r.width, r.height])(document.querySelector('.plot .main-svg').getBoundingClientRect())"
@@ -233,7 +244,7 @@ def test_report__of_measured_recordings__is_complete_offline(browser, measured, 
             assert visit.page.evaluate("document.documentElement.scrollWidth") <= width
             sections = visit.page.eval_on_selector_all("main > section", "all => all.map(s => s.id)")
             assert {"motion", "values", "commissioning", "friction", "residuals"} <= set(sections)
-            assert set(sections) <= {*SECTIONS, "next"}
+            assert set(sections) <= set(SECTIONS)
             exact = visit.page.eval_on_selector_all("#parameters data", "all => all.map(d => parseFloat(d.value))")
             model = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
             assert exact == [part["value"] for part in model["parameters"].values()]

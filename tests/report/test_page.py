@@ -26,7 +26,7 @@ from support.evidence import evidence_of
 from support.html_reader import read
 
 DOC = Path(__file__).parents[2] / "docs" / "reference" / "model-json.md"
-ALWAYS = {"next", "motion", "values", "commissioning", "model", "recording", "repeat"}
+ALWAYS = {"next", "drawing", "motion", "values", "commissioning", "model", "recording", "repeat"}
 CARDS = (
     EffectVerdict("coulomb", "needed", 0.4, None, Reason("loss", {"ratio": 1.4})),
     EffectVerdict("delay", "not decidable", None, 0.0, Reason("masked", names=("<friction>",))),
