@@ -128,13 +128,18 @@ def selftest(
     return made.model_copy(update={"sentences": self_test_sentences(made)})
 
 
-def write_selftest(found: SelfTest, folder: str | Path) -> None:
+def write_selftest(found: SelfTest, folder: str | Path) -> Path:
     """Write selftest.json into the folder of a run, and a section into its report.html if there is one.
 
     Parameters
     ----------
     found : SelfTest
     folder : str or Path
+
+    Returns
+    -------
+    Path
+        Of selftest.json.
     """
     report = Path(folder) / "report.html"
     contents = {SELF_TEST_FILE: found.text().encode()}
@@ -142,6 +147,7 @@ def write_selftest(found: SelfTest, folder: str | Path) -> None:
         contents[report.name] = with_section(report.read_text(encoding="utf-8"), found).encode()
     write_files(folder, contents)
     (Path(folder) / _KEPT).unlink(missing_ok=True)
+    return Path(folder) / SELF_TEST_FILE
 
 
 @dataclass(frozen=True)
@@ -278,4 +284,5 @@ class _Repetitions:
         if self.folder is None:
             return
         with (self.folder / _KEPT).open("a", encoding="utf-8") as file:
-            file.write(canonical({"key": self.key, "place": list(place), "result": asdict(made)}) + "\n")
+            row = {"key": self.key, "place": list(place), "result": asdict(made)}  # in this order, as the file has it
+            file.write(json.dumps(row, ensure_ascii=False) + "\n")
