@@ -158,7 +158,9 @@ def _on_verdicts(found: SelfTest) -> list[str]:
         shown = ", ".join(f"{_title(e)} in {c.hits} of {c.of}" for e, c in fragile.items())
         said = [f"These verdicts changed with the noise, and came out again only for: {shown}."]
     at_size = [d for d in found.drives if d.noticed is not None and d.effect]
-    if at_size:
+    if at_size and all(d.noticed and d.noticed.hits == d.noticed.of for d in at_size):
+        said.append("Each effect that is not needed was noticed in all draws at the least size that matters.")
+    elif at_size:
         shown = ", ".join(
             f"{_title(d.effect or '')} in {d.noticed.hits} of {d.noticed.of}" for d in at_size if d.noticed
         )
