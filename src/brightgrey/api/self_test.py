@@ -103,7 +103,6 @@ def selftest(
     minimal = [pair for pair, f in zip(fits, tested.record.fits, strict=True) if f.status in ("minimal", "given")]
     if str(minimal[0][0]) != str(tested.model.structure):
         raise SettingsError("run.json and model.json are of different runs; identify again")
-    minimal[0] = minimal[0][0], {**minimal[0][1], **tested.model.values_si()}
     verdicts = dict(tested.model.evidence or {})
     not_needed = [effect for effect, verdict in verdicts.items() if verdict == "not needed"]
     drives = simulated_drives(request.task, minimal, not_needed)
