@@ -66,7 +66,7 @@ def test_selftest__effect_at_the_edge_of_significance__verdict_is_fragile(tmp_pa
     tested = selftest(edge, draws=12, fast=True)
     assert 3 <= tested.stable["gravity"].hits < 12
     assert tested.stable["viscous"].hits == 12
-    assert any("changed with the noise" in sentence and "constant torque" in sentence for sentence in tested.sentences)
+    assert any("noise changed" in sentence and "constant torque" in sentence for sentence in tested.sentences)
 
 
 def test_selftest__number_of_workers__same_bytes(result, tested):
@@ -185,6 +185,14 @@ def test_selftest__damaged_folder__one_line(result, tmp_path, name, content, mes
         (tmp_path / file).write_bytes(data)
     (tmp_path / name).unlink() if content is None else (tmp_path / name).write_bytes(content)
     with pytest.raises(SettingsError, match=message):
+        selftest(tmp_path)
+
+
+def test_selftest__model_of_another_run__is_refused(result, run, tmp_path):
+    other = identify(result.recordings, **{**SEARCH, "exclude": (*SEARCH["exclude"], "coulomb")})
+    for file, data in (result.contents() | {"model.json": other.model.text().encode()}).items():
+        (tmp_path / file).write_bytes(data)
+    with pytest.raises(SettingsError, match="are of different runs; identify again"):
         selftest(tmp_path)
 
 

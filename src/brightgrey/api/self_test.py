@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -99,10 +99,7 @@ def selftest(
         raise SettingsError(f"draws is {draws}; at least 1 is needed")
     tested = _tested(run, recordings)
     request = _request(tested, fast=fast)
-    fits = [(Structure.parse(f.structure), f.values) for f in tested.record.fits]
-    minimal = [pair for pair, f in zip(fits, tested.record.fits, strict=True) if f.status in ("minimal", "given")]
-    if str(minimal[0][0]) != str(tested.model.structure):
-        raise SettingsError("run.json and model.json are of different runs; identify again")
+    minimal = _minimal(tested)
     verdicts = dict(tested.model.evidence or {})
     not_needed = [effect for effect, verdict in verdicts.items() if verdict == "not needed"]
     drives = simulated_drives(request.task, minimal, not_needed)
@@ -191,6 +188,16 @@ def _read(part: RecordingPart, folder: Path) -> Recording:
             f"recording '{part.path}' of the run '{folder}' is not there; put it back, or copy it into '{folder}'"
         )
     return read_again(Source(part.path, part.sha256, part.options), place)
+
+
+def _minimal(tested: _Tested) -> list[tuple[Structure, Mapping[str, float]]]:
+    """Minimal structures with their optima, the found one first."""
+    own = str(tested.model.structure)
+    optima = {fitted.structure: fitted.values for fitted in tested.record.fits}
+    names = tested.model.ties.minimal if tested.model.ties else (own,)
+    if names[0] != own or not optima.keys() >= set(names):
+        raise SettingsError("run.json and model.json are of different runs; identify again")
+    return [(Structure.parse(name), optima[name]) for name in names]
 
 
 def _request(tested: _Tested, *, fast: bool) -> Request:

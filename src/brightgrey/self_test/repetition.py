@@ -27,6 +27,17 @@ __all__ = ["Repetition", "Request", "repeat"]
 
 
 @dataclass(frozen=True)
+class _Policy:
+    """Effort of the last fit, as of an identification."""
+
+    patience: int = 8  #: Of the multistart of a given structure.
+    patience_beside_optimum: int = 0  #: After a search, which has made multistarts itself.
+
+
+_POLICY = _Policy()
+
+
+@dataclass(frozen=True)
 class Request:
     """Identification that is made again and again, as it was made of the recordings."""
 
@@ -176,7 +187,7 @@ def _final_estimates(
         fixed=task.fixed_of(structure),
         f_tanh=None if task.friction_width else task.settings.f_tanh,
         start=start,
-        patience=0 if start else 8,
+        patience=_POLICY.patience_beside_optimum if start else _POLICY.patience,
         seed=request.seed,
         level=request.level,
         initial=request.initial,

@@ -156,7 +156,7 @@ def _on_verdicts(found: SelfTest) -> list[str]:
         said = [f"Every verdict was the same in all {found.draws} draws."]
     else:
         shown = ", ".join(f"{_title(e)} in {c.hits} of {c.of}" for e, c in fragile.items())
-        said = [f"These verdicts changed with the noise, and came out again only for: {shown}."]
+        said = [f"The noise changed some verdicts, which came out again in these draws: {shown}."]
     at_size = [d for d in found.drives if d.noticed is not None and d.effect]
     if at_size and all(d.noticed and d.noticed.hits == d.noticed.of for d in at_size):
         said.append("Each effect that is not needed was noticed in all draws at the least size that matters.")
