@@ -195,7 +195,7 @@ def _minimal(tested: _Tested) -> list[tuple[Structure, Mapping[str, float]]]:
     own = str(tested.model.structure)
     optima = {fitted.structure: fitted.values for fitted in tested.record.fits}
     names = tested.model.ties.minimal if tested.model.ties else (own,)
-    if names[0] != own or not optima.keys() >= set(names):
+    if tested.record.fits[0].structure != own or not optima.keys() >= set(names):
         raise SettingsError("run.json and model.json are of different runs; identify again")
     return [(Structure.parse(name), optima[name]) for name in names]
 
