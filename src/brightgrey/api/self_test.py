@@ -267,7 +267,7 @@ class _Repetitions:
         )
 
     def _stopped(self, done: int, total: int) -> str:
-        if self.folder is None:
+        if self.folder is None or not done:
             return f"stopped after {done} of {total} draws; nothing was written"
         return f"stopped after {done} of {total} draws; they are kept in '{self.folder}', and the same command goes on"
 
