@@ -23,7 +23,7 @@ from brightgrey.estimation.uncertainty.estimates import estimates_of
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
-from brightgrey.paper.repetitions import wilson_interval
+from brightgrey.numerics.proportions import wilson_interval
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 from brightgrey.simulation.reference import reference

@@ -15,7 +15,7 @@ import brightgrey
 FUNCTIONS = {
     *("analyse", "check", "demo", "design", "export", "identify", "identify_fleet", "identify_resumable", "inspect"),
     *("list_runs", "load_model", "read_for", "read_manifest", "read_recording", "read_recordings", "recording_from"),
-    *("simulate", "watch"),
+    *("selftest", "simulate", "watch", "write_selftest"),
 }
 TYPES = {
     *("Analysis", "Axis", "Budget", "Compensator", "Design", "Export", "Fleet", "GeneticSettings", "Inspection"),
@@ -28,6 +28,7 @@ TYPES = {
         "Recording",
         "Result",
         "RunStatus",
+        "SelfTest",
         "Signal",
         "Simulation",
         "StoredRun",

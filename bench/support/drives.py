@@ -91,16 +91,18 @@ class RandomDrive:
         """Velocity without noise."""
         return reference(str(self.truth), self.values, u, PAPER_EXPERIMENT.dt, f_tanh=f_tanh)[0]
 
-    def recordings(self, noise: float) -> list[Recording]:
+    def recordings(self, noise: float, draw: int = 0) -> list[Recording]:
         """Return a recording to identify from and one of another motion to test on.
 
         Parameters
         ----------
         noise : float
             Standard deviation of the noise over the peak of the first motion's velocity.
+        draw : int
+            Number of the noise: others have other noise of the same kind.
         """
         made, peak = [], float(np.abs(self.y[0]).max())
-        rng = np.random.default_rng([self.seed, self.number, round(1e6 * noise)])
+        rng = np.random.default_rng([self.seed, self.number, round(1e6 * noise), *([draw] if draw else [])])
         for name, u, v in zip(("train", "test"), self.u, self.y, strict=True):
             size = noise * peak
             y = v + size * coloured_noise(v.size, self.pole, rng)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.paper.repetitions import wilson_interval
+from brightgrey.numerics.proportions import wilson_interval
 
 __all__ = ["effective_samples", "share", "share_of"]
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from brightgrey.api.inspection import Inspection, inspect
     from brightgrey.api.result import Result
     from brightgrey.api.resumable import StoredRun, identify_resumable, list_runs
+    from brightgrey.api.self_test import selftest, write_selftest
     from brightgrey.api.simulation import Simulation, read_for, simulate
     from brightgrey.control.linear.analysis import Analysis
     from brightgrey.control.linear.margins import Compensator, Margins
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from brightgrey.runs.status import RunStatus
     from brightgrey.runs.store import RunError
     from brightgrey.search.genetic.settings import GeneticSettings
+    from brightgrey.self_test.schema import SelfTest
 
 __all__ = [
     "Analysis",
@@ -61,6 +63,7 @@ __all__ = [
     "Result",
     "RunError",
     "RunStatus",
+    "SelfTest",
     "SettingsError",
     "Signal",
     "Simulation",
@@ -85,8 +88,10 @@ __all__ = [
     "read_recording",
     "read_recordings",
     "recording_from",
+    "selftest",
     "simulate",
     "watch",
+    "write_selftest",
 ]
 
 _HOME = {
@@ -98,6 +103,7 @@ _HOME = {
     "api.inspection": ("Inspection", "inspect"),
     "api.result": ("Result",),
     "api.resumable": ("StoredRun", "identify_resumable", "list_runs"),
+    "api.self_test": ("selftest", "write_selftest"),
     "api.simulation": ("Simulation", "read_for", "simulate"),
     "control.linear.analysis": ("Analysis",),
     "control.linear.margins": ("Compensator", "Margins"),
@@ -115,6 +121,7 @@ _HOME = {
     "runs.status": ("RunStatus",),
     "runs.store": ("RunError",),
     "search.genetic.settings": ("GeneticSettings",),
+    "self_test.schema": ("SelfTest",),
 }
 _MODULE = {name: f"brightgrey.{module}" for module, names in _HOME.items() for name in names}
 

@@ -12,7 +12,7 @@ import brightgrey
 from brightgrey.effects import registry
 
 STRUCTURE = "one_mass+coulomb+viscous"
-RESULTS = {"model.json", "ranking.csv", "report.html", "fit.svg"}
+RESULTS = {"model.json", "ranking.csv", "report.html", "fit.svg", "run.json"}
 RUN = {"run.sqlite", "run.lock"}
 
 

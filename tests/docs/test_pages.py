@@ -46,6 +46,7 @@ def test_pages__name_options_that_exist(capsys):
         "watch",
         "export",
         "reproduce",
+        "selftest",
         "demo",
         "fleet",
         "inspect",

@@ -12,9 +12,10 @@ from brightgrey.estimation import scales
 from brightgrey.estimation.optimisation.least_squares import polish
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Placed
+from brightgrey.numerics.proportions import wilson_interval
 from brightgrey.paper.assumed import ASSUMED
 from brightgrey.paper.experiment import assumed_bounds, first_appearance, recovery_verdict, reference_recording, task_of
-from brightgrey.paper.repetitions import RunSummary, summarise_run, summary, wilson_interval
+from brightgrey.paper.repetitions import RunSummary, summarise_run, summary
 from brightgrey.search import IdentificationTask
 from brightgrey.search.genetic import GeneticSettings, LeastSquares, PatternSearch, genetic_search, history_csv
 from brightgrey.simulation import Settings

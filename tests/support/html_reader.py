@@ -35,6 +35,8 @@ class Reader(HTMLParser):
 
     def handle_startendtag(self, tag, attrs):
         self.handle_starttag(tag, attrs)
+        if tag not in self.void:
+            self.open.pop()
 
     def handle_data(self, text):
         if self.open and {"td", "th"} & set(self.open):

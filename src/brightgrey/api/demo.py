@@ -50,5 +50,7 @@ def demo(
             time="t",
             units={"t": "s", "torque": "N m", "velocity": "rad/s"},
         )
+    if recording.source is not None:  # beside the results, not in the folder that is gone
+        recording = replace(recording, source=replace(recording.source, path=FILE))
     result = identify(recording, seed=seed, workers=workers, progress=progress)
     return replace(result, files={FILE: content})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal, cast
 
 import numpy as np
@@ -18,18 +18,21 @@ from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.optimisation.pattern_fit import ESTIMATORS
 from brightgrey.estimation.problem.initial_state import INITIALS
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.kit import Structure, function_set
 from brightgrey.model.criterion import bic_of_traces
 from brightgrey.model.from_fit import model_of
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
+from brightgrey.model.run_record import FittedPart, RecordingPart, RunRecord
 from brightgrey.model.schema import CriterionPart
 from brightgrey.model.trace import Trace, pooled_fit
 from brightgrey.recordings import Recording
 from brightgrey.recordings.checks.checkup import Checkup
 from brightgrey.recordings.checks.checkup import check as check_recordings
 from brightgrey.runs.blas_threads import one_blas_thread
-from brightgrey.search.genetic import Progress
+from brightgrey.search import IdentificationTask
+from brightgrey.search.genetic import GeneticSettings, Progress
 from brightgrey.search.progress import SearchProgress
 from brightgrey.version import __version__
 
@@ -180,7 +183,55 @@ def identify(
         threads=workers,
     )
     profiles = tuple(estimation.profile(fit, several, name) for name in dict.fromkeys(profile))
-    return _assemble_result(fit, several, test, constants, seed, found, profiles, checkup)
+    made = _assemble_result(fit, several, test, constants, seed, found, profiles, checkup)
+    asked = _Asked(task, search, grammar, tuple(require), tuple(exclude), initial, level, seed)
+    return replace(made, record=_record(asked, fit, found), recordings=several)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What was asked of an identification."""
+
+    task: IdentificationTask
+    search: SearchKind | None
+    grammar: Literal["drive", "paper"] | None
+    require: tuple[str, ...]
+    exclude: tuple[str, ...]
+    initial: str
+    level: Literal["accurate", "fast"]
+    seed: int
+
+
+def _record(asked: _Asked, fit: Fit, found: SearchResult | None) -> RunRecord:
+    """Record of an identification."""
+    task, search = asked.task, asked.search
+    return RunRecord(
+        recordings=tuple(map(RecordingPart.of, task.recordings)),
+        search=None if found is None else "genetic" if isinstance(search, GeneticSettings) else search or "auto",
+        grammar=None if found is None else grammar_searched(search, asked.grammar).name,
+        require=asked.require,
+        exclude=asked.exclude,
+        bounds=task.bounds,
+        fixed=task.fixed,
+        f_tanh=None if task.friction_width else task.settings.f_tanh,
+        initial=one_of("initial state", asked.initial, INITIALS),
+        level=asked.level,
+        seed=asked.seed,
+        fits=_fitted_parts(fit, found),
+    )
+
+
+def _fitted_parts(fit: Fit, found: SearchResult | None) -> tuple[FittedPart, ...]:
+    """Optima of a search, those of the best structures first; of a given structure its estimates."""
+    if found is None or found.evidence is None:
+        width = {} if fit.friction_width is None else {FRICTION_WIDTH: fit.friction_width.value}
+        values = {name: estimate.value for name, estimate in fit.estimates.items()} | width
+        return (FittedPart(structure=str(fit.structure), status="given", values=values),)
+    first = [str(m.structure) for m in found.evidence.minimal]
+    optima = {str(s): values for s, values in found.optima.items()}
+    status = {str(s): text for s, text in found.evidence.status.items()}
+    names = [*first, *(name for name in optima if name not in first)]
+    return tuple(FittedPart(structure=n, status=status[n], values=optima[n]) for n in names)
 
 
 def _traces(fit: Fit, recordings: Sequence[Recording], test: Recording | None) -> tuple[tuple[Trace, ...], ...]:

@@ -19,7 +19,9 @@ from brightgrey.estimation.noise.residual_analysis import LAGS, Residuals, resid
 from brightgrey.model.files import check_folder, write_files
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row, front, ranking_csv
+from brightgrey.model.run_record import RUN_FILE, RunRecord
 from brightgrey.model.trace import Trace
+from brightgrey.recordings import Recording
 from brightgrey.recordings.checks.checkup import Checkup
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import Run
@@ -64,6 +66,10 @@ class Result:
         The search was stopped before its end; the result is the best one so far.
     checkup : Checkup
         What the checks say of the recordings.
+    record : RunRecord or None
+        Request and optima; :meth:`write` puts it beside the results as run.json.
+    recordings : tuple of Recording
+        Those that were fitted.
     """
 
     model: Model
@@ -79,6 +85,8 @@ class Result:
     differences: tuple[ControlDifference, ...] = field(default=(), repr=False)
     stopped: bool = False
     checkup: Checkup = field(default=Checkup(()), repr=False)
+    record: RunRecord | None = field(default=None, repr=False)
+    recordings: tuple[Recording, ...] = field(default=(), repr=False)
 
     @property
     def symptoms(self) -> tuple[Symptom, ...]:
@@ -163,7 +171,7 @@ class Result:
         return result_html(self.content)
 
     def write(self, folder: str | Path) -> None:
-        """Write model.json, ranking.csv, report.html and fit.svg into `folder`, all or none.
+        """Write model.json, ranking.csv, report.html, fit.svg and run.json into `folder`, all or none.
 
         Parameters
         ----------
@@ -188,10 +196,18 @@ class Result:
             "model.json": self.model.text().encode(),
             "ranking.csv": ranking_csv(self.ranking).encode(),
             "fit.svg": svg_figure(self.content.charts["comparison"]).encode(),
+            **({RUN_FILE: self.record.text().encode()} if self.record else {}),
             **self.files,
         }
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the files that :meth:`write` writes."""
-        return ("report.html", "model.json", "ranking.csv", "fit.svg", *self.files)
+        return (
+            "report.html",
+            "model.json",
+            "ranking.csv",
+            "fit.svg",
+            *((RUN_FILE,) if self.record else ()),
+            *self.files,
+        )

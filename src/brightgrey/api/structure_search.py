@@ -48,6 +48,8 @@ class SearchResult:
         Of a genetic search.
     stopped : bool
         The search was stopped before its end.
+    optima : mapping of Structure to mapping of str to float
+        Best values of all structures that were fitted, SI; none after a genetic search.
     """
 
     structure: Structure
@@ -59,6 +61,7 @@ class SearchResult:
     evidence: Evidence | None = None
     run: Run | None = None
     stopped: bool = False
+    optima: Mapping[Structure, Mapping[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -151,6 +154,7 @@ def search_structure(task: IdentificationTask, request: SearchRequest) -> Search
         note=_note(done),
         evidence=done.evidence,
         stopped=done.evidence is None,
+        optima=done.optima,
     )
 
 

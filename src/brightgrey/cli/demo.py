@@ -24,7 +24,7 @@ def demo(
 ) -> None:
     """Identify the drive of the recording that ships with brightgrey.
 
-    Writes report.html, model.json, ranking.csv, fit.svg and recording.csv to DIR.
+    Writes report.html, model.json, ranking.csv, fit.svg, run.json and recording.csv to DIR.
     """
     from brightgrey.cli.terminal import progress as live
     from brightgrey.cli.terminal import results as show

@@ -47,9 +47,9 @@ def identify(
 ) -> None:
     """Identify a drive from recordings: its structure, unless it is given, and its parameters.
 
-    Values are given and shown in the recording's units. DIR receives report.html, model.json, ranking.csv and fit.svg,
-    after a genetic search also history.csv. DIR also stores every evaluation: the same command continues an interrupted
-    run, and shows the result of a finished one.
+    Values are given and shown in the recording's units. DIR receives report.html, model.json, ranking.csv, fit.svg and
+    run.json, after a genetic search also history.csv. DIR also stores every evaluation: the same command continues an
+    interrupted run, and shows the result of a finished one.
     """
     arguments = estimation.arguments()
     columns.check()

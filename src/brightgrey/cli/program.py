@@ -23,6 +23,7 @@ from brightgrey.cli.identify import identify
 from brightgrey.cli.inspect import inspect
 from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.runs import runs
+from brightgrey.cli.selftest import selftest
 from brightgrey.cli.simulate import simulate
 from brightgrey.errors import BrightgreyError
 from brightgrey.version import __version__
@@ -76,6 +77,7 @@ COMMANDS: dict[Callable[..., None], tuple[str, str]] = {
         "brightgrey simulate out/model.json axis.csv",
         "brightgrey simulate out/model.json axis.csv --out simulated.csv",
     ),
+    selftest: ("brightgrey selftest out", "brightgrey selftest out --draws 20 --fast"),
     export: (
         "brightgrey export out/model.json --to fmu",
         "brightgrey export out/model.json --to c --to matlab --recording axis.csv --out export",

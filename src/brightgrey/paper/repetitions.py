@@ -10,10 +10,11 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 
 from brightgrey.kit import Structure
+from brightgrey.numerics.proportions import wilson_interval
 from brightgrey.paper.experiment import RecoveryVerdict, first_appearance, recovery_verdict
 from brightgrey.search.genetic.history import Run
 
-__all__ = ["RunSummary", "Summary", "repetitions_csv", "summarise_run", "summary", "wilson_interval"]
+__all__ = ["RunSummary", "Summary", "repetitions_csv", "summarise_run", "summary"]
 
 
 @dataclass(frozen=True)
@@ -92,21 +93,6 @@ def summary(repetitions: Sequence[RunSummary]) -> Summary:
         simulations=float(np.median([r.simulations for r in repetitions])),
         passes=float(np.median([r.passes for r in repetitions])),
     )
-
-
-def wilson_interval(successes: int, count: int, z: float = 1.96) -> tuple[float, float]:
-    """Confidence interval of a rate (Wilson 1927, doi:10.1080/01621459.1927.10502953).
-
-    Parameters
-    ----------
-    successes, count : int
-    z : float
-        Quantile of the normal distribution; 1.96 gives an interval of 95 %.
-    """
-    rate, share = successes / count, z * z / count
-    middle = (rate + 0.5 * share) / (1.0 + share)
-    half = z / (1.0 + share) * float(np.sqrt(rate * (1.0 - rate) / count + 0.25 * share / count))
-    return max(0.0, middle - half), min(1.0, middle + half)
 
 
 def repetitions_csv(repetitions: Iterable[RunSummary]) -> str:

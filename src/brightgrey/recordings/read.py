@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import inspect
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -14,12 +17,12 @@ from brightgrey.recordings.columns import OutputColumn, ReadingOptions, choose_c
 from brightgrey.recordings.file import open_table
 from brightgrey.recordings.formats.table import Column, Table
 from brightgrey.recordings.policy import READING
-from brightgrey.recordings.recording import Recording, check_hold
+from brightgrey.recordings.recording import Recording, Source, check_hold
 from brightgrey.recordings.samples import Samples, sample
 from brightgrey.recordings.units.drive_scales import DriveScales
 from brightgrey.recordings.window import TimeWindow, check_decimate, check_window, decimate
 
-__all__ = ["read_recording", "recording_from"]
+__all__ = ["read_again", "read_recording", "recording_from"]
 
 NOT_GIVEN: Mapping[str, Any] = MappingProxyType({})
 
@@ -110,10 +113,54 @@ def read_recording(
     SettingsError
         For options that are out of range or contradict each other.
     """
+    arguments = dict(locals())
     table, _ = open_table(path, input, delimiter=delimiter, decimal=decimal, header=header)
     scales = DriveScales(rated, counts, gear, torque_constant)
     options = ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold, scales, shift)
-    return _make_recording(table, options)
+    return replace(_make_recording(table, options), source=_source(arguments))
+
+
+def _source(arguments: dict[str, Any]) -> Source:
+    """Source of a recording that was read with these arguments of `read_recording`."""
+    path = Path(arguments.pop("path"))
+    declared = inspect.signature(read_recording).parameters
+    given = {name: value for name, value in arguments.items() if value != declared[name].default}
+    with path.open("rb") as file:
+        return Source(
+            str(path), hashlib.file_digest(file, "sha256").hexdigest(), {n: _plain(v) for n, v in given.items()}
+        )
+
+
+def _plain(value: Any) -> Any:
+    """Return an argument with lists for tuples and dicts for mappings, as JSON gives it back."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def read_again(source: Source, path: str | Path | None = None) -> Recording:
+    """Read a recording as it was read before.
+
+    Parameters
+    ----------
+    source : Source
+    path : str or Path, optional
+        Where the file is now; that of `source` by default.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, or its content is another one.
+    """
+    options = dict(source.options)
+    if not isinstance(options["outputs"], str):
+        options["outputs"] = [tuple(o) if isinstance(o, list) else o for o in options["outputs"]]
+    if "window" in options:
+        options["window"] = tuple(options["window"])
+    recording = read_recording(path or source.path, **options)
+    if recording.source is None or recording.source.sha256 != source.sha256:
+        raise RecordingError(f"{path or source.path}: the file is not the one that was identified; its content differs")
+    return recording
 
 
 def recording_from(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import html
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +20,7 @@ from brightgrey.recordings.sample_values import resolution
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import KINDS, Units, check_kind, motion_unit
 
-__all__ = ["HOLDS", "Hold", "Recording", "Signal", "check_hold", "interval"]
+__all__ = ["HOLDS", "Hold", "Recording", "Signal", "Source", "check_hold", "interval"]
 
 Hold = Literal["linear", "zoh"]
 HOLDS: tuple[Hold, ...] = ("linear", "zoh")
@@ -104,6 +105,15 @@ class Signal:
         return 1.0 / parse_unit(self.unit).si
 
 
+@dataclass(frozen=True)
+class Source:
+    """File of a recording, with all that reading it again needs."""
+
+    path: str  #: As it was given.
+    sha256: str  #: Of the file's content, 64 hexadecimal digits.
+    options: Mapping[str, Any]  #: Arguments of :func:`read_recording` that are not its defaults, as plain data.
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """Input and motion of a drive over time. Made by :func:`read_recording`; arrays cannot be written to.
@@ -127,6 +137,8 @@ class Recording:
     resolution : ndarray, shape (outputs,)
         Smallest step of each output in rad or m (per s), by which even a perfect model may be off. Found in
         `y` if it is not given.
+    source : Source or None
+        None for arrays in memory. No result depends on it.
 
     Raises
     ------
@@ -146,6 +158,7 @@ class Recording:
     hold: Hold = "linear"
     notes: tuple[str, ...] = ()
     resolution: Array = field(default_factory=lambda: np.empty(0))
+    source: Source | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         check_hold(self.hold)

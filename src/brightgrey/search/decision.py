@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -54,9 +55,47 @@ class Decision:
     fitted: Mapping[Structure, StructureFit]
 
     @property
+    def optima(self) -> dict[Structure, Mapping[str, float]]:
+        """Best values of all structures that were fitted, SI; redundant effects stand beside the optimum without them.
+
+        Structures without a finite simulation are left out.
+        """
+        refined = self.evidence.refined if self.evidence else {}
+        found: dict[Structure, Mapping[str, float]] = {}
+        for s, f in self.fitted.items():
+            if np.isfinite(f.cost):
+                own = refined.get(f.equals or s)
+                found[s] = {**f.values, **own.values} if own else f.values
+        return found
+
+    @property
     def best(self) -> Refined | StructureFit:
         """The first minimal structure; the one with the best criterion if there is no evidence."""
         return self.evidence.minimal[0] if self.evidence else self.fitted[self.ranking[0].structure]
+
+
+@dataclass
+class _BorderRefit(BorderSearch):
+    """Search that refits known structures, and fits others only where the decision rests on them.
+
+    It shows what noise does to a decision. It does not show that a search may miss an optimum.
+    """
+
+    #: Values of structures, SI, as a search on a like recording has found them.
+    optima: Mapping[Structure, Mapping[str, float]] = field(default_factory=dict)
+
+    def run(self, *, everything: bool = False) -> Border:
+        """Border of all structures, from the known optima."""
+        for structure, values in self.optima.items():
+            self.fits.fit_from(structure, values, self.executor)
+            self.progress("fits", len(self.fits.done), self.fits.best().structure)
+        if not np.isfinite(self.fits.best().cost):
+            raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
+        return self.in_rounds()
+
+    def restart(self, border: Border) -> bool:
+        """Return False: no multistart is made."""
+        return False
 
 
 def decide_structures(
@@ -66,6 +105,7 @@ def decide_structures(
     require: Sequence[str] = (),
     exclude: Sequence[str] = (),
     how: Literal["border", "exhaustive"] = "border",
+    optima: Mapping[Structure, Mapping[str, float]] | None = None,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Callable[[SearchProgress], None] | None = None,
@@ -80,6 +120,9 @@ def decide_structures(
         Effects that every structure has, or that none has; masses count cumulatively.
     how : {'border', 'exhaustive'}
         Fit what the decision rests on, or all structures, and decide by the same rules.
+    optima : mapping of Structure to mapping of str to float, optional
+        Values of structures, SI, that a search on a like recording has found. They are refitted from there, other
+        structures are fitted only where the decision rests on them, and nothing is tried by multistart.
     seed : int
     executor : concurrent.futures.Executor, optional
         The result does not depend on it. One thread by default.
@@ -111,11 +154,12 @@ def decide_structures(
         left_out = [*exclude, *beyond]
         return Lattice.of(offered, require, [e for e in left_out if e in map(str, offered.placed)])
 
-    lattice = with_effects(())
+    offered = [p for p in further if any(p in s.placed for s in optima or ())]
+    lattice = with_effects(offered, max(s.masses for s in optima) if optima and offered else None)
     tell = progress or (lambda step: None)
     with thread_pool(executor) as workers:
         total = lattice.size if how == "exhaustive" else None
-        search = BorderSearch(
+        search = (partial(_BorderRefit, optima=optima) if optima else BorderSearch)(
             coarse_task(task),
             lattice,
             workers,

@@ -15,9 +15,10 @@ from brightgrey.search.adequacy import Round
 from brightgrey.search.fitting.fixed_size_fit import fit_at_fixed_size
 from brightgrey.search.fitting.refined_fit import RefinedFits, accurate
 from brightgrey.search.policy import SELECTION
+from brightgrey.search.task import IdentificationTask
 from brightgrey.search.verdicts import ReasonKind
 
-__all__ = ["Detectability", "Obstacle", "has", "power"]
+__all__ = ["Detectability", "Obstacle", "has", "power", "relevant_sizes"]
 
 
 def power(noncentrality: float, parameters: int, critical: float) -> float:
@@ -29,6 +30,36 @@ def has(structure: Structure, effect: str) -> bool:
     """Return True if the structure has the effect; it has all multiple-mass systems up to its own."""
     masses = Placed.parse(effect).effect.masses
     return structure.masses >= masses if masses else effect in structure.names
+
+
+def relevant_sizes(task: IdentificationTask, values: Mapping[str, float], effect: str) -> list[dict[str, float]]:
+    """Least sizes of `effect` that matter beside a model, by parameter; two of opposite sign if it has both.
+
+    Parameters
+    ----------
+    task : IdentificationTask
+        What it fixes is taken as it is.
+    values : mapping of str to float
+        Of the model without the effect, SI.
+    effect : str
+
+    Returns
+    -------
+    list of dict of str to float
+        SI; empty if the effect declares no size.
+    """
+    placed = Placed.parse(effect)
+    if placed.effect.relevant_size is None:
+        return []
+    sizes = placed.relevant_size(task.scales, values)
+    sizes |= {name: value for name, value in task.fixed.items() if name in sizes}
+    for parameter in placed.effect.parameters:
+        name = placed.parameter(parameter.symbol)
+        if parameter.size and name in sizes and name not in task.fixed:
+            low, high = task.bounds.get(name) or parameter.bounds(task.scales)
+            both = (sizes[name], -sizes[name])
+            return [{**sizes, name: value} for value in both if low <= value <= high] or [sizes]
+    return [sizes]
 
 
 @dataclass(frozen=True)
@@ -117,22 +148,10 @@ class Detectability:
         return lambda: all(refit.result().deviance > worst for refit in refits)
 
     def relevant_sizes(self, structure: Structure, effect: str) -> list[dict[str, float]]:
-        """Least sizes of `effect` that matter beside `structure`, by parameter; two of opposite sign if it has both.
-
-        What is fixed is tested as it is. Empty if the effect takes others as well, or declares no size.
-        """
-        placed, task = Placed.parse(effect), self.refined.task
-        if self.with_effect(structure, effect) is None or placed.effect.relevant_size is None:
+        """Least sizes of `effect` that matter beside `structure`; empty if it takes other effects as well."""
+        if self.with_effect(structure, effect) is None:
             return []
-        sizes = placed.relevant_size(task.scales, self.refined.of(structure).values)
-        sizes |= {name: value for name, value in task.fixed.items() if name in sizes}
-        for parameter in placed.effect.parameters:
-            name = placed.parameter(parameter.symbol)
-            if parameter.size and name in sizes and name not in task.fixed:
-                low, high = task.bounds.get(name) or parameter.bounds(task.scales)
-                both = (sizes[name], -sizes[name])
-                return [{**sizes, name: value} for value in both if low <= value <= high] or [sizes]
-        return [sizes]
+        return relevant_sizes(self.refined.task, self.refined.of(structure).values, effect)
 
     def hidden_by(self, structure: Structure, effect: str, size: Mapping[str, float]) -> tuple[str, ...] | None:
         """Obstacle to detecting `effect` of a size beside `structure`.

@@ -12,7 +12,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-__all__ = ["Stopped", "in_dependency_order", "in_order", "thread_pool"]
+__all__ = ["InlineExecutor", "Stopped", "in_dependency_order", "in_order", "thread_pool"]
 
 Item = TypeVar("Item", bound=Hashable)
 Returned = TypeVar("Returned")
@@ -20,6 +20,31 @@ Returned = TypeVar("Returned")
 
 class Stopped(Exception):  # noqa: N818 - no error: the user or a budget has ended a search before its time
     """Raised instead of a result by an executor that has been stopped."""
+
+
+class InlineExecutor(Executor):
+    """Executor that makes each call at once, in the caller's thread.
+
+    Parameters
+    ----------
+    stopped : callable, optional
+        Asked before each call; if it returns True, the result is `Stopped`.
+    """
+
+    def __init__(self, stopped: Callable[[], bool] = lambda: False) -> None:
+        self._stopped = stopped
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Future that holds the result of ``fn(*args, **kwargs)`` already."""
+        future: Future[Any] = Future()
+        future.set_running_or_notify_cancel()
+        try:
+            if self._stopped():
+                raise Stopped
+            future.set_result(fn(*args, **kwargs))
+        except BaseException as error:
+            future.set_exception(error)
+        return future
 
 
 def in_order(

@@ -8,15 +8,33 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 
 from brightgrey.cli.terminal.compilation import compile_kernel
 from brightgrey.search.genetic import Progress as Step
 from brightgrey.search.progress import SearchProgress
 
-__all__ = ["steps"]
+__all__ = ["counted", "steps"]
 
 NARROW = 80  # characters
+
+
+@contextmanager
+def counted(what: str, *, silent: bool) -> Iterator[Callable[[int, int], None]]:
+    """Show how many of a known number of calls are done, and the time left; yields a function of both numbers."""
+    compile_kernel(silent=silent)
+    if silent or not sys.stderr.isatty():
+        yield lambda done, total: None
+        return
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=20),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(what, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
 @contextmanager
