@@ -14,7 +14,16 @@ import brightgrey
 
 FUNCTIONS = {
     *("analyse", "check", "demo", "design", "export", "identify", "identify_fleet", "identify_resumable", "inspect"),
-    *("list_runs", "load_model", "read_for", "read_manifest", "read_recording", "read_recordings", "recording_from"),
+    *(
+        "list_runs",
+        "load_model",
+        "plan",
+        "read_for",
+        "read_manifest",
+        "read_recording",
+        "read_recordings",
+        "recording_from",
+    ),
     *("simulate", "watch"),
 }
 TYPES = {
@@ -25,6 +34,7 @@ TYPES = {
         "Margins",
         "Member",
         "Model",
+        "Plan",
         "Recording",
         "Result",
         "RunStatus",

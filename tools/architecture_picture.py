@@ -35,6 +35,7 @@ ROOMS = {
     "paper": "reproduction of the paper's section 4",
     "report": "page, figures, tables",
     "exports": "C, FMU, MATLAB, Modelica ...",
+    "planning": "the next motion",
     "model": "the result as data",
     "control": "design, filters, faults",
     "runs": "what survives an interruption",
@@ -68,7 +69,7 @@ def layers() -> list[list[str]]:
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
         "contracts"
     ]
-    (found,) = [contract["layers"] for contract in contracts if contract["type"] == "layers"]
+    (found,) = [contract["layers"] for contract in contracts if contract["containers"] == ["brightgrey"]]
     rows = [[name for name in layer.split(" | ") if name in ROOMS] for layer in found]
     return [row for row in rows if row]
 

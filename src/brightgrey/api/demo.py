@@ -51,4 +51,4 @@ def demo(
             units={"t": "s", "torque": "N m", "velocity": "rad/s"},
         )
     result = identify(recording, seed=seed, workers=workers, progress=progress)
-    return replace(result, files={FILE: content})
+    return replace(result, files={**result.files, FILE: content})
