@@ -134,6 +134,6 @@ def test_command__interrupted__writes_nothing(run, tmp_path):
     except subprocess.TimeoutExpired:
         process.kill()
         raise
-    assert process.returncode == 130
+    assert process.returncode in (130, -signal.SIGINT)  # see tests/cli/test_interruption.py
     assert err == "brightgrey: interrupted, nothing written\n"
     assert not (tmp_path / "next").exists()

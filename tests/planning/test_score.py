@@ -38,8 +38,8 @@ def test_polynomials_of_degrees_n_and_n_minus_1__chebyshev_points_are_optimal(n)
 @pytest.mark.parametrize("n", [3, 4, 5])
 def test_degrees_n_and_n_minus_2__weight_moved_to_any_point_lowers_the_criterion(n):
     # Dette and Titoff (2009, doi:10.1214/08-AOS635), by the equivalence theorem: a design is T-optimal if and only if
-    # the squared residual of the best rival nowhere exceeds the criterion. With no term of degree n - 1 in the truth, the points
-    # are again the extremes of the Chebyshev polynomial.
+    # the squared residual of the best rival nowhere exceeds the criterion. With no term of degree n - 1 in the truth,
+    # the points are again the extremes of the Chebyshev polynomial.
     points = np.cos(np.pi * np.arange(n + 1) / n)
     weights = np.r_[0.5, np.ones(n - 1), 0.5] / n
     best = discriminating(points, weights, n)
