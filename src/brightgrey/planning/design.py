@@ -32,6 +32,8 @@ class _Policy:
     population: int = 16  #: Motions of a generation.
     finalists: int = 20  #: Motions whose rivals are refitted, the best first.
     search_draws: int = 8  #: Parameter sets whose limits are watched in the search.
+    scalings: int = 4  #: Times that a torque is tried, scaled down between them where it exceeds a limit,
+    below: float = 0.985  #: to this part of the limit: friction makes the reaction uneven.
     final_draws: int = 500  #: Parameter sets whose limits are watched in the end,
     kept: float = 0.99  #: and share of them that has to keep the limits.
     shrink: float = 0.97  #: Factor of the torque where the final check fails,
@@ -99,9 +101,7 @@ class _Search:
 
     def loss(self, numbers: Array, family: Family) -> float:
         """Loss of a motion; one beyond the limits is the worse the further it is beyond them."""
-        torque = torque_of(self.drive, family, numbers, self.setting)
-        structure, limits = self.drive.known.model.structure, self.setting.limits
-        found = envelope(self.drive, structure, self.draws, torque, limits)
+        torque, found = self._within_limits(torque_of(self.drive, family, numbers, self.setting))
         excess, value = found.excess(), None
         if excess == 0.0:
             scored = score(self.drive, torque)
@@ -111,6 +111,17 @@ class _Search:
         self.done.append(entry)
         self.tell(len(self.done), max(self.total, len(self.done)))
         return loss
+
+    def _within_limits(self, torque: Array) -> tuple[Array, Envelope]:
+        """The torque, scaled down where a limit is exceeded, and what the draws of the drive do with it."""
+        structure, limits = self.drive.known.model.structure, self.setting.limits
+        for _ in range(POLICY.scalings):
+            found = envelope(self.drive, structure, self.draws, torque, limits)
+            use = max(float(part.max()) for part in found.use.values())
+            if use <= 1.0 or not np.isfinite(use):
+                break
+            torque = torque * (POLICY.below / use)
+        return torque, found
 
     def best_of(self, family: Family) -> TriedMotion:
         """Best motion of a family."""

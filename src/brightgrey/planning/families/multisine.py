@@ -25,7 +25,7 @@ def _multisine_motion(x: Array, s: Setting) -> CommandedMotion:
     k = np.array([1.0, 2.0, 3.0, 5.0, 8.0])
     phase = 2.0 * np.pi * x[2 : 2 + SINES]
     position = np.sum(k[:, None] ** tilt * np.sin(2.0 * np.pi * base * k[:, None] * s.t + phase[:, None]), axis=0)
-    motion = from_position(s, position * rest_window(s), log_between(0.1, 1.0, x[7]))
+    motion = from_position(s, position * rest_window(s), log_between(0.1, 1.5, x[7]))
     return CommandedMotion(motion, np.zeros(s.samples), float(x[8]))
 
 

@@ -15,12 +15,14 @@ MOST_MOVES = 8
 
 def _point_to_point_motion(x: Array, s: Setting) -> CommandedMotion:
     count = 2 * (1 + int(x[0] * (MOST_MOVES // 2 - 1e-9)))
-    speed = log_between(0.05, 1.0, x[1]) * s.limits.speed
-    acceleration = log_between(0.1, 1.0, x[2]) * s.acceleration
+    speed = log_between(0.05, 1.5, x[1]) * s.limits.speed
+    acceleration = log_between(0.1, 1.2, x[2]) * s.acceleration
     jerk = log_between(0.05, 1.0, x[3]) * s.limits.jerk
     rest = 0.25 * x[4] * s.duration / count
     before, room = 0.03 * s.duration, (0.9 * s.duration - rest * (count - 1)) / count
-    distance = min(_distance_within(room, speed, acceleration, jerk), s.limits.travel) * log_between(0.1, 0.98, x[5])
+    distance = min(_distance_within(room, speed, acceleration, jerk), 1.3 * s.limits.travel) * log_between(
+        0.1, 0.98, x[5]
+    )
     targets = [distance if k % 2 == 0 else 0.0 for k in range(count)]
     motion = moves(
         targets, MotionLimits(speed, acceleration, jerk), dt=s.dt, samples=s.samples, before=before, between=rest

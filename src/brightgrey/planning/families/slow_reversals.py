@@ -22,7 +22,7 @@ def _slow_reversals_motion(x: Array, s: Setting) -> CommandedMotion:
     phase = np.clip(s.t / (0.9 * s.duration), 0.0, 1.0)
     swing = np.sin(2.0 * np.pi * cycles * phase) * np.exp(4.0 * (x[1] - 0.5) * phase)
     bump = x[2] * np.sin(2.0 * np.pi * 3.0 * cycles * phase + 2.0 * np.pi * x[3]) / 3.0
-    motion = from_position(s, (swing + bump) * rest_window(s), log_between(0.01, 1.0, x[4]))
+    motion = from_position(s, (swing + bump) * rest_window(s), log_between(0.01, 1.3, x[4]))
     return CommandedMotion(motion, np.zeros(s.samples), float(x[5]))
 
 
