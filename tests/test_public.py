@@ -14,8 +14,8 @@ import brightgrey
 
 FUNCTIONS = {
     *("analyse", "check", "demo", "design", "export", "identify", "identify_fleet", "identify_resumable", "inspect"),
-    *("list_runs", "load_model", "read_for", "read_manifest", "read_recording", "read_recordings", "recording_from"),
-    *("selftest", "simulate", "watch", "write_selftest"),
+    *("list_runs", "load_model", "plan", "read_for", "read_manifest", "read_recording", "read_recordings"),
+    *("recording_from", "selftest", "simulate", "watch", "write_selftest"),
 }
 TYPES = {
     *("Analysis", "Axis", "Budget", "Compensator", "Design", "Export", "Fleet", "GeneticSettings", "Inspection"),
@@ -25,6 +25,7 @@ TYPES = {
         "Margins",
         "Member",
         "Model",
+        "Plan",
         "Recording",
         "Result",
         "RunStatus",

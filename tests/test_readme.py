@@ -30,7 +30,13 @@ def test_readme__commands_and_python_run_in_their_order(tmp_path, monkeypatch):
     expected = {f"{folder}/{name}" for folder in ("demo", "out") for name in results}
     expected |= {f"out/export/drive.{kind}" for kind in ("c", "h", "fmu")}
     expected |= {"out/run.sqlite", "out/run.lock"}
-    assert written == expected | {"demo/recording.csv", "out/simulated.csv", "fit.pdf", "friction.svg"}
+    assert written == expected | {
+        "demo/recording.csv",
+        "out/simulated.csv",
+        "demo/undecided.json",
+        "fit.pdf",
+        "friction.svg",
+    }
 
 
 def test_readme__names_options_that_exist(capsys):

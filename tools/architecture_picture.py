@@ -35,6 +35,7 @@ ROOMS = {
     "paper": "reproduction of the paper's section 4",
     "report": "page, figures, tables",
     "exports": "C, FMU, MATLAB, Modelica ...",
+    "planning": "the next motion",
     "self_test": "would it be found again",
     "model": "the result as data",
     "control": "design, filters, faults",

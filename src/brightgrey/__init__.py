@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from brightgrey.api.fleet.manifest import Axis, read_manifest
     from brightgrey.api.identification import identify
     from brightgrey.api.inspection import Inspection, inspect
+    from brightgrey.api.planning import plan
     from brightgrey.api.result import Result
     from brightgrey.api.resumable import StoredRun, identify_resumable, list_runs
     from brightgrey.api.self_test import selftest, write_selftest
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from brightgrey.exports.registry import Export, export
     from brightgrey.kit.structure import Structure
     from brightgrey.model.model import Model, load_model
+    from brightgrey.planning.plan import Plan
     from brightgrey.recordings.checks.check import CheckResult
     from brightgrey.recordings.checks.checkup import Checkup, check
     from brightgrey.recordings.read import read_recording, recording_from
@@ -58,6 +60,7 @@ __all__ = [
     "Margins",
     "Member",
     "Model",
+    "Plan",
     "Recording",
     "RecordingError",
     "Result",
@@ -83,6 +86,7 @@ __all__ = [
     "inspect",
     "list_runs",
     "load_model",
+    "plan",
     "read_for",
     "read_manifest",
     "read_recording",
@@ -101,6 +105,7 @@ _HOME = {
     "api.fleet.manifest": ("Axis", "read_manifest"),
     "api.identification": ("identify",),
     "api.inspection": ("Inspection", "inspect"),
+    "api.planning": ("plan",),
     "api.result": ("Result",),
     "api.resumable": ("StoredRun", "identify_resumable", "list_runs"),
     "api.self_test": ("selftest", "write_selftest"),
@@ -112,6 +117,7 @@ _HOME = {
     "exports.registry": ("Export", "export"),
     "kit.structure": ("Structure",),
     "model.model": ("Model", "load_model"),
+    "planning.plan": ("Plan",),
     "recordings.checks.check": ("CheckResult",),
     "recordings.checks.checkup": ("Checkup", "check"),
     "recordings.read": ("read_recording", "recording_from"),

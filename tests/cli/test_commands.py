@@ -159,7 +159,7 @@ def test_demo_leaves_recording_and_finds_its_drive(tmp_path, call):
 
     done = call("demo", "--out", tmp_path / "demo")
     assert done.code == 0, done.err
-    assert {p.name for p in (tmp_path / "demo").iterdir()} == RESULTS | {"recording.csv"}
+    assert {p.name for p in (tmp_path / "demo").iterdir()} == RESULTS | {"recording.csv", "undecided.json"}
     assert (tmp_path / "demo" / "recording.csv").read_text().startswith("t,torque,velocity\n")
     model = model_of(tmp_path / "demo")
     assert "+".join(model["structure"]) == PAPER_EXPERIMENT.structure

@@ -51,6 +51,7 @@ def test_pages__name_options_that_exist(capsys):
         "fleet",
         "inspect",
         "check",
+        "plan",
     ):
         main([command, "--help"])
     offered = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out))

@@ -53,4 +53,4 @@ def demo(
     if recording.source is not None:  # beside the results, not in the folder that is gone
         recording = replace(recording, source=replace(recording.source, path=FILE))
     result = identify(recording, seed=seed, workers=workers, progress=progress)
-    return replace(result, files={FILE: content})
+    return replace(result, files={**result.files, FILE: content})

@@ -19,6 +19,7 @@ from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import GeneticSettings, Progress, Run, genetic_search, history_csv
 from brightgrey.search.parallel import thread_pool
 from brightgrey.search.progress import SearchProgress
+from brightgrey.search.undecided.question import UNDECIDED_FILE
 
 __all__ = ["SearchKind", "SearchRequest", "SearchResult", "grammar_searched", "search_structure"]
 
@@ -146,12 +147,14 @@ def search_structure(task: IdentificationTask, request: SearchRequest) -> Search
         )
         for r in done.ranking
     )
+    questions = done.evidence.questions if done.evidence else None
     return SearchResult(
         structure=best.structure,
         values=best.values,
         ranking=rows,
         criterion=CriterionPart(name="BIC", value=done.ranking[0].criterion),
         note=_note(done),
+        files={UNDECIDED_FILE: questions.text().encode()} if questions else {},
         evidence=done.evidence,
         stopped=done.evidence is None,
         optima=done.optima,

@@ -21,6 +21,7 @@ from brightgrey.cli.fleet import fleet
 from brightgrey.cli.help_page import Command, Program
 from brightgrey.cli.identify import identify
 from brightgrey.cli.inspect import inspect
+from brightgrey.cli.plan import plan
 from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.runs import runs
 from brightgrey.cli.selftest import selftest
@@ -73,6 +74,10 @@ COMMANDS: dict[Callable[..., None], tuple[str, str]] = {
         "brightgrey check axis.csv --input torque --output q:position --output v:velocity --fix",
     ),
     identify: (IDENTIFY, f"{IDENTIFY} --unit 'torque=N m' --structure two_mass+coulomb+viscous --out axis"),
+    plan: (
+        "brightgrey plan out",
+        "brightgrey plan out --limits limits.toml --decide backlash --seconds 4 --out next",
+    ),
     simulate: (
         "brightgrey simulate out/model.json axis.csv",
         "brightgrey simulate out/model.json axis.csv --out simulated.csv",

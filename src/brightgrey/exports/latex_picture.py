@@ -40,7 +40,7 @@ class _Policy:
     line: float = 1.0  #: Thickness in pixels; what is made of dots looks thicker than it is.
 
 
-_POLICY = _Policy()
+POLICY = _Policy()
 Points = Sequence[tuple[float, float]]
 
 
@@ -63,9 +63,9 @@ def latex_picture(layout: Layout) -> str:
     -------
     str
     """
-    scale = min(_POLICY.scale, _POLICY.page_height / layout.height)
+    scale = min(POLICY.scale, POLICY.page_height / layout.height)
     head = [
-        rf"{{\setlength{{\unitlength}}{{{scale:.3f}pt}}\linethickness{{{_POLICY.line * scale:.2f}pt}}\sffamily",
+        rf"{{\setlength{{\unitlength}}{{{scale:.3f}pt}}\linethickness{{{POLICY.line * scale:.2f}pt}}\sffamily",
         rf"\noindent\begin{{picture}}({layout.width:.1f},{layout.height:.1f})",
     ]
     lines = [line for item in layout.items for line in _commands(item, layout.height, scale)]
@@ -90,7 +90,7 @@ def _symbol_commands(mark: PlacedSymbol, height: float, scale: float) -> Iterato
     for line in symbol.lines:
         yield from _curves([(mark.x + x, height - mark.y - y) for x, y in line], mark.dashed)
     for x, y, radius in symbol.circles:
-        angles = [2.0 * math.pi * i / _POLICY.circle_sides for i in range(_POLICY.circle_sides + 1)]
+        angles = [2.0 * math.pi * i / POLICY.circle_sides for i in range(POLICY.circle_sides + 1)]
         centre = mark.x + x, height - mark.y - y
         ring = [(centre[0] + radius * math.cos(a), centre[1] + radius * math.sin(a)) for a in angles]
         yield from _curves(ring, mark.dashed)

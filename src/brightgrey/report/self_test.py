@@ -6,6 +6,8 @@ import re
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from brightgrey.kit import Placed, Structure
+from brightgrey.kit.in_words import effect_in_words, structure_in_words
 from brightgrey.self_test.schema import SelfTest
 
 __all__ = ["with_section"]
@@ -29,6 +31,8 @@ def with_section(page: str, found: SelfTest) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["structure"] = lambda name: structure_in_words(Structure.parse(name))
+    environment.filters["effect"] = lambda name: effect_in_words(Placed.parse(name))
     section = environment.get_template("self_test.html.j2").render(test=found)
     bare = re.sub(f"{_BEGIN}.*?{_END}\n?", "", page, flags=re.DOTALL)
     before = next((mark for mark in _BEFORE if mark in bare), "")

@@ -74,12 +74,12 @@ def _refutation(refuted: RefutedStructure) -> str:
     lacking = enumerated([effect_in_words(Placed.parse(e)) for e in refuted.without])
     return (
         f"Without {lacking} the residual is {refuted.ratio:.3g} times as large, whatever else is allowed. (Whitened sum"
-        f" of squares: {_number(refuted.excess)} above the least one, of which chance explains"
-        f" {_number(refuted.threshold)}; {_starts(refuted.agreeing)}.)"
+        f" of squares: {_three_digits(refuted.excess)} above the least one, of which chance explains"
+        f" {_three_digits(refuted.threshold)}; {_starts(refuted.agreeing)}.)"
     )
 
 
-def _number(value: float) -> str:
+def _three_digits(value: float) -> str:
     """`value` with three significant digits, large ones without an exponent."""
     return f"{float(f'{value:.3g}'):,.0f}" if 1000.0 <= value < 1e9 else f"{value:.3g}"
 

@@ -30,6 +30,7 @@ from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import SearchProgress
 from brightgrey.search.task import IdentificationTask
+from brightgrey.search.undecided.open_questions import open_questions
 
 __all__ = ["Decision", "Ranked", "decide_structures"]
 
@@ -213,6 +214,7 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar) -> Evidenc
         status,
         replace(certificate, fitted=len(search.fits.done)),
         whitening.effective_samples,
+        open_questions(detectability, found, optional, [c.effect for c in cards if c.verdict == "not decidable"]),
     )
 
 

@@ -87,10 +87,15 @@ class Detectability:
         big = lattice.within(mask | bit) & lattice.everything
         return lattice.structure(big) if big & bit else None
 
+    @staticmethod
+    def chance(parameters: int) -> float:
+        """Deviance that so many further parameters gain by chance, at the level of false alarms."""
+        return float(chi2.isf(SELECTION.false_alarm_level, max(parameters, 1)))
+
     def critical(self, structure: Structure, big: Structure) -> float:
         """Deviance by which `big` has to be better than `structure` to be called for."""
         free = [len(self.refined.task.space(s, nuisances=True).names) for s in (structure, big)]
-        chance = float(chi2.isf(SELECTION.false_alarm_level, max(free[1] - free[0], 1)))
+        chance = self.chance(free[1] - free[0])
         least = self.refined.of(structure).deviance
         return max(chance, self.circumstances.material_growth * least, self.circumstances.error_floor)
 
@@ -108,8 +113,7 @@ class Detectability:
         if big is None:
             return False
         small, large = self.refined.of(structure), self.refined.of(big)
-        chance = float(chi2.isf(SELECTION.false_alarm_level, max(large.free - small.free, 1)))
-        return small.deviance - large.deviance > chance
+        return small.deviance - large.deviance > self.chance(large.free - small.free)
 
     def refutation(self, structure: Structure, effect: str) -> Obstacle | Callable[[], bool]:
         """Test if the recordings refute `effect` at the least size that matters, beside `structure`.
@@ -207,8 +211,7 @@ class Detectability:
 
     def _no_worse_than(self, structure: Structure) -> float:
         """Deviance up to which a fit is no worse than that of `structure`."""
-        chance = float(chi2.isf(SELECTION.false_alarm_level, 1))
-        return self.refined.of(structure).deviance + max(chance, self.circumstances.error_floor)
+        return self.refined.of(structure).deviance + max(self.chance(1), self.circumstances.error_floor)
 
     def _is_detectable(self, structure: Structure, big: Structure, jacobian: Array, change: Array) -> bool:
         """Return True if a change of the residuals would be detected, as far as the Jacobian does not explain it."""

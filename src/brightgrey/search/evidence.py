@@ -20,6 +20,7 @@ from brightgrey.search.certificate import Certificate
 from brightgrey.search.detectability import Detectability, Obstacle, has
 from brightgrey.search.fitting.refined_fit import Refined
 from brightgrey.search.policy import SELECTION
+from brightgrey.search.undecided.question import OpenQuestions
 from brightgrey.search.verdicts import EffectVerdict, Reason, Size, decisive
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
@@ -41,6 +42,7 @@ class Evidence:
     status: Mapping[Structure, str]  #: 'minimal', 'adequate', 'refuted' or 'undecided'.
     certificate: Certificate
     independent: float  #: Independent samples that the residuals are worth.
+    questions: OpenQuestions | None = None  #: What is left open, for the design of the next motion.
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ class _Policy:
     patience_beside_optimum: int = 0  #: After a search, which has made multistarts itself.
 
 
-_POLICY = _Policy()
+POLICY = _Policy()
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ def _final_estimates(
         fixed=task.fixed_of(structure),
         f_tanh=None if task.friction_width else task.settings.f_tanh,
         start=start,
-        patience=_POLICY.patience_beside_optimum if start else _POLICY.patience,
+        patience=POLICY.patience_beside_optimum if start else POLICY.patience,
         seed=request.seed,
         level=request.level,
         initial=request.initial,

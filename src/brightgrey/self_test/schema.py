@@ -12,7 +12,7 @@ from brightgrey.model.schema import Part, ValuePart
 from brightgrey.numerics.proportions import wilson_interval
 from brightgrey.self_test.simulated_drives import DriveKind
 
-__all__ = ["SELF_TEST_FILE", "CountPart", "DrivePart", "NoisePart", "RecoveredPart", "SelfTest"]
+__all__ = ["SELF_TEST_FILE", "CountPart", "NoisePart", "RecoveredPart", "SelfTest", "SimulatedDrivePart"]
 
 SELF_TEST_FILE = "selftest.json"
 
@@ -63,7 +63,7 @@ class RecoveredPart(Part):
     spread: float | None
 
 
-class DrivePart(Part):
+class SimulatedDrivePart(Part):
     """One simulated drive; `found_again` counts its structure as the best one, `among_minimal` as a minimal one.
 
     noticed counts the draws that refute the found model, which lacks `effect`; it is null for other kinds. verdicts
@@ -100,12 +100,12 @@ class SelfTest(Part):
     noise: tuple[NoisePart, ...]
     verdicts: Mapping[str, str]
     stable: Mapping[str, CountPart]
-    drives: tuple[DrivePart, ...]
+    drives: tuple[SimulatedDrivePart, ...]
     sentences: tuple[str, ...]
     version: str
 
     @property
-    def found(self) -> DrivePart:
+    def found(self) -> SimulatedDrivePart:
         """The drive with the found model."""
         return self.drives[0]
 

@@ -13,7 +13,7 @@ from brightgrey.model.schema import ValuePart
 from brightgrey.recordings import Recording, Units
 from brightgrey.search.lattice import contains
 from brightgrey.self_test.repetition import Repetition
-from brightgrey.self_test.schema import CountPart, DrivePart, NoisePart, RecoveredPart, SelfTest
+from brightgrey.self_test.schema import CountPart, NoisePart, RecoveredPart, SelfTest, SimulatedDrivePart
 from brightgrey.self_test.sensor_noise import SensorNoise
 from brightgrey.self_test.simulated_drives import SimulatedDrive
 
@@ -39,7 +39,7 @@ def noise_parts(recordings: Sequence[Recording], noises: Sequence[SensorNoise]) 
     return tuple(parts)
 
 
-def drive_part(drives: Sequence[SimulatedDrive], repetitions: Sequence[Repetition], units: Units) -> DrivePart:
+def drive_part(drives: Sequence[SimulatedDrive], repetitions: Sequence[Repetition], units: Units) -> SimulatedDrivePart:
     """Counts of one drive.
 
     Parameters
@@ -58,7 +58,7 @@ def drive_part(drives: Sequence[SimulatedDrive], repetitions: Sequence[Repetitio
         if first.without
     )
     effects = list(dict.fromkeys(e for r in repetitions for e in r.verdicts))
-    return DrivePart(
+    return SimulatedDrivePart(
         kind=first.kind,
         structure=name,
         effect=first.effect or None,
@@ -155,14 +155,14 @@ def _on_verdicts(found: SelfTest) -> list[str]:
     if not fragile:
         said = [f"Every verdict was the same in all {found.draws} draws."]
     else:
-        shown = ", ".join(f"{_title(e)} in {c.hits} of {c.of}" for e, c in fragile.items())
+        shown = ", ".join(f"{_heading(e)} in {c.hits} of {c.of}" for e, c in fragile.items())
         said = [f"The noise changed some verdicts, which came out again in these draws: {shown}."]
     at_size = [d for d in found.drives if d.noticed is not None and d.effect]
     if at_size and all(d.noticed and d.noticed.hits == d.noticed.of for d in at_size):
         said.append("Each effect that is not needed was noticed in all draws at the least size that matters.")
     elif at_size:
         shown = ", ".join(
-            f"{_title(d.effect or '')} in {d.noticed.hits} of {d.noticed.of}" for d in at_size if d.noticed
+            f"{_heading(d.effect or '')} in {d.noticed.hits} of {d.noticed.of}" for d in at_size if d.noticed
         )
         said.append(
             f"Each effect that is not needed was simulated at the least size that matters, and was noticed: {shown}."
@@ -170,6 +170,6 @@ def _on_verdicts(found: SelfTest) -> list[str]:
     return said
 
 
-def _title(effect: str) -> str:
+def _heading(effect: str) -> str:
     title = Placed.parse(effect).title
     return title[:1].lower() + title[1:]

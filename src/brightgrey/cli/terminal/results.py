@@ -131,7 +131,7 @@ def _print_brief(console: Console, found: Result) -> None:
     for part in head.sentences[1:]:
         _paragraph(console, part)
     console.print()
-    _parameters(console, found)
+    _estimates(console, found)
     console.print()
     _residuals(console, found)
     if found.evidence is not None:
@@ -151,7 +151,7 @@ def _print_details(console: Console, found: Result) -> None:
     _fits(console, fit_rows(found.model))
     console.print()
     if found.evidence is not None:
-        _evidence(console, found.evidence)
+        _verdict_table(console, found.evidence)
         for sentence in found.evidence.certificate.sentences():
             _bullet(console, sentence)
         console.print()
@@ -164,7 +164,7 @@ def _print_files(console: Console, found: Result, folder: Path) -> None:
     console.print(f"Results are in {folder}: {', '.join(found.names)}", soft_wrap=True)
 
 
-def _parameters(console: Console, found: Result) -> None:
+def _estimates(console: Console, found: Result) -> None:
     """Parameters with their intervals, and the speed within which friction reverses."""
     from brightgrey.report.text.tables import FIXED, friction_width_text, parameter_rows
 
@@ -302,7 +302,7 @@ def _fits(console: Console, rows: Sequence[FitRow]) -> None:
     console.print(table)
 
 
-def _evidence(console: Console, evidence: Evidence) -> None:
+def _verdict_table(console: Console, evidence: Evidence) -> None:
     """Verdict on every effect, and the minimal structures if there are several."""
     table = plain_table("effect", "verdict", "reason")
     styles = {"needed": "bold", "not decidable": "yellow"}

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from brightgrey.cli.terminal.results import as_json, plain_table, screen
+from brightgrey.kit import Placed, Structure
+from brightgrey.kit.in_words import effect_in_words, structure_in_words
 
 if TYPE_CHECKING:
-    from brightgrey.self_test.schema import DrivePart, SelfTest
+    from brightgrey.self_test.schema import SelfTest, SimulatedDrivePart
 
 __all__ = ["self_test"]
 
@@ -40,8 +42,8 @@ def _drives(console: Console, found: SelfTest) -> None:
         size = ", ".join(f"{name} = {part.value:.3g} {part.unit}" for name, part in drive.size.items())
         about = {
             "found": "the found model",
-            "equivalent": f"equivalent: {drive.structure}",
-            "with effect": f"with {drive.effect}, {size}",
+            "equivalent": f"equivalent: {structure_in_words(Structure.parse(drive.structure))}",
+            "with effect": f"with {effect_in_words(Placed.parse(drive.effect)) if drive.effect else ''}, {size}",
         }[drive.kind]
         table.add_row(about, str(drive.found_again), str(drive.among_minimal), str(drive.noticed or ""))
     console.print(table)
@@ -52,12 +54,17 @@ def _verdicts(console: Console, found: SelfTest) -> None:
     table = plain_table("effect", "verdict", "the same again")
     for effect, verdict in found.verdicts.items():
         count = found.stable[effect]
-        table.add_row(effect, verdict, str(count), style="yellow" if count.hits < count.of else None)
+        table.add_row(
+            effect_in_words(Placed.parse(effect)),
+            verdict,
+            str(count),
+            style="yellow" if count.hits < count.of else None,
+        )
     console.print(table)
     console.print()
 
 
-def _parameter_table(console: Console, drive: DrivePart) -> None:
+def _parameter_table(console: Console, drive: SimulatedDrivePart) -> None:
     table = plain_table("parameter", "simulated", "unit", "in the 95 % interval", "mean error/std", "spread")
     for name, part in drive.parameters.items():
         mean = "" if part.mean_error is None else f"{part.mean_error:+.2f}"

@@ -40,7 +40,7 @@ def headline(content: Content) -> Headline:
     content : Content
         Its model and its evidence; the linear model gives the resonances.
     """
-    return Headline(_found(content), _absent(content), _fit(content), _open(content))
+    return Headline(_found_sentence(content), _absent(content), _fit(content), _open(content))
 
 
 def listing(prefix: str, items: Sequence[str], last: str, suffix: str = "") -> str:
@@ -79,7 +79,7 @@ def _sentences(prefix: str, items: Sequence[str], last: str, suffix: str) -> Ite
         left = left[count:]
 
 
-def _found(content: Content) -> str:
+def _found_sentence(content: Content) -> str:
     structure = content.model.structure
     masses = f"{masses_in_words(structure).capitalize()}{_coupling(content)}"
     effects = effects_in_words(p for p in structure.placed if not p.effect.masses)

@@ -54,18 +54,29 @@ def _of_parameters(content: Content) -> Iterator[NextStep]:
 
 
 def _of_verdicts(content: Content) -> Iterator[NextStep]:
-    model = content.model
-    if model.ties and len(model.ties.minimal) > 1:
+    model, evidence = content.model, content.evidence
+    several = model.ties is not None and len(model.ties.minimal) > 1
+    if several:
         yield NextStep(
-            "Structures that explain the recording equally well",
-            "Look at what they change for control in the table below. If that matters, record a motion that tells them"
-            " apart.",
+            "Several structures explain the recording",
+            "The table below shows what they change for control. If that matters, record more.",
+        )
+    if several or (evidence and any(card.verdict == "not decidable" for card in evidence.cards)):
+        yield NextStep(
+            "Record what decides more",
+            "“brightgrey plan DIR” with the folder of this result designs a motion for it, and says what it would"
+            " decide.",
         )
 
 
 def _of_use(content: Content) -> Iterator[NextStep]:
     if content.traces and not any(trace.test for trace in content.traces):
         yield NextStep("Check the model on data that it has not seen", "Repeat the command with --test-recording FILE.")
+    if content.evidence:
+        yield NextStep(
+            "Ask whether the recording would find this model again",
+            "“brightgrey selftest DIR --fast” identifies simulated recordings of it.",
+        )
     yield NextStep(
         "Use the model",
         "“brightgrey control model.json” designs a controller; “brightgrey export model.json --to fmu” writes it for"

@@ -1,0 +1,149 @@
+"""Does a planned motion decide what the first recording left open? Random drives, 1 % noise, reference solver.
+
+    python bench/plan.py run 0 20 --seed 5     drives 0 to 19, added to the file of the seed
+    python bench/plan.py table --seed 5
+
+A drive counts if its first recording leaves an effect that is there *not decidable*. The second recording has the same
+length, noise and limits: those that the first one reached. It is the planned motion, a chirp, a multisine, or the first
+motion again. Both recordings are identified jointly; an effect is decided rightly if it is *needed* then.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import binomtest
+
+from brightgrey import SettingsError, identify, plan
+from brightgrey.arrays import Array
+from brightgrey.kit import PAPER
+from brightgrey.planning.envelope import envelope
+from brightgrey.recordings import Recording
+from brightgrey.search.detectability import has
+from brightgrey.simulation.reference import reference
+from support.drives import RandomDrive, coloured_noise, excitation, rounded, simulated_recording
+from support.results import RESULTS
+from support.rows import add_rows, drives_left, read_rows
+from support.statistics import share_of
+
+NOISE = 1e-2
+CONTESTANTS = ("plan", "chirp", "multisine", "repeated")
+PREDICTED = 0.8
+"""Power from which a plan says that an effect will be decided."""
+
+
+def recorded(drive: RandomDrive, u: Array, name: str, number: int) -> Recording:
+    """Recording of a torque, with the noise and the encoder of the drive's first one."""
+    peak = float(np.abs(drive.y[0]).max())
+    rng = np.random.default_rng([drive.seed, drive.number, 100 + number])
+    (v,) = reference(str(drive.truth), drive.values, u, 1e-3, f_tanh=drive.f_tanh)
+    y = v + NOISE * peak * coloured_noise(v.size, drive.pole, rng)
+    return simulated_recording(u, rounded(y, max(1e-3 * peak, 0.5 * NOISE * peak)) if drive.encoder else y, name=name)
+
+
+def verdicts(recordings: Sequence[Recording]) -> dict[str, str]:
+    """Verdict on every effect."""
+    result = identify(recordings if len(recordings) > 1 else recordings[0], grammar="paper", check=False)
+    return {card.effect: card.verdict for card in result.evidence.cards}
+
+
+def within_limits(made, u: Array) -> Array:
+    """A torque that is scaled down until the identified drive keeps the limits with it."""
+    model = made.drive.known.model
+    values = {name: np.array([value]) for name, value in model.values.items()}
+    limits = made.limits
+    while True:
+        use = envelope(made.drive, model.structure, values, u, limits).use
+        if all(float(part.max()) <= 1.0 + 1e-6 for name, part in use.items() if name != "jerk"):
+            return u
+        u = 0.95 * u
+
+
+def examine(seed: int, number: int) -> Iterator[dict[str, object]]:
+    """Rows of one drive: one per effect that is there and not decided."""
+    drive = RandomDrive(seed, number, list(PAPER.structures()))
+    first = drive.recordings(NOISE)[0]
+    result = identify(first, grammar="paper", check=False)
+    left = {c.effect for c in result.evidence.cards if c.verdict == "not decidable"}
+    open_ones = [e for e in left if has(drive.truth, e)]
+    asked = {e for q in result.evidence.questions.questions for e in q.effects}
+    targets = sorted(set(open_ones) & asked)
+    about = {"seed": seed, "number": number, "truth": str(drive.truth)}
+    if not targets:
+        yield {**about, "effect": None}
+        return
+    begin = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        result.write(folder)
+        try:
+            made = plan(folder, seed=0)
+        except SettingsError as why:
+            yield {**about, "effect": None, "refused": str(why)}
+            return
+    seconds = round(time.perf_counter() - begin, 1)
+    pairs = list(zip(made.drive.known.questions, made.found.powers, strict=True))
+    rng = np.random.default_rng([seed, number, 7])
+    torques = {"plan": made.found.candidate.torque, "repeated": drive.u[0]}
+    torques |= {kind: within_limits(made, excitation(kind, rng)) for kind in ("chirp", "multisine")}
+    second = {name: verdicts([first, recorded(drive, u, name, k)]) for k, (name, u) in enumerate(torques.items())}
+    for effect in targets:
+        power = min(p for q, p in pairs if effect in q.effects)
+        after = {name: found.get(effect, "not needed") for name, found in second.items()}
+        yield {
+            **about,
+            "effect": effect,
+            "power": power,
+            "family": made.found.candidate.family.name,
+            "s": seconds,
+        } | after
+
+
+def words(row: Mapping[str, object]) -> str:
+    if row["effect"] is None:
+        return f"{row['number']:4} nothing open that is there"
+    shown = ", ".join(f"{name}: {row[name]}" for name in CONTESTANTS)
+    return f"{row['number']:4} {row['truth']}: {row['effect']} power {row['power']:.2f}; {shown}; {row['s']} s"
+
+
+def table(rows: Sequence[Mapping]) -> str:
+    """Shares of effects that are decided rightly, and McNemar's exact test against the plan."""
+    rows = [r for r in rows if r["effect"]]
+    lines = ["| second recording | all open effects | predicted with power ≥ 0.8 | McNemar p |", "|---|---|---|---|"]
+    sure = [r for r in rows if r["power"] >= PREDICTED]
+    for name in CONTESTANTS:
+        shares = [share_of([r[name] == "needed" for r in some]) if some else "–" for some in (rows, sure)]
+        gained = sum(r["plan"] == "needed" != r[name] for r in rows)
+        lost = sum(r[name] == "needed" != r["plan"] for r in rows)
+        p = f"{binomtest(gained, gained + lost).pvalue:.2g}" if name != "plan" and gained + lost else "–"
+        lines.append(f"| {name} | {shares[0]} | {shares[1]} | {p} |")
+    lines += ["", "| predicted power | effects | decided rightly |", "|---|---|---|"]
+    for low, high in ((0.0, 0.2), (0.2, 0.5), (0.5, 0.8), (0.8, 1.01)):
+        some = [r["plan"] == "needed" for r in rows if low <= r["power"] < high]
+        lines.append(f"| {low:.1f} to {min(high, 1.0):.1f} | {len(some)} | {share_of(some) if some else '–'} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    run = commands.add_parser("run")
+    run.add_argument("first", type=int)
+    run.add_argument("last", type=int)
+    for command in (run, commands.add_parser("table")):
+        command.add_argument("--seed", type=int, default=5)
+    given = parser.parse_args()
+    path = Path(RESULTS) / f"plan_seed{given.seed}.jsonl.gz"
+    if given.command == "run":
+        left = drives_left(path, given.seed, given.first, given.last)
+        add_rows(path, left, lambda number: examine(given.seed, number), words)
+    else:
+        print(table(read_rows(path)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""``brightgrey plan``: the motion to record next."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from brightgrey.cli.options.common import CORES, Json, OutputFolder, Quiet, Seed, Workers
+
+if TYPE_CHECKING:
+    from brightgrey.planning.plan import Plan
+
+__all__ = ["plan"]
+
+
+def plan(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder that identify wrote after a search.")],
+    limits: Annotated[
+        Path | None,
+        typer.Option(
+            "--limits",
+            metavar="FILE",
+            help="TOML with torque, rms_torque, speed, acceleration, jerk, travel and twist, in the recording's units. "
+            "Default: what the recordings reached.",
+        ),
+    ] = None,
+    decide: Annotated[
+        list[str] | None,
+        typer.Option("--decide", metavar="EFFECT", help="Effect to decide. Repeat for more. Default: all open ones."),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", metavar="S", help="Length of the motion in s. Default: that of the recording."),
+    ] = None,
+    out: OutputFolder = Path("plan"),
+    seed: Seed = 0,
+    workers: Workers = CORES,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Design the motion that decides what the last recordings left undecided.
+
+    DIR receives plan.csv (time, position, velocity, acceleration, torque), plan.toml and plan.svg. Record the torque
+    of plan.csv at the machine, and identify the old and the new recording together.
+    """
+    from brightgrey.cli.terminal import results as show
+    from brightgrey.model.files import check_folder, write_files
+
+    check_folder(out)
+    from brightgrey.api.planning import plan as design
+    from brightgrey.cli.terminal.signals import stop_on_signal
+    from brightgrey.planning.limits import read_limits
+    from brightgrey.report.charts.planned_motion import planned_motion
+    from brightgrey.report.drawing.svg_figure import svg_figure
+
+    given = read_limits(limits) if limits else {}
+    with stop_on_signal() as stop, _motions_tried(silent=quiet or json) as show_progress:
+
+        def progress(done: int, total: int) -> None:
+            if stop.number is not None:
+                raise typer.Exit(_interrupted(stop.number))
+            show_progress(done, total)
+
+        found = design(
+            run, limits=given, decide=decide or (), seconds=seconds, seed=seed, workers=workers, progress=progress
+        )
+        files = {
+            "plan.csv": found.csv_text().encode(),
+            "plan.toml": found.toml_text().encode(),
+            "plan.svg": svg_figure([planned_motion(found.columns)]).encode(),
+        }
+        write_files(out, files)
+    if json:
+        show.as_json(_as_data(found))
+    elif not quiet:
+        for line in (*found.sentences(), *found.cautions()):
+            print(f"{line}.")
+        print(f"Results are in {out}: {', '.join(files)}")
+
+
+def _interrupted(number: int) -> int:
+    """Say that nothing was written, and give the exit code of a signal."""
+    typer.echo("brightgrey: interrupted, nothing written", err=True)
+    return 128 + number
+
+
+def _as_data(found: Plan) -> dict[str, object]:
+    return {
+        "decides": [vars(d) for d in found.decisions],
+        "family": found.found.candidate.family.name,
+        "seconds": found.seconds,
+        "use_of_limits": {name: found.use(name) for name in found.found.envelope.use},
+        "parameters": found.gains,
+        "cautions": found.cautions(),
+    }
+
+
+@contextmanager
+def _motions_tried(*, silent: bool) -> Iterator[Callable[[int, int], None]]:
+    """Show on a terminal's stderr how many motions were tried."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    from brightgrey.cli.terminal import results as show
+    from brightgrey.cli.terminal.compilation import compile_kernel
+
+    compile_kernel(silent=silent)
+    if silent or not sys.stderr.isatty():
+        yield lambda done, total: None
+        return
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(bar_width=20), MofNCompleteColumn())
+    with Progress(*columns, console=show.screen(stderr=True), transient=True) as progress:
+        task = progress.add_task("motions tried", total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)

@@ -1,0 +1,239 @@
+"""Search for the motion that decides most: every family is sampled, and the best ones are optimised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.optimize import Bounds, differential_evolution
+
+from brightgrey.arrays import Array
+from brightgrey.errors import SettingsError
+from brightgrey.numerics.sobol import sobol_points
+from brightgrey.planning.drive import PlannedDrive
+from brightgrey.planning.envelope import Envelope, envelope
+from brightgrey.planning.families import families
+from brightgrey.planning.families.family import Family, Setting
+from brightgrey.planning.limits import MachineLimits
+from brightgrey.planning.score import Score, mean_powers, score
+from brightgrey.search.policy import SELECTION
+
+__all__ = ["Designed", "TriedMotion", "design_motion", "torque_of"]
+
+
+@dataclass(frozen=True)
+class _Policy:
+    """Effort of the search for a motion, and its safety."""
+
+    samples_log2: int = 6  #: Each family begins with 2 to this power motions.
+    optimised: int = 3  #: Families that are optimised, those with the best motions.
+    generations: int = 30  #: Of differential evolution.
+    population: int = 16  #: Motions of a generation.
+    finalists: int = 20  #: Motions whose rivals are refitted, the best first.
+    search_draws: int = 8  #: Parameter sets whose limits are watched in the search.
+    scalings: int = 4  #: Times that a torque is tried, scaled down between them where it exceeds a limit,
+    below: float = 0.985  #: to this part of the limit: friction makes the reaction uneven.
+    final_draws: int = 500  #: Parameter sets whose limits are watched in the end,
+    kept: float = 0.99  #: and share of them that has to keep the limits.
+    shrink: float = 0.97  #: Factor of the torque where the final check fails,
+    shrinks: int = 6  #: and how often it is tried.
+    relaxed_log2: int = 4  #: Motions of each family that are sampled where a limit is doubled, as a power of two.
+    out_of_limits: float = 1e3  #: Loss of a motion beyond its limits, far above any score.
+
+
+POLICY = _Policy()
+
+
+@dataclass(frozen=True)
+class TriedMotion:
+    """A motion that was tried."""
+
+    family: Family
+    numbers: tuple[float, ...]
+    torque: Array  #: N m (N), shape (samples,).
+    loss: float  #: Less is better.
+    excess: float  #: Over the limits; 0 if they are kept.
+    tightest: str  #: Limit that is used most.
+
+
+@dataclass(frozen=True)
+class Designed:
+    """The motion that was found."""
+
+    candidate: TriedMotion
+    score: Score  #: With rivals that are refitted.
+    envelope: Envelope  #: Of all draws.
+    families: tuple[tuple[str, float | None], ...]  #: Smallest power of each family's best motion; None: none allowed.
+    tried: int
+    powers: tuple[float, ...]  #: Of each question, averaged over draws and positions in the gap.
+    #: Where a question stays open: smallest power of the recorded and a new motion when one limit is doubled.
+    relaxed: tuple[tuple[str, float], ...]
+
+
+def torque_of(drive: PlannedDrive, family: Family, numbers: Array, setting: Setting) -> Array:
+    """Torque of a motion of a family, shape (samples,), rounded to what a file holds."""
+    shape = family.make(np.clip(numbers, 0.0, 1.0), setting)
+    torque = drive.rigid.torque(shape.motion.velocity, shape.motion.acceleration, shape.compensation) + shape.torque
+    high = setting.limits.torque
+    step = (1.0 - 1e-3) * setting.limits.jerk * drive.rigid.inertia * setting.dt  # rounding takes the rest
+    return np.round(_with_limited_slope(np.clip(torque, -high, high), step) / high, 6) * high
+
+
+def _with_limited_slope(torque: Array, step: float) -> Array:
+    """Torque that changes by no more than `step` per sample: it follows the wanted one, as a drive's own limiter."""
+    out, now = np.empty_like(torque), 0.0
+    for k, wanted in enumerate(torque.tolist()):
+        now = min(max(wanted, now - step), now + step)
+        out[k] = now
+    return out
+
+
+class _Search:
+    """Motions that have been tried, with their scores."""
+
+    def __init__(self, drive: PlannedDrive, setting: Setting, seed: int, tell: Callable[[int, int], None]) -> None:
+        self.drive, self.setting, self.tell = drive, setting, tell
+        self.draws = drive.draws(POLICY.search_draws, np.random.default_rng([seed, 1]))
+        self.done: list[TriedMotion] = []
+        sampled = len(families()) * 2**POLICY.samples_log2
+        self.total = sampled + POLICY.optimised * POLICY.population * POLICY.generations + POLICY.finalists
+
+    def loss(self, numbers: Array, family: Family) -> float:
+        """Loss of a motion; one beyond the limits is the worse the further it is beyond them."""
+        torque, found = self._within_limits(torque_of(self.drive, family, numbers, self.setting))
+        excess, value = found.excess(), None
+        if excess == 0.0:
+            scored = score(self.drive, torque)
+            value = None if scored is None else -scored.value
+        loss = POLICY.out_of_limits * (1.0 + min(excess, 1e3)) if value is None else value
+        entry = TriedMotion(family, tuple(np.asarray(numbers).tolist()), torque, loss, excess, found.tightest())
+        self.done.append(entry)
+        self.tell(len(self.done), max(self.total, len(self.done)))
+        return loss
+
+    def _within_limits(self, torque: Array) -> tuple[Array, Envelope]:
+        """The torque, scaled down where a limit is exceeded, and what the draws of the drive do with it."""
+        structure, limits = self.drive.known.model.structure, self.setting.limits
+        for _ in range(POLICY.scalings):
+            found = envelope(self.drive, structure, self.draws, torque, limits)
+            use = max(float(part.max()) for part in found.use.values())
+            if use <= 1.0 or not np.isfinite(use):
+                break
+            torque = torque * (POLICY.below / use)
+        return torque, found
+
+    def best_of(self, family: Family) -> TriedMotion:
+        """Best motion of a family."""
+        return min((c for c in self.done if c.family is family), key=lambda c: c.loss)
+
+    def optimise(self, family: Family, rng: np.random.Generator) -> None:
+        """Optimise a family from its best motions by differential evolution (Storn and Price 1997)."""
+        own = sorted((c for c in self.done if c.family is family), key=lambda c: c.loss)[: POLICY.population]
+        differential_evolution(
+            self.loss,
+            Bounds(np.zeros(family.numbers), np.ones(family.numbers)),
+            args=(family,),
+            init=np.array([c.numbers for c in own]),
+            maxiter=POLICY.generations - 1,
+            mutation=(0.4, 0.9),
+            recombination=0.8,
+            polish=False,
+            tol=0.0,
+            rng=rng,
+        )
+
+
+def setting_of(drive: PlannedDrive, limits: MachineLimits, seconds: float) -> Setting:
+    """Setting of the families."""
+    rigid = drive.rigid
+    acceleration = min(limits.acceleration, limits.torque / rigid.inertia)
+    samples = round(seconds / drive.known.sampling_time)
+    return Setting(drive.known.sampling_time, samples, limits, drive.resonance, rigid.breakaway, acceleration)
+
+
+def design_motion(
+    drive: PlannedDrive,
+    limits: MachineLimits,
+    seconds: float,
+    seed: int,
+    tell: Callable[[int, int], None] = lambda done, total: None,
+) -> Designed:
+    """Search for the motion within the limits that decides most.
+
+    Raises
+    ------
+    SettingsError
+        If no motion keeps the limits; the message names the one that is in the way.
+    """
+    search = _Search(drive, setting_of(drive, limits, seconds), seed, tell)
+    rng = np.random.default_rng([seed, 2])
+    for family in families():
+        for numbers in sobol_points(family.numbers, POLICY.samples_log2, rng):
+            search.loss(numbers, family)
+    ranked = sorted(families(), key=lambda f: search.best_of(f).loss)
+    for family in ranked[: POLICY.optimised]:
+        search.optimise(family, rng)
+    allowed = sorted((c for c in search.done if c.excess == 0.0), key=lambda c: c.loss)
+    if not allowed:
+        raise SettingsError(_in_the_way(search.done))
+    found = _final(search, allowed, seed)
+    if min(found.powers, default=1.0) >= SELECTION.min_power:
+        return found
+    return replace(found, relaxed=tuple(_relaxed(drive, limits, seconds, seed, tell)))
+
+
+def _relaxed(
+    drive: PlannedDrive, limits: MachineLimits, seconds: float, seed: int, tell: Callable[[int, int], None]
+) -> Iterator[tuple[str, float]]:
+    """Smallest power with each limit doubled, and with twice the time: by sampling only."""
+    finite = [f.name for f in fields(limits) if np.isfinite(getattr(limits, f.name))]
+    for name in (*finite, "seconds"):
+        wider = limits if name == "seconds" else replace(limits, **{name: 2.0 * getattr(limits, name)})
+        time = 2.0 * seconds if name == "seconds" else seconds
+        search = _Search(drive, setting_of(drive, wider, time), seed, tell)
+        search.total = len(families()) * 2**POLICY.relaxed_log2
+        rng = np.random.default_rng([seed, 2])
+        for family in families():
+            for numbers in sobol_points(family.numbers, POLICY.relaxed_log2, rng):
+                search.loss(numbers, family)
+        best = min(search.done, key=lambda c: c.loss)
+        yield name, _smallest_power(drive, best) or 0.0
+
+
+def _in_the_way(done: Sequence[TriedMotion]) -> str:
+    nearest = min(done, key=lambda c: c.excess)
+    return (
+        f"no motion keeps the limits; the nearest one, {nearest.family.name}, exceeds one by "
+        f"{100.0 * nearest.excess:.0f} %: raise the limit of {nearest.tightest}"
+    )
+
+
+def _final(search: _Search, allowed: Sequence[TriedMotion], seed: int) -> Designed:
+    """The finalist with the best score, its rivals refitted, that keeps the limits for nearly all draws."""
+    drive, limits = search.drive, search.setting.limits
+    draws = drive.draws(POLICY.final_draws, np.random.default_rng([seed, 3]))
+    finalists = list({c.torque.tobytes(): c for c in allowed}.values())[: POLICY.finalists]
+    scored = []
+    for k, finalist in enumerate(finalists):
+        search.tell(len(search.done) + k, max(search.total, len(search.done) + k))
+        found = score(drive, finalist.torque, refit=True)
+        scored += [(finalist, found)] if found is not None else []
+    scored.sort(key=lambda pair: -pair[1].value)
+    powers = tuple((family.name, _smallest_power(drive, search.best_of(family))) for family in families())
+    for candidate, _ in scored:
+        for turn in range(POLICY.shrinks):
+            torque = candidate.torque * POLICY.shrink**turn
+            kept = envelope(drive, drive.known.model.structure, draws, torque, limits)
+            final = score(drive, torque, refit=True) if kept.share_kept() >= POLICY.kept else None
+            if final is not None:
+                shown = TriedMotion(candidate.family, candidate.numbers, torque, -final.value, 0.0, kept.tightest())
+                means = tuple(mean_powers(drive, torque, seed))
+                return Designed(shown, final, kept, powers, len(search.done), means, ())
+    raise SettingsError("no motion keeps the limits for 99 % of the draws of the parameters: raise the limits")
+
+
+def _smallest_power(drive: PlannedDrive, motion: TriedMotion) -> float | None:
+    """Smallest power of a motion; None if it exceeds a limit or cannot be simulated."""
+    found = score(drive, motion.torque) if motion.excess == 0.0 else None
+    return min((a.power for a in found.answers), default=0.0) if found else None

@@ -1,0 +1,186 @@
+"""The drive as a plan knows it: its structures with their values, sensors and noise, and what a torque would show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.effects import INERTIA, Scales
+from brightgrey.estimation.noise.autoregression import Autoregression
+from brightgrey.estimation.noise.whitening import whiten
+from brightgrey.estimation.optimisation.least_squares import evaluate
+from brightgrey.estimation.problem.initial_state import InitialState
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, Nuisance
+from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
+from brightgrey.kit import StateSpace, Structure, assemble
+from brightgrey.model.model import Model
+from brightgrey.recordings import Recording
+from brightgrey.search.undecided.question import Known, OpenQuestions
+from brightgrey.simulation import Settings
+
+__all__ = ["PlannedDrive", "RigidDrive"]
+
+_NO_SCALES = Scales(*[1.0] * 10)  # all ranges are known: nothing is derived from scales
+_SHARPEST = 1e4  # of friction's sign over the largest speed; an exact sign has no slope to invert
+
+
+@dataclass(frozen=True)
+class RigidDrive:
+    """Inverse dynamics of the drive with rigid shafts: the torque that leads it along a motion."""
+
+    inertia: float  #: kg m² (kg).
+    speeds: Array  #: rad/s (m/s), increasing.
+    friction: Array  #: Torque at these speeds in N m (N), constant torques included.
+
+    @classmethod
+    def of(cls, system: StateSpace, inertias: Sequence[float], largest: float) -> RigidDrive:
+        """Rigid drive with the friction of `system` up to a speed, rad/s (m/s)."""
+        grid = np.linspace(-1.0, 1.0, 401)
+        speeds = 1.5 * largest * np.sign(grid) * grid**2
+        rows = [i for i, state in enumerate(system.states) if state.at_rest == "speed"]
+        masses = np.asarray(inertias)
+        torque = [-float(masses @ system.derivative(system.rest(speed=v), 0.0)[rows]) for v in speeds]
+        return cls(float(masses.sum()), speeds, np.array(torque))
+
+    def torque(self, velocity: Array, acceleration: Array, compensation: float) -> Array:
+        """Torque in N m (N) for a motion, with a part of the friction compensated."""
+        friction = np.interp(velocity, self.speeds, self.friction)
+        return np.asarray(self.inertia * acceleration + compensation * np.where(velocity == 0.0, 0.0, friction))
+
+    @property
+    def breakaway(self) -> float:
+        """Largest friction near standstill in N m (N)."""
+        near = np.abs(self.speeds) < 0.2 * self.speeds[-1]
+        return float(np.abs(self.friction[near]).max())
+
+
+@dataclass(frozen=True)
+class PlannedDrive:
+    """Knowledge of a drive by a search, ready for simulations of new motions."""
+
+    model: Model
+    known: OpenQuestions
+    threads: int = 1
+    gap: float = 0.0  #: Position of a truth in its gaps at the begin, in widths from the forward side: 0 to -1.
+
+    @cached_property
+    def settings(self) -> Settings:
+        """Of the simulation, level fast."""
+        return replace(self.model.settings_si(), level="fast")
+
+    def recording(self, torque: Array) -> Recording:
+        """Recording of a torque in which nothing was measured: residuals of it are outputs."""
+        outputs = self.model.outputs
+        t = np.asarray(self.known.sampling_time * np.arange(torque.size), float)
+        zero, one = np.zeros((len(outputs), torque.size)), np.ones(len(outputs))
+        hold = self.model.settings.hold
+        return Recording("plan", t, torque, zero, self.model.input, outputs, hold=hold, resolution=one)
+
+    def problem(self, structure: Structure, recording: Recording) -> SimulationErrorProblem:
+        """Weighted outputs of a structure that starts at rest, at the side of its gap that it was left at."""
+        state = InitialState(0.0, 0.0, 0.0, ())
+        weights = np.array([n.weight for n in self.known.noise])
+        return SimulationErrorProblem(structure, (recording,), weights, (state,), self.threads)
+
+    def space(self, known: Known) -> ParameterSpace:
+        """Scaled space of the parameters of a structure that the recordings say something of."""
+        structure = Structure.parse(known.structure)
+        fixed = {n: v for n, v in known.values.items() if n in structure.parameters and n not in known.names}
+        bounds = {n: self.known.ranges[n] for n in known.names if n != FRICTION_WIDTH}
+        width: tuple[Nuisance, ...] = ()
+        if FRICTION_WIDTH in known.names:
+            low, high = self.known.ranges[FRICTION_WIDTH]
+            width = (Nuisance(FRICTION_WIDTH, low, high, known.values[FRICTION_WIDTH], sampled=False, log=True),)
+        return parameter_space(structure, _NO_SCALES, bounds, fixed, width)
+
+    def truth(self, structure: str, values: Mapping[str, float], torque: Array) -> Array:
+        """Whitened outputs of a structure, shape (residuals,)."""
+        problem, system = (
+            self.problem(Structure.parse(structure), self.recording(torque)),
+            self.system(structure, values),
+        )
+        limited = [system.state_names[e.limits.state] for e in system.elements if e.limits is not None]
+        all_values = {**values, **{f"{name}(0)/width": self.gap for name in limited}}
+        found = problem.residuals({n: np.array([v]) for n, v in all_values.items()}, self.settings)
+        return self.whiten(found, torque.size)[:, 0]
+
+    def with_values(self, draw: Mapping[str, float], gap: float) -> PlannedDrive:
+        """The same drive with other values of its parameters, and another position in its gaps at the begin.
+
+        The values are those of the best structure. Tied structures keep theirs: each has an optimum of its own.
+        """
+        best = self.known.model.structure
+        model = replace(self.known.model, values={**self.known.model.values, **draw})
+        questions = [
+            replace(
+                q, rival=replace(q.rival, values=model.values), values=_moved(q.values, self.known.model.values, draw)
+            )
+            if q.kind == "size" and q.rival.structure == best
+            else q
+            for q in self.known.questions
+        ]
+        return replace(self, known=replace(self.known, model=model, questions=tuple(questions)), gap=gap)
+
+    def outputs_and_jacobian(self, known: Known, theta: Array, torque: Array) -> tuple[Array, Array]:
+        """Whitened outputs, shape (residuals,), and their Jacobian, shape (residuals, P), at scaled parameters."""
+        problem, space = self.problem(Structure.parse(known.structure), self.recording(torque)), self.space(known)
+        y, J = evaluate(problem, space, self.settings, theta)
+        return self.whiten(y, torque.size), self.whiten(J, torque.size)
+
+    def theta(self, known: Known) -> Array:
+        """Estimates in the scaled space, shape (P,)."""
+        return self.space(known).to_scaled(np.array([known.values[n] for n in known.names]))
+
+    def whiten(self, x: Array, samples: int) -> Array:
+        """Whiten outputs by the noise of the recordings."""
+        noise = self.known.noise
+        models = [Autoregression(n.a, n.variance) for n in noise]
+        return whiten(x, models, [samples] * len(noise))
+
+    def draws(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
+        """Draws of the parameters of the best structure by the covariance of its estimates, each of shape (count,)."""
+        known, space = self.known.model, self.space(self.known.model)
+        size, axes = np.linalg.eigh(np.array(known.information))
+        spread = axes / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=1e-300)))
+        theta = self.theta(known)[:, None] + spread @ rng.standard_normal((len(size), count))
+        low, high = space.box
+        return space.named(space.from_scaled(np.clip(theta, low[:, None], high[:, None])))
+
+    def system(self, structure: str, values: Mapping[str, Array | float], outputs: Sequence[str] = ()) -> StateSpace:
+        """Assembled systems of parameter sets."""
+        f_tanh = 1.0 / values[FRICTION_WIDTH] if FRICTION_WIDTH in values else self.settings.f_tanh
+        parsed = Structure.parse(structure)
+        return assemble(parsed, {n: values[n] for n in parsed.parameters}, f_tanh, list(outputs) or ["velocity"])
+
+    @cached_property
+    def rigid(self) -> RigidDrive:
+        """The drive of the best structure with rigid shafts."""
+        known = self.known.model
+        structure = Structure.parse(known.structure)
+        largest = self.known.reached["speed"]
+        values = {FRICTION_WIDTH: largest / _SHARPEST, **known.values}
+        system = self.system(known.structure, values)
+        inertias = [known.values[n] for n, p in structure.parameters.items() if p.dimension == INERTIA]
+        return RigidDrive.of(system, inertias, largest)
+
+    @cached_property
+    def resonance(self) -> float:
+        """Slowest resonance in Hz; a tenth of the sampling rate over ten with one mass."""
+        known = self.known.model
+        masses = Structure.parse(known.structure).masses
+        if masses < 2:
+            return 0.01 / self.known.sampling_time
+        rates = -self.system(known.structure, known.values).A[masses : 2 * masses, :masses]
+        square = np.sort(np.linalg.eigvals(rates).real)[1]
+        return float(np.clip(np.sqrt(max(square, 0.0)) / (2.0 * np.pi), 0.5, 0.1 / self.known.sampling_time))
+
+
+def _moved(values: Mapping[str, float], estimates: Mapping[str, float], draw: Mapping[str, float]) -> dict[str, float]:
+    """Values of a truth, moved as a draw moves the estimates; an inertia may be a part of an estimate."""
+    factors = {n: draw[n] / estimates[n] for n in values if n in draw and estimates.get(n)}
+    return {n: value * factors.get(n, 1.0) for n, value in values.items()}

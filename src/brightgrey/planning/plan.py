@@ -1,0 +1,209 @@
+"""Plan: the motion to record next, what it will decide, and what it asks of the machine."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.effects import POSITION, SPEED, TORQUE
+from brightgrey.kit import Placed
+from brightgrey.planning.design import Designed
+from brightgrey.planning.drive import PlannedDrive
+from brightgrey.planning.envelope import motion_of
+from brightgrey.planning.limits import ACCELERATION, MachineLimits
+from brightgrey.planning.score import power_so_far
+from brightgrey.search.policy import SELECTION
+from brightgrey.search.undecided.question import Question
+from brightgrey.version import __version__
+
+__all__ = ["Decided", "Plan"]
+
+_LIMIT_NAMES = {
+    "torque": "peak torque",
+    "rms_torque": "RMS torque",
+    "speed": "speed",
+    "acceleration": "acceleration",
+    "jerk": "jerk",
+    "travel": "travel",
+    "twist": "twist of a shaft",
+    "seconds": "time",
+}
+
+
+@dataclass(frozen=True)
+class Decided:
+    """Power to decide an open question, before and after the new recording."""
+
+    title: str  #: Of the effect, or of the two structures.
+    kind: str  #: 'size' or 'tied', see `Question`.
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A motion to be recorded, made by :func:`brightgrey.plan`.
+
+    Attributes
+    ----------
+    drive : PlannedDrive
+    limits : MachineLimits
+        SI.
+    given : mapping of str to float
+        Limits that were given, in the units of the recording; the others are what the recordings reached.
+    found : Designed
+    seed : int
+    """
+
+    drive: PlannedDrive
+    limits: MachineLimits
+    given: Mapping[str, float]
+    found: Designed
+    seed: int
+
+    @property
+    def t(self) -> Array:
+        """Time in s, shape (samples,)."""
+        return np.asarray(self.drive.known.sampling_time * np.arange(self.found.candidate.torque.size))
+
+    @property
+    def seconds(self) -> float:
+        """Length in s."""
+        return float(self.drive.known.sampling_time * self.found.candidate.torque.size)
+
+    @property
+    def decisions(self) -> tuple[Decided, ...]:
+        """Questions that the motion decides, with their powers."""
+        found = self.found
+        return tuple(
+            Decided(_title(q), q.kind, power_so_far(self.drive, q), after)
+            for q, after in zip(self.drive.known.questions, found.powers, strict=True)
+        )
+
+    @cached_property
+    def columns(self) -> dict[str, Array]:
+        """Columns of plan.csv in the units of the recording: the motion is that of the simulated first mass."""
+        drive, units = self.drive, self.drive.model.units
+        known, torque = drive.known.model, self.found.candidate.torque
+        values = {n: np.array([v]) for n, v in known.values.items()}
+        y = motion_of(drive, known.structure, values, torque)[:, :, 0]
+        v = y[len(y) // 2]
+        parts = {
+            "position": (y[0], POSITION),
+            "velocity": (v, SPEED),
+            "acceleration": (np.gradient(v, drive.known.sampling_time), ACCELERATION),
+            "torque": (torque, TORQUE),
+        }
+        shown = {f"{name} [{units.of(d)[0]}]": x * units.of(d)[1] for name, (x, d) in parts.items()}
+        return {"t [s]": self.t, **shown}
+
+    def csv_text(self) -> str:
+        """Text of plan.csv."""
+        table = zip(*(x.tolist() for x in self.columns.values()), strict=True)
+        rows = ["".join((",".join(f"{value:.8g}" for value in row), "\n")) for row in table]
+        return ",".join(self.columns) + "\n" + "".join(rows)
+
+    def toml_text(self) -> str:
+        """Text of plan.toml: what was planned, with which limits, and what it is to decide."""
+        units, found = self.drive.model.units, self.found
+        digest = hashlib.sha256(self.csv_text().encode()).hexdigest()
+        lines = [
+            f'version = "{__version__}"',
+            f"seed = {self.seed}",
+            f"seconds = {self.seconds:.6g}",
+            f'family = "{found.candidate.family.name}"',
+            f"numbers = [{', '.join(f'{x:.6g}' for x in found.candidate.numbers)}]",
+            f"motions_tried = {found.tried}",
+            f'structure = "{self.drive.known.model.structure}"',
+            f'plan_csv_sha256 = "{digest}"',
+            "",
+            "[limits]",
+        ]
+        for name, (value, unit) in self.limits.shown(units).items():
+            origin = "given" if name in self.given else "reached by the recordings"
+            lines.append(f"{name} = {value:.6g}  # {unit}, {origin}; {100.0 * self.use(name):.0f} % used")
+        for d in self.decisions:
+            lines += ["", "[[decides]]", f'what = "{d.title}"', f'kind = "{d.kind}"']
+            lines += [f"power_before = {d.before:.3f}", f"power_after = {d.after:.3f}"]
+        return "\n".join(lines) + "\n"
+
+    def use(self, name: str) -> float:
+        """Part of a limit that 99 % of the draws of the parameters keep below."""
+        return float(np.quantile(self.found.envelope.use[name], 0.99))
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Standard deviation of each parameter after over before the new recording, by the information."""
+        known = self.drive.known.model
+        before, after = (np.linalg.pinv(np.array(H), rcond=1e-13, hermitian=True) for H in self._information)
+        ratio = np.sqrt(np.maximum(np.diag(after), 0.0) / np.maximum(np.diag(before), 1e-300))
+        own = self.drive.model.parameters
+        return {n: float(r) for n, r in zip(known.names, ratio, strict=True) if n in own}
+
+    @property
+    def _information(self) -> tuple[Array, Array]:
+        return np.array(self.drive.known.model.information), self.found.score.information
+
+    def sentences(self) -> list[str]:
+        """The plan in words."""
+        position, unit = next((x, n) for n, x in self.columns.items() if n.startswith("position"))
+        travel = np.ptp(position)
+        lines = [f"{d.title}: power {d.before:.2f} → {d.after:.2f}" for d in self.decisions]
+        lines.append(
+            f"{self.found.candidate.family.name[0].upper()}{self.found.candidate.family.name[1:]}: "
+            f"{self.seconds:.1f} s, {travel:.3g} {unit[unit.index('[') + 1 : -1]} of travel, peak torque "
+            f"{100.0 * self.use('torque'):.0f} %, rms {100.0 * self.use('rms_torque'):.0f} % of the limit"
+        )
+        gains = self.gains
+        if gains:
+            typical = float(np.exp(np.mean(np.log(np.maximum(list(gains.values()), 1e-6)))))
+            best = min(gains, key=lambda name: gains[name])
+            lines.append(
+                f"Intervals of the parameters become {100.0 * typical:.0f} % of what they are, that of {best} "
+                f"{100.0 * gains[best]:.0f} %"
+            )
+        return lines
+
+    def cautions(self) -> list[str]:
+        """Sentences on all that stays open and could go wrong."""
+        found, lines = self.found, []
+        if found.relaxed and min(found.powers) < SELECTION.min_power:
+            now = min(found.powers)
+            name, best = max(found.relaxed, key=lambda pair: pair[1])
+            text = f"Nothing within the limits decides everything: the smallest power is {now:.2f}"
+            if best > now + 0.05:
+                text += f". In the way is the {_LIMIT_NAMES[name]}: twice as much gives {best:.2f}"
+            else:
+                text += ", and no single limit is in the way: twice as much of any does not help"
+            lines.append(text)
+        lines += [
+            f"{Placed.parse(effect).effect.title}: not asked, because {why}"
+            for effect, why in self.drive.known.not_asked.items()
+        ]
+        assumed = [_LIMIT_NAMES[f.name] for f in fields(self.limits) if f.name not in self.given and f.name != "twist"]
+        if assumed:
+            lines.append(f"Limits of {', '.join(assumed)} are what the recordings reached; --limits sets others")
+        kept = found.envelope.share_kept()
+        lines.append(
+            f"Limits are kept for {100.0 * kept:.1f} % of {len(found.envelope.end_speed)} draws of the parameters, "
+            "with the drive as identified"
+        )
+        lines.append(
+            "Without a position controller the end position is uncertain: keep the end switches active, and begin with "
+            "a tenth of the torque"
+        )
+        if not np.isfinite(self.limits.twist) and self.drive.model.structure.masses > 1:
+            lines.append("No limit of the twist was given: the shafts may be rung at their resonance")
+        return lines
+
+
+def _title(question: Question) -> str:
+    if question.kind == "tied":
+        return f"{question.truth} against {question.rival.structure}"
+    (effect,) = question.effects
+    return Placed.parse(effect).effect.title

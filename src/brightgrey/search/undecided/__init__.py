@@ -1,0 +1,1 @@
+"""What a search left undecided, in numbers that the next motion can be designed with."""

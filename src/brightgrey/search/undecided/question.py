@@ -1,0 +1,100 @@
+"""Open questions as data: undecided.json, schema ``brightgrey/undecided/1``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+from brightgrey.errors import SettingsError
+
+__all__ = ["UNDECIDED_FILE", "UNDECIDED_SCHEMA", "Known", "OpenQuestions", "OutputNoise", "Question"]
+
+UNDECIDED_SCHEMA = "brightgrey/undecided/1"
+UNDECIDED_FILE = "undecided.json"
+
+
+@dataclass(frozen=True)
+class Known:
+    """Knowledge of a structure near its optimum: whitened normal equations, noise of variance 1."""
+
+    structure: str
+    values: Mapping[str, float]  #: SI; all parameters, and the width of friction's reversal if it is estimated.
+    names: tuple[str, ...]  #: Parameters of the normal equations, in the scaled space of the search.
+    information: tuple[tuple[float, ...], ...]  #: CommandedMotion (P, P).
+
+
+@dataclass(frozen=True)
+class Question:
+    """A truth that the recordings cannot tell from a rival."""
+
+    effects: tuple[str, ...]  #: Effects by which the two differ.
+    kind: str  #: 'size': an effect of the least size that matters, or none. 'tied': two minimal structures.
+    truth: str
+    values: Mapping[str, float]  #: Of the truth, SI.
+    rival: Known
+    gradient: tuple[float, ...]  #: Of half the rival's whitened cost under the truth, in the recordings, shape (P,).
+    deviance: float  #: Whitened sum of squares between truth and rival in the recordings.
+    parameters: int  #: Degrees of freedom of the test.
+    critical: float  #: Deviance that has to be exceeded by chance; what matters materially comes on top.
+
+
+@dataclass(frozen=True)
+class OutputNoise:
+    """OutputNoise of one output: an autoregression in units of the weighted output."""
+
+    weight: float  #: Weight of the output in the cost, 1/SI.
+    a: tuple[float, ...]
+    variance: float
+
+
+@dataclass(frozen=True)
+class OpenQuestions:
+    """All that a plan needs of a search; SI throughout."""
+
+    schema: str
+    sampling_time: float
+    samples: int  #: Of all recordings.
+    deviance: float  #: Of the best structure.
+    material_growth: float  #: Part of the deviance that does not matter.
+    error_floor: float  #: Deviance that errors of simulation and sensor may cause in these recordings.
+    noise: tuple[OutputNoise, ...]  #: One per output.
+    model: Known  #: The best structure.
+    questions: tuple[Question, ...]
+    not_asked: Mapping[str, str]  #: Undecided effects that no motion is designed for, with the reason.
+    reached: Mapping[str, float]  #: MachineLimits that the recordings reached; see `brightgrey plan`.
+    ranges: Mapping[str, tuple[float, float]]  #: Range of every parameter that is named here.
+
+    def text(self) -> str:
+        """Text of undecided.json."""
+        return json.dumps(asdict(self), indent=1, allow_nan=False) + "\n"
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Questions from the text of undecided.json.
+
+        Raises
+        ------
+        SettingsError
+            If it is not such a text.
+        """
+        try:
+            data = json.loads(text)
+            if data["schema"] != UNDECIDED_SCHEMA:
+                raise SettingsError(f"schema is '{data['schema']}'; this version reads '{UNDECIDED_SCHEMA}'")
+            data["noise"] = tuple(OutputNoise(**{**n, "a": tuple(n["a"])}) for n in data["noise"])
+            data["model"] = _known(data["model"])
+            data["questions"] = tuple(_question(q) for q in data["questions"])
+            return cls(**data)
+        except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as why:
+            raise SettingsError(f"this is no result of a search: {type(why).__name__} {why}") from None
+
+
+def _known(data: dict[str, Any]) -> Known:
+    return Known(**{**data, "names": tuple(data["names"]), "information": tuple(map(tuple, data["information"]))})
+
+
+def _question(data: dict[str, Any]) -> Question:
+    lists = {"effects": tuple(data["effects"]), "gradient": tuple(data["gradient"])}
+    return Question(**{**data, **lists, "rival": _known(data["rival"])})

@@ -1,0 +1,89 @@
+"""Power by whitened projection: known optimal designs, the reference solver, and determinism."""
+
+import numpy as np
+import pytest
+
+from brightgrey.kit import PAPER
+from brightgrey.planning.score import remaining, score
+from brightgrey.simulation.reference import reference
+from support.planning import TORQUE, known_drive
+
+
+def discriminating(points, weights, n):
+    """T-criterion of a design between a polynomial of degree n with leading coefficient 1 and degree n - 2."""
+    root = np.sqrt(weights)
+    rival = root[:, None] * np.vander(points, n - 1, increasing=True)
+    nothing = np.zeros((n - 1, n - 1))
+    return remaining(nothing, np.zeros(n - 1), 0.0, root * points**n, rival)
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5])
+def test_polynomials_of_degrees_n_and_n_minus_1__chebyshev_points_are_optimal(n):
+    # The T-optimal design on [-1, 1] has the extremes of the Chebyshev polynomial of degree n, the ends with half the
+    # weight of the others; the criterion is the squared distance of x^n to the rivals in the maximum norm, 4^(1 - n).
+    points = np.cos(np.pi * np.arange(n + 1) / n)
+    weights = np.r_[0.5, np.ones(n - 1), 0.5] / n
+
+    def criterion(x, w):
+        rival = np.sqrt(w)[:, None] * np.vander(x, n, increasing=True)
+        return remaining(np.zeros((n, n)), np.zeros(n), 0.0, np.sqrt(w) * x**n, rival)
+
+    best = criterion(points, weights)
+    assert best == pytest.approx(4.0 ** (1 - n), rel=1e-9)
+    rng = np.random.default_rng(n)
+    for _ in range(50):
+        assert criterion(rng.uniform(-1.0, 1.0, n + 3), rng.dirichlet(np.ones(n + 3))) <= best * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("n", [3, 4, 5])
+def test_degrees_n_and_n_minus_2__weight_moved_to_any_point_lowers_the_criterion(n):
+    # Dette and Titoff (2009, doi:10.1214/08-AOS635), by the equivalence theorem: a design is T-optimal if and only if
+    # the squared residual of the best rival nowhere exceeds the criterion. With no term of degree n - 1 in the truth,
+    # the points are again the extremes of the Chebyshev polynomial.
+    points = np.cos(np.pi * np.arange(n + 1) / n)
+    weights = np.r_[0.5, np.ones(n - 1), 0.5] / n
+    best = discriminating(points, weights, n)
+    assert best == pytest.approx(4.0 ** (1 - n), rel=1e-9)
+    grid = np.linspace(-1.0, 1.0, 101)
+    for x in grid:  # moving a little weight to any point lowers the criterion
+        mixed = discriminating(np.r_[points, x], np.r_[0.99 * weights, 0.01], n)
+        assert mixed <= best * (1.0 + 1e-9)
+
+
+def test_remaining__old_recordings_hold_the_rival_back():
+    # One parameter: min over p of H p^2 + |c + J p|^2 has a closed form.
+    c, J, H = np.array([1.0, 2.0]), np.array([[1.0], [1.0]]), 3.0
+    p = -(J[:, 0] @ c) / (H + 2.0)
+    expected = H * p**2 + np.sum((c + J[:, 0] * p) ** 2)
+    assert remaining(np.array([[H]]), np.zeros(1), 0.0, c, J) == pytest.approx(expected, rel=1e-12)
+
+
+def test_information__as_finite_differences_of_the_reference_solver():
+    drive = known_drive()
+    known, structure = drive.known.model, "one_mass+coulomb+viscous"
+    f_tanh = drive.settings.f_tanh
+    base = dict(known.values)
+    columns = []
+    for name in known.names:
+        step = 1e-4 * base[name]
+        (up,), (down,) = (
+            reference(structure, {**base, name: base[name] + s}, TORQUE, drive.known.sampling_time, f_tanh=f_tanh)
+            for s in (step, -step)
+        )
+        columns.append(base[name] * (up - down) / (2.0 * step))  # all parameters are searched by their logarithm
+    J = np.stack(columns, axis=1) * drive.known.noise[0].weight / np.sqrt(drive.known.noise[0].variance)
+    wanted = np.array(known.information) + J.T @ J
+    found = score(drive, TORQUE).information
+    # Level fast is accurate to 3e-4 of the motion, and a slope to about 1 %.
+    assert found == pytest.approx(wanted, rel=0.02, abs=0.01 * np.abs(wanted).max())
+    assert PAPER.parse(structure).parameters.keys() == set(known.names)
+
+
+def test_score__more_torque_decides_more_and_the_same_call_gives_the_same():
+    drive = known_drive()
+    (small,), (large,) = (score(drive, size * TORQUE).answers for size in (0.3, 1.0))
+    assert small.noncentrality < large.noncentrality
+    (again,) = score(drive, TORQUE).answers
+    assert again.noncentrality == large.noncentrality
+    (refitted,) = score(drive, TORQUE, refit=True).answers
+    assert refitted.noncentrality <= large.noncentrality
