@@ -78,8 +78,7 @@ def plan(
     if json:
         show.as_json(_as_data(found))
     elif not quiet:
-        for line in (*found.sentences(), *found.cautions()):
-            print(f"{line}.")
+        show.sentences([f"{line}." for line in (*found.sentences(), *found.cautions())])
         print(f"Results are in {out}: {', '.join(files)}")
 
 

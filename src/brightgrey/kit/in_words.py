@@ -6,7 +6,14 @@ from collections.abc import Iterable, Sequence
 
 from brightgrey.kit.structure import Placed, Structure
 
-__all__ = ["effect_in_words", "effects_in_words", "enumerated", "masses_in_words", "structure_in_words"]
+__all__ = [
+    "effect_heading",
+    "effect_in_words",
+    "effects_in_words",
+    "enumerated",
+    "masses_in_words",
+    "structure_in_words",
+]
 
 _COUNTS = ("no", "one", "two", "three", "four")
 
@@ -27,6 +34,12 @@ def effect_in_words(placed: Placed, *, article: bool = True) -> str:
     """
     words = placed.effect.words if article else placed.effect.words.removeprefix("a ")
     return words if placed.place == 1 else f"{words} at {placed.effect.where} {placed.place}"
+
+
+def effect_heading(placed: Placed) -> str:
+    """Name of an effect at the head of a card or a line: ``Second mass``."""
+    words = effect_in_words(placed, article=False)
+    return f"{words[:1].upper()}{words[1:]}"
 
 
 def masses_in_words(structure: Structure) -> str:

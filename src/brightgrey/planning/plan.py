@@ -11,7 +11,8 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import POSITION, SPEED, TORQUE
-from brightgrey.kit import Placed
+from brightgrey.kit import Placed, Structure
+from brightgrey.kit.in_words import effect_heading, structure_in_words
 from brightgrey.planning.design import Designed
 from brightgrey.planning.drive import PlannedDrive
 from brightgrey.planning.envelope import motion_of
@@ -182,7 +183,7 @@ class Plan:
                 text += ", and no single limit is in the way: twice as much of any does not help"
             lines.append(text)
         lines += [
-            f"{Placed.parse(effect).effect.title}: not asked, because {why}"
+            f"{effect_heading(Placed.parse(effect))}: not asked, because {why}"
             for effect, why in self.drive.known.not_asked.items()
         ]
         assumed = [_LIMIT_NAMES[f.name] for f in fields(self.limits) if f.name not in self.given and f.name != "twist"]
@@ -204,6 +205,7 @@ class Plan:
 
 def _title(question: Question) -> str:
     if question.kind == "tied":
-        return f"{question.truth} against {question.rival.structure}"
+        both = [structure_in_words(Structure.parse(str(s))) for s in (question.truth, question.rival.structure)]
+        return f"{both[0][:1].upper()}{both[0][1:]} against {both[1]}"
     (effect,) = question.effects
-    return Placed.parse(effect).effect.title
+    return effect_heading(Placed.parse(effect))

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from brightgrey.kit import Placed
-from brightgrey.kit.in_words import effect_in_words, enumerated
+from brightgrey.kit.in_words import effect_heading, enumerated
 from brightgrey.kit.structure import Verdict
 from brightgrey.recordings.units.amounts import amount, rounded
 
@@ -135,8 +135,7 @@ class EffectVerdict:
     @property
     def title(self) -> str:
         """Name of the effect for people, with its place unless that is the first: ``Second mass``."""
-        words = effect_in_words(Placed.parse(self.effect), article=False)
-        return f"{words[:1].upper()}{words[1:]}"
+        return effect_heading(Placed.parse(self.effect))
 
     @property
     def reason(self) -> str:

@@ -39,6 +39,7 @@ __all__ = [
     "reproduction",
     "result",
     "screen",
+    "sentences",
     "simulation",
     "stored",
     "text",
@@ -346,6 +347,13 @@ def _top(console: Console, ranking: Sequence[Row], front: Sequence[Row]) -> None
         table.add_row(str(rank), structure_in_words(Structure.parse(row.structure)), *cells)
     console.print(table)
     console.print()
+
+
+def sentences(texts: Sequence[str]) -> None:
+    """Print sentences as items, folded to the window."""
+    console = screen()
+    for text in texts:
+        _bullet(console, text)
 
 
 def _paragraph(console: Console, text: str, style: str = "") -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from brightgrey.cli.terminal.results import as_json, plain_table, screen
+from brightgrey.cli.terminal.results import as_json, plain_table, screen, sentences
 from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import effect_in_words, structure_in_words
 
@@ -30,9 +30,7 @@ def self_test(found: SelfTest, folder: Path, *, quiet: bool, json: bool) -> None
         _verdicts(console, found)
     if found.found.parameters:
         _parameter_table(console, found.found)
-    for sentence in found.sentences:
-        console.print(f"- {sentence}")
-    console.print()
+    sentences(found.sentences)
     console.print(f"Results are in {folder}: selftest.json, report.html", soft_wrap=True)
 
 

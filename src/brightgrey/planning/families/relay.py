@@ -19,4 +19,4 @@ def _relay_motion(x: Array, s: Setting) -> CommandedMotion:
     return CommandedMotion(at_rest(s), size * growth * wave * rest_window(s), 0.0)
 
 
-FAMILY = Family("relay motion within the gap", 4, _relay_motion)
+FAMILY = Family("relay motion", 4, _relay_motion)
