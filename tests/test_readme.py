@@ -26,7 +26,7 @@ def test_readme__commands_and_python_run_in_their_order(tmp_path, monkeypatch):
     (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     exec(compile(code, "README.md", "exec"), {"__name__": "readme"})
     written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
-    results = {"report.html", "model.json", "ranking.csv", "fit.svg"}
+    results = {"report.html", "model.json", "ranking.csv", "fit.svg", "run.json"}
     expected = {f"{folder}/{name}" for folder in ("demo", "out") for name in results}
     expected |= {f"out/export/drive.{kind}" for kind in ("c", "h", "fmu")}
     expected |= {"out/run.sqlite", "out/run.lock"}

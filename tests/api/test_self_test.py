@@ -66,7 +66,7 @@ def test_selftest__effect_at_the_edge_of_significance__verdict_is_fragile(tmp_pa
     tested = selftest(edge, draws=12, fast=True)
     assert 3 <= tested.stable["gravity"].hits < 12
     assert tested.stable["viscous"].hits == 12
-    assert any("noise changed" in sentence and "constant torque" in sentence for sentence in tested.sentences)
+    assert any("noise changed" in sentence and "constant load" in sentence for sentence in tested.sentences)
 
 
 def test_selftest__number_of_workers__same_bytes(result, tested):

@@ -56,7 +56,7 @@ def test_a_search_shows_how_far_it_is_and_the_time_left(drive, tmp_path, width):
     assert re.search(r"\d+ s left", shown)
     assert re.search(r"\d+/4", shown)
     final = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown).replace("\r", "\n").splitlines()
-    assert any(line.startswith("Coulomb friction") and "times as large" in line for line in final)
+    assert any(line.startswith("Coulomb") and "times as" in line for line in final)
 
 
 def test_without_colour_there_is_none(drive):

@@ -68,12 +68,14 @@ def test_plan__what_it_decides_is_written_in_words_and_in_files(made):
     assert all(0.0 < ratio <= 1.0 + 1e-9 for ratio in made.gains.values())
 
 
+@pytest.mark.long
 def test_plan__same_seed__same_bytes_for_any_number_of_threads(run, made):
     again = plan(run, limits={"torque": 2.5, "travel": 3.0}, workers=2)
     assert again.csv_text() == made.csv_text()
     assert again.toml_text() == made.toml_text()
 
 
+@pytest.mark.long
 def test_plan__limits_too_tight_to_decide__names_the_one_in_the_way(run):
     made = plan(run, limits={"speed": 0.02})
     assert made.decisions[0].after < 0.5
@@ -120,7 +122,7 @@ def test_command__writes_the_files_and_says_so(run, tmp_path):
     limits.write_text("torque = 2.5  # N m\ntravel = 3.0  # rad\n")
     done = call("plan", run, "--limits", limits, "--out", tmp_path / "next")
     assert (done.code, done.err) == (0, "")
-    assert done.out.startswith("Stribeck friction: power 0.")
+    assert done.out.startswith("- Stribeck friction: power 0.")
     assert {p.name for p in (tmp_path / "next").iterdir()} == {"plan.csv", "plan.toml", "plan.svg"}
 
 

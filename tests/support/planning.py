@@ -6,8 +6,8 @@ import numpy as np
 
 from brightgrey import identify, recording_from
 from brightgrey.model.model import load_model
-from brightgrey.planning.drive import Drive
-from brightgrey.search.undecided.question import SCHEMA, Known, OpenQuestions, OutputNoise, Question
+from brightgrey.planning.drive import PlannedDrive
+from brightgrey.search.undecided.question import UNDECIDED_SCHEMA, Known, OpenQuestions, OutputNoise, Question
 from brightgrey.simulation.reference import reference
 
 STRUCTURE = "one_mass+coulomb+viscous"
@@ -44,7 +44,18 @@ def questions():
         "duration": DT * 400,
     }  # fmt: skip
     return OpenQuestions(
-        SCHEMA, DT, 400, 400.0, 0.005, 0.1, (OutputNoise(50.0, (1.0,), 1.0),), known(), (size,), {}, reached, ranges
+        UNDECIDED_SCHEMA,
+        DT,
+        400,
+        400.0,
+        0.005,
+        0.1,
+        (OutputNoise(50.0, (1.0,), 1.0),),
+        known(),
+        (size,),
+        {},
+        reached,
+        ranges,
     )
 
 
@@ -52,11 +63,11 @@ def small_run(folder):
     """Folder of a fit of the drive, with the open question."""
     identify(small_recording(), STRUCTURE, f_tanh=FRICTION_SCALE, check=False, starts=2).write(folder)
     (folder / "undecided.json").write_text(questions().text())
-    assert json.loads((folder / "undecided.json").read_text())["schema"] == SCHEMA
+    assert json.loads((folder / "undecided.json").read_text())["schema"] == UNDECIDED_SCHEMA
     return folder
 
 
 def known_drive(folder=None):
     """The drive as a plan knows it."""
     result = identify(small_recording(), STRUCTURE, f_tanh=FRICTION_SCALE, check=False, starts=2)
-    return Drive(load_model(folder / "model.json") if folder else result.model, questions())
+    return PlannedDrive(load_model(folder / "model.json") if folder else result.model, questions())

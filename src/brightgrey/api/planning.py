@@ -44,7 +44,7 @@ def plan(
     decide : sequence of str
         Effects that are to be decided; all open ones by default.
     seconds : float, optional
-        Length of the motion; that of the longest recording by default.
+        Length of the motion in s; that of the longest recording by default.
     seed : int
         Seed of all random draws. The same seed gives the same plan.
     workers : int

@@ -169,6 +169,8 @@ def identify_resumable(
         with thread_pool(executor) as workers, CachingExecutor(workers, store, budget, stop) as caching:
             try:
                 result = identify(recordings, structure, executor=caching, progress=on_progress, **options)
+                if stop is not None and stop.requested and _is_fit(asked):
+                    raise KeyboardInterrupt
             except (Stopped, KeyboardInterrupt) as reason:
                 if _is_fit(asked):  # nothing of it can be kept
                     store.discard()

@@ -9,6 +9,7 @@ import numpy as np
 
 from brightgrey.estimation.problem.segments import segments
 from brightgrey.kit import Placed, Structure
+from brightgrey.kit.in_words import effect_in_words
 from brightgrey.model.schema import ValuePart
 from brightgrey.recordings import Recording, Units
 from brightgrey.search.lattice import contains
@@ -155,21 +156,18 @@ def _on_verdicts(found: SelfTest) -> list[str]:
     if not fragile:
         said = [f"Every verdict was the same in all {found.draws} draws."]
     else:
-        shown = ", ".join(f"{_heading(e)} in {c.hits} of {c.of}" for e, c in fragile.items())
+        shown = ", ".join(f"{effect_in_words(Placed.parse(e))} in {c.hits} of {c.of}" for e, c in fragile.items())
         said = [f"The noise changed some verdicts, which came out again in these draws: {shown}."]
     at_size = [d for d in found.drives if d.noticed is not None and d.effect]
     if at_size and all(d.noticed and d.noticed.hits == d.noticed.of for d in at_size):
         said.append("Each effect that is not needed was noticed in all draws at the least size that matters.")
     elif at_size:
         shown = ", ".join(
-            f"{_heading(d.effect or '')} in {d.noticed.hits} of {d.noticed.of}" for d in at_size if d.noticed
+            f"{effect_in_words(Placed.parse(d.effect or ''))} in {d.noticed.hits} of {d.noticed.of}"
+            for d in at_size
+            if d.noticed
         )
         said.append(
             f"Each effect that is not needed was simulated at the least size that matters, and was noticed: {shown}."
         )
     return said
-
-
-def _heading(effect: str) -> str:
-    title = Placed.parse(effect).title
-    return title[:1].lower() + title[1:]

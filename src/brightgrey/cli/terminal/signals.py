@@ -35,17 +35,20 @@ def stop_on_signal(*, searching: bool = True) -> Iterator[SignalStop]:
     Without a search there is no best result so far, and a signal ends the program at once.
     """
     stop = SignalStop()
-    if not searching or threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread():
         yield stop
         return
 
     def handle(number: int, frame: Any) -> None:
-        for name in _SIGNALS:
+        for name in caught:
             signal.signal(name, signal.SIG_DFL)
         stop.number = number
         stop.request()
+        if not searching:  # Python drops it where a destructor runs; the request stays
+            raise KeyboardInterrupt
 
-    before = {name: signal.signal(name, handle) for name in _SIGNALS}
+    caught = _SIGNALS if searching else (signal.SIGINT,)
+    before = {name: signal.signal(name, handle) for name in caught}
     try:
         yield stop
     except RunError as error:

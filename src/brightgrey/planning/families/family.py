@@ -80,7 +80,7 @@ def rest_window(setting: Setting, ramp: float = 0.05, rest: float = 0.1) -> Arra
 
 
 def at_rest(setting: Setting) -> Motion:
-    """Standstill."""
+    """Motion that stays where it is."""
     zero = np.zeros(setting.samples)
     return Motion(setting.t, zero, zero, zero)
 
