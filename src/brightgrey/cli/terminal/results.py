@@ -141,7 +141,7 @@ def _print_brief(console: Console, found: Result) -> None:
         _bullet(console, f"{symptom.title}: {symptom.observation}; {symptom.advice}.")
     outcome = found.model.outcome
     said = outcome.kind in ("converged", "at bound")  # by the fit, and by the remarks
-    for text in (*([] if said else [sentence(outcome.text)]), *remarks(found.model), *found.notes):
+    for text in (*([] if said else [sentence(outcome.text)]), *map(sentence, remarks(found.model)), *found.notes):
         _bullet(console, text)
 
 

@@ -23,7 +23,8 @@ from brightgrey.estimation.diagnostics.residual_tests import Candidate, Detected
 from brightgrey.estimation.diagnostics.spectral_peaks import Peak, highest_peak
 from brightgrey.estimation.diagnostics.torque_patterns import TORQUE_PATTERNS, SimulatedMotion, TorquePattern
 from brightgrey.estimation.problem.segments import segments, split_recordings
-from brightgrey.kit import Structure
+from brightgrey.kit import Placed, Structure
+from brightgrey.kit.in_words import effect_in_words
 from brightgrey.recordings import Recording
 
 __all__ = ["Symptom", "residual_symptoms", "symptoms"]
@@ -99,8 +100,8 @@ def _missing_mass(
 
 
 def _one_more_mass(structure: Structure) -> str:
-    more = next((e.name for e in registry().values() if e.masses == structure.masses + 1), None)
-    return f"try {more}: one more mass oscillates and lags" if more else "no effect has more masses than this one"
+    more = next((e.words for e in registry().values() if e.masses == structure.masses + 1), None)
+    return f"try {more}: it oscillates and lags" if more else "no effect has more masses than this one"
 
 
 def _negligible_effects(context: FitContext, values: Mapping[str, float], scales: Scales) -> list[Symptom]:
@@ -118,7 +119,13 @@ def _negligible_effects(context: FitContext, values: Mapping[str, float], scales
         ]
         if negligible:
             observation = f"{', '.join(negligible)} is at its lower bound, below any relevant size"
-            found.append(Symptom(f"{placed.effect.title} is negligible", observation, f"leave {placed} out"))
+            found.append(
+                Symptom(
+                    f"{placed.effect.title} is negligible",
+                    observation,
+                    f"leave {effect_in_words(placed, article=False)} out",
+                )
+            )
     return found
 
 
@@ -199,7 +206,7 @@ def _missing_effect(effect: Effect, hit: Detected) -> Symptom:
     return Symptom(
         f"{effect.title} suspected",
         f"the residual follows {effect.residual_signature}, which {_explains(hit)}",
-        f"try {effect.name} as well, or search for the structure",
+        f"try {effect_in_words(Placed(effect.name))} as well, or search for the structure",
     )
 
 
@@ -235,7 +242,7 @@ def _time_shift(hit: Detected, recordings: tuple[Recording, ...], options: Diagn
         )
     observation = f"the outputs come {late:.2g} s ({late / dt:.2g} samples) late, which {_explains(hit)}"
     if late >= dt:
-        names = ", ".join(e.name for e in registry().values() if any(p.lag for p in e.parameters))
+        names = " or ".join(e.words for e in registry().values() if any(p.lag for p in e.parameters))
         return Symptom("Delay suspected", observation, f"try {names}")
     kinds = {signal.kind for r in recordings for signal in r.outputs}
     causes = [
