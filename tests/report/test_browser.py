@@ -127,6 +127,15 @@ def test_report__checked_by_axe__has_no_violation_of_wcag_aa(browser, report, wi
         assert [(v["id"], [node["html"] for node in v["nodes"]]) for v in found.response["violations"]] == []
 
 
+def test_drawing__in_the_page__has_the_sizes_that_it_was_laid_out_with(browser, report):
+    with Visit(browser, report, 1280) as visit:
+        sizes = visit.page.eval_on_selector_all(
+            ".drive-wide svg text", "all => all.map(t => parseFloat(getComputedStyle(t).fontSize))"
+        )
+        assert sizes
+        assert max(sizes) <= 12.0
+
+
 def test_report__section_for_experts_opened__its_figures_fill_it(browser, report):
     with Visit(browser, report, 1280) as visit:
         width = "document.querySelector('#residuals .main-svg')?.getBoundingClientRect().width ?? 0"

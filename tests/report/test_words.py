@@ -157,7 +157,10 @@ def test_headline__search__says_what_is_absent_and_what_is_open():
     )
     found = headline(Content(model_with_intervals("two_mass+coulomb"), evidence=evidence_of(cards)))
     assert found.absent == "No backlash above ±0.14 mrad or dead time above 0.2 ms."
-    assert found.open == "The recording does not decide whether the drive has a third mass."
+    assert found.open == (
+        "The recording holds something that none of the structures offered explains."
+        " The recording does not decide whether the drive has a third mass."
+    )
 
 
 def test_listing__too_many_items__several_sentences():

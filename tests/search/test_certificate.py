@@ -42,7 +42,7 @@ def test_sentences__alternatives_and_single_start__are_in_words():
 def test_sentences__unexplained_residual__said_first():
     first, *_ = certificate(refuted("viscous"), unexplained=("it follows the position", "it is slow")).sentences()
     assert first == (
-        "This recording holds something that none of the structures offered explains: it follows the position; it is"
+        "This recording holds something that none of the structures offered explains. It follows the position. It is"
         " slow."
     )
 

@@ -51,11 +51,8 @@ class Certificate:
         """The certificate in words, the most important first."""
         out = []
         if self.unexplained:
-            out.append(
-                "This recording holds something that none of the structures offered explains: "
-                + "; ".join(self.unexplained)
-                + "."
-            )
+            signs = " ".join(f"{sign[:1].upper()}{sign[1:]}." for sign in self.unexplained)
+            out.append(f"This recording holds something that none of the structures offered explains. {signs}")
         out += [_refutation(refuted) for refuted in self.refuted]
         if self.undecided:
             names = "; ".join(structure_in_words(Structure.parse(name)) for name in self.undecided)

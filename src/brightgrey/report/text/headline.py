@@ -24,7 +24,8 @@ class Headline:
     found: str  #: Masses, shafts and effects of the model.
     absent: str  #: Effects that the recording excludes, with the size from which on they would have shown.
     fit: str  #: Fit of every output, and of the test recording.
-    open: str  #: Effects that the recording does not decide, and structures that explain it equally well.
+    #: Something that nothing explains, effects that the recording does not decide, structures that explain it as well.
+    open: str
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -137,6 +138,8 @@ def _fit_sentences(content: Content) -> Iterable[str]:
 def _open(content: Content) -> str:
     model, parts = content.model, []
     if content.evidence:
+        if content.evidence.certificate.unexplained:
+            parts.append("The recording holds something that none of the structures offered explains.")
         some = [Placed.parse(c.effect) for c in content.evidence.cards if c.verdict == "not decidable"]
         items = [effect_in_words(placed) for placed in some]
         parts.append(listing("The recording does not decide whether the drive has", items, "or"))
