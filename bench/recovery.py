@@ -199,7 +199,7 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
     ):
         found = [hits(some) for some in columns.values()]
         shares = [[f"`{e}`", *(share_of(one.get(e, [])) for one in found)] for e in rows[0]["verdicts"]]
-        made.append(Table(title, ["", *columns], shares))
+        made.append(Table(title + title_of(rows).removeprefix("Structures"), ["", *columns], shares))
     return made
 
 
