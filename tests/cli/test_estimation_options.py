@@ -43,7 +43,7 @@ def test_wrong_names_are_refused_in_one_line(drive, tmp_path, call, option, valu
 def test_several_recordings_show_their_scatter(drive, tmp_path, call):
     done = call("identify", drive.folder / "a.csv", drive.folder / "b.csv", *drive.options, "--out", tmp_path)
     assert done.code == 0, done.err
-    assert "standard deviation between the recordings" in done.out
+    assert "Standard deviation between the recordings" in done.out
     part = model_of(tmp_path)["parameters"]["J1"]
     assert 0.0 < part["between_recordings"] < 5 * part["std"]
     assert model_of(drive.out)["parameters"]["J1"]["between_recordings"] is None
