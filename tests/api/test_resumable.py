@@ -4,8 +4,10 @@ import json
 import shutil
 
 import numpy as np
+import pytest
 
-from brightgrey.runs import read_status
+from brightgrey import identify_resumable, read_recording
+from brightgrey.runs import Stop, read_status
 from support.small_runs import call, results
 
 
@@ -92,6 +94,16 @@ def test_generations_are_kept_with_the_state_of_the_random_numbers(small):
         rng.bit_generator.state = state["random"]
         assert len(state["population"]) == 6
     assert len({str(s["random"]) for s in states}) == 4
+
+
+def test_a_stop_that_did_not_interrupt_the_fit_of_a_given_structure__nothing_is_written(small, tmp_path):
+    """Python drops a KeyboardInterrupt that is raised in a destructor; the request to stop is still there."""
+    recording = read_recording(small.columns[0], input="torque", outputs=["velocity"])
+    stop = Stop()
+    stop.request()
+    with pytest.raises(KeyboardInterrupt):
+        identify_resumable(tmp_path / "out", recording, "one_mass+coulomb+viscous", stop=stop)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_given_structure_keeps_its_result_too(small, tmp_path):

@@ -190,7 +190,7 @@ def identify(
 
 @dataclass(frozen=True)
 class _Asked:
-    """What was asked of an identification."""
+    """Request of an identification."""
 
     task: IdentificationTask
     search: SearchKind | None

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from brightgrey.effects import Symbol, registry
 from brightgrey.kit import Placed, Structure
+from brightgrey.kit.in_words import structure_in_words
 
 __all__ = ["Drive", "DrivePart", "Sensor", "ValueText", "drive_of", "shown_symbol"]
 
@@ -152,6 +153,5 @@ def shown_symbol(name: str) -> tuple[tuple[str, bool], ...]:
 
 
 def _sentence(placed: Sequence[Placed], rotary: bool) -> str:
-    titles = [p.title for p in placed]
     kind = "Rotary drive" if rotary else "Linear axis"
-    return f"{kind}: {', '.join(titles)}."
+    return f"{kind}: {structure_in_words(Structure(tuple(placed)))}."

@@ -170,14 +170,15 @@ class PlannedDrive:
 
     @cached_property
     def resonance(self) -> float:
-        """Slowest resonance in Hz; a tenth of the sampling rate over ten with one mass."""
+        """Slowest resonance in Hz, between one period in the recordings and ten samples; with one mass 100 samples."""
         known = self.known.model
         masses = Structure.parse(known.structure).masses
         if masses < 2:
             return 0.01 / self.known.sampling_time
         rates = -self.system(known.structure, known.values).A[masses : 2 * masses, :masses]
         square = np.sort(np.linalg.eigvals(rates).real)[1]
-        return float(np.clip(np.sqrt(max(square, 0.0)) / (2.0 * np.pi), 0.5, 0.1 / self.known.sampling_time))
+        slowest, fastest = 1.0 / self.known.reached["duration"], 0.1 / self.known.sampling_time
+        return float(np.clip(np.sqrt(max(square, 0.0)) / (2.0 * np.pi), slowest, fastest))
 
 
 def _moved(values: Mapping[str, float], estimates: Mapping[str, float], draw: Mapping[str, float]) -> dict[str, float]:

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from platform import python_version
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
-from brightgrey.kit import Placed, Structure
+from brightgrey.kit import Placed
 from brightgrey.kit.in_words import effect_in_words, structure_in_words
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
@@ -19,6 +18,7 @@ from brightgrey.report.content import Content
 from brightgrey.report.drawing import svg
 from brightgrey.report.drawing.plotly_figure import library, plot, script
 from brightgrey.report.options import REPORT_OPTIONS
+from brightgrey.report.templates import page_template
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
 from brightgrey.report.text.headline import headline, listing
 from brightgrey.report.text.next_steps import next_steps
@@ -42,18 +42,9 @@ def page(content: Content) -> str:
     str
         The same content gives the same text. The page loads nothing when it is opened.
     """
-    environment = Environment(
-        loader=PackageLoader("brightgrey", "report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["exact"] = exact
-    environment.filters["words"] = lambda structure: structure_in_words(Structure.parse(str(structure)))
     model, charts = content.model, content.charts
     rows = parameter_rows(model)
-    return environment.get_template("report.html.j2").render(
+    return page_template("report.html.j2").render(
         content=content,
         model=model,
         words=structure_in_words(model.structure),
@@ -80,11 +71,6 @@ def page(content: Content) -> str:
         family=Markup(svg.family(content.run)) if content.run else "",
         trees=_trees(content.run) if content.run else [],
     )
-
-
-def exact(shown: str, value: float | None) -> Markup | str:
-    """HTML of a number as shown, with its exact value as data."""
-    return shown if value is None or not shown else Markup(f'<data value="{value!r}">{escape(shown)}</data>')
 
 
 def _optional_text(model: Model) -> str:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import re
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
-from brightgrey.kit import Placed, Structure
-from brightgrey.kit.in_words import effect_in_words, structure_in_words
+from brightgrey.report.templates import page_template
 from brightgrey.self_test.schema import SelfTest
 
 __all__ = ["with_section"]
@@ -24,16 +21,7 @@ def with_section(page: str, found: SelfTest) -> str:
     page : str
     found : SelfTest
     """
-    environment = Environment(
-        loader=PackageLoader("brightgrey", "report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["structure"] = lambda name: structure_in_words(Structure.parse(name))
-    environment.filters["effect"] = lambda name: effect_in_words(Placed.parse(name))
-    section = environment.get_template("self_test.html.j2").render(test=found)
+    section = page_template("self_test.html.j2").render(test=found)
     bare = re.sub(f"{_BEGIN}.*?{_END}\n?", "", page, flags=re.DOTALL)
     before = next((mark for mark in _BEFORE if mark in bare), "")
     head, mark, tail = bare.partition(before) if before else (bare, "", "")

@@ -4,6 +4,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from brightgrey import Model, Result
+from brightgrey.api.resumable import StoredRun
 from brightgrey.cli.terminal import results
 from support.models import model_with_intervals
 
@@ -33,3 +34,16 @@ def test_result_text__long_note__folded_without_trailing_spaces():
     assert all(line == line.rstrip() for line in folded)
     assert max(map(len, folded)) <= results.PIPED_WIDTH
     assert " ".join(line[2:] for line in folded) == note
+
+
+def test_stored__finished_run__brief_and_only_on_request_the_details(capsys):
+    found = StoredRun({}, results.PART.join(("brief\n", "details\n", "files\n")), None)
+    results.stored(found, Path("out"), quiet=False, json=False, verbose=False)
+    assert capsys.readouterr().out.splitlines()[1:] == ["brief", "files"]
+    results.stored(found, Path("out"), quiet=False, json=False, verbose=True)
+    assert capsys.readouterr().out.splitlines()[1:] == ["brief", "details", "files"]
+
+
+def test_stored__run_was_made_from_python__has_no_text(capsys):
+    results.stored(StoredRun({}, "", None), Path("out"), quiet=False, json=False, verbose=False)
+    assert capsys.readouterr().out.splitlines() == ["The run in out was finished before; its result:"]

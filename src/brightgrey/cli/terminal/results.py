@@ -93,7 +93,8 @@ def stored(found: StoredRun, folder: Path, *, quiet: bool, json: bool, verbose: 
         print(found.files["model.json"].decode(), end="")
     elif not quiet:
         screen().print(f"The run in {folder} was finished before; its result:", soft_wrap=True)
-        brief, details, files = found.summary.split(PART)
+        brief, _, rest = found.summary.partition(PART)  # empty if the run was made from Python
+        details, _, files = rest.partition(PART)
         print(brief + (details if verbose else "") + files, end="")
 
 

@@ -22,7 +22,7 @@ class Setting:
     dt: float  #: Sampling time in s.
     samples: int
     limits: MachineLimits
-    #: Resonances of the drive in Hz, the slowest first; one over ten samples if it has a single mass.
+    #: Slowest resonance of the drive in Hz; a hundredth of the sampling rate if it has a single mass.
     resonance: float
     breakaway: float  #: Friction near standstill in N m (N).
     #: Largest acceleration of the rigid drive within the limits of torque and acceleration, rad/s² (m/s²).
@@ -73,7 +73,7 @@ def log_between(low: float, high: float, share: float) -> float:
 
 
 def rest_window(setting: Setting, ramp: float = 0.05, rest: float = 0.1) -> Array:
-    """Smooth rest_window, shape (samples,): zero at the begin and for the last part `rest` of the time."""
+    """Smooth window, shape (samples,): zero at the begin and for the last part `rest` of the time."""
     x = setting.t / setting.duration
     rise, fall = (np.clip(a, 0.0, 1.0) for a in ((x - 0.02) / ramp, (1.0 - rest - x) / ramp))
     return np.asarray((rise**2 * (3.0 - 2.0 * rise)) * (fall**2 * (3.0 - 2.0 * fall)))

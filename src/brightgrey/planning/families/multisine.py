@@ -16,15 +16,14 @@ from brightgrey.planning.families.family import (
 
 __all__ = ["FAMILY"]
 
-SINES = 5
+HARMONICS = np.array([1.0, 2.0, 3.0, 5.0, 8.0])  # of the base frequency: close ones add up
 
 
 def _multisine_motion(x: Array, s: Setting) -> CommandedMotion:
     base = log_between(1.0, 6.0, x[0]) / s.duration
     tilt = -2.0 + 2.0 * x[1]  # of the amplitudes of position; -2 gives an even acceleration
-    k = np.array([1.0, 2.0, 3.0, 5.0, 8.0])
-    phase = 2.0 * np.pi * x[2 : 2 + SINES]
-    position = np.sum(k[:, None] ** tilt * np.sin(2.0 * np.pi * base * k[:, None] * s.t + phase[:, None]), axis=0)
+    k, phase = HARMONICS[:, None], 2.0 * np.pi * x[2 : 2 + HARMONICS.size, None]
+    position = np.sum(k**tilt * np.sin(2.0 * np.pi * base * k * s.t + phase), axis=0)
     motion = from_position(s, position * rest_window(s), log_between(0.1, 1.5, x[7]))
     return CommandedMotion(motion, np.zeros(s.samples), float(x[8]))
 

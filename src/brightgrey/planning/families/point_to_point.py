@@ -11,6 +11,7 @@ from brightgrey.planning.families.family import CommandedMotion, Family, Setting
 __all__ = ["FAMILY"]
 
 MOST_MOVES = 8
+LEAST_DISTANCE = 1e-12  # a move of no length has no direction
 
 
 def _point_to_point_motion(x: Array, s: Setting) -> CommandedMotion:
@@ -35,11 +36,11 @@ def _point_to_point_motion(x: Array, s: Setting) -> CommandedMotion:
 def _distance_within(time: float, speed: float, acceleration: float, jerk: float) -> float:
     """Distance of a move from rest to rest in a time, no more than the limits allow."""
     top = min(acceleration, 0.25 * jerk * time)
-    while top > 0.0:  # time of a phase of acceleration: v/a + a/j
-        v = min(speed, top * max(0.5 * time - top / jerk, 0.0))
-        left = time - 2.0 * (v / top + top / jerk)
-        return max(v * (v / top + top / jerk + max(left, 0.0)) * 0.98, 1e-12)
-    return 1e-12
+    if top <= 0.0:
+        return LEAST_DISTANCE
+    v = min(speed, top * max(0.5 * time - top / jerk, 0.0))
+    phase = v / top + top / jerk  # of acceleration
+    return max(0.98 * v * (phase + max(time - 2.0 * phase, 0.0)), LEAST_DISTANCE)
 
 
 FAMILY = Family("point-to-point moves with rests", 8, _point_to_point_motion)

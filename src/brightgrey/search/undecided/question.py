@@ -22,7 +22,7 @@ class Known:
     structure: str
     values: Mapping[str, float]  #: SI; all parameters, and the width of friction's reversal if it is estimated.
     names: tuple[str, ...]  #: Parameters of the normal equations, in the scaled space of the search.
-    information: tuple[tuple[float, ...], ...]  #: CommandedMotion (P, P).
+    information: tuple[tuple[float, ...], ...]  #: J' J of the whitened outputs, shape (P, P).
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Question:
 
 @dataclass(frozen=True)
 class OutputNoise:
-    """OutputNoise of one output: an autoregression in units of the weighted output."""
+    """Noise of one output: an autoregression in units of the weighted output."""
 
     weight: float  #: Weight of the output in the cost, 1/SI.
     a: tuple[float, ...]
@@ -63,7 +63,7 @@ class OpenQuestions:
     model: Known  #: The best structure.
     questions: tuple[Question, ...]
     not_asked: Mapping[str, str]  #: Undecided effects that no motion is designed for, with the reason.
-    reached: Mapping[str, float]  #: MachineLimits that the recordings reached; see `brightgrey plan`.
+    reached: Mapping[str, float]  #: Largest torque, speed and so on of the recordings; see `brightgrey plan`.
     ranges: Mapping[str, tuple[float, float]]  #: Range of every parameter that is named here.
 
     def text(self) -> str:

@@ -1,0 +1,38 @@
+"""Templates of the report, with the filters that they share."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup, escape
+
+from brightgrey.kit import Placed, Structure
+from brightgrey.kit.in_words import effect_in_words, structure_in_words
+
+__all__ = ["exact", "page_template"]
+
+
+def page_template(name: str) -> Template:
+    """Template of a file in this folder."""
+    return _environment().get_template(name)
+
+
+def exact(shown: str, value: float | None) -> Markup | str:
+    """HTML of a number as shown, with its exact value as data."""
+    return shown if value is None or not shown else Markup(f'<data value="{value!r}">{escape(shown)}</data>')
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("brightgrey", "report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["exact"] = exact
+    environment.filters["structure"] = lambda name: structure_in_words(Structure.parse(str(name)))
+    environment.filters["effect"] = lambda name: effect_in_words(Placed.parse(name))
+    return environment
