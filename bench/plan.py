@@ -2,6 +2,7 @@
 
     python bench/plan.py run 0 20 --seed 5     drives 0 to 19, added to the file of the seed
     python bench/plan.py table --seed 5
+    python bench/plan.py demo --save           the demo's drive: information, and intervals identified anew
 
 A drive counts if its first recording leaves an effect that is there *not decidable*. The second recording has the same
 length, noise and limits: those that the first one reached. It is the planned motion, a chirp, a multisine, or the first
@@ -14,25 +15,29 @@ import argparse
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import binomtest
 
-from brightgrey import SettingsError, identify, plan
+from brightgrey import SettingsError, demo, identify, plan
 from brightgrey.arrays import Array
+from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
 from brightgrey.planning.envelope import envelope
 from brightgrey.recordings import Recording
 from brightgrey.search.detectability import has
+from brightgrey.search.undecided.question import UNDECIDED_FILE, OpenQuestions
 from brightgrey.simulation.reference import reference
 from support.drives import RandomDrive, coloured_noise, excitation, rounded, simulated_recording
-from support.results import RESULTS
+from support.results import RESULTS, Table, publish
 from support.rows import add_rows, drives_left, read_rows
 from support.statistics import share_of
 
 NOISE = 1e-2
 CONTESTANTS = ("plan", "chirp", "multisine", "repeated")
+DEMO_NOISE, DEMO_STEP = 1e-3, 0.01  # of the peak; rad/s: as the demo's recording
 PREDICTED = 0.8
 """Power from which a plan says that an effect will be decided."""
 
@@ -128,6 +133,48 @@ def table(rows: Sequence[Mapping]) -> str:
     return "\n".join(lines)
 
 
+def demo_tables() -> list[Table]:
+    """Information of a motion planned for the demo, and standard deviations that an identification with it gives."""
+    e = PAPER_EXPERIMENT
+    with tempfile.TemporaryDirectory() as folder:
+        result = demo()
+        result.write(folder)
+        begin = time.perf_counter()
+        made = plan(folder, seed=0, workers=2)
+        seconds = time.perf_counter() - begin
+        file = Path(folder) / UNDECIDED_FILE
+        file.write_text(replace(OpenQuestions.parse(file.read_text()), questions=()).text())
+        informative = plan(folder, seed=0, workers=2)  # nothing is open: the information alone decides
+    old = np.array(made.drive.known.model.information)
+    least = [
+        float(np.linalg.eigvalsh(H)[0])
+        for H in (old, 2.0 * old, made.found.score.information, informative.found.score.information)
+    ]
+    torque = made.found.candidate.torque
+    (v,) = reference(e.structure, e.values, torque, e.dt, f_tanh=e.f_tanh)
+    noise = DEMO_NOISE * float(np.abs(result.recordings[0].y).max()) * np.random.default_rng(5).standard_normal(v.size)
+    new = simulated_recording(torque, rounded(v + noise, DEMO_STEP), name="planned")
+    joint = identify([result.recordings[0], new], e.structure)
+    before, after = result.model.parameters, joint.model.parameters
+    predicted = {name: gain for name, gain in made.gains.items() if name in after}
+    found = {name: (after[name].std or np.nan) / (before[name].std or np.nan) for name in predicted}
+    information = [
+        ["the recording alone", f"{least[0]:.3g}", "1"],
+        ["with the paper's motion once more", f"{least[1]:.3g}", f"{least[1] / least[0]:.1f}"],
+        ["with the planned motion", f"{least[2]:.3g}", f"{least[2] / least[0]:.1f}"],
+        ["with a motion planned while nothing is open", f"{least[3]:.3g}", f"{least[3] / least[0]:.1f}"],
+    ]
+    rows = [
+        ["predicted", *(f"{x:.2f}" for x in predicted.values())],
+        ["identified", *(f"{x:.2f}" for x in found.values())],
+    ]
+    family = f"recordings (planned: {made.found.candidate.family.name}, {made.seconds:.1f} s, in {seconds:.0f} s)"
+    return [
+        Table("Smallest eigenvalue of the information on the demo's drive", [family, "value", "ratio"], information),
+        Table("Standard deviations over those of the recording alone", ["", *predicted], rows),
+    ]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
@@ -136,7 +183,11 @@ def main() -> None:
     run.add_argument("last", type=int)
     for command in (run, commands.add_parser("table")):
         command.add_argument("--seed", type=int, default=5)
+    commands.add_parser("demo").add_argument("--save", action="store_true", help="write bench/results/plan.json")
     given = parser.parse_args()
+    if given.command == "demo":
+        publish("plan", demo_tables(), to_file=given.save)
+        return
     path = Path(RESULTS) / f"plan_seed{given.seed}.jsonl.gz"
     if given.command == "run":
         left = drives_left(path, given.seed, given.first, given.last)
