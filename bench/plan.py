@@ -15,7 +15,6 @@ import argparse
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +27,6 @@ from brightgrey.kit import PAPER
 from brightgrey.planning.envelope import envelope
 from brightgrey.recordings import Recording
 from brightgrey.search.detectability import has
-from brightgrey.search.undecided.question import UNDECIDED_FILE, OpenQuestions
 from brightgrey.simulation.reference import reference
 from support.drives import RandomDrive, coloured_noise, excitation, rounded, simulated_recording
 from support.results import RESULTS, Table, publish
@@ -142,9 +140,6 @@ def demo_tables() -> list[Table]:
         begin = time.perf_counter()
         made = plan(folder, seed=0, workers=2)
         seconds = time.perf_counter() - begin
-        file = Path(folder) / UNDECIDED_FILE
-        file.write_text(replace(OpenQuestions.parse(file.read_text()), questions=()).text())
-        informative = plan(folder, seed=0, workers=2)  # nothing is open: the information alone decides
     old = np.array(made.drive.known.model.information)
     least = [
         float(np.linalg.eigvalsh(H)[0])
@@ -162,7 +157,6 @@ def demo_tables() -> list[Table]:
         ["the recording alone", f"{least[0]:.3g}", "1"],
         ["with the paper's motion once more", f"{least[1]:.3g}", f"{least[1] / least[0]:.1f}"],
         ["with the planned motion", f"{least[2]:.3g}", f"{least[2] / least[0]:.1f}"],
-        ["with a motion planned while nothing is open", f"{least[3]:.3g}", f"{least[3] / least[0]:.1f}"],
     ]
     rows = [
         ["predicted", *(f"{x:.2f}" for x in predicted.values())],

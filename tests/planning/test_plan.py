@@ -1,10 +1,12 @@
 """A plan from the folder of an identification: limits, units, files, words, errors and interruption."""
 
+import shutil
 import signal
 import subprocess
 import sys
 import time
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from brightgrey.planning.envelope import envelope
 from brightgrey.planning.families import families
 from brightgrey.planning.limits import MachineLimits
 from brightgrey.recordings.units.signals import Units
-from brightgrey.search.undecided.question import OpenQuestions
+from brightgrey.search.undecided.question import UNDECIDED_FILE, OpenQuestions
 from support.planning import questions, small_run
 from support.small_runs import call, start
 
@@ -80,6 +82,20 @@ def test_plan__limits_too_tight_to_decide__names_the_one_in_the_way(run):
     made = plan(run, limits={"speed": 0.02})
     assert made.decisions[0].after < 0.5
     assert "Nothing within the limits decides everything" in made.cautions()[0]
+
+
+@pytest.mark.long
+def test_plan__question_that_no_motion_decides__motion_of_a_plan_without_it(run, tmp_path):
+    known = questions()
+    made = []
+    for name, asked in (("hopeless", (replace(known.questions[0], critical=1e9),)), ("none", ())):
+        folder = shutil.copytree(run, tmp_path / name)
+        (folder / UNDECIDED_FILE).write_text(replace(known, questions=asked).text(), encoding="utf-8")
+        made.append(plan(folder))
+    np.testing.assert_array_equal(made[0].found.candidate.torque, made[1].found.candidate.torque)
+    assert made[0].decisions[0].after < 0.01
+    assert any("are given up" in text for text in made[0].cautions())
+    assert not any("given up" in text for text in made[1].cautions())
 
 
 def test_families__all_numbers__keep_the_length_and_are_finite(made):

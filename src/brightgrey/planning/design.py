@@ -39,6 +39,7 @@ class _Policy:
     shrink: float = 0.97  #: Factor of the torque where the final check fails,
     shrinks: int = 6  #: and how often it is tried.
     relaxed_log2: int = 4  #: Motions of each family that are sampled where a limit is doubled, as a power of two.
+    hopeless: float = 0.1  #: Power below which a question is given up, so that the motion serves the others.
     out_of_limits: float = 1e3  #: Loss of a motion beyond its limits, far above any score.
 
 
@@ -159,7 +160,7 @@ def design_motion(
     seed: int,
     tell: Callable[[int, int], None] = lambda done, total: None,
 ) -> Designed:
-    """Search for the motion within the limits that decides most.
+    """Search for the motion within the limits that decides most; what none decides is given up, for the parameters.
 
     Raises
     ------
@@ -180,7 +181,13 @@ def design_motion(
     found = _final(search, allowed, seed)
     if min(found.powers, default=1.0) >= SELECTION.min_power:
         return found
-    return replace(found, relaxed=tuple(_relaxed(drive, limits, seconds, seed, tell)))
+    relaxed = tuple(_relaxed(drive, limits, seconds, seed, tell))
+    left = tuple(q for q, p in zip(drive.known.questions, found.powers, strict=True) if p >= POLICY.hopeless)
+    if len(left) < len(found.powers):  # they would take the motion from what it can show
+        rest = replace(drive, known=replace(drive.known, questions=left))
+        found = design_motion(rest, limits, seconds, seed, tell)
+        found = replace(found, powers=tuple(mean_powers(drive, found.candidate.torque, seed)))
+    return replace(found, relaxed=relaxed)
 
 
 def _relaxed(

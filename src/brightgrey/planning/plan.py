@@ -182,6 +182,10 @@ class Plan:
             else:
                 text += ", and no single limit is in the way: twice as much of any does not help"
             lines.append(text)
+            if len(found.score.answers) < len(found.powers):
+                lines.append(
+                    "Questions with a power below 0.10 are given up: the motion serves the others, and the parameters"
+                )
         lines += [
             f"{effect_heading(Placed.parse(effect))}: not asked, because {why}"
             for effect, why in self.drive.known.not_asked.items()
