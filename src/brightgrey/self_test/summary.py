@@ -9,7 +9,7 @@ import numpy as np
 
 from brightgrey.estimation.problem.segments import segments
 from brightgrey.kit import Placed, Structure
-from brightgrey.kit.in_words import effect_in_words
+from brightgrey.kit.in_words import effect_in_words, structure_in_words
 from brightgrey.model.schema import ValuePart
 from brightgrey.recordings import Recording, Units
 from brightgrey.search.lattice import contains
@@ -128,9 +128,11 @@ def self_test_sentences(found: SelfTest) -> tuple[str, ...]:
         said.append(f"From simulated recordings of the found model, its structure came out again in {own.found_again}.")
         other = next((name for name in own.structures if name != own.structure), None)
         if other:
-            said.append(f"The most frequent other structure was {other}, in {own.structures[other]} of {found.draws}.")
+            words = structure_in_words(Structure.parse(other))
+            said.append(f"The most frequent other structure, in {own.structures[other]} of {found.draws}: {words}.")
         said += [
-            f"If {d.structure} were the truth, it would be among the minimal structures in {d.among_minimal}."
+            f"This structure would be among the minimal ones, if it were the truth, in {d.among_minimal}:"
+            f" {structure_in_words(Structure.parse(d.structure))}."
             for d in found.drives
             if d.kind == "equivalent"
         ]
