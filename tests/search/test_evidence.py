@@ -209,24 +209,17 @@ def test_evidence__drifting_loads__second_mass_is_seldom_needed():
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "damping", "minimal", "told"),
-    [
-        (1.0, 0.001, "two_mass", "Without it the residual is "),
-        (100.0, 0.3, "two_mass", "Without it the residual is "),
-    ],
+    ("stiffness", "damping"),
+    [(1.0, 0.001), (100.0, 0.3)],
 )
-def test_evidence__inertia_at_bound__not_decidable(stiffness, damping, minimal, told):
-    """A spring to the wall is fitted as one to the largest mass there may be.
-
-    Such a mass hardly moves, so that the damper beside the spring takes the place of viscous friction at mass 1.
-    """
+def test_evidence__inertia_at_bound__not_decidable(stiffness, damping):
+    """A spring to the wall is fitted as one to a mass that hardly moves, however heavy it is."""
     values = {"J1": 0.02, "J2": 20.0, "c1": stiffness, "d1": damping, "f_v": 0.03}
     task = task_of("two_mass+viscous", values, reversing(), 0.05)
     found = evidence(task, ("two_mass", "viscous"))
     card = next(c for c in found.cards if c.effect == "two_mass")
-    assert [str(j.structure) for j in found.minimal] == [minimal]
     assert card.verdict == "not decidable"
-    assert card.reason.startswith(told)
+    assert card.reason.startswith("Without it the residual is ")
     assert "a spring to a wall or a drift looks like that" in card.reason
 
 

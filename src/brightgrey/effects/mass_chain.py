@@ -120,14 +120,16 @@ def _fastest(scales: Scales) -> float:
 def _inertia(i: int, masses: int) -> Parameter:
     """Moment of inertia of mass i: about the total inertia if it is alone, otherwise anything below that.
 
-    The last mass carries the load.
+    The last mass carries the load. On a soft shaft the motor moves alone, and the loads may be far heavier than the
+    inertia that the motion shows.
     """
     low = 0.2 if masses == 1 else 0.001
+    high = 5.0 if i == 1 else 50.0
     return Parameter(
         f"J{i}",
         INERTIA,
         f"inertia of mass {i}",
-        bounds=lambda s: (low * s.inertia / s.inertia_factor, 5.0 * s.inertia),
+        bounds=lambda s: (low * s.inertia / s.inertia_factor, high * s.inertia),
         start=lambda s: s.inertia / masses,
         fault=Fault("load", grows=False) if i == masses else None,
     )

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.effects import INERTIA
 from brightgrey.kit import Placed, Structure
 from brightgrey.numerics.distributions import chi2, ncx2
 from brightgrey.search.adequacy import Round
 from brightgrey.search.fitting.fixed_size_fit import fit_at_fixed_size
-from brightgrey.search.fitting.refined_fit import RefinedFits, accurate
+from brightgrey.search.fitting.refined_fit import RefinedFits, accurate, refine
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.verdicts import ReasonKind
@@ -208,6 +209,22 @@ class Detectability:
         ((name, value),) = sizes[0].items()
         free = self.refined.of(big)
         return abs(free.values[name]) >= abs(value) and free.deviance <= self._no_worse_than(structure)
+
+    def runs_away(self, structure: Structure, effect: str) -> bool:
+        """Return True if masses or a gap run to a bound, or may: with the load at its largest the fit is no worse.
+
+        A spring to a wall and a drift look like a mass that is too heavy to move.
+        """
+        refined, task = self.refined.of(structure), self.refined.task
+        if refined.runaway(effect, task):
+            return True
+        placed, space = structure.placed[0], task.space(structure)
+        load = next((placed.parameter(q.symbol) for q in placed.effect.parameters[::-1] if q.dimension == INERTIA), "")
+        if not Placed.parse(effect).effect.masses or load in task.bounds or load not in space.names:
+            return False
+        heaviest = replace(task, fixed={**task.fixed, load: float(space.high[space.names.index(load)])})
+        fitted = refine(heaviest, structure, refined.values, self.refined.whitening, np.inf)
+        return fitted.deviance <= self._no_worse_than(structure)
 
     def _no_worse_than(self, structure: Structure) -> float:
         """Deviance up to which a fit is no worse than that of `structure`."""

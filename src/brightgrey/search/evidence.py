@@ -142,7 +142,7 @@ def _reservation(case: _Case, effect: str) -> Reason | None:
     if late:
         return late
     refined, placed = case.detectability.refined, Placed.parse(effect)
-    if any(refined.of(s).runaway(effect, refined.task) for s in case.found):
+    if any(case.detectability.runs_away(s, effect) for s in case.found):
         return Reason("inertia at bound" if placed.effect.masses else "gap at bound")
     moving = placed.effect.masses or placed.effect.has_hard_limit
     if moving and any(refined.of(s).slowest_mode_cycles(refined.task) < 1.0 for s in case.found):
