@@ -127,6 +127,7 @@ class Result:
             symptoms=self.symptoms,
             differences=self.differences,
             checks=self.checkup.results,
+            second_opinion=self.fit.second_opinion,
         )
 
     def plot(self, what: str = "comparison") -> Figure:

@@ -17,6 +17,7 @@ from brightgrey.estimation.diagnostics.chaos import chaos_findings
 from brightgrey.estimation.diagnostics.equivalent_models import resolve_lag_pole_exchange
 from brightgrey.estimation.diagnostics.informativity import recording_findings
 from brightgrey.estimation.diagnostics.outcome import FitContext, Outcome, outcome_of, unfitted
+from brightgrey.estimation.diagnostics.second_opinion import TermOpinion, contradictions, second_opinion
 from brightgrey.estimation.diagnostics.symptoms import Symptom, symptoms
 from brightgrey.estimation.noise.residual_analysis import nrmse_fit_percent
 from brightgrey.estimation.optimisation.least_squares import Optimum, OptimumWithJacobian, fit_many, fit_to_convergence
@@ -106,6 +107,8 @@ class Fit:
         Signs of effects that the structure lacks; none if nothing could be fitted.
     friction_width : FrictionWidth or None
         Width of friction's reversal; None if it was given, or if no friction reverses.
+    second_opinion : tuple of TermOpinion
+        Balance of torques without a simulation; empty where it says nothing.
     """
 
     structure: Structure
@@ -121,6 +124,7 @@ class Fit:
     correlation: Mapping[tuple[str, str], float] = field(default_factory=dict)
     symptoms: tuple[Symptom, ...] = ()
     friction_width: FrictionWidth | None = None
+    second_opinion: tuple[TermOpinion, ...] = ()
 
 
 def fit(
@@ -210,7 +214,10 @@ def fit(
     named = {name: estimates.by_name[name] for name in structure.parameters}
     context = FitContext(problem, space, final, best, estimates)
     chaotic = [] if uninformative else chaos_findings(problem, space, final, best)
-    beside = (*on_recordings, *equivalent, *cautions(structure, named, recordings, known, final), *chaotic)
+    values = {name: space.by_name(best.values)[name] for name in structure.parameters}
+    opinions = () if uninformative else second_opinion(structure, values, recordings, final.f_tanh)
+    of_values = (*cautions(structure, named, recordings, known, final), *contradictions(opinions))
+    beside = (*on_recordings, *equivalent, *of_values, *chaotic)
     outcome = outcome_of(context, beside)
     return Fit(
         structure=structure,
@@ -226,6 +233,7 @@ def fit(
         correlation=estimates.correlation,
         symptoms=() if outcome.kind == "diverged" or uninformative else symptoms(context, known),
         friction_width=reversal,
+        second_opinion=opinions,
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from brightgrey.estimation.diagnostics.second_opinion import TermOpinion
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
 from brightgrey.model.trace import Trace
@@ -43,6 +44,7 @@ class Content:
     #: value).
     differences: Sequence[Any] = ()
     checks: Sequence[CheckResult] = ()  #: Of the recordings, the gravest first.
+    second_opinion: Sequence[TermOpinion] = ()  #: Balance of torques without a simulation.
 
     @cached_property
     def assembled(self) -> AssembledModel:

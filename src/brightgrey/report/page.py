@@ -22,6 +22,7 @@ from brightgrey.report.templates import page_template
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
 from brightgrey.report.text.headline import headline, listing
 from brightgrey.report.text.next_steps import next_steps
+from brightgrey.report.text.opinion_table import opinion_rows
 from brightgrey.report.text.tables import fit_rows, friction_width_text, parameter_rows, remarks, sentence
 from brightgrey.search.genetic import Run
 
@@ -62,6 +63,7 @@ def page(content: Content) -> str:
         fits=fit_rows(model),
         criterion=significant(model.criterion.value, 6) if model.criterion else "",
         sheet=commissioning_sheet(content.assembled, content.correlation),
+        opinions=opinion_rows(model, content.second_opinion),
         minimal=model.ties.minimal if model.ties else (),
         optional=_optional_text(model),
         cards=content.evidence.cards if content.evidence else (),

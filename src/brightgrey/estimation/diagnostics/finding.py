@@ -19,6 +19,7 @@ Kind = Literal[
     "equivalent model",
     "sampling",
     "confounded",
+    "contradicted",
     "not observable",
     "scale unknown",
     "chaotic",
