@@ -17,7 +17,7 @@ from support.models import DT, independent, model_with_intervals, trace_of
 @pytest.fixture(scope="module")
 def result():
     model = model_with_intervals()
-    fit = SimpleNamespace(correlation=independent(model), symptoms=())
+    fit = SimpleNamespace(correlation=independent(model), symptoms=(), second_opinion=())
     return Result(model, (trace_of(model),), (), ("a <note>",), fit)
 
 

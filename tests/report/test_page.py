@@ -9,6 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from brightgrey.estimation.diagnostics.second_opinion import TermOpinion
+from brightgrey.kit import Placed
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
 from brightgrey.model.trace import Trace
@@ -206,6 +208,23 @@ def test_page__symptoms_and_differences__are_shown(data):
         ["Quantity", "one mass with Coulomb friction", "one mass with Stribeck friction"],
         ["delay margin", "1 ms", "2 ms"],
     ]
+
+
+def test_page__second_opinion__in_units_of_the_model(data):
+    model = Model.check(data)
+    viscous = model.parameters["f_v"]
+    opinions = [  # in SI, in which this model is, too
+        TermOpinion((Placed("one_mass"),), ("J1",), model.parameters["J1"].value, model.parameters["J1"].value, 1e-5),
+        TermOpinion((Placed("viscous"),), ("f_v",), viscous.value, -viscous.value, 0.1 * viscous.value),
+    ]
+    reader = read(page(content_for(model, second_opinion=opinions)))
+    head, inertia, friction = reader.tables["opinions"]
+    assert head[-1] == "Second opinion"
+    assert inertia[0] == "Total inertia"
+    assert inertia[-1] == "agrees"
+    assert friction[0] == "Viscous friction"
+    assert friction[-1] == "contradicts the fit"
+    assert float(friction[3]) == pytest.approx(-viscous.value, rel=0.1)
 
 
 def test_page__command__is_the_given_one_or_derived_from_the_model(data):

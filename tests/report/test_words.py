@@ -112,7 +112,7 @@ def test_report__no_code_names_and_no_long_sentences(seed, readability):
 @pytest.mark.parametrize("seed", range(6))
 def test_terminal__no_code_names_and_no_long_sentences(seed, readability):
     content = searched(seed)
-    fit = SimpleNamespace(correlation={}, symptoms=())
+    fit = SimpleNamespace(correlation={}, symptoms=(), second_opinion=())
     found = Result(content.model, tuple(content.traces), content.ranking, ("a note",), fit, evidence=content.evidence)
     brief, details, _ = terminal.text(found, Path("out")).split(terminal.PART)
     for name in CODE_NAMES:
@@ -128,7 +128,7 @@ def test_terminal__no_code_names_and_no_long_sentences(seed, readability):
 
 def test_terminal__result__fits_on_one_screen():
     content = searched(0)
-    fit = SimpleNamespace(correlation={}, symptoms=())
+    fit = SimpleNamespace(correlation={}, symptoms=(), second_opinion=())
     found = Result(content.model, tuple(content.traces), content.ranking, (), fit)
     brief, *_ = terminal.text(found, Path("out")).split(terminal.PART)
     assert len(brief.splitlines()) <= 40

@@ -222,17 +222,33 @@ class BorderSearch:
     def restart_at(self, structure: Structure) -> None:
         """Fit a structure by multistart, and its neighbours anew where that helps."""
         self.restarts[structure] = self.restarts.get(structure, 0) + 1
-        better = self.fits.restart_many([structure], 0, self.executor, fields=self.policy.fields)
+        if structure.has_hard_limit:
+            better = self.fits.restart_many([structure], self.policy.patience_hard_limit, self.executor)
+        else:
+            better = self.fits.restart_many([structure], 0, self.executor, fields=self.policy.fields)
         self.fits.propagate(better, self.executor)
         self.progress("restarts", len(self.fits.done), structure)
 
     def find_best(self) -> None:
-        """Restart the leading structures until the best residual is white, starts agree, or their share is used up."""
+        """Restart what leads until the best residual is white, starts agree, or their share is used up."""
         while not self.is_explained():
-            wanted = [s for s in self.leaders() if self.lacks_agreement(s)]
+            wanted = [s for s in self.leading() if self.lacks_agreement(s)]
             if not wanted:
                 break
             self.restart_at(wanted[0])
+
+    def leading(self) -> list[Structure]:
+        """Structures in the order in which they are restarted.
+
+        Before a leader with a hard limit come the largest structures with fewer masses: a further mass must not win by
+        effort. After it comes the one with one mass more, whose optimum is seldom found from below.
+        """
+        *others, last = self.leaders()
+        if not last.has_hard_limit:
+            return [*others, last]
+        tops = {t.masses: t for t in self.tops}
+        fewer = [tops[n] for n in sorted(tops) if n < last.masses]
+        return [*others, *fewer, last, *([tops[last.masses + 1]] if last.masses + 1 in tops else [])]
 
     def lacks_agreement(self, structure: Structure, share: int | None = None) -> bool:
         """True if more independent starts are wanted at the optimum of a structure, and its share allows them."""
@@ -377,12 +393,16 @@ class BorderSearch:
             if not hopeless and self.lacks_agreement(structure, 1 if is_far or once else None):
                 self.restart_at(structure)
                 return True
-        for found in nearest:  # its further masses may have an optimum that the anchor has no place for
-            largest = self.lattice.structure(self.lattice.within(found.mask & ~self.hard_limits))
-            if found.excess <= far and self.lacks_agreement(largest, 1):
-                self.fit([largest])
-                self.restart_at(largest)
-                return True
+        for found in nearest:
+            if found.excess <= far:
+                # further masses or a gap may have an optimum that the anchor has no place for
+                beside = self.beside_refuted(found, border) | found.mask & self.hard_limits
+                for mask in (found.mask & ~self.hard_limits, beside):
+                    structure = self.lattice.structure(self.lattice.within(mask))
+                    if self.lacks_agreement(structure, 1):
+                        self.fit([structure])
+                        self.restart_at(structure)
+                        return True
         return False
 
     @property

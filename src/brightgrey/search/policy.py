@@ -98,6 +98,8 @@ class BorderPolicy:
     agreeing: int = 3  #: Independent starts that have to end at the best optimum of a refuted structure.
     restarts: int = 2  #: Multistarts for that, of one structure.
     restarts_costly: int = 1  #: With a hard limit, or where the excess is far above its threshold.
+    #: Batches without improvement after which a multistart with a hard limit ends.
+    patience_hard_limit: int = 2
     far: float = 4.0  #: Multiple of the largest threshold above which an excess is far above it.
     side_by_side: int = 2  #: Largest undecided structures that are fitted in parallel.
     fields: int = 2  #: Parts of a multistart that are made in parallel.

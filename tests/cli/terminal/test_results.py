@@ -15,7 +15,7 @@ def test_result_text__interval_drowns_the_estimate__not_identifiable():
     data = model.model_dump(mode="json")
     data["parameters"]["M_C"] |= {"value": 32.4, "std": 4600.0, "ci95": [-9067.6, 9132.4]}
     wide = Model.check(data)
-    fit = SimpleNamespace(correlation={}, symptoms=())
+    fit = SimpleNamespace(correlation={}, symptoms=(), second_opinion=())
     printed = results.text(Result(wide, (), (), (), fit), Path("out"))
     (row,) = [line for line in printed.splitlines() if line.startswith("M_C ")]
     assert row.split()[:8] == ["M_C", "32", "±", "9100", "N", "m", "not", "identifiable"]
@@ -25,7 +25,7 @@ def test_result_text__interval_drowns_the_estimate__not_identifiable():
 
 def test_result_text__long_note__folded_without_trailing_spaces():
     note = " ".join(["the file /measured/on-the-axis/run-1.csv has 3 rows too many"] * 4)
-    fit = SimpleNamespace(correlation={}, symptoms=())
+    fit = SimpleNamespace(correlation={}, symptoms=(), second_opinion=())
     model = model_with_intervals("one_mass+coulomb+viscous")
     lines = results.text(Result(model, (), (), (note,), fit), Path("out")).splitlines()
     first = next(k for k, line in enumerate(lines) if line.startswith("- the file"))

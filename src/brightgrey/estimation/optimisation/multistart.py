@@ -94,6 +94,7 @@ def multistart(
     starts: int,
     patience: int,
     seed: int,
+    enough: float = np.inf,
     options: MultistartOptions = MULTISTART_DEFAULTS,
 ) -> MultistartResult:
     """Search for the global optimum by batches of starts.
@@ -111,10 +112,12 @@ def multistart(
         Batches without improvement after which the search ends, a quarter as many if the residual is white; 0 for the
         first batch alone. With hard limits half as many again.
     seed : int
+    enough : float
+        Cost above which a white residual does not end the search, because another structure is known to fit better.
     options : MultistartOptions
     """
     patience = int(options.hard_limit_patience * patience) if problem.has_hard_limit else patience
-    search = _Multistart(problem, space, settings, options, starts)
+    search = _Multistart(problem, space, settings, options, starts, enough)
     first = _first_starts(space, given, starts)
     if given and problem.has_hard_limit:  # the first part of a recording may lose the quality of a given start
         search.descend([], _StartBatch(first[: len(given)], [False] * len(given)), search.agreeing)
@@ -138,8 +141,9 @@ class _Multistart:
         settings: Settings,
         options: MultistartOptions,
         starts: int,
+        enough: float = np.inf,
     ) -> None:
-        self.problem, self.space, self.settings, self.options = problem, space, settings, options
+        self.problem, self.space, self.settings, self.options, self.enough = problem, space, settings, options, enough
         self.starts, self.agreeing = starts, min(options.agreeing, starts)
         self.batches: list[DescentBatch] = []
         self.scanned_costs: list[float] = []
@@ -272,7 +276,7 @@ class _Multistart:
             starts,
             limit=options.rounds,
             cost_to_beat=self.least_cost,
-            stop_when=lambda residual: is_white(residual, problem.segment_lengths),
+            stop_when=self.is_enough,
             min_agreeing=min_agreeing,
         )
         evaluations += _evaluations(optima)
@@ -289,10 +293,13 @@ class _Multistart:
         self.batches.append(DescentBatch([], [], [], 0, self.problem.count(1)))
         return self.is_explained(leader)
 
+    def is_enough(self, residual: Array) -> bool:
+        """True if a residual is white, and no other structure leaves less."""
+        return float(residual @ residual) <= self.enough and is_white(residual, self.problem.segment_lengths)
+
     def is_explained(self, optimum: Optimum) -> bool:
-        """True if the residual of an optimum is white."""
-        residual = self.problem.residuals(self.space.named(optimum.values[:, None]), self.settings)[:, 0]
-        return is_white(residual, self.problem.segment_lengths)
+        """True if the residual of an optimum is white, and no other structure leaves less."""
+        return self.is_enough(self.problem.residuals(self.space.named(optimum.values[:, None]), self.settings)[:, 0])
 
 
 def first_starts(

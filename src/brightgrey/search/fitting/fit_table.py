@@ -153,11 +153,12 @@ class FitTable:
         """
         how = replace(self._how, patience=patience, fresh=self._how.fresh // fields)
         known = [self.done[s] for s in structures]
+        enough = (1.0 + SAME_OPTIMUM_RTOL) * self.best().cost
         calls = []
         for _ in range(fields):
             self._fields += 1
             seed = self._seed + self._fields
-            calls += [(self.task, f.structure, how, seed, [f, *self._ahead(f)]) for f in known]
+            calls += [(self.task, f.structure, how, seed, [f, *self._ahead(f)], enough) for f in known]
         found = in_order(workers, fit_multistart, calls)
         return {new.structure for new in found if self._much_better(self.done[new.structure], new)}
 

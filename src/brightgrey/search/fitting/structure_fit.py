@@ -206,17 +206,24 @@ def ranges_within_decade(space: ParameterSpace) -> bool:
 
 
 def fit_multistart(
-    task: IdentificationTask, structure: Structure, options: Options, seed: int, known: Sequence[StructureFit] = ()
+    task: IdentificationTask,
+    structure: Structure,
+    options: Options,
+    seed: int,
+    known: Sequence[StructureFit] = (),
+    enough: float = np.inf,
 ) -> StructureFit:
     """Fit a structure of which nothing is known, or nothing but doubtful optima of its own or larger ones.
 
-    Starts begin there, too.
+    Starts begin there, too. A white residual is enough only up to the cost that another structure leaves.
     """
     problem, space = task.problem_and_space(structure)
     starts = options.narrow if ranges_within_decade(space) else options.fresh
     starts = options.fresh_hard_limit or starts if structure.has_hard_limit else starts
     given = _given(space, structure, known)
-    found = multistart(problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed)
+    found = multistart(
+        problem, space, task.settings, given, starts=starts, patience=options.patience, seed=seed, enough=enough
+    )
     end = min(found.optima, key=lambda e: e.cost)
     fitted = _fitted(structure, space, end, found.evaluations, found.simulations)
     return replace(fitted, agreeing=found.agreeing)
