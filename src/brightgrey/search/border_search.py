@@ -20,6 +20,7 @@ from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.kit import Placed, Structure
 from brightgrey.search.adequacy import Deviance, Round, material_growth
 from brightgrey.search.border import Border, Refutation, assess
+from brightgrey.search.fitting.anchors import anchors, beside_masses, mass_masks
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
@@ -30,32 +31,7 @@ from brightgrey.search.model_error import optimum_of, signs_of_model_error
 from brightgrey.search.policy import BORDER, FURTHER, REFIT, BorderPolicy
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["BorderSearch", "anchors"]
-
-
-def anchors(lattice: Lattice) -> list[Structure]:
-    """Structures that are fitted first, by multistart: two for every number of masses.
-
-    One has all friction and nothing else: resonances show beside the friction that hides them. The other has everything
-    without a hard limit: resonances show beside the effects that delay the torque.
-    """
-    found = []
-    for masses in _mass_masks(lattice):
-        for friction in (True, False):
-            chosen = sum(
-                1 << i
-                for i, p in enumerate(lattice.atoms)
-                if not p.effect.masses and not p.effect.has_hard_limit and (p.effect.law or not friction)
-            )
-            found.append(lattice.structure(lattice.within((masses | chosen) & lattice.allowed | lattice.required)))
-    return list(dict.fromkeys(found))
-
-
-def _mass_masks(lattice: Lattice) -> list[int]:
-    """Masks of the masses alone, for each number of them, fewest first."""
-    bits = [1 << i for i, p in enumerate(lattice.atoms) if p.effect.masses and lattice.everything >> i & 1]
-    least = lattice.required & sum(bits)
-    return [least | sum(bits[:n]) for n in range(len(bits) + 1) if not least & ~sum(bits[:n])]
+__all__ = ["BorderSearch"]
 
 
 @dataclass
@@ -210,8 +186,8 @@ class BorderSearch:
 
     def fit_hard_limits(self) -> None:
         """Fit the largest structures with hard limits, fewest masses first, the least of them by multistart."""
-        for masses in _mass_masks(self.lattice):
-            top = self.lattice.structure(self.lattice.within(_beside(self.lattice) | masses))
+        for masses in mass_masks(self.lattice):
+            top = self.lattice.structure(self.lattice.within(beside_masses(self.lattice) | masses))
             if top.has_hard_limit and top not in self.fits.done:
                 self.tops.add(top)
                 first = not any(s.has_hard_limit for s in self.fits.done)
@@ -410,7 +386,3 @@ class BorderSearch:
         """Mask of the atoms with a hard limit that are not required."""
         atoms = enumerate(self.lattice.atoms)
         return sum(1 << i for i, p in atoms if p.effect.has_hard_limit) & ~self.lattice.required
-
-
-def _beside(lattice: Lattice) -> int:
-    return sum(1 << i for i, p in enumerate(lattice.atoms) if not p.effect.masses) & lattice.everything

@@ -18,7 +18,8 @@ import numpy as np
 
 from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL
 from brightgrey.estimation.problem.simulation_count import SimulationCount
-from brightgrey.kit import Placed, Structure
+from brightgrey.kit import Structure
+from brightgrey.search.fitting.anchors import default_anchors
 from brightgrey.search.fitting.structure_fit import (
     Options,
     StructureFit,
@@ -371,27 +372,3 @@ class FitTable:
             return False
         self.done[s] = fitted
         return True
-
-
-def default_anchors(structures: Sequence[Structure]) -> list[Structure]:
-    """Two anchors for every number of masses, which find optima that simpler structures cannot.
-
-    One has the most friction, and nothing else if possible: resonances show beside the friction that hides them. The
-    other has all effects without a hard limit: resonances show beside the effects that delay the torque.
-    """
-
-    def laws(structure: Structure) -> list[int]:
-        """Ports of the laws; 0 for effects without one."""
-        return [p.effect.law.ports if p.effect.law else 0 for p in structure.beside]
-
-    def friction(structure: Structure) -> tuple[int, int]:
-        ports = laws(structure)
-        return len(ports) - ports.count(1), -ports.count(1)
-
-    def linear(structure: Structure) -> tuple[int, int]:
-        return sum(p.effect.has_hard_limit for p in structure.beside), -len(structure.beside)
-
-    ladders: dict[Placed, list[Structure]] = {}
-    for s in structures:
-        ladders.setdefault(mass_chain_of(s), []).append(s)
-    return list(dict.fromkeys(min(group, key=rank) for group in ladders.values() for rank in (friction, linear)))
