@@ -187,6 +187,17 @@ def test_multistart__white_and_agreeing__ends_after_one_batch(demo, seed):
     assert (len(found.optima) == 8) == agree
 
 
+def test_multistart__other_structure_leaves_less__white_residual_does_not_end_it(demo):
+    structure = PAPER.parse("two_mass+coulomb+viscous+stribeck")
+    space, problem = parameter_space(structure, scales(demo), {}, {}), SimulationErrorProblem.of(structure, [demo])
+    settings = Settings(f_tanh=2.5, speed_scale=40.0, level="fast")
+    ended = multistart(problem, space, settings, [], starts=8, patience=3, seed=0)
+    least = min(optimum.cost for optimum in ended.optima)
+    further = multistart(problem, space, settings, [], starts=8, patience=3, seed=0, enough=0.5 * least)
+    assert len(further.optima) > len(ended.optima)
+    assert min(optimum.cost for optimum in further.optima) <= least
+
+
 def test_agreeing_starts__dependent_starts__do_not_count():
     optima = [Optimum(np.zeros(1), cost, True, 1, 5, np.eye(1)) for cost in (100.0, 100.2, 100.3, 120.0)]
     assert agreeing_starts([DescentBatch([], optima, [True, True, False, True], 0, SimulationCount())]) == 2

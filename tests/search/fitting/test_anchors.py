@@ -1,0 +1,49 @@
+"""Structures with which a search begins, and those that it restarts."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from brightgrey.kit import PAPER
+from brightgrey.search.border_search import BorderSearch
+from brightgrey.search.fitting.anchors import anchors, mass_masks
+from brightgrey.search.lattice import Lattice
+from support.searches import simulated_task
+
+LATTICE = Lattice.of(PAPER)
+
+
+def test_anchors__paper__two_for_each_number_of_masses_without_gap():
+    found = anchors(LATTICE)
+    assert [s.masses for s in found] == [1, 1, 2, 2, 3, 3, 4, 4]
+    assert not any(s.has_hard_limit for s in found)
+    assert str(found[2]) == "two_mass+coulomb+viscous+stribeck+gravity"
+    assert str(found[3]) == "two_mass+coulomb+viscous+stribeck+gravity+current_control+delay"
+
+
+def test_anchors__required_effects__in_all_of_them():
+    found = anchors(Lattice.of(PAPER, ("backlash",)))
+    assert found
+    assert all("backlash" in s.names for s in found)
+
+
+def test_mass_masks__fewest_first():
+    assert [m.bit_count() for m in mass_masks(LATTICE)] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("leaders", "masses"),
+    [
+        (("three_mass+coulomb",), [3]),
+        (("two_mass+coulomb", "three_mass+coulomb+backlash"), [2, 2, 3, 4]),
+        (("two_mass+coulomb", "four_mass+coulomb+backlash"), [2, 2, 3, 4]),
+    ],
+)
+def test_leading__gap_leads__fewer_masses_before_and_one_more_after(leaders, masses, monkeypatch):
+    task = simulated_task("one_mass", {"J1": 0.02}, np.sin(np.arange(200) / 20.0), 0.1, dt=0.002, f_tanh=5.0)
+    with ThreadPoolExecutor(1) as pool:
+        search = BorderSearch(task, LATTICE, pool)
+        search.tops = {PAPER.parse(f"{n}_mass+coulomb+viscous+backlash") for n in ("two", "three", "four")}
+        monkeypatch.setattr(search, "leaders", lambda: [PAPER.parse(text) for text in leaders])
+        assert [s.masses for s in search.leading()] == masses
