@@ -3,7 +3,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-long check format docs bench bench-long validation clean
+.PHONY: help setup demo test test-long check format docs bench bench-long validation pictures gallery clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -71,6 +71,12 @@ bench-long: setup  ## the statistics of docs/validation, into bench/results/; ta
 
 validation: setup  ## the pages docs/validation/*.md, made of the data in bench/results/
 	$(BIN)/python bench/validation.py
+
+pictures: setup  ## the picture of the README, from the demo
+	$(BIN)/python bench/pictures.py
+
+gallery: setup  ## the pages of docs/gallery, from bench/results/
+	$(BIN)/python bench/gallery.py pages
 
 clean:  ## remove what the targets above have made
 	rm -rf .venv demo docs/build .pytest_cache .mypy_cache .ruff_cache .hypothesis

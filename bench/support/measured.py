@@ -7,7 +7,7 @@ from pathlib import Path
 
 from brightgrey import Recording, read_recording
 
-__all__ = ["DATA", "emps_recording", "mte360_recording", "pendulum_recordings", "two_mass_recordings"]
+__all__ = ["DATA", "emps_recording", "kuka_recording", "mte360_recording", "pendulum_recordings", "two_mass_recordings"]
 
 DATA = Path(os.environ.get("BRIGHTGREY_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
@@ -38,6 +38,17 @@ def emps_recording() -> Recording:
         time="t",
         input_gain=35.15065,
         units={"vir": "N", "qm": "m"},
+    )
+
+
+def kuka_recording(axis: int) -> Recording:
+    """Axis 2 or 3 of a KUKA KR300, the position on the link side."""
+    return read_recording(
+        DATA / "kuka" / f"axis{axis}_FF_A.csv",
+        input="motor_torque_Nm",
+        outputs=["position_deg:position"],
+        time="time_s",
+        units={"motor_torque_Nm": "N m", "position_deg": "deg"},
     )
 
 
