@@ -12,6 +12,7 @@ import numpy as np
 
 from brightgrey import estimation
 from brightgrey.api.to_si import listed
+from brightgrey.arguments import checked_arguments
 from brightgrey.errors import RecordingError
 from brightgrey.model.model import Model
 from brightgrey.model.schema import OutputFitPart
@@ -56,6 +57,7 @@ class Simulation:
         return comparison([self.trace])
 
 
+@checked_arguments
 def simulate(model: Model, recording: Recording) -> Simulation:
     """Simulate `model` with the input of `recording`, starting from the recording's first samples.
 
@@ -89,6 +91,7 @@ def _kind_and_dimension(signal: Signal) -> tuple[object, ...]:
     return signal.sensor, parse_unit(signal.unit).dimension
 
 
+@checked_arguments
 def read_for(
     model: Model,
     path: str | Path,

@@ -12,6 +12,7 @@ from typing import Any, Literal, Self
 
 from pydantic import ConfigDict, Field, ValidationError
 
+from brightgrey.arguments import checked_arguments
 from brightgrey.drawing.drive import Sensor, ValueText, drive_of
 from brightgrey.drawing.picture import DriveDrawing
 from brightgrey.effects import SPEED, Element
@@ -185,6 +186,7 @@ class Model(Part):
         return model
 
 
+@checked_arguments
 def load_model(path: str | Path) -> Model:
     """Read a model.json and check it.
 

@@ -24,7 +24,8 @@ class ReadingPolicy:
     least_stretch: float = 0.5
     """Smallest part of the samples that the longest stretch between two holes must have."""
     absurd: float = 1e30
-    """Size of a number, in the unit of its column, that no sensor measures."""
+    """Size of a number, in the unit of its column and in SI, that no sensor measures. The inverse bounds the largest
+    value of a channel from below, and both bound the sampling interval in s."""
     max_repaired: float = 0.01
     """Largest part of the samples (but at least one sample) that may be interpolated or left out."""
     window_slack: float = 0.01

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from brightgrey.arguments import checked_arguments
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.columns import OutputColumn, ReadingOptions, choose_columns
 from brightgrey.recordings.file import open_table
@@ -27,6 +28,7 @@ __all__ = ["read_again", "read_recording", "recording_from"]
 NOT_GIVEN: Mapping[str, Any] = MappingProxyType({})
 
 
+@checked_arguments
 def read_recording(
     path: str | Path,
     *,
@@ -163,6 +165,7 @@ def read_again(source: Source, path: str | Path | None = None) -> Recording:
     return recording
 
 
+@checked_arguments
 def recording_from(
     columns: Mapping[str, Any],
     *,

@@ -97,10 +97,10 @@ def extract(path: Path) -> Channels:
     with warnings.catch_warnings():
         # scipy warns of classes and function handles that it skips; the table says what it holds.
         warnings.simplefilter("ignore")
-        content: Mapping[str, Any] = scipy.io.loadmat(path, simplify_cells=True)
+        content: Mapping[str, Any] = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     channels: list[Channel] = []
     others: list[str] = []
-    for key, value in _flattened({key: value for key, value in content.items() if not key.startswith("__")}):
+    for key, value in _flattened({key: _plain(value) for key, value in content.items() if not key.startswith("__")}):
         array = _array(value)
         if array is None or array.dtype.kind not in "fiub" or array.size < 2:
             others.append(key)
@@ -111,6 +111,15 @@ def extract(path: Path) -> Channels:
         else:
             others.append(key)
     return Channels(tuple(channels), (), tuple(others))
+
+
+def _plain(value: Any) -> Any:
+    """Return structs as dicts and cells as lists; SciPy's own way to do so fails for cells of unequal arrays."""
+    if hasattr(value, "_fieldnames"):
+        return {name: _plain(getattr(value, name)) for name in value._fieldnames}
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return [_plain(element) for element in value] if value.ndim else _plain(value.item())
+    return value
 
 
 def _array(value: Any) -> np.ndarray[Any, Any] | None:
