@@ -124,7 +124,7 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
             if name in RULES and value is not default and not RULES[name][0](value):
                 came = repr(value)
                 came = came if len(came) <= 100 else f"{came[:100]}..."
-                raise SettingsError(f"{name} is {came}; expected is {RULES[name][1]}")
+                raise SettingsError(f"{name} is {came}; expected: {RULES[name][1]}")
         return function(*given, **named)
 
     return checked

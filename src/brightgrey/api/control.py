@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.api.to_si import check_signals_of_model
 from brightgrey.arguments import checked_arguments
 from brightgrey.control.design.cascade import Cascade, design_cascade
 from brightgrey.control.design.lqg import kalman_gain, lqg_compensator
@@ -241,7 +242,11 @@ def watch(
     ------
     SettingsError
         If `min_change` or `confidence` is out of range.
+    RecordingError
+        If the signals of a recording are not those of the model.
     """
+    for came in (recording, baseline):
+        check_signals_of_model(model, came)
     settings, values = model.settings_si(), model.values_si()
     noise = estimate_noise(model.structure, values, baseline, settings)
     std = {

@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from brightgrey import estimation
-from brightgrey.api.to_si import listed
+from brightgrey.api.to_si import check_signals_of_model
 from brightgrey.arguments import checked_arguments
 from brightgrey.errors import RecordingError
 from brightgrey.model.model import Model
 from brightgrey.model.schema import OutputFitPart
 from brightgrey.model.trace import Trace, pooled_fit
-from brightgrey.recordings import Recording, Signal, read_recording
+from brightgrey.recordings import Recording, read_recording
 from brightgrey.recordings.recording_toml import is_recording_toml, read_recordings
-from brightgrey.recordings.units.parser import parse_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,19 +75,11 @@ def simulate(model: Model, recording: Recording) -> Simulation:
     RecordingError
         If the recording's signals are not those of the model.
     """
-    trained, came = (model.input, *model.outputs), (recording.input, *recording.outputs)
-    if [_kind_and_dimension(s) for s in trained] != [_kind_and_dimension(s) for s in came]:
-        raise RecordingError(
-            f"{recording.name}: signals are {listed(came)}; the model was identified from {listed(trained)}"
-        )
+    check_signals_of_model(model, recording)
     settings = replace(model.settings_si(), hold=recording.hold)
     simulated = estimation.predict(model.structure, model.values_si(), recording, settings)
     trace = Trace.of(recording, simulated)
     return Simulation(model, trace, pooled_fit([trace]), recording.notes)
-
-
-def _kind_and_dimension(signal: Signal) -> tuple[object, ...]:
-    return signal.sensor, parse_unit(signal.unit).dimension
 
 
 @checked_arguments

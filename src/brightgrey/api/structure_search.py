@@ -23,7 +23,6 @@ from brightgrey.search.undecided.question import UNDECIDED_FILE
 
 __all__ = ["SearchKind", "SearchRequest", "SearchResult", "grammar_searched", "search_structure"]
 
-SEARCHES: tuple[Literal["auto", "exhaustive"], ...] = ("auto", "exhaustive")
 SearchKind = Literal["auto", "exhaustive"] | GeneticSettings
 
 
@@ -103,7 +102,7 @@ def grammar_searched(search: SearchKind | None, name: str | None) -> Grammar:
         For an unknown name or search, and for an exhaustive search of a function set that is too large for it.
     """
     if search is not None and not isinstance(search, GeneticSettings):
-        one_of("search", search, SEARCHES)
+        one_of("search", search, ("auto", "exhaustive"))
     grammar = grammar_named(name or ("drive" if search in (None, "auto") else "paper"))
     if search == "exhaustive" and grammar.held_back:
         raise SettingsError(

@@ -128,7 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrightgreyError as error:
         return _fail(str(error))
     except UsageProblem as error:
-        return _fail(error.format_message())
+        return _fail(error.format_message() + _what_came(error, given))
     except BrokenPipeError:
         # The reader has seen enough (``| head``). Python flushes once more at exit: to nowhere.
         with contextlib.suppress(OSError, ValueError):
@@ -141,6 +141,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not given:
         return 2
     return code if isinstance(code, int) else 0
+
+
+def _what_came(error: UsageProblem, given: Sequence[str]) -> str:
+    """Value of the option that a usage error is about, which typer leaves out."""
+    options = getattr(getattr(error, "param", None), "opts", ())
+    for word, following in zip(given, [*given[1:], ""], strict=True):
+        option, equals, value = word.partition("=")
+        if option in options:
+            return f"; '{value if equals else following}' came"
+    return ""
 
 
 def _open_closed_streams() -> None:

@@ -20,7 +20,7 @@ from brightgrey.errors import BrightgreyError, SettingsError, nearest, unknown_n
 from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.kit.in_words import structure_in_words
 from brightgrey.kit.structure import Verdict
-from brightgrey.model.files import write_file
+from brightgrey.model.files import check_file, write_file
 from brightgrey.model.schema import (
     CertificatePart,
     CriterionPart,
@@ -159,9 +159,10 @@ class Model(Part):
         """Text of model.json: the same model gives the same bytes, floats read back exactly."""
         return json.dumps(self.model_dump(mode="json"), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
+    @checked_arguments
     def save(self, path: str | Path) -> None:
         """Write model.json to `path`, whole or not at all."""
-        write_file(path, self.text().encode())
+        write_file(check_file(path), self.text().encode())
 
     @classmethod
     def check(cls, data: Any) -> Self:

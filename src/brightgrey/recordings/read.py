@@ -201,7 +201,7 @@ def recording_from(
         try:
             given = np.asarray(columns[key])
             array = given.astype(np.float64) if given.dtype.kind != "c" else np.empty((0, 0))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             array = np.empty((0, 0))
         if array.ndim != 1:
             raise RecordingError(f"{name}: column '{key}': expected real numbers of shape (samples,)")

@@ -118,6 +118,11 @@ class Store:
                     _remove_files(path)
                 return cls(path, lock, _open_database(path, request, may_replace), made)
         except BaseException:
+            if not (path / FILE).exists():  # nothing has begun here, as on a full disk: leave nothing
+                (path / LOCK).unlink(missing_ok=True)
+                with suppress(OSError):
+                    if made:
+                        path.rmdir()
             lock.close()
             raise
 
@@ -268,9 +273,11 @@ def _create(folder: Path, request: Mapping[str, Any]) -> None:
             _insert(database, "facts", ("format", canonical(FORMAT)))
             _insert(database, "facts", ("request", canonical(request)))
             _insert(database, "facts", ("state", canonical("unfinished")))
+        database.close()
+        aside.replace(folder / FILE)
     finally:
         database.close()
-    aside.replace(folder / FILE)
+        aside.unlink(missing_ok=True)
 
 
 def _remove_files(folder: Path) -> None:

@@ -160,6 +160,8 @@ class RecordingOptions:
         from brightgrey.recordings.recording_toml import is_recording_toml, read_recordings
 
         recordings: list[Recording] = []
+        if Path("+") in paths:
+            raise SettingsError("'+' is no recording; a structure with blanks needs quotes: 'one_mass + coulomb'")
         for path in paths:
             if is_recording_toml(path):
                 recordings += read_recordings(path, {**self.given(), **(instead or {})})

@@ -63,8 +63,8 @@ class Compensator:
         size = float(np.abs(np.concatenate([top, bottom])).max()) / abs(float(bottom[0]))
         if not size < cls.largest:
             raise SettingsError(
-                f"controller {list(numerator)}/{list(denominator)}: a coefficient reaches {size:.3g} times the first one "
-                f"of the denominator; allowed is {cls.largest:g}"
+                f"controller {list(numerator)}/{list(denominator)}: a coefficient reaches {size:.3g} times the first "
+                f"one of the denominator; allowed is {cls.largest:g}"
             )
         if len(bottom) == 1:
             return cls(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[top[0] / bottom[0]]]))

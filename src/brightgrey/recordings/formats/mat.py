@@ -100,7 +100,8 @@ def extract(path: Path) -> Channels:
         content: Mapping[str, Any] = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     channels: list[Channel] = []
     others: list[str] = []
-    for key, value in _flattened({key: _plain(value) for key, value in content.items() if not key.startswith("__")}):
+    variables = {key: _without_structs(value) for key, value in content.items() if not key.startswith("__")}
+    for key, value in _flattened(variables):
         array = _array(value)
         if array is None or array.dtype.kind not in "fiub" or array.size < 2:
             others.append(key)
@@ -113,12 +114,12 @@ def extract(path: Path) -> Channels:
     return Channels(tuple(channels), (), tuple(others))
 
 
-def _plain(value: Any) -> Any:
+def _without_structs(value: Any) -> Any:
     """Return structs as dicts and cells as lists; SciPy's own way to do so fails for cells of unequal arrays."""
     if hasattr(value, "_fieldnames"):
-        return {name: _plain(getattr(value, name)) for name in value._fieldnames}
+        return {name: _without_structs(getattr(value, name)) for name in value._fieldnames}
     if isinstance(value, np.ndarray) and value.dtype == object:
-        return [_plain(element) for element in value] if value.ndim else _plain(value.item())
+        return [_without_structs(element) for element in value] if value.ndim else _without_structs(value.item())
     return value
 
 
