@@ -139,7 +139,7 @@ def _flattened(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[s
     for key, value in content.items():
         if isinstance(value, Mapping):
             yield from _flattened(value, f"{prefix}{key}.")
-        elif isinstance(value, list | np.ndarray) and len(np.shape(value)) == 1 and _are_structs(value):
+        elif isinstance(value, list) and _are_structs(value):
             for i, element in enumerate(value):
                 yield from _flattened(element, f"{prefix}{key}({i + 1}).")
         else:
