@@ -101,8 +101,6 @@ CASES = {
     "demo into a file": (("demo", "--out", "file"), ["'file'", "folder"]),
     "unknown option": (("identify", "good.csv", *GOOD, "--hodl", "zoh"), ["--hodl", "--hold"]),
     "unknown command": (("identfy",), ["'identfy'", "'identify'"]),
-    "seed of text": (("identify", "good.csv", *GOOD, "--seed", "x"), ["--seed"]),
-    "no workers": (("identify", "good.csv", *GOOD, "--workers", "0"), ["--workers"]),
     "no recording": (("identify", *GOOD), ["RECORDING"]),
     "no input": (("identify", "good.csv", *GOOD[2:]), ["--input"]),
     "no model": (("simulate", "modl.json", "good.csv"), ["modl.json"]),

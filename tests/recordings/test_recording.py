@@ -177,5 +177,5 @@ def test_decimate__differenced_velocity__is_differenced_over_the_new_interval() 
 
 @pytest.mark.parametrize(("gain", "dt"), [(1e-300, DT), (1e200, DT), (1.0, 1e300), (1.0, 1e-300)])
 def test_recording__sizes_that_no_computer_can_square__are_refused(gain: float, dt: float) -> None:
-    with pytest.raises(BrightgreyError, match="'u' reaches .* no drive does|steps of .* are absurd"):
+    with pytest.raises(BrightgreyError, match=r"'u' reaches .* no drive does|steps of .* are absurd"):
         make(gain * U, U, dt=dt)

@@ -143,7 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code if isinstance(code, int) else 0
 
 
-def _what_came(error: UsageProblem, given: Sequence[str]) -> str:
+def _what_came(error: typer.BadParameter, given: Sequence[str]) -> str:
     """Value of the option that a usage error is about, which typer leaves out."""
     options = getattr(getattr(error, "param", None), "opts", ())
     for word, following in zip(given, [*given[1:], ""], strict=True):
