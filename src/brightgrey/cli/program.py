@@ -26,7 +26,7 @@ from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.runs import runs
 from brightgrey.cli.selftest import selftest
 from brightgrey.cli.simulate import simulate
-from brightgrey.errors import BrightgreyError
+from brightgrey.errors import BrightgreyError, printable
 from brightgrey.version import __version__
 
 __all__ = ["app", "main"]
@@ -162,5 +162,5 @@ def _open_closed_streams() -> None:
 
 
 def _fail(message: str) -> int:
-    print(f"brightgrey: {' '.join(message.split())}", file=sys.stderr)
+    print(f"brightgrey: {printable(message)}", file=sys.stderr)
     return 2

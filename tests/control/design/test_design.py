@@ -127,3 +127,9 @@ def test_compensator__discretised__keeps_its_step_response():
 def test_compensator__coefficients_beyond_all_measure__are_refused(coefficients):
     with pytest.raises(SettingsError, match="a coefficient reaches"):
         Compensator.of(*coefficients)
+
+
+@pytest.mark.parametrize("coefficients", [(None, [1.0]), ([1.0], "x"), ([np.inf], [1.0, 1.0]), (np.eye(2), [1.0, 1.0])])
+def test_compensator__no_numbers__are_refused(coefficients):
+    with pytest.raises(SettingsError, match="two lists of finite numbers"):
+        Compensator.of(*coefficients)

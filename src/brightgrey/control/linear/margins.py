@@ -52,9 +52,14 @@ class Compensator:
         Raises
         ------
         SettingsError
-            If the transfer function is not proper, or its coefficients differ beyond all measure.
+            If a coefficient is no finite number, the transfer function is not proper, or its coefficients differ beyond all measure.
         """
-        top, bottom = (np.trim_zeros(np.atleast_1d(np.asarray(c, float)), "f") for c in (numerator, denominator))
+        try:
+            top, bottom = (np.trim_zeros(np.atleast_1d(np.asarray(c, float)), "f") for c in (numerator, denominator))
+        except (TypeError, ValueError):
+            top = bottom = np.full((1, 1), np.nan)
+        if not (top.ndim == bottom.ndim == 1 and np.isfinite(top).all() and np.isfinite(bottom).all()):
+            raise SettingsError(f"controller {numerator}/{denominator}: expected are two lists of finite numbers")
         if not len(bottom) or not len(top) or len(top) > len(bottom):
             raise SettingsError(
                 f"controller {list(numerator)}/{list(denominator)} is not proper: both polynomials need a coefficient "
