@@ -220,6 +220,8 @@ def load_model(path: str | Path) -> Model:
         raise SettingsError(f"cannot read model file '{path}': {error.strerror}") from None
     except UnicodeDecodeError:
         raise SettingsError(f"model file '{path}' is not text; a model.json is wanted") from None
+    except RecursionError:
+        raise SettingsError(f"model file '{path}' is nested too deeply for a model.json") from None
     except json.JSONDecodeError as error:
         place = f"line {error.lineno} column {error.colno}"
         raise SettingsError(f"model file '{path}' is not JSON: {error.msg} at {place}") from None
@@ -268,6 +270,11 @@ def _check_consistent(model: Model) -> None:
     for name in declared:
         if name not in model.parameters:
             raise SettingsError(f"field 'parameters.{name}' is missing; '{model.structure}' needs it")
+    for name, parameter in declared.items():
+        if parameter.scale == "log" and not model.parameters[name].value > 0.0:
+            raise SettingsError(
+                f"field 'parameters.{name}.value': it is {model.parameters[name].value:g}, and always positive"
+            )
     kinds = [part.kind for part in model.signals]
     if len(kinds) < 2 or kinds[0] != "input" or "input" in kinds[1:]:
         raise SettingsError("field 'signals': the input comes first, then at least one output")
@@ -286,3 +293,7 @@ def _check_consistent(model: Model) -> None:
         model.settings_si()
     except BrightgreyError as error:
         raise SettingsError(f"field 'settings': {error}") from None
+    try:
+        model.text().encode()
+    except UnicodeEncodeError as error:
+        raise SettingsError(f"a text holds {error.object[error.start]!r}, which is no character") from None

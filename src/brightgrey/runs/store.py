@@ -118,12 +118,13 @@ class Store:
                     _remove_files(path)
                 return cls(path, lock, _open_database(path, request, may_replace), made)
         except BaseException:
-            if not (path / FILE).exists():  # nothing has begun here, as on a full disk: leave nothing
+            begun = (path / FILE).exists()
+            if not begun:  # as on a full disk: leave nothing
                 (path / LOCK).unlink(missing_ok=True)
+            lock.close()  # which removes its journal
+            if made and not begun:
                 with suppress(OSError):
-                    if made:
-                        path.rmdir()
-            lock.close()
+                    path.rmdir()
             raise
 
     def __enter__(self) -> Store:

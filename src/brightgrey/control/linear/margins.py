@@ -52,7 +52,8 @@ class Compensator:
         Raises
         ------
         SettingsError
-            If a coefficient is no finite number, the transfer function is not proper, or its coefficients differ beyond all measure.
+            If a coefficient is no finite number, the transfer function is not proper, or its coefficients differ
+            beyond all measure.
         """
         try:
             top, bottom = (np.trim_zeros(np.atleast_1d(np.asarray(c, float)), "f") for c in (numerator, denominator))
