@@ -49,7 +49,7 @@ def mutated_bytes(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def mutated_json(data: Any, rng: np.random.Generator) -> Any:
-    """Return a copy of plain data with one value changed, left out, or ``nested``, in place of which deep nesting is written."""
+    """Return a copy of plain data with one value changed, left out, or ``nested`` (where deep nesting is written)."""
     if isinstance(data, dict) and data and rng.random() < 0.95:
         name = list(data)[int(rng.integers(len(data)))]
         if rng.random() < 0.05:

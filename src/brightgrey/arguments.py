@@ -16,7 +16,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from brightgrey.errors import SettingsError
 
-__all__ = ["checked_arguments"]
+__all__ = ["bind_checked", "checked_arguments"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -115,16 +115,24 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
     A default may always be given. Arguments without a rule are passed on as they are.
     """
-    parameters = inspect.signature(function)
 
     @functools.wraps(function)
     def checked(*given: P.args, **named: P.kwargs) -> R:
-        for name, value in parameters.bind(*given, **named).arguments.items():
-            default = parameters.parameters[name].default
-            if name in RULES and value is not default and not RULES[name][0](value):
-                came = repr(value)
-                came = came if len(came) <= 100 else f"{came[:100]}..."
-                raise SettingsError(f"{name} is {came}; expected: {RULES[name][1]}")
+        bind_checked(function, *given, **named)
         return function(*given, **named)
 
     return checked
+
+
+def bind_checked(function: Callable[..., Any], *given: Any, **named: Any) -> dict[str, Any]:
+    """Return the arguments of a call by name, defaults included; refuse what `RULES` does not expect."""
+    signature = inspect.signature(function)
+    bound = signature.bind(*given, **named)
+    for name, value in bound.arguments.items():
+        default = signature.parameters[name].default
+        if name in RULES and value is not default and not RULES[name][0](value):
+            came = repr(value)
+            came = came if len(came) <= 100 else f"{came[:100]}..."
+            raise SettingsError(f"{name} is {came}; expected: {RULES[name][1]}")
+    bound.apply_defaults()
+    return bound.arguments

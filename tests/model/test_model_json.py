@@ -101,6 +101,7 @@ def changed(example, path, value):
         (["settings", "bounds"], {"J1": [2.0, 1.0]}, ["'settings.bounds.J1'", "low end is above"]),
         (["settings", "sampling_time"], 0.0, ["'settings.sampling_time'", "greater than 0"]),
         (["settings", "substeps"], 0, ["'settings.substeps'"]),
+        (["signals", 1, "unit"], "%", ["'%' of the motion"]),
         (["signals", 0, "gain"], 0.0, ["'signals.0.gain'", "must not be 0"]),
         (["signals", 0, "name"], "\ud800", ["no character"]),
         (["schema"], "brightgrey/model/3", ["'brightgrey/model/3'", "'brightgrey/model/2'"]),

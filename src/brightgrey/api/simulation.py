@@ -113,7 +113,7 @@ def read_for(
         If a column is missing, its header says another unit than the model, or the file cannot be used.
     """
     if is_recording_toml(path):
-        several = read_recordings(path, {"dt": dt, "time": time} if dt or time else None)
+        several = read_recordings(path, {"dt": dt, "time": time} if dt or time else None, stretches=False)
         if len(several) > 1:
             raise RecordingError(f"{path} names {len(several)} recordings; one is wanted here")
         return several[0]
