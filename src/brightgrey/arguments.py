@@ -89,7 +89,7 @@ RULES: Mapping[str, tuple[Rule, str]] = {
     **dict.fromkeys(("input", "time", "hold", "contact", "to", "torque_constant", "name"), _TEXT),
     **dict.fromkeys(("initial", "level", "estimator", "grammar"), _TEXT),
     **dict.fromkeys(("delimiter", "decimal"), _MARK),
-    "header": (lambda value: isinstance(value, bool), "True or False"),
+    **dict.fromkeys(("header", "check", "fast", "stretches"), (lambda value: isinstance(value, bool), "True or False")),
     "outputs": (
         lambda value: (
             isinstance(value, str)
@@ -103,7 +103,8 @@ RULES: Mapping[str, tuple[Rule, str]] = {
     **dict.fromkeys(("fixed", "counts", "gear", "shift", "limits"), _NUMBERS),
     **dict.fromkeys(("units", "rated"), _UNITS),
     **dict.fromkeys(("starts", "workers", "decimate", "draws"), _COUNT),
-    "seed": (lambda value: _is_whole(value, 0), "a whole number from 0"),
+    "seed": (lambda value: isinstance(value, Integral) and _is_whole(value, 0), "a whole number from 0"),
+    "search": (lambda value: isinstance(value, str) or _is_a(value, "GeneticSettings"), "a name like 'auto'"),
     **dict.fromkeys(("input_gain", "dt", "f_tanh", "min_change", "confidence", "seconds"), _REAL),
     **dict.fromkeys(("speed", "torque", "sampling_time", "computing_time", "settling_time"), _NUMBER),
 }

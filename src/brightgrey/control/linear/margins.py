@@ -61,6 +61,7 @@ class Compensator:
             top = bottom = np.full((1, 1), np.nan)
         if not (top.ndim == bottom.ndim == 1 and np.isfinite(top).all() and np.isfinite(bottom).all()):
             raise SettingsError(f"controller {numerator}/{denominator}: expected are two lists of finite numbers")
+        numerator, denominator = top.tolist(), bottom.tolist()
         if not len(bottom) or not len(top) or len(top) > len(bottom):
             raise SettingsError(
                 f"controller {list(numerator)}/{list(denominator)} is not proper: both polynomials need a coefficient "
