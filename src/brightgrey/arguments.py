@@ -89,6 +89,10 @@ RULES: Mapping[str, tuple[Rule, str]] = {
     **dict.fromkeys(("input", "time", "hold", "contact", "to", "torque_constant", "name"), _TEXT),
     **dict.fromkeys(("initial", "level", "estimator", "grammar"), _TEXT),
     **dict.fromkeys(("delimiter", "decimal"), _MARK),
+    "beside": (
+        lambda value: isinstance(value, Collection) and not isinstance(value, str) and all(map(_is_path, value)),
+        "several paths, like ['position.csv']",
+    ),
     **dict.fromkeys(("header", "check", "fast", "stretches"), (lambda value: isinstance(value, bool), "True or False")),
     "outputs": (
         lambda value: (

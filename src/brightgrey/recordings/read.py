@@ -15,8 +15,8 @@ import numpy as np
 from brightgrey.arguments import bind_checked, checked_arguments
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.columns import OutputColumn, ReadingOptions, choose_columns
-from brightgrey.recordings.file import open_table
 from brightgrey.recordings.formats.table import Column, Table
+from brightgrey.recordings.joined_files import open_together
 from brightgrey.recordings.policy import READING
 from brightgrey.recordings.recording import Recording, Source, check_hold
 from brightgrey.recordings.samples import Samples, sample
@@ -50,6 +50,7 @@ def read_recording(
     delimiter: str | None = None,
     decimal: str | None = None,
     header: bool | None = None,
+    beside: Sequence[str | Path] = (),
 ) -> Recording:
     """Read a recording of a drive from a file.
 
@@ -103,6 +104,9 @@ def read_recording(
     delimiter, decimal, header : optional
         Delimiter of a text file (a space means any white space), decimal mark, and True if there is a header.
         Those that are not given are found automatically.
+    beside : sequence of str or Path, optional
+        Further files with channels of this recording. Their columns are called ``FILE.COLUMN``, with the name of the
+        file without its ending. They have the time of their file, or the rows of the first one.
 
     Returns
     -------
@@ -124,7 +128,7 @@ def read_recording(
 def _opened(arguments: Mapping[str, Any]) -> tuple[Table, ReadingOptions]:
     """Open the file that these arguments of `read_recording` name."""
     text = {name: arguments[name] for name in ("delimiter", "decimal", "header")}
-    table, _ = open_table(arguments["path"], arguments["input"], **text)
+    table = open_together(arguments["path"], arguments["beside"], arguments["input"], **text)
     scales = DriveScales(*(arguments[name] for name in ("rated", "counts", "gear", "torque_constant")))
     own = [f.name for f in fields(ReadingOptions) if f.name != "scales"]
     return table, ReadingOptions(**{name: arguments[name] for name in own}, scales=scales)
@@ -135,14 +139,18 @@ def _source(arguments: dict[str, Any]) -> Source:
     path = Path(arguments.pop("path"))
     declared = inspect.signature(read_recording).parameters
     given = {name: value for name, value in arguments.items() if value != declared[name].default}
-    with path.open("rb") as file:
-        return Source(
-            str(path), hashlib.file_digest(file, "sha256").hexdigest(), {n: _plain(v) for n, v in given.items()}
-        )
+    content = hashlib.sha256()
+    for each in (path, *arguments["beside"]):
+        with Path(each).open("rb") as file:
+            while block := file.read(1 << 20):
+                content.update(block)
+    return Source(str(path), content.hexdigest(), {n: _plain(v) for n, v in given.items()})
 
 
 def _plain(value: Any) -> Any:
-    """Return an argument with lists for tuples and dicts for mappings, as JSON gives it back."""
+    """Return an argument with lists for tuples, dicts for mappings and texts for paths, as JSON gives it back."""
+    if isinstance(value, Path):
+        return str(value)
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value

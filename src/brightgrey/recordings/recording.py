@@ -110,7 +110,7 @@ class Source:
     """File of a recording, with all that reading it again needs."""
 
     path: str  #: As it was given.
-    sha256: str  #: Of the file's content, 64 hexadecimal digits.
+    sha256: str  #: Of the content of all its files, 64 hexadecimal digits.
     options: Mapping[str, Any]  #: Arguments of :func:`read_recording` that are not its defaults, as plain data.
 
 

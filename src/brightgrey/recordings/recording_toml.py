@@ -86,6 +86,8 @@ def load_recording_toml(path: str | Path) -> tuple[tuple[Path, ...], dict[str, A
     files = options.pop("recording", None)
     if not files:
         raise SettingsError(f'{path} names no recording; write recording = "axis.csv"')
+    if "beside" in options:
+        options["beside"] = [str(Path(path).parent / name) for name in options["beside"]]
     return tuple(Path(path).parent / name for name in files), options
 
 
@@ -153,7 +155,10 @@ def write_fixed(paths: Sequence[Path], given: Mapping[str, Any], remedies: Mappi
         target, names, options = paths[0].parent / "recording.toml", [path.name for path in paths], {}
         if target.exists():
             raise SettingsError(f"{target} exists: check it (brightgrey check {target} --fix), or remove it")
-    text = recording_toml(names, {**options, **given}, remedies)
+    together = {**options, **given}
+    if "beside" in together:
+        together["beside"] = [os.path.relpath(file, target.parent) for file in together["beside"]]
+    text = recording_toml(names, together, remedies)
     try:
         target.write_text(text, encoding="utf-8")
     except OSError as error:

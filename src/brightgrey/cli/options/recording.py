@@ -115,6 +115,17 @@ class RecordingOptions:
         ),
     ] = None
 
+    beside: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--beside",
+            metavar="FILE",
+            help="Further file with channels of this recording; its columns are called FILE.COLUMN, with the name of "
+            "the file without its ending. Repeat for more.",
+            rich_help_panel=RECORDING,
+        ),
+    ] = None
+
     def given(self) -> dict[str, Any]:
         """Options that are not the defaults, as a recording.toml has them."""
         return {f.name: v for f in fields(self) if (v := getattr(self, f.name)) is not None and v != f.default}
