@@ -74,6 +74,8 @@ def load_recording_toml(path: str | Path) -> tuple[tuple[Path, ...], dict[str, A
     SettingsError
         For a file that cannot be read, an unknown key or a value of another kind.
     """
+    if Path(path).exists() and not Path(path).is_file():
+        raise SettingsError(f"{path} is a folder, a device or a pipe, not a file")
     try:
         content = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except FileNotFoundError:

@@ -74,6 +74,8 @@ def read_manifest(file: str | Path) -> tuple[Axis, ...]:
 
 
 def _read_text(path: Path) -> str:
+    if path.exists() and not (path.is_file() or path.is_dir()):  # reading a device may never end
+        raise SettingsError(f"manifest '{path}' is a device or a pipe, not a file")
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
