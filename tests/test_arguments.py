@@ -75,6 +75,7 @@ CASES = {
     "speed of text": (lambda: analyse(MODEL, speed="3"), "speed is '3'"),
     "speed inf": (lambda: analyse(MODEL, speed=float("inf")), "speed is inf"),
     "torque of text": (lambda: design(MODEL, torque="3"), "torque is '3'"),
+    "path of a line": (lambda: load_model("x" * 3000), "cannot read model file"),
     "no file": (lambda: load_model(None), "path is None"),
     "recording as path": (lambda: inspect(RECORDING), "path is Recording"),
     "target of a number": (lambda: export(MODEL, 3, "out"), "to is 3"),

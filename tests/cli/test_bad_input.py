@@ -32,8 +32,8 @@ def state(folder):
 CASES = {
     "device as file": (("simulate", "model.json", "good.csv", "--out", "pipe"), ["'pipe' is a device or a pipe"]),
     "device as folder": (("identify", "good.csv", *GOOD, "--out", "pipe"), ["'pipe' is a device or a pipe"]),
-    "device as model": (("analyse", "pipe"), ["model file 'pipe' is a device or a pipe"]),
-    "device as manifest": (("fleet", "pipe", *GOOD), ["manifest 'pipe' is a device or a pipe"]),
+    "device as model": (("analyse", "pipe"), ["model file 'pipe': it is a device or a pipe"]),
+    "device as manifest": (("fleet", "pipe", *GOOD), ["manifest 'pipe': it is a device or a pipe"]),
     "absurd interval": (("check", "good.csv", *GOOD[:4], "--dt", "1e308", "--window", "0:5"), ["1e+308 s"]),
     "gain too small": (("identify", "good.csv", *GOOD, "--input-gain", "1e-308"), ["'torque' reaches", "no drive"]),
     "blanks in a structure": (("identify", "good.csv", *GOOD[:5], "one_mass", "+", "coulomb"), ["needs quotes"]),

@@ -212,9 +212,9 @@ def load_model(path: str | Path) -> Model:
     (0.00126, 'kg m²')
     """
     file = Path(path)
-    if file.exists() and not (file.is_file() or file.is_dir()):  # reading a device may never end
-        raise SettingsError(f"model file '{path}' is a device or a pipe, not a file")
     try:
+        if file.exists() and not (file.is_file() or file.is_dir()):  # reading a device may never end
+            raise OSError(0, "it is a device or a pipe")
         data = json.loads(file.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except FileNotFoundError:
         raise SettingsError(f"no model file '{path}'") from None

@@ -74,9 +74,9 @@ def load_recording_toml(path: str | Path) -> tuple[tuple[Path, ...], dict[str, A
     SettingsError
         For a file that cannot be read, an unknown key or a value of another kind.
     """
-    if Path(path).exists() and not Path(path).is_file():
-        raise SettingsError(f"{path} is a folder, a device or a pipe, not a file")
     try:
+        if Path(path).exists() and not Path(path).is_file():
+            raise OSError(0, "it is a folder, a device or a pipe")
         content = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise SettingsError(f"{path}: there is no such file") from None

@@ -25,12 +25,12 @@ class _Policy:
     chance: float = 1e-3
     """Probability that noise alone makes a jump anywhere in the recording."""
     spans: tuple[int, ...] = (4, 8, 16)
-    """Samples on either side of a jump that a parabola is fitted to."""
+    """Samples on either side of a jump that a parabola is fitted to, the shortest first."""
     near: int = 101
     """Samples around one that tell its noise."""
     soft: float = 3.0
-    """The same for neighbours that agree with each other. A jump is so many times the steps around it: a sample that is
-    repeated makes one step."""
+    """The same for neighbours that agree with each other. A jump is so many times the steps around it, as a sample that
+    is repeated makes one step, and their usual change."""
 
 
 POLICY = _Policy()
@@ -87,23 +87,28 @@ def _jumps(x: Array, single: Array) -> Array:
     """Last samples before jumps of a position: parabolas through the samples on either side do not meet.
 
     An impact changes the speed at once, but never the position. The difference of the two parabolas in the middle is
-    compared with its usual size: the largest of so many Gaussian numbers (Bonferroni) is no chance. `single` are
-    outliers, which jump back.
+    compared with its usual size: the largest of so many Gaussian numbers (Bonferroni) is no chance. A jump is as large
+    between the shortest parabolas as between longer ones; a motion that is none grows with the third power of their
+    length. `single` are outliers, which jump back.
     """
     steps = np.diff(x)
     near = np.abs(np.median(np.lib.stride_tricks.sliding_window_view(np.pad(steps, 2, mode="edge"), 5), axis=1))
+    bend = POLICY.soft * float(np.abs(np.diff(steps)).mean())  # an acceleration that begins at once is no jump
     limit = norm.isf(POLICY.chance / (2.0 * x.size * len(POLICY.spans)))
-    found = np.zeros(x.size)
-    for span in POLICY.spans:
+    found, shortest = np.zeros(x.size), np.zeros(x.size)
+    for span in (span for span in POLICY.spans if 2 * span < x.size):
         # Weights of the samples at 0.5, 1.5, ... in the value at 0 of the parabola that fits them best.
         weights = np.linalg.pinv(np.vander(np.arange(span) + 0.5, 3, increasing=True))[0]
         after, before = np.convolve(x, weights[::-1], "valid"), np.convolve(x, weights, "valid")
-        gap = np.abs(after[span:] - before[:-span])
-        usual = median_filter(gap, size=max(POLICY.near, 8 * span), mode="nearest")
-        usual = np.maximum(usual, float(np.median(gap))) / norm.isf(0.25)
-        clear = (gap > limit * usual) & (gap > POLICY.soft * near[span - 1 : x.size - span])
         middle = slice(span - 1, x.size - span)
-        found[middle] = np.maximum(found[middle], np.where(clear, gap / np.maximum(usual, 1e-300), 0.0))
+        gap = after[span:] - before[:-span]
+        if span == POLICY.spans[0]:
+            shortest[middle] = gap
+        usual = median_filter(np.abs(gap), size=max(POLICY.near, 8 * span), mode="nearest")
+        usual = np.maximum(usual, float(np.median(np.abs(gap)))) / norm.isf(0.25)
+        stays = shortest[middle] * np.sign(gap) > 0.5 * np.abs(gap)
+        clear = stays & (np.abs(gap) > np.maximum(limit * usual, bend + POLICY.soft * near[middle]))
+        found[middle] = np.maximum(found[middle], np.where(clear, np.abs(gap) / np.maximum(usual, 1e-300), 0.0))
     for at in single.astype(int):
         found[max(at - max(POLICY.spans), 0) : at + max(POLICY.spans)] = 0.0
     highest = maximum_filter1d(found, 2 * min(POLICY.spans) - 1)
