@@ -59,7 +59,7 @@ CASES = {
     "structure of a number": (lambda: identify(RECORDING, 3), "structure is 3"),
     "place of many digits": (lambda: identify(RECORDING, "one_mass+coulomb@" + "9" * 5000), "place '999"),
     "names as header": (lambda: read_recording("a.csv", input="u", outputs="v", header="t,u,v"), "header is 't,u,v'"),
-    "delimiter of a word": (lambda: read_recording("a.csv", input="u", outputs="v", delimiter="tab"), "one character"),
+    "delimiter of a number": (lambda: read_recording("a.csv", input="u", outputs="v", delimiter=3), "delimiter is 3"),
     "path of a number": (lambda: read_recording(3, input="u", outputs="v"), "path is 3"),
     "decimate inf": (lambda: made(decimate=float("inf")), "decimate is inf"),
     "decimate text": (lambda: made(decimate="2"), "decimate is '2'"),

@@ -71,7 +71,6 @@ def _are_recordings(value: Any) -> bool:
 _RECORDING = (lambda value: _is_a(value, "Recording"), "a recording, from read_recording(...) or recording_from(...)")
 _MODEL = (lambda value: _is_a(value, "Model"), "a model, from load_model(...) or result.model")
 _TEXT = (lambda value: isinstance(value, str), "a text")
-_MARK = (lambda value: isinstance(value, str) and len(value) == 1, "one character")
 _PATH = (_is_path, "a path")
 _NUMBER = (_is_number, "a finite number")
 _REAL = (_is_real, "a number")
@@ -87,8 +86,7 @@ RULES: Mapping[str, tuple[Rule, str]] = {
     "structure": (lambda value: isinstance(value, str) or _is_a(value, "Structure"), "a text like 'one_mass+coulomb'"),
     **dict.fromkeys(("path", "folder"), _PATH),
     **dict.fromkeys(("input", "time", "hold", "contact", "to", "torque_constant", "name"), _TEXT),
-    **dict.fromkeys(("initial", "level", "estimator", "grammar"), _TEXT),
-    **dict.fromkeys(("delimiter", "decimal"), _MARK),
+    **dict.fromkeys(("delimiter", "decimal", "initial", "level", "estimator", "grammar"), _TEXT),
     "beside": (
         lambda value: isinstance(value, Collection) and not isinstance(value, str) and all(map(_is_path, value)),
         "several paths, like ['position.csv']",
