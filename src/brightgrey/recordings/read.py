@@ -207,6 +207,8 @@ def _stretches(table: Table, options: ReadingOptions) -> tuple[list[tuple[float,
     t = table.load([choice.times[0]])[0] * choice.time_factors[0]
     t = t[np.isfinite(t)]
     t = t[inside(t, options.window)]
+    if t.size < READING.min_samples:  # which `read_recording` refuses
+        return [], ""
     edges = stretch_edges(t)
     sizes = np.diff(edges)
     kept = np.flatnonzero(sizes >= max(READING.min_samples, READING.least_part * t.size))
