@@ -451,6 +451,17 @@ REAL = {
         {"input": "vir", "outputs": "qm:position", "units": {"vir": "V", "qm": "m"}, "input_gain": -1.0},
         "sign of the input",
     ),
+    "TX40 joint 1, current and angle in two files: 18 % repeated": (
+        "tx40/curr_data.csv",
+        {
+            "input": "Joint_1",
+            "outputs": "pos_read_data.Joint_1:position",
+            "beside": [DATA / "tx40" / "pos_read_data.csv"],
+            "dt": 2e-4,
+            "units": {"Joint_1": "A", "pos_read_data.Joint_1": "deg"},
+        },
+        "repeated samples",
+    ),
     "Pendulum: hole of 22 ms": (
         "pendulum/sac_with_hole.csv",
         {"input": "torque", "outputs": "position:position", "units": {"torque": "N m", "position": "rad", "time": "s"}},

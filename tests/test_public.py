@@ -14,7 +14,16 @@ import brightgrey
 
 FUNCTIONS = {
     *("analyse", "check", "demo", "design", "export", "identify", "identify_fleet", "identify_resumable", "inspect"),
-    *("list_runs", "load_model", "plan", "read_for", "read_manifest", "read_recording", "read_recordings"),
+    *(
+        "list_runs",
+        "load_model",
+        "plan",
+        "read_for",
+        "read_manifest",
+        "read_recording",
+        "read_recordings",
+        "read_stretches",
+    ),
     *("recording_from", "selftest", "simulate", "watch", "write_selftest"),
 }
 TYPES = {

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from brightgrey.planning.plan import Plan
     from brightgrey.recordings.checks.check import CheckResult
     from brightgrey.recordings.checks.checkup import Checkup, check
-    from brightgrey.recordings.read import read_recording, recording_from
+    from brightgrey.recordings.read import read_recording, read_stretches, recording_from
     from brightgrey.recordings.recording import Recording, Signal
     from brightgrey.recordings.recording_toml import read_recordings
     from brightgrey.runs.caching_executor import Budget
@@ -91,6 +91,7 @@ __all__ = [
     "read_manifest",
     "read_recording",
     "read_recordings",
+    "read_stretches",
     "recording_from",
     "selftest",
     "simulate",
@@ -120,7 +121,7 @@ _HOME = {
     "planning.plan": ("Plan",),
     "recordings.checks.check": ("CheckResult",),
     "recordings.checks.checkup": ("Checkup", "check"),
-    "recordings.read": ("read_recording", "recording_from"),
+    "recordings.read": ("read_recording", "read_stretches", "recording_from"),
     "recordings.recording": ("Recording", "Signal"),
     "recordings.recording_toml": ("read_recordings",),
     "runs.caching_executor": ("Budget",),

@@ -10,7 +10,7 @@ from brightgrey.errors import SettingsError
 
 __all__ = ["LISTS", "NUMBERS", "TEXTS", "number", "numbers", "pairs", "reading_arguments", "units", "window"]
 
-LISTS = ("output", "unit", "rated", "counts", "gear", "shift")
+LISTS = ("output", "unit", "rated", "counts", "gear", "shift", "beside")
 """Options that may be given several times."""
 NUMBERS = ("dt", "input_gain", "decimate")
 TEXTS = ("input", "time", "window", "hold", "torque_constant")

@@ -20,6 +20,7 @@ def place(drive, tmp_path, monkeypatch):
     (tmp_path / "back.csv").write_text("".join([*lines[:199], "0.100,1.0,1.0\n", *lines[200:]]))
     (tmp_path / "model.json").write_text((drive.out / "model.json").read_text(encoding="utf-8"), encoding="utf-8")
     (tmp_path / "file").write_text("mine")
+    os.mkfifo(tmp_path / "pipe")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -29,6 +30,15 @@ def state(folder):
 
 
 CASES = {
+    "device as file": (("simulate", "model.json", "good.csv", "--out", "pipe"), ["'pipe' is a device or a pipe"]),
+    "device as folder": (("identify", "good.csv", *GOOD, "--out", "pipe"), ["'pipe' is a device or a pipe"]),
+    "device as model": (("analyse", "pipe"), ["model file 'pipe': it is a device or a pipe"]),
+    "device as manifest": (("fleet", "pipe", *GOOD), ["manifest 'pipe': it is a device or a pipe"]),
+    "absurd interval": (("check", "good.csv", *GOOD[:4], "--dt", "1e308", "--window", "0:5"), ["1e+308 s"]),
+    "gain too small": (("identify", "good.csv", *GOOD, "--input-gain", "1e-308"), ["'torque' reaches", "no drive"]),
+    "blanks in a structure": (("identify", "good.csv", *GOOD[:5], "one_mass", "+", "coulomb"), ["needs quotes"]),
+    "seed of text": (("identify", "good.csv", *GOOD, "--seed", "x"), ["'--seed'", "'x' came"]),
+    "no workers": (("identify", "good.csv", *GOOD, "--workers=0"), ["'--workers'", "'0' came"]),
     "unknown search": (("identify", "good.csv", *GOOD[:4], "--search", "exhaustiv"), ["Did you mean 'exhaustive'?"]),
     "unknown wish": (
         ("identify", "good.csv", *GOOD[:4], "--require", "colomb"),
@@ -94,8 +104,6 @@ CASES = {
     "demo into a file": (("demo", "--out", "file"), ["'file'", "folder"]),
     "unknown option": (("identify", "good.csv", *GOOD, "--hodl", "zoh"), ["--hodl", "--hold"]),
     "unknown command": (("identfy",), ["'identfy'", "'identify'"]),
-    "seed of text": (("identify", "good.csv", *GOOD, "--seed", "x"), ["--seed"]),
-    "no workers": (("identify", "good.csv", *GOOD, "--workers", "0"), ["--workers"]),
     "no recording": (("identify", *GOOD), ["RECORDING"]),
     "no input": (("identify", "good.csv", *GOOD[2:]), ["--input"]),
     "no model": (("simulate", "modl.json", "good.csv"), ["modl.json"]),

@@ -41,11 +41,22 @@ def test_watch__healthy_drive__reports_no_change(call, drive):
         (("analyse", "--controller", "1 2"), "NUMERATOR / DENOMINATOR"),
         (("analyse", "--controller", "1 0 / 1"), "degree"),
         (("analyse", "--contact", "gapp"), "Did you mean 'gap'"),
-        (("control", "--torque", "-1"), "above 0"),
+        (("control", "--torque", "-1"), "allowed is 1e-30"),
     ],
 )
 def test_commands__wrong_option__ends_with_one_line(call, drive, options, says):
     done = call(options[0], drive.out / "model.json", *options[1:])
     assert done.code == 2
     assert says in done.err
+    assert len(done.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "options",
+    [("--torque", "5", "--dt", "1e300"), ("--torque", "5", "--dt", "1e-300"), ("--torque", "1e-300")],
+)
+def test_control__absurd_sizes__end_with_one_line(call, drive, options):
+    done = call("control", drive.out / "model.json", *options, "--json")
+    assert done.code == 2
+    assert "allowed is" in done.err
     assert len(done.err.splitlines()) == 1

@@ -62,3 +62,16 @@ def test_write_files__failure__leaves_everything_as_it_was(tmp_path):
 def test_write_file__may_be_read_by_others(tmp_path):
     write_file(tmp_path / "a", b"")
     assert Path(tmp_path / "a").stat().st_mode & 0o777 == 0o644
+
+
+def test_checks__of_a_device__are_refused(tmp_path):
+    device = tmp_path / "device"
+    os.mkfifo(device)  # a pipe stands for a device: both are no regular file
+    with pytest.raises(SettingsError, match="device or a pipe; name a file"):
+        check_file(device)
+    with pytest.raises(SettingsError, match="device or a pipe; name a folder"):
+        check_folder(device)
+    with pytest.raises(SettingsError, match="device or a pipe"):
+        write_files(tmp_path, {"model.json": b"new", "device": b"new"})
+    assert device.is_fifo()
+    assert [p.name for p in tmp_path.iterdir()] == ["device"]

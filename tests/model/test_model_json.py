@@ -95,6 +95,15 @@ def changed(example, path, value):
 @pytest.mark.parametrize(
     ("path", "value", "words"),
     [
+        (["parameters", "J1", "value"], -0.01, ["'parameters.J1.value'", "always positive"]),
+        (["parameters", "J1", "std"], -0.01, ["'parameters.J1.std'", "-0.01"]),
+        (["parameters", "J1", "ci95"], [2.0, 1.0], ["'parameters.J1.ci95'", "low end is above"]),
+        (["settings", "bounds"], {"J1": [2.0, 1.0]}, ["'settings.bounds.J1'", "low end is above"]),
+        (["settings", "sampling_time"], 0.0, ["'settings.sampling_time'", "greater than 0"]),
+        (["settings", "substeps"], 0, ["'settings.substeps'"]),
+        (["signals", 1, "unit"], "%", ["'%' of the motion"]),
+        (["signals", 0, "gain"], 0.0, ["'signals.0.gain'", "must not be 0"]),
+        (["signals", 0, "name"], "\ud800", ["no character"]),
         (["schema"], "brightgrey/model/3", ["'brightgrey/model/3'", "'brightgrey/model/2'"]),
         (["schema"], ..., ["no field 'schema'"]),
         (["signals"], ..., ["'signals'", "missing"]),
@@ -139,6 +148,7 @@ def test_load__wrong_field__is_named_in_one_line(example, tmp_path, path, value,
         (b"[1, 2]", "JSON object"),
         (b"\xff\xfe\x00\x01", "not text"),
         (b'{"schema": NaN}', "NaN"),
+        (b"[" * 5000 + b"]" * 5000, "nested too deeply"),
     ],
 )
 def test_load__other_file__is_refused(tmp_path, content, words):

@@ -128,8 +128,8 @@ REFUSED = {
         "'v' is an angle and 'w' a length",
     ),
     "hold": ({"hold": "zero"}, "unknown hold 'zero'"),
-    "decimate": ({"decimate": 0}, "decimate 0 is not a whole number from 1"),
-    "half": ({"decimate": 1.5}, "decimate 1.5 is not a whole number from 1"),
+    "decimate": ({"decimate": 0}, "decimate is 0; expected: a whole number from 1"),
+    "half": ({"decimate": 1.5}, "decimate is 1.5; expected: a whole number from 1"),
     "window": ({"window": (2, 1)}, "window 2:1 does not start before it ends"),
 }
 

@@ -173,3 +173,9 @@ def test_decimate__differenced_velocity__is_differenced_over_the_new_interval() 
     part = decimate(full, 5)
     np.testing.assert_allclose(part.y[0, 1:], np.diff(position[::5]) / (5 * DT), rtol=1e-9)
     assert part.resolution[0] == pytest.approx(full.resolution[0] / 5)
+
+
+@pytest.mark.parametrize(("gain", "dt"), [(1e-300, DT), (1e200, DT), (1.0, 1e300), (1.0, 1e-300)])
+def test_recording__sizes_that_no_computer_can_square__are_refused(gain: float, dt: float) -> None:
+    with pytest.raises(BrightgreyError, match=r"'u' reaches .* no drive does|steps of .* are absurd"):
+        make(gain * U, U, dt=dt)

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from brightgrey.errors import RecordingError, SettingsError
-from brightgrey.recordings import Recording, recording_from
+from brightgrey.recordings import Recording, read_stretches, recording_from
+from brightgrey.recordings.read import read_again
 
 N = 400
 RNG = np.random.default_rng(0)
@@ -202,3 +203,25 @@ def test_time__missing_stamp__is_interpolated_if_single() -> None:
     t[51] = np.nan
     with pytest.raises(RecordingError, match="row 51, column 't': no value"):
         record(t)
+
+
+def test_read_stretches__holes__are_recordings_of_their_own(tmp_path) -> None:
+    t = 0.001 * np.arange(N)
+    t += 0.005 * (t > 0.15) + 0.01 * (t > 0.3) + 0.02 * (t > 0.396)  # the last three samples stand alone
+    path = tmp_path / "run.csv"
+    rows = [f"{a:.4f},{b:.17g},{c:.17g}" for a, b, c in zip(t, U, V, strict=True)]
+    path.write_text("\n".join(["t,u,v", *rows]))
+    parts = read_stretches(path, input="u", outputs="v")
+    assert [part.samples for part in parts] == [151, 150, 96]
+    np.testing.assert_array_equal(np.concatenate([part.u for part in parts]), U[:397])
+    assert parts[1].name == "run.csv 0.156:0.305"
+    assert (
+        "stretch 2 of 3, from 0.156 to 0.305 s, with its own initial state; 3 holes in the time" in parts[1].notes[-1]
+    )
+    assert "3 samples in shorter stretches are left out" in parts[1].notes[-1]
+    again = read_again(parts[1].source)
+    np.testing.assert_array_equal(again.y, parts[1].y)
+    (whole,) = read_stretches(path, input="u", outputs="v", dt=0.001)
+    assert whole.samples == N
+    (later,) = read_stretches(path, input="u", outputs="v", window=(0.31, None))
+    assert later.samples == 96

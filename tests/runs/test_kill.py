@@ -158,3 +158,14 @@ def test_store__second_process__refused(small, tmp_path):
     _, err = first.communicate(timeout=MOST)
     assert first.returncode == 0, err
     assert results(tmp_path) == small.whole["exhaustive"]
+
+
+def test_full_disk__nothing_has_begun__leaves_nothing(small, tmp_path):
+    def starve():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (5_000, resource.RLIM_INFINITY))
+
+    process = start(*small.searches["exhaustive"], "--out", tmp_path / "out", "--quiet", preexec_fn=starve)
+    _, err = process.communicate(timeout=MOST)
+    assert process.returncode == 2
+    assert "make room" in err
+    assert not (tmp_path / "out").exists()

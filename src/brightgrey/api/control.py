@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from brightgrey.api.to_si import check_signals_of_model
+from brightgrey.arguments import checked_arguments
 from brightgrey.control.design.cascade import Cascade, design_cascade
 from brightgrey.control.design.lqg import kalman_gain, lqg_compensator
 from brightgrey.control.design.state_feedback import StateFeedbackDesign, design_state_feedback
@@ -117,6 +119,7 @@ def _output_kinds(model: Model) -> list[str]:
     return [s.physical for s in model.outputs]
 
 
+@checked_arguments
 def analyse(model: Model, *, speed: float | None = None, contact: str = "forward") -> Analysis:
     """Linearise a model in steady motion.
 
@@ -144,6 +147,7 @@ def analyse(model: Model, *, speed: float | None = None, contact: str = "forward
     return analyse_system(system, speed=at, contact=contact)
 
 
+@checked_arguments
 def design(
     model: Model,
     *,
@@ -178,11 +182,10 @@ def design(
         If an argument is out of range or no such control exists.
     """
     dt = model.settings.sampling_time if sampling_time is None else sampling_time
-    for name, value in (("torque", torque), ("sampling_time", dt), ("settling_time", settling_time)):
-        if not value > 0.0:
-            raise SettingsError(f"{name} is {value:g}; it must be above 0")
-    if not computing_time >= 0.0:
-        raise SettingsError(f"computing_time is {computing_time:g} s; it must not be negative")
+    _check_range("torque", torque, 1e-30, 1e30)
+    _check_range("sampling_time", dt, 1e-9, 1e3)
+    _check_range("settling_time", settling_time, 1e-9, 1e6)
+    _check_range("computing_time", computing_time, 0.0, 1e3)
     settings, values = model.settings_si(), model.values_si()
     largest_torque = torque / model.units.of(TORQUE)[1]
     largest_speed, speed = settings.speed_scale, HALF_SPEED * settings.speed_scale
@@ -201,12 +204,19 @@ def design(
     return Design(analyses, cascade, state_feedback, noise, gain, 0.5 * dt + computing_time)
 
 
+def _check_range(name: str, value: float, least: float, largest: float) -> None:
+    """Refuse what no drive has, and numerical methods fail at."""
+    if not least <= value <= largest:
+        raise SettingsError(f"{name} is {value:g}; allowed is {least:g} to {largest:g}")
+
+
 def total_inertia(analysis: Analysis) -> float:
     """Inertia of all masses, SI: the torque that an acceleration of 1 adds to steady motion."""
     mode, speed = analysis.operating_point.contact_mode, analysis.operating_point.speed
     return float(trim_point(mode, speed, 1.0).u - trim_point(mode, speed).u)
 
 
+@checked_arguments
 def watch(
     model: Model, recording: Recording, *, baseline: Recording, min_change: float = 0.1, confidence: float = 0.99
 ) -> Watch:
@@ -232,7 +242,11 @@ def watch(
     ------
     SettingsError
         If `min_change` or `confidence` is out of range.
+    RecordingError
+        If the signals of a recording are not those of the model.
     """
+    for came in (recording, baseline):
+        check_signals_of_model(model, came)
     settings, values = model.settings_si(), model.values_si()
     noise = estimate_noise(model.structure, values, baseline, settings)
     std = {

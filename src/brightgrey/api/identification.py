@@ -14,6 +14,7 @@ from brightgrey.api.differences import compare_for_control
 from brightgrey.api.result import Result
 from brightgrey.api.structure_search import SearchKind, SearchRequest, SearchResult, grammar_searched, search_structure
 from brightgrey.api.to_si import Range, check_alike, identification_task, start_si
+from brightgrey.arguments import checked_arguments
 from brightgrey.errors import SettingsError, one_of
 from brightgrey.estimation import Fit, Profile
 from brightgrey.estimation.optimisation.pattern_fit import ESTIMATORS
@@ -42,6 +43,7 @@ _PATIENCE = 8  # of the multistart of a given structure
 _PATIENCE_AFTER_SEARCH = 0  # the search has made multistarts itself
 
 
+@checked_arguments
 @one_blas_thread()
 def identify(
     recordings: Recording | Sequence[Recording],

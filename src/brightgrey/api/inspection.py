@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from brightgrey.arguments import checked_arguments
 from brightgrey.arrays import Array
 from brightgrey.errors import BrightgreyError
 from brightgrey.notebook_html import sparkline, table
@@ -90,6 +91,7 @@ HEADER = ("channel", "unit", "every", "range", "missing", "might be", "reason")
 """Of `Inspection.rows`."""
 
 
+@checked_arguments
 def inspect(path: str | Path) -> Inspection:
     """Look into a file: its channels, what each might be, and the command that would identify the drive.
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from brightgrey.arguments import checked_arguments
 from brightgrey.errors import SettingsError, one_of
 from brightgrey.model.model import Model, load_model
 from brightgrey.planning.design import design_motion
@@ -22,6 +23,7 @@ _MOST_SAMPLES = 50_000
 
 
 @one_blas_thread()
+@checked_arguments
 def plan(
     run: str | Path,
     *,

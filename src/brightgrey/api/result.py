@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from brightgrey.api.differences import ControlDifference
+from brightgrey.arguments import checked_arguments
 from brightgrey.drawing.picture import DriveDrawing
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.estimation import Fit, Profile
@@ -171,6 +172,7 @@ class Result:
 
         return result_html(self.content)
 
+    @checked_arguments
     def write(self, folder: str | Path) -> None:
         """Write model.json, ranking.csv, report.html, fit.svg and run.json into `folder`, all or none.
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from brightgrey.api.result import Result
 from brightgrey.api.to_si import check_alike, identification_task
+from brightgrey.arguments import checked_arguments
 from brightgrey.errors import RecordingError, SettingsError
 from brightgrey.estimation import settings_for
 from brightgrey.kit import Structure, grammar_named
@@ -38,6 +39,7 @@ _KEPT = "selftest.partial.jsonl"
 
 
 @one_blas_thread()
+@checked_arguments
 def selftest(
     run: Result | str | Path,
     *,

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from brightgrey import estimation
-from brightgrey.api.to_si import listed
+from brightgrey.api.to_si import check_signals_of_model
+from brightgrey.arguments import checked_arguments
 from brightgrey.errors import RecordingError
 from brightgrey.model.model import Model
 from brightgrey.model.schema import OutputFitPart
 from brightgrey.model.trace import Trace, pooled_fit
-from brightgrey.recordings import Recording, Signal, read_recording
+from brightgrey.recordings import Recording, read_recording
 from brightgrey.recordings.recording_toml import is_recording_toml, read_recordings
-from brightgrey.recordings.units.parser import parse_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,6 +56,7 @@ class Simulation:
         return comparison([self.trace])
 
 
+@checked_arguments
 def simulate(model: Model, recording: Recording) -> Simulation:
     """Simulate `model` with the input of `recording`, starting from the recording's first samples.
 
@@ -74,21 +75,14 @@ def simulate(model: Model, recording: Recording) -> Simulation:
     RecordingError
         If the recording's signals are not those of the model.
     """
-    trained, came = (model.input, *model.outputs), (recording.input, *recording.outputs)
-    if [_kind_and_dimension(s) for s in trained] != [_kind_and_dimension(s) for s in came]:
-        raise RecordingError(
-            f"{recording.name}: signals are {listed(came)}; the model was identified from {listed(trained)}"
-        )
+    check_signals_of_model(model, recording)
     settings = replace(model.settings_si(), hold=recording.hold)
     simulated = estimation.predict(model.structure, model.values_si(), recording, settings)
     trace = Trace.of(recording, simulated)
     return Simulation(model, trace, pooled_fit([trace]), recording.notes)
 
 
-def _kind_and_dimension(signal: Signal) -> tuple[object, ...]:
-    return signal.sensor, parse_unit(signal.unit).dimension
-
-
+@checked_arguments
 def read_for(
     model: Model,
     path: str | Path,
@@ -119,7 +113,7 @@ def read_for(
         If a column is missing, its header says another unit than the model, or the file cannot be used.
     """
     if is_recording_toml(path):
-        several = read_recordings(path, {"dt": dt, "time": time} if dt or time else None)
+        several = read_recordings(path, {"dt": dt, "time": time} if dt or time else None, stretches=False)
         if len(several) > 1:
             raise RecordingError(f"{path} names {len(several)} recordings; one is wanted here")
         return several[0]

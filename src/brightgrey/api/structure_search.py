@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from brightgrey.errors import SettingsError
+from brightgrey.errors import SettingsError, one_of
 from brightgrey.kit import Grammar, Structure, grammar_named
 from brightgrey.model.ranking import Row
 from brightgrey.model.schema import CriterionPart
@@ -99,8 +99,10 @@ def grammar_searched(search: SearchKind | None, name: str | None) -> Grammar:
     Raises
     ------
     StructureError, SettingsError
-        For an unknown name, and for an exhaustive search of a function set that is too large for it.
+        For an unknown name or search, and for an exhaustive search of a function set that is too large for it.
     """
+    if search is not None and not isinstance(search, GeneticSettings):
+        one_of("search", search, ("auto", "exhaustive"))
     grammar = grammar_named(name or ("drive" if search in (None, "auto") else "paper"))
     if search == "exhaustive" and grammar.held_back:
         raise SettingsError(

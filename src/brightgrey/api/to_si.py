@@ -16,7 +16,7 @@ from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.recordings.units.signals import Units
 from brightgrey.search import IdentificationTask
 
-__all__ = ["Range", "check_alike", "identification_task", "listed", "start_si"]
+__all__ = ["Range", "check_alike", "check_signals_of_model", "identification_task", "listed", "start_si"]
 
 Range = tuple[float, float]
 
@@ -37,6 +37,19 @@ def check_alike(several: Sequence[Recording], test: Recording | None) -> None:
             raise RecordingError(
                 f"{other.name}: signals are {listed(came)}; those of {several[0].name} are {listed(first)}"
             )
+
+
+def check_signals_of_model(model: Model, recording: Recording) -> None:
+    """Refuse a recording whose signals differ in kind or dimension from those that a model was identified from."""
+    trained, came = (model.input, *model.outputs), (recording.input, *recording.outputs)
+    if [_kind_and_dimension(s) for s in trained] != [_kind_and_dimension(s) for s in came]:
+        raise RecordingError(
+            f"{recording.name}: signals are {listed(came)}; the model was identified from {listed(trained)}"
+        )
+
+
+def _kind_and_dimension(signal: Signal) -> tuple[object, ...]:
+    return signal.sensor, parse_unit(signal.unit).dimension
 
 
 def identification_task(

@@ -26,7 +26,7 @@ from brightgrey.cli.reproduce import reproduce
 from brightgrey.cli.runs import runs
 from brightgrey.cli.selftest import selftest
 from brightgrey.cli.simulate import simulate
-from brightgrey.errors import BrightgreyError
+from brightgrey.errors import BrightgreyError, printable
 from brightgrey.version import __version__
 
 __all__ = ["app", "main"]
@@ -128,7 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrightgreyError as error:
         return _fail(str(error))
     except UsageProblem as error:
-        return _fail(error.format_message())
+        return _fail(error.format_message() + _what_came(error, given))
     except BrokenPipeError:
         # The reader has seen enough (``| head``). Python flushes once more at exit: to nowhere.
         with contextlib.suppress(OSError, ValueError):
@@ -143,6 +143,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code if isinstance(code, int) else 0
 
 
+def _what_came(error: typer.BadParameter, given: Sequence[str]) -> str:
+    """Value of the option that a usage error is about, which typer leaves out."""
+    options = getattr(getattr(error, "param", None), "opts", ())
+    for word, following in zip(given, [*given[1:], ""], strict=True):
+        option, equals, value = word.partition("=")
+        if option in options:
+            return f"; '{value if equals else following}' came"
+    return ""
+
+
 def _open_closed_streams() -> None:
     """Let a program whose output or errors nobody takes (``>&-``) write to nowhere."""
     if sys.stdout is None:
@@ -152,5 +162,5 @@ def _open_closed_streams() -> None:
 
 
 def _fail(message: str) -> int:
-    print(f"brightgrey: {' '.join(message.split())}", file=sys.stderr)
+    print(f"brightgrey: {printable(message)}", file=sys.stderr)
     return 2

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from brightgrey.arguments import checked_arguments
 from brightgrey.errors import one_of
 from brightgrey.exports.numeric_model import NumericModel, numeric_model
 from brightgrey.exports.verification import Verify, compare_with_native, verification_of
@@ -94,6 +95,7 @@ def exporter(to: str) -> Exporter:
     return found
 
 
+@checked_arguments
 def export(
     model: Model,
     to: str,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -39,13 +40,13 @@ class Placed:
         Raises
         ------
         StructureError
-            For an unknown effect or a place that is not a whole number from 1.
+            For an unknown effect or a place that is not a whole number from 1 to 999.
         """
         name, at, place = text.strip().partition("@")
         if name not in registry():
             raise StructureError(unknown_name("effect", name, registry()))
-        if at and not (place.isdecimal() and int(place) >= 1):
-            raise StructureError(f"place '{place}' of effect '{name}' is not a whole number from 1")
+        if at and not re.fullmatch("0*[1-9][0-9]{0,2}", place):
+            raise StructureError(f"place '{place}' of effect '{name}' is not a whole number from 1 to 999")
         return cls(name, int(place) if at else 1)
 
     def parameter(self, symbol: str) -> str:

@@ -22,7 +22,8 @@ def check_folder(folder: str | Path) -> Path:
     """
     path = Path(folder)
     if path.exists() and not path.is_dir():
-        raise SettingsError(f"output folder '{folder}' is a file; name a folder")
+        what = "file" if path.is_file() else "device or a pipe"
+        raise SettingsError(f"output folder '{folder}' is a {what}; name a folder")
     _check_writable(path, folder)
     return path
 
@@ -33,13 +34,20 @@ def check_file(file: str | Path) -> Path:
     Raises
     ------
     SettingsError
-        If it is a folder, or its folder is a file or may not be written to.
+        If it is a folder or a device, or its folder is a file or may not be written to.
     """
     path = Path(file)
-    if path.is_dir():
-        raise SettingsError(f"output file '{file}' is a folder; name a file")
+    _check_replaceable(path)
     _check_writable(path.parent, file)
     return path
+
+
+def _check_replaceable(path: Path) -> None:
+    """Refuse what a file must not take the place of: root may replace even a device."""
+    if path.is_dir():
+        raise SettingsError(f"output file '{path}' is a folder; name a file")
+    if path.exists() and not path.is_file():
+        raise SettingsError(f"output file '{path}' is a device or a pipe; name a file")
 
 
 def _check_writable(path: Path, came: str | Path) -> None:
@@ -62,9 +70,16 @@ def write_files(folder: str | Path, contents: Mapping[str, bytes]) -> None:
 
     All temporary files are complete before the first one takes its place, so that a full disk leaves the
     earlier results as they were.
+
+    Raises
+    ------
+    SettingsError
+        If a folder or a device has the name of one of the files.
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
+    for name in contents:
+        _check_replaceable(target / name)
     waiting: list[tuple[Path, Path]] = []
     try:
         for name, content in contents.items():

@@ -12,6 +12,7 @@ from typing import Any, Literal, Self
 
 from pydantic import ConfigDict, Field, ValidationError
 
+from brightgrey.arguments import checked_arguments
 from brightgrey.drawing.drive import Sensor, ValueText, drive_of
 from brightgrey.drawing.picture import DriveDrawing
 from brightgrey.effects import SPEED, Element
@@ -19,7 +20,7 @@ from brightgrey.errors import BrightgreyError, SettingsError, nearest, unknown_n
 from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.kit.in_words import structure_in_words
 from brightgrey.kit.structure import Verdict
-from brightgrey.model.files import write_file
+from brightgrey.model.files import check_file, write_file
 from brightgrey.model.schema import (
     CertificatePart,
     CriterionPart,
@@ -158,9 +159,10 @@ class Model(Part):
         """Text of model.json: the same model gives the same bytes, floats read back exactly."""
         return json.dumps(self.model_dump(mode="json"), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
+    @checked_arguments
     def save(self, path: str | Path) -> None:
         """Write model.json to `path`, whole or not at all."""
-        write_file(path, self.text().encode())
+        write_file(check_file(path), self.text().encode())
 
     @classmethod
     def check(cls, data: Any) -> Self:
@@ -185,6 +187,7 @@ class Model(Part):
         return model
 
 
+@checked_arguments
 def load_model(path: str | Path) -> Model:
     """Read a model.json and check it.
 
@@ -210,6 +213,8 @@ def load_model(path: str | Path) -> Model:
     """
     file = Path(path)
     try:
+        if file.exists() and not (file.is_file() or file.is_dir()):  # reading a device may never end
+            raise OSError(0, "it is a device or a pipe")
         data = json.loads(file.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except FileNotFoundError:
         raise SettingsError(f"no model file '{path}'") from None
@@ -217,6 +222,8 @@ def load_model(path: str | Path) -> Model:
         raise SettingsError(f"cannot read model file '{path}': {error.strerror}") from None
     except UnicodeDecodeError:
         raise SettingsError(f"model file '{path}' is not text; a model.json is wanted") from None
+    except RecursionError:
+        raise SettingsError(f"model file '{path}' is nested too deeply for a model.json") from None
     except json.JSONDecodeError as error:
         place = f"line {error.lineno} column {error.colno}"
         raise SettingsError(f"model file '{path}' is not JSON: {error.msg} at {place}") from None
@@ -265,6 +272,11 @@ def _check_consistent(model: Model) -> None:
     for name in declared:
         if name not in model.parameters:
             raise SettingsError(f"field 'parameters.{name}' is missing; '{model.structure}' needs it")
+    for name, parameter in declared.items():
+        if parameter.scale == "log" and not model.parameters[name].value > 0.0:
+            raise SettingsError(
+                f"field 'parameters.{name}.value': it is {model.parameters[name].value:g}, and always positive"
+            )
     kinds = [part.kind for part in model.signals]
     if len(kinds) < 2 or kinds[0] != "input" or "input" in kinds[1:]:
         raise SettingsError("field 'signals': the input comes first, then at least one output")
@@ -283,3 +295,7 @@ def _check_consistent(model: Model) -> None:
         model.settings_si()
     except BrightgreyError as error:
         raise SettingsError(f"field 'settings': {error}") from None
+    try:
+        model.text().encode()
+    except UnicodeEncodeError as error:
+        raise SettingsError(f"a text holds {error.object[error.start]!r}, which is no character") from None

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, ValidationError
 
-from brightgrey.errors import SettingsError
+from brightgrey.errors import SettingsError, printable
 from brightgrey.model.schema import Part
 from brightgrey.recordings import Recording
 
@@ -35,7 +35,7 @@ class RecordingPart(Part):
         s = recording.source
         return cls(
             name=recording.name,
-            path=None if s is None else s.path,
+            path=None if s is None else printable(s.path),
             sha256=None if s is None else s.sha256,
             options={} if s is None else s.options,
         )

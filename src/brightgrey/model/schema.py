@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 __all__ = [
     "CertificatePart",
@@ -24,6 +24,22 @@ __all__ = [
     "TiesPart",
     "ValuePart",
 ]
+
+
+def _ordered(ends: tuple[float, float | None]) -> tuple[float, float | None]:
+    if ends[1] is not None and ends[0] > ends[1]:
+        raise ValueError("the low end is above the high one")
+    return ends
+
+
+def _not_zero(value: float) -> float:
+    if value == 0.0:
+        raise ValueError("it must not be 0")
+    return value
+
+
+Ordered = Annotated[tuple[float, float], AfterValidator(_ordered)]
+"""Low and high end."""
 
 
 class Part(BaseModel):
@@ -56,10 +72,10 @@ class ParameterPart(Part):
 
     value: float
     unit: str
-    std: float | None
-    ci95: tuple[float, float] | None
+    std: float | None = Field(ge=0.0)
+    ci95: Ordered | None
     at_bound: Literal["low", "high"] | None
-    between_recordings: float | None = None
+    between_recordings: float | None = Field(default=None, ge=0.0)
     profile: ProfilePart | None = None
 
 
@@ -72,8 +88,8 @@ class SignalPart(Part):
     name: str
     kind: str
     unit: str
-    gain: float
-    sampling_time: float
+    gain: Annotated[float, AfterValidator(_not_zero)]
+    sampling_time: float = Field(gt=0.0)
     hold: Literal["linear", "zoh"]
     mass: int = Field(default=1, ge=1)
 
@@ -89,14 +105,14 @@ class SettingsPart(Part):
 
     friction_width: float = Field(ge=0.0)
     friction_width_unit: str
-    friction_width_ci95: tuple[float, float | None] | None = None
-    speed_scale: float
+    friction_width_ci95: Annotated[tuple[float, float | None], AfterValidator(_ordered)] | None = None
+    speed_scale: float = Field(gt=0.0)
     speed_scale_unit: str
     level: Literal["accurate", "fast", "euler"]
-    substeps: int
+    substeps: int = Field(ge=1)
     hold: Literal["linear", "zoh"]
-    sampling_time: float
-    bounds: Mapping[str, tuple[float, float]]
+    sampling_time: float = Field(gt=0.0)
+    bounds: Mapping[str, Ordered]
     fixed: Mapping[str, float]
 
     @model_validator(mode="before")

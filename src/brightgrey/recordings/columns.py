@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from brightgrey.errors import RecordingError, SettingsError
 from brightgrey.recordings.formats.table import TIME_NAME, Table
+from brightgrey.recordings.policy import READING
 from brightgrey.recordings.recording import Signal
 from brightgrey.recordings.units.drive_scales import DriveScales, check_names, rated_hint
 from brightgrey.recordings.units.parser import Unit, is_unit, parse_unit
@@ -182,8 +183,8 @@ def _find_times(table: Table, options: ReadingOptions, chosen: Sequence[int]) ->
         return (table.find(time),) * len(chosen), []
     found = _time_columns(table, chosen)
     if dt is not None:
-        if not (math.isfinite(dt) and dt > 0):
-            raise SettingsError(f"sampling interval {dt:g} s is not a positive number")
+        if not 1.0 / READING.absurd < dt < READING.absurd:
+            raise SettingsError(f"sampling interval {dt:g} s is not a positive number of a possible size")
         names = [table.columns[i].name for i in found]
         return (), [f"the interval is given, the time in column '{name}' is not used" for name in names]
     own = [table.columns[i].clock for i in chosen]

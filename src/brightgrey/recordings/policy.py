@@ -23,8 +23,12 @@ class ReadingPolicy:
     """Smallest time step, in intervals, that is a hole: the recording is cut there."""
     least_stretch: float = 0.5
     """Smallest part of the samples that the longest stretch between two holes must have."""
+    least_part: float = 0.02
+    """Smallest part of the samples that a stretch between two holes must have to be read as a recording of its own; a
+    shorter one tells little more than its own initial state."""
     absurd: float = 1e30
-    """Size of a number, in the unit of its column, that no sensor measures."""
+    """Size of a number, in the unit of its column and in SI, that no sensor measures. The inverse bounds the largest
+    value of a channel from below, and both bound the sampling interval in s."""
     max_repaired: float = 0.01
     """Largest part of the samples (but at least one sample) that may be interpolated or left out."""
     window_slack: float = 0.01

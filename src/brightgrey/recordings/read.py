@@ -5,28 +5,31 @@ from __future__ import annotations
 import hashlib
 import inspect
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from brightgrey.arguments import bind_checked, checked_arguments
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.columns import OutputColumn, ReadingOptions, choose_columns
-from brightgrey.recordings.file import open_table
 from brightgrey.recordings.formats.table import Column, Table
+from brightgrey.recordings.joined_files import open_together
 from brightgrey.recordings.policy import READING
 from brightgrey.recordings.recording import Recording, Source, check_hold
 from brightgrey.recordings.samples import Samples, sample
+from brightgrey.recordings.time_base import stretch_edges
 from brightgrey.recordings.units.drive_scales import DriveScales
-from brightgrey.recordings.window import TimeWindow, check_decimate, check_window, decimate
+from brightgrey.recordings.window import TimeWindow, check_decimate, check_window, decimate, inside
 
-__all__ = ["read_again", "read_recording", "recording_from"]
+__all__ = ["read_again", "read_recording", "read_stretches", "recording_from"]
 
 NOT_GIVEN: Mapping[str, Any] = MappingProxyType({})
 
 
+@checked_arguments
 def read_recording(
     path: str | Path,
     *,
@@ -47,6 +50,7 @@ def read_recording(
     delimiter: str | None = None,
     decimal: str | None = None,
     header: bool | None = None,
+    beside: Sequence[str | Path] = (),
 ) -> Recording:
     """Read a recording of a drive from a file.
 
@@ -56,9 +60,9 @@ def read_recording(
 
     `Recording.notes` lists repairs and assumptions: single missing samples and values are interpolated, rows written
     twice are left out, time stamps rounded to a coarse last digit are read as uniform. No such repair may concern more
-    than 1 % of the samples. The longest stretch without a hole in the time is read. Steps that differ by more than 10 %
-    and channels with several clocks are interpolated, and the note says what that costs. A channel that never changes
-    is noted, not refused.
+    than 1 % of the samples. The longest stretch without a hole in the time is read; `read_stretches` reads all of
+    them. Steps that differ by more than 10 % and channels with several clocks are interpolated, and the note says what
+    that costs. A channel that never changes is noted, not refused.
 
     Parameters
     ----------
@@ -100,6 +104,9 @@ def read_recording(
     delimiter, decimal, header : optional
         Delimiter of a text file (a space means any white space), decimal mark, and True if there is a header.
         Those that are not given are found automatically.
+    beside : sequence of str or Path, optional
+        Further files with channels of this recording. Their columns are called ``FILE.COLUMN``, with the name of the
+        file without its ending. They have the time of their file, or the rows of the first one.
 
     Returns
     -------
@@ -114,10 +121,17 @@ def read_recording(
         For options that are out of range or contradict each other.
     """
     arguments = dict(locals())
-    table, _ = open_table(path, input, delimiter=delimiter, decimal=decimal, header=header)
-    scales = DriveScales(rated, counts, gear, torque_constant)
-    options = ReadingOptions(input, outputs, time, dt, input_gain, units, window, decimate, hold, scales, shift)
-    return replace(_make_recording(table, options), source=_source(arguments))
+    table, asked = _opened(arguments)
+    return replace(_make_recording(table, asked), source=_source(arguments))
+
+
+def _opened(arguments: Mapping[str, Any]) -> tuple[Table, ReadingOptions]:
+    """Open the file that these arguments of `read_recording` name."""
+    text = {name: arguments[name] for name in ("delimiter", "decimal", "header")}
+    table = open_together(arguments["path"], arguments["beside"], arguments["input"], **text)
+    scales = DriveScales(*(arguments[name] for name in ("rated", "counts", "gear", "torque_constant")))
+    own = [f.name for f in fields(ReadingOptions) if f.name != "scales"]
+    return table, ReadingOptions(**{name: arguments[name] for name in own}, scales=scales)
 
 
 def _source(arguments: dict[str, Any]) -> Source:
@@ -125,17 +139,85 @@ def _source(arguments: dict[str, Any]) -> Source:
     path = Path(arguments.pop("path"))
     declared = inspect.signature(read_recording).parameters
     given = {name: value for name, value in arguments.items() if value != declared[name].default}
-    with path.open("rb") as file:
-        return Source(
-            str(path), hashlib.file_digest(file, "sha256").hexdigest(), {n: _plain(v) for n, v in given.items()}
-        )
+    content = hashlib.sha256()
+    for each in (path, *arguments["beside"]):
+        with Path(each).open("rb") as file:
+            while block := file.read(1 << 20):
+                content.update(block)
+    return Source(str(path), content.hexdigest(), {n: _plain(v) for n, v in given.items()})
 
 
 def _plain(value: Any) -> Any:
-    """Return an argument with lists for tuples and dicts for mappings, as JSON gives it back."""
+    """Return an argument with lists for tuples, dicts for mappings and texts for paths, as JSON gives it back."""
+    if isinstance(value, Path):
+        return str(value)
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def read_stretches(path: str | Path, **options: Any) -> tuple[Recording, ...]:
+    """Read the stretches of a recording that lie between holes in its time, each as a recording of its own.
+
+    An identification of several recordings gives each its own initial state. Stretches with less than 2 % of the
+    samples are left out. Without holes, and for channels of several clocks, it is what `read_recording` reads.
+
+    Parameters
+    ----------
+    path : str or Path
+    options
+        Those of `read_recording`.
+
+    Returns
+    -------
+    tuple of Recording
+        In the order of time. The name of each says its time if there are several.
+
+    Raises
+    ------
+    RecordingError, SettingsError
+        As `read_recording`.
+    """
+    arguments = bind_checked(read_recording, path, **options)
+    table, asked = _opened(arguments)
+    windows, note = _stretches(table, asked)
+    if len(windows) < 2:
+        return (read_recording(path, **options),)
+    found = []
+    for number, (start, end) in enumerate(windows, 1):
+        made = _make_recording(table, replace(asked, window=(start, end)))
+        said = (
+            f"stretch {number} of {len(windows)}, from {start:.6g} to {end:.6g} s, with its own initial state; {note}"
+        )
+        name = f"{made.name} {start:.6g}:{end:.6g}"
+        source = _source({**arguments, "window": (start, end)})
+        found.append(replace(made, name=name, notes=(*made.notes, said), source=source))
+    return tuple(found)
+
+
+def _stretches(table: Table, options: ReadingOptions) -> tuple[list[tuple[float, float]], str]:
+    """Return the windows of the stretches between holes, in s, and a note on the holes.
+
+    There is no window if the channels have several clocks or none, and if the stretches that are long enough do not
+    have half of the samples: then the steps are not equal at all.
+    """
+    choice = choose_columns(table, options)
+    if len(set(choice.times)) != 1:
+        return [], ""
+    t = table.load([choice.times[0]])[0] * choice.time_factors[0]
+    t = t[np.isfinite(t)]
+    t = t[inside(t, options.window)]
+    if t.size < READING.min_samples:  # which `read_recording` refuses
+        return [], ""
+    edges = stretch_edges(t)
+    sizes = np.diff(edges)
+    kept = np.flatnonzero(sizes >= max(READING.min_samples, READING.least_part * t.size))
+    left = t.size - int(sizes[kept].sum())
+    if left > (1.0 - READING.least_stretch) * t.size:
+        return [], ""
+    windows = [(float(t[edges[i]]), float(t[edges[i + 1] - 1])) for i in kept]
+    note = f"{sizes.size - 1} hole{'s' if sizes.size > 2 else ''} in the time, the longest of {np.diff(t).max():.4g} s"
+    return windows, note + (f", {left} samples in shorter stretches are left out" if left else "")
 
 
 def read_again(source: Source, path: str | Path | None = None) -> Recording:
@@ -163,6 +245,7 @@ def read_again(source: Source, path: str | Path | None = None) -> Recording:
     return recording
 
 
+@checked_arguments
 def recording_from(
     columns: Mapping[str, Any],
     *,
@@ -198,7 +281,7 @@ def recording_from(
         try:
             given = np.asarray(columns[key])
             array = given.astype(np.float64) if given.dtype.kind != "c" else np.empty((0, 0))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             array = np.empty((0, 0))
         if array.ndim != 1:
             raise RecordingError(f"{name}: column '{key}': expected real numbers of shape (samples,)")

@@ -110,7 +110,7 @@ class Source:
     """File of a recording, with all that reading it again needs."""
 
     path: str  #: As it was given.
-    sha256: str  #: Of the file's content, 64 hexadecimal digits.
+    sha256: str  #: Of the content of all its files, 64 hexadecimal digits.
     options: Mapping[str, Any]  #: Arguments of :func:`read_recording` that are not its defaults, as plain data.
 
 
@@ -143,8 +143,8 @@ class Recording:
     Raises
     ------
     RecordingError
-        For arrays that do not fit each other, numbers that are not finite, too few samples or a time that is
-        not uniform.
+        For arrays that do not fit each other, numbers that are not finite or absurd, too few samples or a time that
+        is not uniform.
     SettingsError
         For an unknown hold.
     """
@@ -171,13 +171,25 @@ class Recording:
         check_samples(self.name, t.size)
         if not (np.isfinite(t).all() and np.isfinite(u).all() and np.isfinite(y).all()):
             raise RecordingError(f"{self.name}: a number is not finite")
+        for signal, values in zip((self.input, *self.outputs), (u, *y), strict=True):
+            self._check_size(signal, float(np.abs(values).max()))
         dt = (t[-1] - t[0]) / (t.size - 1)
         uneven = np.abs(t - (t[0] + dt * np.arange(t.size))).max()
         if not dt > 0 or uneven > 0.01 * dt + 4 * np.spacing(np.abs(t).max()):
             raise RecordingError(f"{self.name}: the time does not rise in equal steps")
+        if not 1.0 / READING.absurd < dt < READING.absurd:
+            raise RecordingError(f"{self.name}: steps of {dt:.6g} s are absurd; check the time and its unit")
         steps = self.resolution if np.size(self.resolution) else np.array([resolution(row) for row in y])
         for name, value in (("t", t), ("u", u), ("y", y), ("resolution", _frozen(steps))):
             object.__setattr__(self, name, value)
+
+    def _check_size(self, signal: Signal, largest: float) -> None:
+        """Refuse values whose squares, or those of their rates, a computer cannot hold."""
+        if largest and not 1.0 / READING.absurd < largest < READING.absurd:
+            raise RecordingError(
+                f"{self.name}: '{signal.name}' reaches {largest:.6g} in SI, which no drive does; check its unit and"
+                " the factors that are given"
+            )
 
     @property
     def samples(self) -> int:

@@ -17,7 +17,7 @@ from typing import Any
 
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.option_texts import LISTS, NUMBERS, TEXTS, pairs, reading_arguments
-from brightgrey.recordings.read import read_recording
+from brightgrey.recordings.read import read_recording, read_stretches
 from brightgrey.recordings.recording import Recording
 
 __all__ = ["KEYS", "checked_options", "is_recording_toml", "load_recording_toml", "read_recordings", "write_fixed"]
@@ -30,7 +30,9 @@ def is_recording_toml(path: str | Path) -> bool:
     return Path(path).suffix.lower() == ".toml"
 
 
-def read_recordings(path: str | Path, instead: Mapping[str, Any] | None = None) -> tuple[Recording, ...]:
+def read_recordings(
+    path: str | Path, instead: Mapping[str, Any] | None = None, *, stretches: bool = True
+) -> tuple[Recording, ...]:
     """Read the recordings that a recording.toml names, with its options.
 
     Parameters
@@ -40,6 +42,9 @@ def read_recordings(path: str | Path, instead: Mapping[str, Any] | None = None) 
         ``brightgrey identify`` that say what is in a recording, such as ``input`` and ``output``.
     instead : mapping of str to object, optional
         Options that replace those of the file.
+    stretches : bool
+        Whether each stretch between holes in the time is a recording of its own, see `read_stretches`; otherwise the
+        longest one of each file is read.
 
     Returns
     -------
@@ -55,7 +60,10 @@ def read_recordings(path: str | Path, instead: Mapping[str, Any] | None = None) 
     for name in ("input", "output"):
         if not options.get(name):
             raise SettingsError(f"{path}: no {name} is named; write {name} = ... or give --{name}")
-    return tuple(read_recording(file, **reading_arguments(options)) for file in files)
+    arguments = reading_arguments(options)
+    if not stretches:
+        return tuple(read_recording(file, **arguments) for file in files)
+    return tuple(part for file in files for part in read_stretches(file, **arguments))
 
 
 def load_recording_toml(path: str | Path) -> tuple[tuple[Path, ...], dict[str, Any]]:
@@ -67,6 +75,8 @@ def load_recording_toml(path: str | Path) -> tuple[tuple[Path, ...], dict[str, A
         For a file that cannot be read, an unknown key or a value of another kind.
     """
     try:
+        if Path(path).exists() and not Path(path).is_file():
+            raise OSError(0, "it is a folder, a device or a pipe")
         content = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise SettingsError(f"{path}: there is no such file") from None
@@ -78,6 +88,8 @@ def load_recording_toml(path: str | Path) -> tuple[tuple[Path, ...], dict[str, A
     files = options.pop("recording", None)
     if not files:
         raise SettingsError(f'{path} names no recording; write recording = "axis.csv"')
+    if "beside" in options:
+        options["beside"] = [str(Path(path).parent / name) for name in options["beside"]]
     return tuple(Path(path).parent / name for name in files), options
 
 
@@ -145,7 +157,10 @@ def write_fixed(paths: Sequence[Path], given: Mapping[str, Any], remedies: Mappi
         target, names, options = paths[0].parent / "recording.toml", [path.name for path in paths], {}
         if target.exists():
             raise SettingsError(f"{target} exists: check it (brightgrey check {target} --fix), or remove it")
-    text = recording_toml(names, {**options, **given}, remedies)
+    together = {**options, **given}
+    if "beside" in together:
+        together["beside"] = [os.path.relpath(file, target.parent) for file in together["beside"]]
+    text = recording_toml(names, together, remedies)
     try:
         target.write_text(text, encoding="utf-8")
     except OSError as error:

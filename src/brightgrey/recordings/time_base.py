@@ -25,7 +25,7 @@ from brightgrey.recordings.formats.table import Table, list_rows
 from brightgrey.recordings.policy import READING
 from brightgrey.recordings.recording import interval
 
-__all__ = ["Stamps", "UniformGrid", "longest_stretch", "repairs_allowed", "uniform_grid"]
+__all__ = ["Stamps", "UniformGrid", "longest_stretch", "repairs_allowed", "stretch_edges", "uniform_grid"]
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,24 @@ def repairs_allowed(samples: int) -> int:
     return max(1, int(READING.max_repaired * samples))
 
 
+def stretch_edges(t: Array) -> Indices:
+    """Return where the stretches without a hole begin, and the number of samples.
+
+    Parameters
+    ----------
+    t : ndarray, shape (samples,)
+        Time stamps in s. If they run backwards or stand still, which `uniform_grid` refuses, there is one stretch.
+
+    Returns
+    -------
+    ndarray, shape (stretches + 1,)
+    """
+    steps = np.diff(t)
+    rising = bool((steps > 0).any() and (steps >= 0).all())
+    least = READING.hole * float(np.median(steps[steps > 0])) if rising else np.inf
+    return np.concatenate([[0], np.flatnonzero(steps >= least) + 1, [t.size]])
+
+
 def longest_stretch(t: Array, rows: Indices, table: Table, column: str) -> tuple[slice, list[str]]:
     """Return the longest part of a recording that has no hole in it, with a note on the others.
 
@@ -72,13 +90,10 @@ def longest_stretch(t: Array, rows: Indices, table: Table, column: str) -> tuple
     RecordingError
         If no part has `READING.least_stretch` of the samples; the message names the longest ones.
     """
-    steps = np.diff(t)
-    if not (steps > 0).any() or (steps < 0).any():  # which `uniform_grid` refuses
-        return slice(0, t.size), []
-    holes = np.flatnonzero(steps >= READING.hole * float(np.median(steps[steps > 0]))) + 1
+    edges = stretch_edges(t)
+    holes, steps = edges[1:-1], np.diff(t)
     if not holes.size:
         return slice(0, t.size), []
-    edges = np.concatenate([[0], holes, [t.size]])
     best = int(np.argmax(np.diff(edges)))
     part = slice(int(edges[best]), int(edges[best + 1]))
     longest = np.sort(np.argsort(-np.diff(edges), kind="stable")[:3])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 
+from brightgrey.errors import printable
 from brightgrey.report.content import Content
 
 __all__ = ["command"]
@@ -11,7 +12,7 @@ __all__ = ["command"]
 
 def command(content: Content) -> str:
     """Command that repeats the result: the one that was given, or one derived from the model."""
-    return content.request or _derived_command(content)
+    return printable(content.request or _derived_command(content))
 
 
 def _derived_command(content: Content) -> str:

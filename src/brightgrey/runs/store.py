@@ -118,7 +118,13 @@ class Store:
                     _remove_files(path)
                 return cls(path, lock, _open_database(path, request, may_replace), made)
         except BaseException:
-            lock.close()
+            begun = (path / FILE).exists()
+            if not begun:  # as on a full disk: leave nothing
+                (path / LOCK).unlink(missing_ok=True)
+            lock.close()  # which removes its journal
+            if made and not begun:
+                with suppress(OSError):
+                    path.rmdir()
             raise
 
     def __enter__(self) -> Store:
@@ -268,9 +274,11 @@ def _create(folder: Path, request: Mapping[str, Any]) -> None:
             _insert(database, "facts", ("format", canonical(FORMAT)))
             _insert(database, "facts", ("request", canonical(request)))
             _insert(database, "facts", ("state", canonical("unfinished")))
+        database.close()
+        aside.replace(folder / FILE)
     finally:
         database.close()
-    aside.replace(folder / FILE)
+        aside.unlink(missing_ok=True)
 
 
 def _remove_files(folder: Path) -> None:

@@ -121,3 +121,15 @@ def test_compensator__discretised__keeps_its_step_response():
         state = sampled.A @ state + sampled.B[:, 0]
     exact = [2.0 * (1.0 - float(expm(np.array([[-(k + 0.5) * 1e-3 / 0.05]]))[0, 0])) for k in range(200)]
     assert_allclose(y, exact, atol=2e-3)
+
+
+@pytest.mark.parametrize("coefficients", [([1e308], [1e-308, 0.0]), ([1e308, 1e308], [1.0, 1.0])])
+def test_compensator__coefficients_beyond_all_measure__are_refused(coefficients):
+    with pytest.raises(SettingsError, match="a coefficient reaches"):
+        Compensator.of(*coefficients)
+
+
+@pytest.mark.parametrize("coefficients", [(None, [1.0]), ([1.0], "x"), ([np.inf], [1.0, 1.0]), (np.eye(2), [1.0, 1.0])])
+def test_compensator__no_numbers__are_refused(coefficients):
+    with pytest.raises(SettingsError, match="two lists of finite numbers"):
+        Compensator.of(*coefficients)

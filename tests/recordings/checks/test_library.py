@@ -171,6 +171,30 @@ def test_outliers__single_sample_and_wrapping_counter(made, motion):
     assert "wraps around" in mind.sentence
 
 
+@pytest.mark.parametrize("lost_samples", [10, 40])
+def test_outliers__samples_lost_without_a_gap_in_the_time__is_a_jump(made, motion, lost_samples):
+    whole = made("position")
+    at = int(np.argmax(np.abs(motion["velocity"][: E.samples // 2])))  # where it moves fast
+    kept = np.r_[0:at, at + lost_samples : E.samples]
+    shorter = replace(whole, t=whole.t[: kept.size], u=whole.u[kept], y=whole.y[:, kept], resolution=np.empty(0))
+    (jump,) = said(shorter, "outliers", "mind")
+    assert "jumps 1 times" in jump.figure
+    assert f"{shorter.t[at - 1]:.6g} s" in jump.sentence
+
+
+def test_outliers__impacts_of_a_gap__are_no_jumps(made):
+    found = reference(
+        "two_mass+coulomb+viscous+backlash",
+        {**VALUES, "alpha": 0.05},
+        E.torque(),
+        E.dt,
+        f_tanh=200.0,
+        outputs=("position",),
+    )
+    noise = NOISE["position"] * np.random.default_rng(5).standard_normal(E.samples)
+    assert said(made("position", position=found[0] + noise), "outliers", "mind") == []
+
+
 def test_resolution__few_steps__is_minded(made, motion):
     step = 0.2 * np.ptp(motion["velocity"])
     assert said(made("velocity", velocity=np.round(motion["velocity"] / step) * step), "resolution", "mind")

@@ -93,14 +93,14 @@ def test_recording_from__window_that_is_no_pair__is_refused(window: object) -> N
 
 @pytest.mark.parametrize("decimate", [np.inf, np.nan, 1.5, 0, True])
 def test_recording_from__decimation_by_no_whole_number__is_refused(decimate: float) -> None:
-    with pytest.raises(SettingsError, match="is not a whole number"):
+    with pytest.raises(SettingsError, match="whole number from 1"):
         recording_from({"t": T, "u": U, "v": U}, input="u", outputs="v", decimate=decimate)  # type: ignore[arg-type]
 
 
 def test_read_recording__header_that_is_no_answer__is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("t,u,v\n0,1,2\n")
-    with pytest.raises(SettingsError, match="header 't,u,v' is neither True nor False"):
+    with pytest.raises(SettingsError, match="header is 't,u,v'; expected: True or False"):
         read_recording(path, input="u", outputs="v", header="t,u,v")  # type: ignore[arg-type]
 
 

@@ -114,3 +114,11 @@ def test_read_mat__no_vectors__is_refused(tmp_path: Path) -> None:
 def test_read_recording__mat_content_with_another_suffix__is_read_as_mat(tmp_path: Path) -> None:
     path = save(tmp_path, t=T, u=U, v=V).rename(tmp_path / "run.dat")
     assert read_recording(path, input="u", outputs="v:velocity").samples == N
+
+
+def test_read_mat__cells_of_unequal_arrays_and_structs_beside_the_data__are_no_columns(tmp_path: Path) -> None:
+    cell = np.empty((1, 2), object)
+    cell[0, 0], cell[0, 1] = {"a": 1.0}, np.zeros((0, 3))
+    path = save(tmp_path, t=T, u=U, v=V, note=cell, more={"cell": cell, "text": "a", "w": V})
+    recording = read_recording(path, input="u", outputs=["v", "more.w:velocity"])
+    np.testing.assert_array_equal(recording.y[1], V)

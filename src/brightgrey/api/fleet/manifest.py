@@ -75,6 +75,8 @@ def read_manifest(file: str | Path) -> tuple[Axis, ...]:
 
 def _read_text(path: Path) -> str:
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # reading a device may never end
+            raise OSError(0, "it is a device or a pipe")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise SettingsError(f"no manifest '{path}'") from None

@@ -115,6 +115,17 @@ class RecordingOptions:
         ),
     ] = None
 
+    beside: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--beside",
+            metavar="FILE",
+            help="Further file with channels of this recording; its columns are called FILE.COLUMN, with the name of "
+            "the file without its ending. Repeat for more.",
+            rich_help_panel=RECORDING,
+        ),
+    ] = None
+
     def given(self) -> dict[str, Any]:
         """Options that are not the defaults, as a recording.toml has them."""
         return {f.name: v for f in fields(self) if (v := getattr(self, f.name)) is not None and v != f.default}
@@ -143,26 +154,32 @@ class RecordingOptions:
         BrightgreyError
             If the file, a column or an option cannot be used.
         """
-        found = self.read_all([path], instead)
+        found = self.read_all([path], instead, stretches=False)
         if len(found) > 1:
             raise SettingsError(f"{path} names {len(found)} recordings; one is wanted here")
         return found[0]
 
-    def read_all(self, paths: Sequence[Path], instead: Mapping[str, Any] | None = None) -> list[Recording]:
+    def read_all(
+        self, paths: Sequence[Path], instead: Mapping[str, Any] | None = None, *, stretches: bool = True
+    ) -> list[Recording]:
         """Read recordings, and all that a recording.toml names; options of the command line replace those in it.
+
+        With `stretches` each stretch between holes in the time is a recording of its own.
 
         Raises
         ------
         BrightgreyError
             If a file, a column or an option cannot be used.
         """
-        from brightgrey.recordings import read_recording
+        from brightgrey.recordings import read_recording, read_stretches
         from brightgrey.recordings.recording_toml import is_recording_toml, read_recordings
 
         recordings: list[Recording] = []
+        if Path("+") in paths:
+            raise SettingsError("'+' is no recording; a structure with blanks needs quotes: 'one_mass + coulomb'")
         for path in paths:
             if is_recording_toml(path):
-                recordings += read_recordings(path, {**self.given(), **(instead or {})})
+                recordings += read_recordings(path, {**self.given(), **(instead or {})}, stretches=stretches)
                 continue
             options = {**asdict(self), **(instead or {})}
             for name in ("input", "output"):
@@ -170,7 +187,8 @@ class RecordingOptions:
                     raise SettingsError(
                         f"{path}: --{name} is missing: which column is it? 'brightgrey inspect {path}' suggests one"
                     )
-            recordings.append(read_recording(path, **reading_arguments(options)))
+            arguments = reading_arguments(options)
+            recordings += read_stretches(path, **arguments) if stretches else [read_recording(path, **arguments)]
         return recordings
 
 

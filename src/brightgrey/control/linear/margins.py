@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -41,6 +42,9 @@ class Compensator:
     C: Array
     D: Array
 
+    largest: ClassVar[float] = 1e30
+    """Largest coefficient, over the first one of the denominator, whose products a computer can hold."""
+
     @classmethod
     def of(cls, numerator: Sequence[float], denominator: Sequence[float]) -> Compensator:
         """Controller from its transfer function, coefficients in falling powers of s.
@@ -48,13 +52,26 @@ class Compensator:
         Raises
         ------
         SettingsError
-            If the transfer function is not proper.
+            If a coefficient is no finite number, the transfer function is not proper, or its coefficients differ
+            beyond all measure.
         """
-        top, bottom = (np.trim_zeros(np.atleast_1d(np.asarray(c, float)), "f") for c in (numerator, denominator))
+        try:
+            top, bottom = (np.trim_zeros(np.atleast_1d(np.asarray(c, float)), "f") for c in (numerator, denominator))
+        except (TypeError, ValueError):
+            top = bottom = np.full((1, 1), np.nan)
+        if not (top.ndim == bottom.ndim == 1 and np.isfinite(top).all() and np.isfinite(bottom).all()):
+            raise SettingsError(f"controller {numerator}/{denominator}: expected are two lists of finite numbers")
+        numerator, denominator = top.tolist(), bottom.tolist()
         if not len(bottom) or not len(top) or len(top) > len(bottom):
             raise SettingsError(
                 f"controller {list(numerator)}/{list(denominator)} is not proper: both polynomials need a coefficient "
                 "other than 0, and the degree of the numerator must not exceed that of the denominator"
+            )
+        size = float(np.abs(np.concatenate([top, bottom])).max()) / abs(float(bottom[0]))
+        if not size < cls.largest:
+            raise SettingsError(
+                f"controller {list(numerator)}/{list(denominator)}: a coefficient reaches {size:.3g} times the first "
+                f"one of the denominator; allowed is {cls.largest:g}"
             )
         if len(bottom) == 1:
             return cls(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[top[0] / bottom[0]]]))

@@ -165,20 +165,21 @@ def trim_point(mode: ContactMode, speed: float = 0.0, acceleration: float = 0.0)
     wanted = np.zeros(len(system.states))
     wanted[speeds] = acceleration
     z, u = mode.nominal_state(speed), 0.0
-    for _ in range(MAX_NEWTON_STEPS):
-        miss = (wanted - mode.derivative(z, u))[rows]
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused below
+        for _ in range(MAX_NEWTON_STEPS):
+            miss = (wanted - mode.derivative(z, u))[rows]
+            slope = mode.jacobian(z, u)
+            M = np.column_stack([slope.A[np.ix_(rows, free)], slope.B[rows, 0]])
+            size = _column_norms(M)
+            step = np.linalg.lstsq(M / size, miss, rcond=1e-12)[0]
+            z[free] += step[:-1] / size[:-1]
+            u += float(step[-1] / size[-1])
+            if np.abs(step).max() <= 1e-12 * np.abs(np.append(z[free], u) * size).max():
+                break
+        miss = np.abs((wanted - mode.derivative(z, u))[rows])
         slope = mode.jacobian(z, u)
-        M = np.column_stack([slope.A[np.ix_(rows, free)], slope.B[rows, 0]])
-        size = _column_norms(M)
-        step = np.linalg.lstsq(M / size, miss, rcond=1e-12)[0]
-        z[free] += step[:-1] / size[:-1]
-        u += float(step[-1] / size[-1])
-        if np.abs(step).max() <= 1e-12 * np.abs(np.append(z[free], u) * size).max():
-            break
-    miss = np.abs((wanted - mode.derivative(z, u))[rows])
-    slope = mode.jacobian(z, u)
-    terms = np.abs(slope.A[rows]) @ np.abs(z) + np.abs(slope.B[rows, 0] * u) + abs(acceleration)
-    if np.any(miss > BALANCE_TOLERANCE * terms.max(initial=1e-300)):
+        terms = np.abs(slope.A[rows]) @ np.abs(z) + np.abs(slope.B[rows, 0] * u) + abs(acceleration)
+    if not np.all(miss <= BALANCE_TOLERANCE * terms.max(initial=1e-300)):
         raise SettingsError(
             f"no steady motion at speed {speed:g} and acceleration {acceleration:g} (SI) with contact "
             f"'{mode.contact}': no torque reaches the load; choose contact 'forward' or 'backward'"

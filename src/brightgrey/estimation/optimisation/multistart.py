@@ -209,7 +209,7 @@ class _Multistart:
             tuned, tuning = self.starts_at_peaks(half // 2, rng)
             count += tuning
         rest = best_diverse(easiest, space, settings, perturbed, half - len(tuned), options.start_points)
-        independent = [False] * len(first) + [True] * len(fresh) + [False] * half
+        independent = [False] * len(first) + [True] * len(fresh) + [False] * len(tuned + rest)
         return _StartBatch(first + fresh + tuned + rest, independent, count)
 
     def starts_at_peaks(self, count: int, rng: np.random.Generator) -> tuple[list[Array], SimulationCount]:

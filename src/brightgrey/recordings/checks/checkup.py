@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
+from brightgrey.arguments import checked_arguments
 from brightgrey.errors import RecordingError
 from brightgrey.notebook_html import table
 from brightgrey.recordings.checks import library
@@ -72,6 +73,7 @@ class Checkup:
         return table(("Recording", "Check", "Grade", "Figure", "What to do"), rows)
 
 
+@checked_arguments
 def check(recordings: Recording | Sequence[Recording]) -> Checkup:
     """Check recordings before they are used: signs, factors, clocks, repeated samples, limits, motion.
 

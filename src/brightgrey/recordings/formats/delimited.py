@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from brightgrey.arrays import Indices
-from brightgrey.errors import RecordingError, SettingsError
+from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.dialect import MISSING, Dialect, dialects, find_dialect
 from brightgrey.recordings.formats.header import Lines, header_comment, named_columns
 from brightgrey.recordings.formats.numbers import TextNumbers
@@ -58,8 +58,6 @@ def read_delimited(
         For an unknown delimiter or decimal mark.
     """
     name = path.name
-    if header not in (None, True, False):
-        raise SettingsError(f"header {header!r} is neither True nor False; names are read from the file")
     candidates = dialects(delimiter, decimal)
     text = read_text(path)
     if text is None:

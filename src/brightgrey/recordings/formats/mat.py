@@ -97,10 +97,11 @@ def extract(path: Path) -> Channels:
     with warnings.catch_warnings():
         # scipy warns of classes and function handles that it skips; the table says what it holds.
         warnings.simplefilter("ignore")
-        content: Mapping[str, Any] = scipy.io.loadmat(path, simplify_cells=True)
+        content: Mapping[str, Any] = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     channels: list[Channel] = []
     others: list[str] = []
-    for key, value in _flattened({key: value for key, value in content.items() if not key.startswith("__")}):
+    variables = {key: _without_structs(value) for key, value in content.items() if not key.startswith("__")}
+    for key, value in _flattened(variables):
         array = _array(value)
         if array is None or array.dtype.kind not in "fiub" or array.size < 2:
             others.append(key)
@@ -111,6 +112,15 @@ def extract(path: Path) -> Channels:
         else:
             others.append(key)
     return Channels(tuple(channels), (), tuple(others))
+
+
+def _without_structs(value: Any) -> Any:
+    """Return structs as dicts and cells as lists; SciPy's own way to do so fails for cells of unequal arrays."""
+    if hasattr(value, "_fieldnames"):
+        return {name: _without_structs(getattr(value, name)) for name in value._fieldnames}
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return [_without_structs(element) for element in value] if value.ndim else _without_structs(value.item())
+    return value
 
 
 def _array(value: Any) -> np.ndarray[Any, Any] | None:
@@ -129,7 +139,7 @@ def _flattened(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[s
     for key, value in content.items():
         if isinstance(value, Mapping):
             yield from _flattened(value, f"{prefix}{key}.")
-        elif isinstance(value, list | np.ndarray) and len(np.shape(value)) == 1 and _are_structs(value):
+        elif isinstance(value, list) and _are_structs(value):
             for i, element in enumerate(value):
                 yield from _flattened(element, f"{prefix}{key}({i + 1}).")
         else:

@@ -54,12 +54,20 @@ def motion_unit(unit: Unit) -> str:
     """Return the length or angle in the unit of a motion, or ``rad`` or ``m`` where it shows none, as in rpm or g.
 
     A speed in rpm thus gives parameters in rad and s, a speed in mm/s gives parameters in mm and s.
+
+    Raises
+    ------
+    RecordingError
+        If there is neither an angle nor a length in the unit.
     """
     bases = dict(unit.dimension)
     for symbol, power in unit.factors:
         if power == 1 and any(dict(parse_unit(symbol).dimension) == {name: 1} for name in BASES):
             return symbol
-    return next(base for name, base in BASES.items() if name in bases)
+    for name, base in BASES.items():
+        if name in bases:
+            return base
+    raise RecordingError(f"unit '{unit.text}' of the motion holds neither an angle nor a length")
 
 
 @dataclass(frozen=True)

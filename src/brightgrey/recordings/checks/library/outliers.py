@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from brightgrey.arrays import Array
+from brightgrey.numerics.distributions import norm
 from brightgrey.recordings.checks.check import Check, CheckResult, mind, passed
 from brightgrey.recordings.checks.examined import Examined, noise_of
 from brightgrey.recordings.sample_values import is_constant, noise_of_differences, resolution
@@ -21,12 +22,15 @@ class _Policy:
 
     far: float = 8.0
     """Standard deviations of the noise, and steps of the resolution, at which a sample is an outlier."""
-    leap: float = 12.0
-    """The same for a jump; steps of coloured noise are larger than those of white noise."""
+    chance: float = 1e-3
+    """Probability that noise alone makes a jump anywhere in the recording."""
+    spans: tuple[int, ...] = (4, 8, 16)
+    """Samples on either side of a jump that a parabola is fitted to, the shortest first."""
     near: int = 101
     """Samples around one that tell its noise."""
     soft: float = 3.0
-    """The same for neighbours that agree with each other."""
+    """The same for neighbours that agree with each other. A jump is so many times the steps around it, as a sample that
+    is repeated makes one step, and their usual change."""
 
 
 POLICY = _Policy()
@@ -39,7 +43,8 @@ def run(examined: Examined) -> Iterator[CheckResult]:
         if is_constant(values):
             continue
         size = np.maximum(_local_noise(values), max(noise_of(values), 0.5 * resolution(values)))
-        single, jumps = _single(values, size), _jumps(values, size) if KINDS[signal.kind] == 0 else np.empty(0)
+        single = _single(values, size)
+        jumps = _jumps(values, single) if KINDS[signal.kind] == 0 else np.empty(0)
         figure = f"{single.size} single samples of '{signal.name}' are far off"
         threshold = f"{POLICY.far:g} standard deviations of the noise"
         if jumps.size:
@@ -78,16 +83,36 @@ def _single(x: Array, size: Array) -> Array:
     return np.asarray(np.flatnonzero(found) + 2)
 
 
-def _jumps(x: Array, size: Array) -> Array:
-    """Steps that are far larger than those before and after."""
+def _jumps(x: Array, single: Array) -> Array:
+    """Last samples before jumps of a position: parabolas through the samples on either side do not meet.
+
+    An impact changes the speed at once, but never the position. The difference of the two parabolas in the middle is
+    compared with its usual size: the largest of so many Gaussian numbers (Bonferroni) is no chance. A jump is as large
+    between the shortest parabolas as between longer ones; a motion that is none grows with the third power of their
+    length. `single` are outliers, which jump back.
+    """
     steps = np.diff(x)
-    near = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(steps, 2, mode="edge"), 5), axis=1)
-    far = np.abs(steps - near) > POLICY.leap * size[1:] + POLICY.soft * np.abs(near)
-    back = np.sign(steps[1:]) * np.sign(steps[:-1]) < 0  # an outlier comes back
-    twice = far[1:] & far[:-1] & back
-    far[1:] &= ~twice
-    far[:-1] &= ~twice
-    return np.asarray(np.flatnonzero(far))
+    near = np.abs(np.median(np.lib.stride_tricks.sliding_window_view(np.pad(steps, 2, mode="edge"), 5), axis=1))
+    bend = POLICY.soft * float(np.abs(np.diff(steps)).mean())  # an acceleration that begins at once is no jump
+    limit = norm.isf(POLICY.chance / (2.0 * x.size * len(POLICY.spans)))
+    found, shortest = np.zeros(x.size), np.zeros(x.size)
+    for span in (span for span in POLICY.spans if 2 * span < x.size):
+        # Weights of the samples at 0.5, 1.5, ... in the value at 0 of the parabola that fits them best.
+        weights = np.linalg.pinv(np.vander(np.arange(span) + 0.5, 3, increasing=True))[0]
+        after, before = np.convolve(x, weights[::-1], "valid"), np.convolve(x, weights, "valid")
+        middle = slice(span - 1, x.size - span)
+        gap = after[span:] - before[:-span]
+        if span == POLICY.spans[0]:
+            shortest[middle] = gap
+        usual = median_filter(np.abs(gap), size=max(POLICY.near, 8 * span), mode="nearest")
+        usual = np.maximum(usual, float(np.median(np.abs(gap)))) / norm.isf(0.25)
+        stays = shortest[middle] * np.sign(gap) > 0.5 * np.abs(gap)
+        clear = stays & (np.abs(gap) > np.maximum(limit * usual, bend + POLICY.soft * near[middle]))
+        found[middle] = np.maximum(found[middle], np.where(clear, np.abs(gap) / np.maximum(usual, 1e-300), 0.0))
+    for at in single.astype(int):
+        found[max(at - max(POLICY.spans), 0) : at + max(POLICY.spans)] = 0.0
+    highest = maximum_filter1d(found, 2 * min(POLICY.spans) - 1)
+    return np.asarray(np.flatnonzero((found > 0.0) & (found == highest)))
 
 
 CHECK = Check("outliers", "Are there single samples or jumps that no drive makes?", run)
