@@ -33,12 +33,12 @@ def _is_real(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def _is_number(value: Any) -> bool:
+def _is_finite_number(value: Any) -> bool:
     return _is_real(value) and math.isfinite(value)
 
 
 def _is_whole(value: Any, least: int) -> bool:
-    return _is_number(value) and (isinstance(value, Integral) or float(value).is_integer()) and value >= least
+    return _is_finite_number(value) and (isinstance(value, Integral) or float(value).is_integer()) and value >= least
 
 
 def _is_path(value: Any) -> bool:
@@ -68,11 +68,11 @@ def _are_recordings(value: Any) -> bool:
     return _is_a(value, "Recording") or (several and all(_is_a(r, "Recording") for r in value))
 
 
-_RECORDING = (lambda value: _is_a(value, "Recording"), "a recording, from read_recording(...) or recording_from(...)")
+_A_RECORDING = (lambda value: _is_a(value, "Recording"), "a recording, from read_recording(...) or recording_from(...)")
 _MODEL = (lambda value: _is_a(value, "Model"), "a model, from load_model(...) or result.model")
 _TEXT = (lambda value: isinstance(value, str), "a text")
 _PATH = (_is_path, "a path")
-_NUMBER = (_is_number, "a finite number")
+_NUMBER = (_is_finite_number, "a finite number")
 _REAL = (_is_real, "a number")
 _COUNT = (lambda value: _is_whole(value, 1), "a whole number from 1")
 _TEXTS = (_are_texts, "several texts, like ['coulomb']")
@@ -81,7 +81,7 @@ _UNITS = (lambda value: _maps_to(value, lambda v: isinstance(v, str)), "texts by
 
 RULES: Mapping[str, tuple[Rule, str]] = {
     "recordings": (_are_recordings, "one or several recordings, from read_recording(...)"),
-    **dict.fromkeys(("recording", "test", "baseline"), _RECORDING),
+    **dict.fromkeys(("recording", "test", "baseline"), _A_RECORDING),
     **dict.fromkeys(("model", "start"), _MODEL),
     "structure": (lambda value: isinstance(value, str) or _is_a(value, "Structure"), "a text like 'one_mass+coulomb'"),
     **dict.fromkeys(("path", "folder"), _PATH),
