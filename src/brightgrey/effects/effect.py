@@ -244,8 +244,15 @@ class Effect:
         if self.law is None or self.law.ports != 1:
             return ""
         draft = self._stamped[1]
-        state = draft.states[int(np.argmax(draft.elements[-1].H[0] != 0.0))]
-        return "speed" if state.at_rest == "speed" else "position"
+        read = np.flatnonzero(draft.elements[-1].H[0])
+        if len(read) != 1:  # the twist of a shaft
+            return ""
+        return "speed" if draft.states[int(read[0])].at_rest == "speed" else "position"
+
+    @property
+    def may_be_unstable(self) -> bool:
+        """Its torque is no straight line over the position of its mass: an arm may stand upright, and fall."""
+        return self.law is not None and not self.law.affine and self.port_reads == "position"
 
     @property
     def is_dry_friction(self) -> bool:

@@ -142,6 +142,11 @@ class Structure:
         return any(p.effect.has_hard_limit for p in self.placed)
 
     @cached_property
+    def may_be_unstable(self) -> bool:
+        """A torque over the position may let the motion part from one that begins alike."""
+        return any(p.effect.may_be_unstable for p in self.placed)
+
+    @cached_property
     def has_dry_friction(self) -> bool:
         """There is friction that reverses with the motion."""
         return any(p.effect.is_dry_friction for p in self.placed)

@@ -238,8 +238,7 @@ def _regression(recordings: tuple[Recording, ...], speed: float, options: Scales
     windows = [int(n) for n in np.unique(np.geomspace(shortest, longest, options.windows).astype(int))]
     found = [_solve_balance(recordings, n, speed, options) for n in windows]
     best = _longest_certain(found, options)
-    measured = all(any(s.kind == "position" for s in r.outputs) for r in recordings)
-    if measured and not (_holds(best, options) and best.uncertainty <= options.uncertain_inertia):
+    if _measures_travel(recordings) and not (_holds(best, options) and best.uncertainty <= options.uncertain_inertia):
         waved = _longest_certain([_solve_with_wave(recordings, n, speed, options) for n in windows], options)
         best = waved if _holds(waved, options) and waved.uncertainty < best.uncertainty else best
     if _holds(best, options):
@@ -250,6 +249,12 @@ def _regression(recordings: tuple[Recording, ...], speed: float, options: Scales
     limit = max([best.values[0], *driven])
     least = max(float(best.values[0]), options.least_inertia * limit)
     return np.array([limit, *best.values[1:]]), limit / least if least > 0.0 else 1.0
+
+
+def _measures_travel(recordings: tuple[Recording, ...]) -> bool:
+    """True if positions are measured in all recordings, and change."""
+    measured = all(any(s.kind == "position" for s in r.outputs) for r in recordings)
+    return measured and any(_travel(r) > 0.0 for r in recordings)
 
 
 def _longest_certain(found: list[_Solution], options: ScalesOptions) -> _Solution:
