@@ -187,6 +187,8 @@ class Effect:
         The law of the element that it adds, if it adds one.
     requires : tuple of str
         Effects that have to stand at the same place.
+    excludes : tuple of str
+        Effects that never stand at the same place.
     masses : int
         Number of masses that it brings. Every structure has exactly one effect that brings any.
     relevant_size : callable or None
@@ -216,6 +218,7 @@ class Effect:
     stamp: Stamp
     law: Law | None = None
     requires: tuple[str, ...] = ()
+    excludes: tuple[str, ...] = ()
     masses: int = 0
     relevant_size: Callable[[Scales, Values, int], Mapping[str, float]] | None = None
     residual_signature: str = ""

@@ -49,6 +49,10 @@ class Placed:
             raise StructureError(f"place '{place}' of effect '{name}' is not a whole number from 1 to 999")
         return cls(name, int(place) if at else 1)
 
+    def excludes(self, other: Placed) -> bool:
+        """The two never stand in one structure, as a gap and a hardening spring of one shaft."""
+        return self.place == other.place and (other.name in self.effect.excludes or self.name in other.effect.excludes)
+
     def parameter(self, symbol: str) -> str:
         """Name of the effect's parameter `symbol` at this place, e.g. ``M_C@2``."""
         return symbol if self.place == 1 else f"{symbol}@{self.place}"
