@@ -253,6 +253,11 @@ class Effect:
         return "speed" if draft.states[int(read[0])].at_rest == "speed" else "position"
 
     @property
+    def detunes_resonances(self) -> bool:
+        """Its torque is no straight line over the twist of a shaft, so that resonances move with their amplitude."""
+        return self.where == "shaft" and self.law is not None and self.law.ports == 1 and not self.law.affine
+
+    @property
     def may_be_unstable(self) -> bool:
         """Its torque is no straight line over the position of its mass: an arm may stand upright, and fall."""
         return self.law is not None and not self.law.affine and self.port_reads == "position"
