@@ -85,7 +85,7 @@ class Circumstances:
     Attributes
     ----------
     values : mapping of str to float
-        The effect's own parameters by bare symbol.
+        The effect's own parameters by bare symbol, and those of the effects that it requires.
     scales : Scales
     f_tanh : float
     beside : tuple of Law
@@ -171,6 +171,10 @@ class Effect:
         bring masses are named by the last of these, ``a second mass``.
     about : str
         What the effect is, and when it is not the right one.
+    matters : str
+        When it matters for motion or control.
+    confused_with : str
+        What looks alike in a recording, and what tells them apart.
     equation : str
         The law in plain text.
     source : str
@@ -216,6 +220,8 @@ class Effect:
     where: Literal["drive", "mass", "shaft"]
     parameters: tuple[Parameter, ...]
     stamp: Stamp
+    matters: str = ""
+    confused_with: str = ""
     law: Law | None = None
     requires: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()

@@ -116,7 +116,7 @@ def proposals(
         if found:
             yield found
     detuning = [p for p in _possible(fitted, more) if p.effect.detunes_resonances]
-    fits = [(p, fit_multistart(task, _beside(fitted, p), FURTHER_STARTS, seed)) for p in detuning]
+    fits = [(p, fit_multistart(task, _with(fitted, p), FURTHER_STARTS, seed)) for p in detuning]
     for placed, fit in sorted(fits, key=lambda pair: pair[1].cost)[:1]:
         if fitted.cost - fit.cost >= FURTHER.notable_gain * fitted.cost:
             yield (FurtherEffect(placed, fit.values),)
@@ -165,19 +165,19 @@ def _candidates(
     return [_changes(task, fitted, residual, placed, seed) for placed in _possible(fitted, more)]
 
 
-def _beside(fitted: StructureFit, placed: Placed) -> Structure:
+def _with(fitted: StructureFit, placed: Placed) -> Structure:
     return Structure((*fitted.structure.placed, placed))
 
 
 def _possible(fitted: StructureFit, more: Sequence[Placed]) -> list[Placed]:
     """The effects of `more` that a structure lacks and may have."""
     kit = function_set()
-    return [p for p in more if p not in fitted.structure.placed and not kit.broken_rule(_beside(fitted, p))]
+    return [p for p in more if p not in fitted.structure.placed and not kit.broken_rule(_with(fitted, p))]
 
 
 def _changes(task: IdentificationTask, fitted: StructureFit, residual: Array, placed: Placed, seed: int) -> _Candidate:
     """Changes of the residuals by an effect of the size that matters."""
-    problem, space = task.problem_and_space(_beside(fitted, placed))
+    problem, space = task.problem_and_space(_with(fitted, placed))
     base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **fitted.values}
     size = placed.relevant_size(task.scales, fitted.values)
     (vanishing,) = (q for q in placed.effect.parameters if q.size)

@@ -50,7 +50,7 @@ def relevant_hardening(scales: Scales, values: Values, place: int) -> dict[str, 
 
 
 # The standard library's springs are linear.
-DRAWING = """model HardeningShaft "Spring that becomes stiffer with its twist, and damper"
+HARDENING_SHAFT = """model HardeningShaft "Spring that becomes stiffer with its twist, and damper"
   extends $library.Interfaces.PartialCompliantWithRelativeStates;
   parameter Real c "Spring constant at small twist";
   parameter Real d "Damper constant";
@@ -67,8 +67,12 @@ EFFECT = Effect(
     words="a hardening spring",
     about=(
         "A shaft that becomes stiffer with its twist: elastomer coupling, belt, harmonic drive. It adds to the spring "
-        "constant of the shaft. A shaft with a gap has none: a gap looks like hardening too, but begins at no torque."
+        "constant of the shaft. A shaft with a gap has none."
     ),
+    matters=(
+        "torque changes by much: the resonance rises with its amplitude, so that one filter does not fit all loads"
+    ),
+    confused_with="backlash, which is soft at small torque too; a linear shaft, where the twist stays small",
     equation="M = c phi + c_cubic phi^3, phi = q_i - q_j",
     source="Duffing's spring; Kovacic, Brennan 2011, doi:10.1002/9780470977859",
     stage="gravity",
@@ -101,5 +105,5 @@ EFFECT = Effect(
             ),
         ),
     ),
-    modelica=Modelica(instead=("shaft$place", "HardeningShaft", "hardening = $c_cubic"), model=DRAWING),
+    modelica=Modelica(instead=("shaft$place", "HardeningShaft", "hardening = $c_cubic"), model=HARDENING_SHAFT),
 )
