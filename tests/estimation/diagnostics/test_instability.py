@@ -6,6 +6,7 @@ import pytest
 from brightgrey.estimation import fit, predict
 from brightgrey.estimation.diagnostics.instability import parting_time
 from brightgrey.kit import Structure
+from brightgrey.recordings import read_recording
 from brightgrey.simulation import Settings
 from support.recordings import make_recording
 
@@ -51,3 +52,22 @@ def test_parting_time__linear_drive__is_none():
     r, _ = arm(0.0)
     linear = Structure.parse("one_mass+viscous+ground_spring")
     assert parting_time(linear, {"J1": J, "f_v": 0.01, "c_g": 1.0}, r, SETTINGS) is None
+
+
+def test_parting_time__measured_pendulum__is_where_the_prediction_ends(measured):
+    """Parameters from four seconds of the other record; no model holds an arm upright for long."""
+    r = read_recording(measured("pendulum/energy_shaping.csv"), input="torque", outputs=["position"], time="time")
+    structure = Structure.parse("one_mass+coulomb+viscous+gravity+pendulum")
+    values = {"J1": 0.1809, "M_C": 0.18, "f_v": 0.0089, "M_G": 0.005, "G": 3.53, "k": 1.0, "phi_0": 0.0143}
+    settings = Settings(1.0 / 0.43, 10.0)
+    y, simulated = r.y[0], predict(structure, values, r, settings)[0]
+    time = parting_time(structure, values, r, settings)
+
+    def fit_until(seconds):
+        part = r.t - r.t[0] <= seconds
+        return 1.0 - np.linalg.norm((y - simulated)[part]) / np.linalg.norm(y[part] - y[part].mean())
+
+    assert time is not None
+    assert fit_until(2.0) >= 0.9
+    assert fit_until(0.9 * time) >= 0.9
+    assert fit_until(time + 2.0) <= 0.5
