@@ -18,15 +18,18 @@ from brightgrey.api.result import Result
 from brightgrey.api.to_si import identification_task
 from brightgrey.arrays import Array
 from brightgrey.estimation import predict
+from brightgrey.estimation.diagnostics.instability import parting_time
 from brightgrey.kit import function_set
 from brightgrey.search.fitting.structure_fit import Options, fit_multistart
+from brightgrey.simulation import Settings
 from support.measured import emps_recording, mte360_recording, pendulum_recordings, two_mass_recordings
 from support.results import Table, arguments, publish
 
 PAPER_MTE360 = "two_mass+coulomb+viscous+stribeck+gravity"
 FRICTION_AT_BOTH = "two_mass+coulomb+viscous+gravity+coulomb@2+viscous@2"
 EMPS_PAPER = "one_mass+coulomb+viscous+gravity"
-PENDULUM = "one_mass+coulomb+viscous+pendulum"
+PENDULUM = "one_mass+coulomb+viscous+gravity+pendulum"
+PUBLISHED = {"J1": 0.0626, "G": 1.003, "f_v": 0.0471, "M_C": 0.289}
 
 
 def fit_percent(measured: Array, simulated: Array) -> float:
@@ -152,15 +155,33 @@ def _part(recording: Recording, first: int, last: int) -> Recording:
 
 
 def pendulum() -> Table:
-    """Parameters of the pendulum, and prediction of two seconds of the other records."""
+    """Parameters of the pendulum from each of its records, and what they predict of the first 2 s of all."""
     recordings = pendulum_recordings()
-    result = identify(recordings["system_identification"], PENDULUM, workers=2)
-    p = result.model.parameters
-    rows = [[n, _shown(p[n].value, p[n].std), p[n].unit] for n in p]
+    begins = {name: _part(r, 0, min(int(2.0 / r.dt), r.samples)) for name, r in recordings.items()}
+    rows = []
     for name, r in recordings.items():
-        short = _part(r, 0, min(int(2.0 / r.dt), r.samples))
-        rows.append([f"first 2 s of {name}, fit in %", f"{_predicted(result, short, 'v1'):.1f}", ""])
-    return Table("Pendulum (published: J 0.0626, G 1.003, k 1, Coulomb 0.289)", ["what", "value", "unit"], rows)
+        result = identify(_part(r, 0, min(int(4.0 / r.dt), r.samples)), PENDULUM, workers=2)
+        p, fitted = result.model.parameters, result.fit
+        values = {key: e.value for key, e in fitted.estimates.items()}
+        cells = [_shown(p[key].value, p[key].std) for key in ("J1", "G", "k", "M_C")]
+        rows.append([f"`{name}`", *cells, *_pendulum_predictions(values, fitted.settings, begins, recordings)])
+    published = {**PUBLISHED, "M_G": 0.0759, "k": 1.0, "phi_0": 0.0}
+    shown = [str(published[key]) for key in ("J1", "G", "k", "M_C")]
+    rows.append(["published", *shown, *_pendulum_predictions(published, fitted.settings, begins, recordings)])
+    columns = ["fitted on the first 4 s of", "J1", "G", "k", "M_C"]
+    columns += ["G / J1", "first 2 s of each, fit in %", "unstable from"]
+    return Table("Pendulum", columns, rows)
+
+
+def _pendulum_predictions(
+    values: dict[str, float], settings: Settings, begins: dict[str, Recording], recordings: dict[str, Recording]
+) -> list[str]:
+    """Ratio G / J, fit of the beginning of each record, and the time from which the motion of each is unstable."""
+    structure = function_set().parse(PENDULUM)
+    fits = [fit_percent(r.y[0], predict(structure, values, r, settings)[0]) for r in begins.values()]
+    times = [parting_time(structure, values, r, settings) for r in recordings.values()]
+    unstable = ["-" if time is None else f"{time:.1f} s" for time in times]
+    return [f"{values['G'] / values['J1']:.1f}", ", ".join(f"{x:.1f}" for x in fits), ", ".join(unstable)]
 
 
 JOBS = {

@@ -50,7 +50,7 @@ def test_new_effect__is_listed_by_command_line_and_pages(extended):
         "about": "drag coefficient",
     }
     page = extended("-c", "from brightgrey.report.effect_catalogue import catalogue; print(catalogue())")
-    assert "## 15 · Drag" in page
+    assert "## 16 · Drag" in page
     assert "| `k_D` | N m s²/rad² | N s²/m² | drag coefficient (positive) |" in page
     assert "file" not in page
 

@@ -125,6 +125,9 @@ def test_effect_catalogue__has_every_declaration():
             assert word in part
         for parameter in effect.parameters:
             assert f"| `{parameter.symbol}` |" in part
+        for label, words in (("When it matters", effect.matters), ("Confused with", effect.confused_with)):
+            assert words
+            assert f"- {label}: {words}." in part
         assert 'class="drive"' in part
 
 

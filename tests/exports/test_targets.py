@@ -66,6 +66,7 @@ def deviation_of(to, model, folder):
             "three_mass+backlash@2+stribeck@3+gravity@2+pendulum@2+directional_viscous@3+viscous@3",
             {"linear_axis": True},
         ),
+        ("three_mass+coulomb+backlash@2+cubic_spring", {"kinds": ALL}),
     ],
 )
 def test_export__run_by_its_tool__moves_like_the_model(to, structure, options, tmp_path):

@@ -56,10 +56,20 @@ def test_drive__what_is_not_held_back__is_the_paper():
     drive = grammar_named("drive")
     assert drive.places == PAPER.places
     held_back = [str(p) for p in drive.further]
-    assert len(held_back) == len(set(held_back)) == 19
+    assert len(held_back) == len(set(held_back)) == 22
     assert set(held_back).isdisjoint(map(str, drive.placed))
     assert set(drive.whole.parameters) > set(PAPER.parameters)
     assert set(PAPER.parameters) == {name for s in ALL for name in s.parameters}
+
+
+def test_grammar__effects_that_exclude_each_other__stand_at_different_places():
+    rules = function_set()
+    rules.parse("three_mass+backlash+cubic_spring@2")
+    with pytest.raises(StructureError, match="'backlash' and 'cubic_spring' exclude each other"):
+        rules.parse("three_mass+backlash+cubic_spring")
+    offered = grammar_named("drive").offering([Placed("cubic_spring", 1)])
+    assert "backlash" not in offered.places
+    assert grammar_named("drive").offering([Placed("cubic_spring", 2)]).places["backlash"] == (1,)
 
 
 def test_grammar__offering__brings_what_is_required():

@@ -12,6 +12,7 @@ REAL_AXES = (
     "two_mass+viscous+directional_viscous+coulomb@2+viscous@2+directional_viscous@2",
     "one_mass+ground_spring+pendulum",
     "three_mass+backlash@2+stribeck@3+pendulum@2",
+    "three_mass+cubic_spring@2",
 )
 ALL = [*PAPER.structures(), *map(function_set().parse, REAL_AXES)]
 J1, J2, J3, c1, c2, d1, d2 = 2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0

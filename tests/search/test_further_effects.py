@@ -59,6 +59,31 @@ def test_decide__friction_at_the_second_mass__is_found():
     assert any("Coulomb friction at mass 2" in s for s in found.evidence.certificate.sentences())
 
 
+def test_decide__shaft_that_hardens__takes_the_place_of_a_gap():
+    task = recorded("two_mass+coulomb+viscous", {"cubic_spring": {"c_cubic": 800.0}})
+    found = decide_structures(
+        task, grammar_named("drive"), exclude=("three_mass", "four_mass", "current_control", "delay", "stribeck")
+    )
+    assert verdicts(found)["cubic_spring"] == "needed"
+    assert "backlash" not in verdicts(found)
+    assert [str(m.structure) for m in found.evidence.minimal] == ["two_mass+coulomb+viscous+cubic_spring"]
+
+
+def test_decide__gap__no_shaft_that_hardens():
+    task = recorded("two_mass+coulomb+viscous", {"backlash": {"alpha": 0.02}})
+    found = decide_structures(
+        task, grammar_named("drive"), exclude=("three_mass", "four_mass", "current_control", "delay", "stribeck")
+    )
+    assert verdicts(found)["backlash"] == "needed"
+    assert "cubic_spring" not in verdicts(found)
+
+
+def test_decide__effects_that_exclude_each_other_required__refused():
+    task = recorded("one_mass+coulomb+viscous", {})
+    with pytest.raises(SettingsError, match="'backlash' and 'cubic_spring' exclude each other"):
+        decide_structures(task, grammar_named("drive"), require=("backlash", "cubic_spring"))
+
+
 def test_decide__the_papers_effects_explain_it__offers_nothing():
     task = recorded("one_mass+coulomb+viscous", {})
     found = decide_structures(task, grammar_named("drive"), exclude=("three_mass", "current_control", "delay"))

@@ -29,6 +29,9 @@ def drive_with(placed: Placed, seed: int) -> Structure:
             mask |= (other.effect.masses <= masses) << i
         elif other.name != "backlash" or placed.name != "backlash":
             mask |= int(rng.random() < 0.2) << i
+    for i, other in enumerate(LATTICE.atoms):  # of two that exclude each other, the later one goes
+        if any(mask >> j & 1 and other.excludes(p) for j, p in enumerate(LATTICE.atoms) if j < i or p == placed):
+            mask &= ~(1 << i) if other != placed else mask
     gaps = [i for i, p in enumerate(LATTICE.atoms) if p.name == "backlash" and mask >> i & 1]
     return LATTICE.structure(LATTICE.within(mask & ~sum(1 << i for i in gaps[1:])))
 

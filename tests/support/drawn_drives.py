@@ -20,6 +20,7 @@ def random_structure(draw: random.Random) -> Structure:
     chosen = {
         p for p in grammar.placed if not p.effect.masses and p.place <= last[p.effect.where] and draw.random() < share
     }
+    chosen -= {p for p in chosen if p.effect.excludes and any(p.excludes(other) for other in chosen)}
     chosen |= {Placed(name, p.place) for p in chosen for name in p.effect.requires}
     return grammar.check(Structure((chain, *chosen)))
 

@@ -12,7 +12,17 @@ from brightgrey.simulation import response
 from support import drives
 
 DT, F_TANH, TOP = 1e-3, 10.0, 40.0
-VALUES = {**drives.VALUES, "M_C": 0.4, "f_v": 0.002, "omega_S": 2.5, "M_G": -0.3}
+VALUES = {
+    **drives.VALUES,
+    "M_C": 0.4,
+    "f_v": 0.002,
+    "omega_S": 2.5,
+    "M_G": -0.3,
+    "c_cubic": 2e4,
+    "G": 0.5,
+    "k": 1.2,
+    "phi_0": 0.4,
+}
 FULL = "two_mass+coulomb+viscous+stribeck+gravity+backlash+current_control+delay"
 KINDS = {
     "position": ("rad", "mm"),

@@ -14,6 +14,7 @@ from brightgrey import estimation
 from brightgrey.api.to_si import check_signals_of_model
 from brightgrey.arguments import checked_arguments
 from brightgrey.errors import RecordingError
+from brightgrey.estimation.diagnostics.instability import parting_text, parting_time
 from brightgrey.model.model import Model
 from brightgrey.model.schema import OutputFitPart
 from brightgrey.model.trace import Trace, pooled_fit
@@ -41,7 +42,7 @@ class Simulation:
         ``rss``, ``rmse`` and ``fit_percent`` by output name, in the outputs' units; None where the simulation
         diverged.
     notes : tuple of str
-        Repairs of the recording, and assumptions about it.
+        Repairs of the recording, assumptions about it, and the time from which an unstable motion parts.
     """
 
     model: Model
@@ -79,7 +80,9 @@ def simulate(model: Model, recording: Recording) -> Simulation:
     settings = replace(model.settings_si(), hold=recording.hold)
     simulated = estimation.predict(model.structure, model.values_si(), recording, settings)
     trace = Trace.of(recording, simulated)
-    return Simulation(model, trace, pooled_fit([trace]), recording.notes)
+    time = parting_time(model.structure, model.values_si(), recording, settings)
+    unstable = () if time is None else (f"{recording.name}: {parting_text(time)}",)
+    return Simulation(model, trace, pooled_fit([trace]), (*recording.notes, *unstable))
 
 
 @checked_arguments

@@ -85,7 +85,7 @@ class Circumstances:
     Attributes
     ----------
     values : mapping of str to float
-        The effect's own parameters by bare symbol.
+        The effect's own parameters by bare symbol, and those of the effects that it requires.
     scales : Scales
     f_tanh : float
     beside : tuple of Law
@@ -171,6 +171,10 @@ class Effect:
         bring masses are named by the last of these, ``a second mass``.
     about : str
         What the effect is, and when it is not the right one.
+    matters : str
+        When it matters for motion or control.
+    confused_with : str
+        What looks alike in a recording, and what tells them apart.
     equation : str
         The law in plain text.
     source : str
@@ -187,6 +191,8 @@ class Effect:
         The law of the element that it adds, if it adds one.
     requires : tuple of str
         Effects that have to stand at the same place.
+    excludes : tuple of str
+        Effects that never stand at the same place.
     masses : int
         Number of masses that it brings. Every structure has exactly one effect that brings any.
     relevant_size : callable or None
@@ -214,8 +220,11 @@ class Effect:
     where: Literal["drive", "mass", "shaft"]
     parameters: tuple[Parameter, ...]
     stamp: Stamp
+    matters: str = ""
+    confused_with: str = ""
     law: Law | None = None
     requires: tuple[str, ...] = ()
+    excludes: tuple[str, ...] = ()
     masses: int = 0
     relevant_size: Callable[[Scales, Values, int], Mapping[str, float]] | None = None
     residual_signature: str = ""
@@ -244,8 +253,20 @@ class Effect:
         if self.law is None or self.law.ports != 1:
             return ""
         draft = self._stamped[1]
-        state = draft.states[int(np.argmax(draft.elements[-1].H[0] != 0.0))]
-        return "speed" if state.at_rest == "speed" else "position"
+        read = np.flatnonzero(draft.elements[-1].H[0])
+        if len(read) != 1:  # the twist of a shaft
+            return ""
+        return "speed" if draft.states[int(read[0])].at_rest == "speed" else "position"
+
+    @property
+    def detunes_resonances(self) -> bool:
+        """Its torque is no straight line over the twist of a shaft, so that resonances move with their amplitude."""
+        return self.where == "shaft" and self.law is not None and self.law.ports == 1 and not self.law.affine
+
+    @property
+    def may_be_unstable(self) -> bool:
+        """Its torque is no straight line over the position of its mass: an arm may stand upright, and fall."""
+        return self.law is not None and not self.law.affine and self.port_reads == "position"
 
     @property
     def is_dry_friction(self) -> bool:

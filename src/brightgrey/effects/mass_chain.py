@@ -88,6 +88,16 @@ def mass_chain(name: str, masses: int) -> Effect:
         title=f"{name.split('_')[0].capitalize()}-mass system",
         words=("one mass", "a second mass", "a third mass", "a fourth mass")[masses - 1],
         about=f"{masses} inert mass{'es' if masses > 1 else ''}{coupled}; motor and sensor at mass 1.",
+        matters=(
+            "the load or the structure resonates within the bandwidth of the speed loop"
+            if masses > 1
+            else "always; it is enough where every resonance lies far above the bandwidth of the loops"
+        ),
+        confused_with=(
+            "fewer masses with friction at the load, with a gap, or with dead time; a slow drift, where a shaft is soft"
+            if masses > 1
+            else "an unknown gain of the input, which scales inertia and all torques alike"
+        ),
         equation="M q'' + D q' + C q = F" if masses > 1 else "J1 q'' = F",
         source="paper eq. (1), (7), (8)",
         stage="masses",

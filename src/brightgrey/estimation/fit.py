@@ -16,6 +16,7 @@ from brightgrey.estimation.diagnostics.cautions import cautions
 from brightgrey.estimation.diagnostics.chaos import chaos_findings
 from brightgrey.estimation.diagnostics.equivalent_models import resolve_lag_pole_exchange
 from brightgrey.estimation.diagnostics.informativity import recording_findings
+from brightgrey.estimation.diagnostics.instability import instability_findings
 from brightgrey.estimation.diagnostics.outcome import FitContext, Outcome, outcome_of, unfitted
 from brightgrey.estimation.diagnostics.second_opinion import TermOpinion, contradictions, second_opinion
 from brightgrey.estimation.diagnostics.symptoms import Symptom, symptoms
@@ -217,7 +218,8 @@ def fit(
     values = {name: space.by_name(best.values)[name] for name in structure.parameters}
     opinions = () if uninformative else second_opinion(structure, values, recordings, final.f_tanh)
     of_values = (*cautions(structure, named, recordings, known, final), *contradictions(opinions))
-    beside = (*on_recordings, *equivalent, *of_values, *chaotic)
+    unstable = instability_findings(problem, space.by_name(best.values), final)
+    beside = (*on_recordings, *equivalent, *of_values, *chaotic, *unstable)
     outcome = outcome_of(context, beside)
     return Fit(
         structure=structure,

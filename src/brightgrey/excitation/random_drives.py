@@ -50,6 +50,8 @@ class DriveRanges:
     """Torque of a spring to the ground over the distance of the motion, in parts of the peak torque."""
     pendulum: tuple[float, float] = (0.02, 0.5)
     """Largest torque of gravity on an arm, in parts of the peak torque."""
+    hardening: tuple[float, float] = (0.1, 10.0)
+    """Torque by the third power of the twist over that by the twist, where the latter is the peak torque."""
     turns: tuple[float, float] = (0.25, 3.0)
     """Turns of that arm over the distance of the motion."""
     max_tries: int = 100_000
@@ -115,6 +117,8 @@ def random_values(
         drawn["T_d"] = _log_uniform(rng, ranges.dead_time)
     for name in those("f_d"):  # friction takes energy both ways
         drawn[name] = drawn[f"f_v{name[3:]}"] * float(rng.choice([-1.0, 1.0])) * _log_uniform(rng, ranges.asymmetry)
+    for name in those("c_cubic"):
+        drawn[name] = _log_uniform(rng, ranges.hardening) * drawn[f"c{name.partition('@')[2] or 1}"] ** 3 / torque**2
     for name in those("c_g"):
         drawn[name] = _log_uniform(rng, ranges.ground_spring) * torque / experiment.distance
     for name in those("G"):

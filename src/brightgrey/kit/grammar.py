@@ -23,7 +23,8 @@ class Grammar:
     """Construction rules of structures.
 
     A grammar lists the places of each effect. Three rules hold for every grammar. Exactly one effect brings the masses,
-    an effect stands only at a mass or shaft that exists, and beside the effects that it requires.
+    an effect stands only at a mass or shaft that exists, beside the effects that it requires, and without those that it
+    excludes.
 
     Attributes
     ----------
@@ -55,9 +56,13 @@ class Grammar:
         return tuple(_listed(self.held_back))
 
     def offering(self, more: Collection[Placed]) -> Grammar:
-        """The grammar with further placed effects, and those that they require; nothing is held back."""
+        """The grammar with further placed effects, and those that they require; nothing is held back.
+
+        They take the place of effects that they exclude.
+        """
         required = [Placed(name, p.place) for p in more for name in p.effect.requires]
-        return Grammar(self.name, _places_of([*_listed(self.places), *required, *more]))
+        kept = [p for p in _listed(self.places) if not any(p.excludes(other) for other in more)]
+        return Grammar(self.name, _places_of([*kept, *required, *more]))
 
     @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -84,6 +89,9 @@ class Grammar:
             for name in placed.effect.requires:
                 if Placed(name, placed.place) not in structure.placed:
                     return f"'{placed}' requires '{Placed(name, placed.place)}', which '{structure}' lacks"
+            for other in structure.placed:
+                if placed.excludes(other):
+                    return f"'{placed}' and '{other}' exclude each other: '{structure}' has both"
         return None
 
     def check(self, structure: Structure) -> Structure:
@@ -137,6 +145,7 @@ _OF_REAL_AXES: Places = {
     "directional_viscous": (1, 2, 3, 4),
     "ground_spring": (1, 2),
     "pendulum": (1, 2),
+    "cubic_spring": (1, 2, 3),
     "backlash": (2, 3),
 }
 

@@ -49,6 +49,10 @@ class Placed:
             raise StructureError(f"place '{place}' of effect '{name}' is not a whole number from 1 to 999")
         return cls(name, int(place) if at else 1)
 
+    def excludes(self, other: Placed) -> bool:
+        """The two never stand in one structure, as a gap and a hardening spring of one shaft."""
+        return self.place == other.place and (other.name in self.effect.excludes or self.name in other.effect.excludes)
+
     def parameter(self, symbol: str) -> str:
         """Name of the effect's parameter `symbol` at this place, e.g. ``M_C@2``."""
         return symbol if self.place == 1 else f"{symbol}@{self.place}"
@@ -140,6 +144,11 @@ class Structure:
     def has_hard_limit(self) -> bool:
         """A state is kept between limits, such as the position in a gap: the cost is rugged then."""
         return any(p.effect.has_hard_limit for p in self.placed)
+
+    @cached_property
+    def may_be_unstable(self) -> bool:
+        """A torque over the position may let the motion part from one that begins alike."""
+        return any(p.effect.may_be_unstable for p in self.placed)
 
     @cached_property
     def has_dry_friction(self) -> bool:

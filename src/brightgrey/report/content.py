@@ -17,6 +17,7 @@ from brightgrey.report.charts.chart import Chart
 from brightgrey.report.charts.comparison import comparisons, correlations
 from brightgrey.report.charts.frequency_response import response_chart
 from brightgrey.report.charts.friction import friction_charts
+from brightgrey.report.charts.position_torque import position_torque_charts
 from brightgrey.report.charts.search_progress import front_chart, history_chart
 from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.search.evidence import Evidence
@@ -61,6 +62,7 @@ class Content:
             "friction": friction_charts(self.assembled, self.correlation),
             "frequency": response_chart(self.assembled, train),
             "backlash": gap_charts(self.assembled, train),
+            "position": position_torque_charts(self.assembled, train),
             "pareto": front_chart(self.ranking, str(self.model.structure)),
             "history": history_chart(self.run),
         }

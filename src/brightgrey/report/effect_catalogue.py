@@ -41,6 +41,9 @@ def _effect(effect: Effect) -> Iterator[str]:
         kept = [word for word, holds in (("odd", law.odd), ("takes energy only", law.dissipative)) if holds]
         yield from [f"- Its law is {' and '.join(kept)}."] if kept else []
     yield from ["- It has states of its own."] if effect.has_states else []
+    yield from [f"- When it matters: {effect.matters}."] if effect.matters else []
+    yield from [f"- Confused with: {effect.confused_with}."] if effect.confused_with else []
+    yield from [f"- Never beside `{'`, `'.join(effect.excludes)}`."] if effect.excludes else []
     yield from (f"- Mind ({c.kind}, `{'`, `'.join(c.symbols)}`): {c.text}." for c in effect.cautions)
     yield from (f"- Source: {effect.source}.", "")
 

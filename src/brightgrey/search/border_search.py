@@ -25,7 +25,7 @@ from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
 from brightgrey.search.fitting.structure_fit import Options, StructureFit
-from brightgrey.search.further_effects import FurtherEffect, follows_further_effect, further_effects
+from brightgrey.search.further_effects import FurtherEffect, follows_further_effect, least_rival_cost, proposals
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.model_error import optimum_of, signs_of_model_error
 from brightgrey.search.policy import BORDER, FURTHER, REFIT, BorderPolicy
@@ -101,11 +101,11 @@ class BorderSearch:
             if not fitted:
                 continue
             own, best = min(fitted, key=lambda f: (f.structure.has_hard_limit, f.cost)), self.fits.best()
-            found = further_effects(self.task, own, self.more, self.seed)
-            if found and self.rescues(own, found, best):
-                self.offered += tuple(f.placed for f in found)
-                self.limit_masses(masses + 1)
-                return True
+            for found in proposals(self.task, own, self.more, self.lattice.atoms, self.seed):
+                if self.rescues(own, found, best):
+                    self.offered += tuple(f.placed for f in found)
+                    self.limit_masses(masses + 1)
+                    return True
         return False
 
     def offer_mass(self, masses: int) -> bool:
@@ -127,7 +127,7 @@ class BorderSearch:
         """
         assert self.with_effects is not None
         self.lattice = self.with_effects(self.offered, most)
-        for structure in [s for s in self.fits.done if s.masses > most]:
+        for structure in [s for s in self.fits.done if self.lattice.structure(self.lattice.mask(s)) != s]:
             del self.fits.done[structure]
         self.anchors = anchors(self.lattice)
         self.fit(self.anchors)
@@ -135,11 +135,13 @@ class BorderSearch:
     def rescues(self, own: StructureFit, found: Sequence[FurtherEffect], best: StructureFit) -> bool:
         """Fit a structure with further effects; True if they explain enough of what it leaves.
 
-        That is a notable part of its residual, and a third of what the best structure explains better.
+        That is a notable part of its residual, and a third of what the best structure explains better. They also have
+        to explain more than all structures with an effect that they exclude.
         """
         extended = Structure((*own.structure.placed, *(f.placed for f in found)))
         start = {**own.values, **{name: value for f in found for name, value in f.start.items()}}
-        gained = own.cost - self.fits.fit_from(extended, start, self.executor).cost
+        cost = self.fits.fit_from(extended, start, self.executor).cost
+        gained = own.cost - cost if cost < least_rival_cost(found, self.fits.done) else -np.inf
         if gained >= max(FURTHER.rescued_share * (own.cost - best.cost), FURTHER.notable_gain * own.cost):
             self.fits.propagate({extended}, self.executor)
             return True

@@ -145,7 +145,9 @@ def decide_structures(
     for name in (*require, *exclude):
         one_of("effect", name, known)
     require = (*require, *_masses_with_sensors(task, grammar))
-    further = [p for p in grammar.further if str(p) not in exclude]
+    Lattice.of(grammar.whole, require)  # says so if two of them exclude each other
+    kept = [Placed.parse(name) for name in require]
+    further = [p for p in grammar.further if str(p) not in exclude and not any(p.excludes(other) for other in kept)]
     wanted = [p for p in further if str(p) in require]
 
     def with_effects(more: Sequence[Placed], most_masses: int | None = None) -> Lattice:

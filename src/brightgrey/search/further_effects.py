@@ -5,11 +5,14 @@ model error, each further effect is simulated once, at the least size that matte
 lacks it. What its change shares with the residual, beyond what the structure's own parameters explain, is its score
 (Rao 1948, doi:10.1017/S0305004100023987). Effects are taken one by one, the largest score first, each beside those that
 were taken before (orthogonal matching pursuit, Pati, Rezaiifar, Krishnaprasad 1993, doi:10.1109/ACSSC.1993.342465).
+
+First-order changes say little of an effect that detunes a resonance: the structure without it has fitted another
+frequency. Such effects are fitted beside the structure by multistart.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,11 +24,14 @@ from brightgrey.estimation.noise.orthonormal_basis import orthonormal_basis
 from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.numerics.distributions import chi2
 from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
-from brightgrey.search.fitting.structure_fit import StructureFit
+from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart
 from brightgrey.search.policy import FURTHER, SELECTION
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["FurtherEffect", "follows_further_effect", "further_effects"]
+__all__ = ["FurtherEffect", "follows_further_effect", "further_effects", "least_rival_cost", "proposals"]
+
+
+FURTHER_STARTS = Options(fresh=2, patience=0)
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,8 @@ class FurtherEffect:
     """A further effect that explains a notable part of a residual."""
 
     placed: Placed
-    start: Mapping[str, float]  #: Its parameters by name, SI, as far as a first step says.
+    #: Its parameters by name, SI, as far as a first step says, and others of the structure if it was fitted with them.
+    start: Mapping[str, float]
 
 
 def further_effects(
@@ -95,11 +102,48 @@ def further_effects(
     return tuple(chosen)
 
 
+def proposals(
+    task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], offered: Sequence[Placed], seed: int
+) -> Iterator[tuple[FurtherEffect, ...]]:
+    """Further effects to try beside a structure, the next ones if those before are not worth it; see `further_effects`.
+
+    Effects that exclude one of those `offered` may be chosen at first, and then not. In the end comes the one that
+    detunes resonances and explains most, if it explains a notable part.
+    """
+    beside = [p for p in more if not any(p.excludes(other) for other in offered)]
+    for some in [more] if len(beside) == len(more) else [more, beside]:
+        found = further_effects(task, fitted, some, seed)
+        if found:
+            yield found
+    detuning = [p for p in _possible(fitted, more) if p.effect.detunes_resonances]
+    fits = [(p, fit_multistart(task, _with(fitted, p), FURTHER_STARTS, seed)) for p in detuning]
+    for placed, fit in sorted(fits, key=lambda pair: pair[1].cost)[:1]:
+        if fitted.cost - fit.cost >= FURTHER.notable_gain * fitted.cost:
+            yield (FurtherEffect(placed, fit.values),)
+
+
+def least_rival_cost(found: Sequence[FurtherEffect], done: Mapping[Structure, StructureFit]) -> float:
+    """Least cost of all fits of structures with an effect that one of `found` excludes; infinite without any.
+
+    Where a hardening spring and a gap compete for a shaft, the gap has every other effect beside it, and so the
+    benefit of doubt.
+    """
+    excluded = [f.cost for s, f in done.items() if any(e.placed.excludes(p) for e in found for p in s.placed)]
+    return min(excluded, default=float("inf"))
+
+
 def follows_further_effect(task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int) -> bool:
     """True if the residual of a fit follows a further effect by more than noise of its colour explains.
 
     This asks whether there is anything to offer, where the residual of the best structure is all that speaks of noise.
+    An effect that detunes resonances may also explain more in the place of one that it excludes.
     """
+    for placed in (p for p in more if p.effect.detunes_resonances):
+        others = tuple(p for p in fitted.structure.placed if not placed.excludes(p))
+        if len(others) < len(fitted.structure.placed):
+            instead = fit_multistart(task, Structure((*others, placed)), FURTHER_STARTS, seed)
+            if instead.cost <= (1.0 - FURTHER.notable_gain) * fitted.cost:
+                return True
     task = accurate(task)
     residual, jacobian, inside = residual_and_jacobian(task, fitted.structure, fitted.values)
     candidates = [
@@ -118,14 +162,22 @@ def _candidates(
     task: IdentificationTask, fitted: StructureFit, residual: Array, more: Sequence[Placed], seed: int
 ) -> list[_Candidate]:
     """The effects of `more` that a structure lacks and may have, each beside it."""
-    present, kit = fitted.structure.placed, function_set()
-    possible = (p for p in more if p not in present and not kit.broken_rule(Structure((*present, p))))
-    return [_changes(task, fitted, residual, placed, seed) for placed in possible]
+    return [_changes(task, fitted, residual, placed, seed) for placed in _possible(fitted, more)]
+
+
+def _with(fitted: StructureFit, placed: Placed) -> Structure:
+    return Structure((*fitted.structure.placed, placed))
+
+
+def _possible(fitted: StructureFit, more: Sequence[Placed]) -> list[Placed]:
+    """The effects of `more` that a structure lacks and may have."""
+    kit = function_set()
+    return [p for p in more if p not in fitted.structure.placed and not kit.broken_rule(_with(fitted, p))]
 
 
 def _changes(task: IdentificationTask, fitted: StructureFit, residual: Array, placed: Placed, seed: int) -> _Candidate:
     """Changes of the residuals by an effect of the size that matters."""
-    problem, space = task.problem_and_space(Structure((*fitted.structure.placed, placed)))
+    problem, space = task.problem_and_space(_with(fitted, placed))
     base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **fitted.values}
     size = placed.relevant_size(task.scales, fitted.values)
     (vanishing,) = (q for q in placed.effect.parameters if q.size)

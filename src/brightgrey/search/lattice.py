@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 from brightgrey.errors import SettingsError, unknown_name
 from brightgrey.kit import Grammar, Placed, Structure
@@ -96,7 +97,8 @@ class Lattice:
         Raises
         ------
         SettingsError
-            For an effect that the grammar lacks or that is both required and excluded, or if no structure is left.
+            For an effect that the grammar lacks or that is both required and excluded, for two required ones that
+            exclude each other, or if no structure is left.
         """
         placed = [Placed(name, place) for name, places in grammar.places.items() for place in places]
         known = sorted(map(str, placed))
@@ -108,6 +110,9 @@ class Lattice:
                 raise SettingsError(f"'{name}' cannot be excluded: every structure has one mass at least")
             if name in require:
                 raise SettingsError(f"'{name}' is both required and excluded")
+        for one, other in combinations(map(Placed.parse, require), 2):
+            if one.excludes(other):
+                raise SettingsError(f"'{one}' and '{other}' exclude each other: no structure has both")
         chains = sorted((p for p in placed if p.effect.masses > 1), key=lambda p: p.effect.masses)
         beside = [p for p in placed if not p.effect.masses]
         reach = {"drive": 1, "mass": 0, "shaft": 1}  # masses that stand before the place

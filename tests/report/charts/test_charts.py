@@ -16,6 +16,7 @@ from brightgrey.report.charts.backlash import gap_charts, loop
 from brightgrey.report.charts.comparison import comparisons, correlations
 from brightgrey.report.charts.frequency_response import measured_response, response_chart
 from brightgrey.report.charts.friction import friction_charts
+from brightgrey.report.charts.position_torque import position_torque_charts
 from brightgrey.report.charts.search_progress import ancestors, front_chart, history_chart
 from brightgrey.report.content import Content
 from brightgrey.report.drawing.matplotlib_figure import draw, picture
@@ -230,3 +231,23 @@ def test_page__long_and_many_recordings__stays_below_six_megabytes():
         line.x.size <= REPORT_OPTIONS.line_points for chart in charts for panel in chart.panels for line in panel.lines
     )
     assert len(page(Content(model, traces)).encode()) < 6e6
+
+
+def test_position_chart__hardening_shaft__is_the_spring_with_its_linear_part():
+    model = model_with_intervals("two_mass+cubic_spring", units=("N m", "deg"))
+    (chart,) = position_torque_charts(AssembledModel(model), [trace_of(model)])
+    linear, whole = chart.panels[0].lines
+    twist = np.radians(whole.x)
+    np.testing.assert_allclose(linear.y, VALUES["c1"] * twist, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(whole.y - linear.y, VALUES["c_cubic"] * twist**3, rtol=1e-9, atol=1e-12)
+    assert "a hardening spring" in chart.caption
+
+
+def test_position_chart__arm__is_the_sine_over_the_positions():
+    model = model_with_intervals("one_mass+viscous+pendulum")
+    trace = trace_of(model)
+    (chart,) = position_torque_charts(AssembledModel(model), [trace])
+    (line,) = chart.panels[0].lines
+    v = VALUES
+    np.testing.assert_allclose(line.y, v["G"] * np.sin(v["k"] * line.x + v["phi_0"]), rtol=1e-9, atol=1e-12)
+    assert position_torque_charts(AssembledModel(model_with_intervals("one_mass")), [trace]) == ()

@@ -110,6 +110,11 @@ EFFECT = Effect(
         "A gap of width 2 alpha in a shaft (gearbox, coupling, rack). The position in the gap, lambda, is 0 when "
         "the shaft can push forward, -2 alpha when it can push backward."
     ),
+    matters="the drive reverses under load, or is to hold a position: the load then moves freely within the gap",
+    confused_with=(
+        "a soft shaft or a hardening spring, where the gap is never crossed; friction at the load, where it "
+        "sticks in the gap"
+    ),
     equation="M_B = c tau + d tau', tau = q_i - q_j - lambda, lambda' = f_lambda kept in [-2 alpha, 0]",
     source=(
         "paper eq. (3)-(5), (12)-(15); Nordin, Galic, Gutman 1997, "

@@ -29,6 +29,8 @@ EFFECT = Effect(
     title="Coulomb friction",
     words="Coulomb friction",
     about="Friction of constant size against the motion. It reverses within a speed of 1/f_tanh.",
+    matters="the motion is slow, reverses, or has to stop exactly: the drive sticks, and position control hunts",
+    confused_with="a constant load, where the speed never reverses; Stribeck friction of a large omega_S",
     equation="M_F = -M_C tanh(f_tanh v)",
     source="paper eq. (2), (11)",
     stage="friction",

@@ -31,6 +31,8 @@ EFFECT = Effect(
         "First-order lag between commanded and real torque. "
         "Below one sampling interval it cannot be told from sampling."
     ),
+    matters="the speed loop is to be faster than about a tenth of 1/T_1",
+    confused_with="dead time: near the sampling interval only the sum of both shows; the lag of a sensor's filter",
     equation="T_1 T' + T = u",
     source="paper eq. (16)",
     stage="current control",

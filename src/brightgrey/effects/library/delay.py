@@ -20,6 +20,11 @@ EFFECT = Effect(
     about=(
         "Bus cycles and filters between command and torque. Half a sample of it may come from how the data was taken."
     ),
+    matters="the loop is fast: dead time limits every controller",
+    confused_with=(
+        "the lag of current control; a signal that is held from sample to sample, or a differenced speed, by half "
+        "a sample"
+    ),
     equation="G(s) = exp(-T_d s)",
     source="paper eq. (6)",
     stage="delay",

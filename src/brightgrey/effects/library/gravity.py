@@ -26,6 +26,8 @@ EFFECT = Effect(
     title="Constant load",
     words="a constant load",
     about="A constant torque added to a mass. An offset of the torque sensor looks just the same.",
+    matters="a vertical axis, a preload, a balancer: the torque that holds the load at rest",
+    confused_with="an offset of the torque signal, always; Coulomb friction, where the speed never reverses",
     equation="M = M_G",
     source="paper section 2.1, 2.2",
     stage="gravity",

@@ -24,6 +24,8 @@ EFFECT = Effect(
         "A torque that grows with the distance from position 0: cable chain, balancer, spring. "
         "A preload is the constant torque (gravity) beside it."
     ),
+    matters="torque is needed to hold different positions: cable chains, balancers, hoses",
+    confused_with="gravity on an arm over a short way; a constant load, where the travel is small",
     equation="M = -c_g q",
     source="the spring of paper eq. (1) with one end at rest",
     stage="gravity",

@@ -50,6 +50,10 @@ EFFECT = Effect(
         "Gravity on an arm or an eccentric load. k turns the position into the angle of the arm: 1 where the position "
         "is that angle. On a short way it is a constant torque and a spring."
     ),
+    matters="an arm or an eccentric load turns by more than a small angle: the torque at rest depends on the pose",
+    confused_with=(
+        "a constant load with a spring to the ground, over less than a quarter of a turn; other axes that move along"
+    ),
     equation="M = -G sin(k q + phi_0)",
     source="Wiebe et al. 2022, doi:10.21105/joss.03884 (torque-limited simple pendulum)",
     stage="gravity",

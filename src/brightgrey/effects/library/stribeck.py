@@ -41,6 +41,11 @@ EFFECT = Effect(
         "Friction in excess of Coulomb's that fades with speed. Above max|v|/3 its speed omega_S makes it "
         "Coulomb plus negative viscous friction, below about 5/f_tanh it is invisible."
     ),
+    matters="motion is slow: friction that falls with speed makes stick-slip, which no slow controller ends",
+    confused_with=(
+        "Coulomb friction with less viscous friction, where omega_S is large; a wide reversal of friction, where "
+        "it is small"
+    ),
     equation="M_F = -M_S tanh(f_tanh v) exp(-|v|/omega_S)",
     source="paper eq. (2), (11), with |v|",
     stage="friction",

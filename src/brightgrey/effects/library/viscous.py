@@ -20,6 +20,10 @@ EFFECT = Effect(
     title="Viscous friction",
     words="viscous friction",
     about="Friction that grows with speed: lubricant, eddy currents, back-EMF of a voltage-driven motor.",
+    matters="motion is fast: it takes a large part of the torque, and it damps",
+    confused_with=(
+        "back-EMF of a motor that is driven by voltage; Stribeck friction of a large omega_S with the opposite sign"
+    ),
     equation="M_F = -f_v v",
     source="paper eq. (2), (11)",
     stage="friction",

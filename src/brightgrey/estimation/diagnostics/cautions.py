@@ -14,7 +14,7 @@ from brightgrey.estimation.diagnostics.finding import Finding
 from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS, DiagnosticOptions
 from brightgrey.estimation.problem.scales import speed_of
 from brightgrey.estimation.uncertainty.estimates import Estimate
-from brightgrey.kit import Structure
+from brightgrey.kit import Placed, Structure
 from brightgrey.recordings import Recording
 from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.simulation import Settings
@@ -72,7 +72,8 @@ def _declared_cautions(
             and other.effect.law is not None
             and (other.effect.where, other.place) == (placed.effect.where, placed.place)
         )
-        values = {p.symbol: estimates[placed.parameter(p.symbol)].value for p in placed.effect.parameters}
+        owners = (placed, *(Placed(name, placed.place) for name in placed.effect.requires))
+        values = {p.symbol: estimates[o.parameter(p.symbol)].value for o in owners for p in o.effect.parameters}
         circumstances = Circumstances(values, scales, settings.f_tanh, beside, both)
         for caution in placed.effect.cautions:
             if caution.applies(circumstances):

@@ -23,6 +23,7 @@ Kind = Literal[
     "not observable",
     "scale unknown",
     "chaotic",
+    "unstable",
 ]
 """Kinds of findings, the gravest first. Up to ``converged`` they may be the outcome; the rest are cautions."""
 

@@ -82,7 +82,8 @@ TORQUE_PATTERNS = (
         lambda m, sign, scales: (sign**2, sign * m.speed / scales.speed),
         "Friction depends on the direction",
         "a torque that acts in motion only and in one direction",
-        "no effect describes it; constant torque takes a part of it, and friction near standstill is uncertain",
+        "try direction-dependent viscous friction; constant torque takes a part of it, and friction near standstill is "
+        "uncertain",
     ),
     TorquePattern(
         "square of speed",
@@ -96,14 +97,14 @@ TORQUE_PATTERNS = (
         lambda m, sign, scales: (sign * m.relative_position(), sign**2 * m.relative_position()),
         "Torque or friction depends on the position",
         "the position",
-        "no effect describes it (cables, springs, a misaligned guide); record only the part of the travel in use",
+        "try a spring to the ground; nothing describes a misaligned guide: record only the part of the travel in use",
     ),
     TorquePattern(
         "torque ripple with position",
         lambda m, sign, scales: _harmonics(m),
         "Torque repeats with the position",
         "a torque that repeats with the position",
-        "no effect describes it (an eccentric load, cogging, a toothed belt); look for the part that repeats so",
+        "an arm or an eccentric load is position-dependent gravity; nothing describes cogging or a toothed belt",
     ),
     TorquePattern(
         "friction ripple with position",

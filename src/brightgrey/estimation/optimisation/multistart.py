@@ -316,10 +316,10 @@ def first_starts(
 
 
 def growing_horizons(share: float, options: MultistartOptions = MULTISTART_DEFAULTS) -> Iterator[float]:
-    """Growing parts of the excitation, less than the whole, on which a drive with hard limits is fitted in succession.
+    """Growing parts of the excitation, less than the whole, on which a drive is fitted in succession.
 
-    Contacts make the valley of the cost narrower the longer the recording is. From one part to the next, the estimate
-    has to improve more than the valley narrows.
+    Contacts and unstable motions make the valley of the cost narrower the longer the recording is. From one part to
+    the next, the estimate has to improve more than the valley narrows.
     """
     while share < 1.0:
         yield share
@@ -346,7 +346,8 @@ def _stages(
     if share is None:
         stages = [problem.with_output_feedback(gain) for gain in options.feedback_shares]
         return [stage for stage in stages if stage is not None]
-    shares = growing_horizons(share, options) if problem.has_hard_limit else [share] if share < 1.0 else []
+    grows = problem.has_hard_limit or problem.structure.may_be_unstable
+    shares = growing_horizons(share, options) if grows else [share] if share < 1.0 else []
     parts = [problem.truncated(share) for share in shares]
     longer = [k == 0 or part.samples > parts[k - 1].samples for k, part in enumerate(parts)]
     return [part for part, more in zip(parts, longer, strict=True) if more and part.samples < problem.samples]

@@ -6,12 +6,15 @@ difference over n samples divided by their time; then ``D`` of a signal is exact
 is filtered three times, and where a derivative is due, ``D`` takes the place of ``box``. All terms then have passed the
 same filter, and the noise of the difference falls with the window (modulating functions in their simplest form,
 Shinbrot 1957).
+
+Where that leaves the inertia uncertain and positions are measured, a wave over the position is one more term: on an arm
+gravity balances most of the inertia, and friction would take the place of both.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +49,10 @@ class ScalesOptions:
     unexplained_torque: float = 0.2
     least_inertia: float = 0.01  #: Of a balance that does not hold, as a part of that upper limit.
     driven_torque: float = 0.05  #: Part of the torque's standard deviation that a window has to leave.
+    #: Relative standard error of the inertia from which a torque that depends on the position is a further term.
+    uncertain_inertia: float = 0.2
+    most_waves: float = 4.0  #: Most periods of that torque over the travel.
+    wave_rows: int = 1000  #: Rows of its regressions that are enough: there is one for each period.
     #: Limits of the inertia, relative to the largest torque over the largest acceleration, and the lower limit of
     #: friction and damping, relative to the largest torque.
     plausible_low: float = 1e-4
@@ -61,6 +68,16 @@ class _Balance:
 
     torque: Array
     terms: Array
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """Regression of a torque balance that is averaged over windows of one length."""
+
+    uncertainty: float  #: Relative standard error of the inertia.
+    values: Array  #: Inertia, friction, viscous friction and offset.
+    unexplained: float  #: Part of the torque's variance.
+    deviations: tuple[float, float]  #: Standard deviations of torque and acceleration.
 
 
 def scales(recordings: Recording | Sequence[Recording], options: ScalesOptions = SCALES_DEFAULTS) -> Scales:
@@ -218,27 +235,76 @@ def _regression(recordings: tuple[Recording, ...], speed: float, options: Scales
     """
     shortest = options.shortest_window
     longest = max(int(options.longest_window * min(r.samples for r in recordings)), shortest)
-    samples = sum(r.samples for r in recordings)
-    found, deviations = [], []
-    for n in np.unique(np.geomspace(shortest, longest, options.windows).astype(int)):
-        balances = [_balance(r, int(n), speed, options) for r in recordings]
-        torque = np.concatenate([b.torque for b in balances])
-        terms = np.concatenate([b.terms for b in balances])
-        values = _robust_regression(torque, terms, options.reweightings)
-        uncertainty = _inertia_error(torque, terms, values, n * _FILTER_PASSES * len(torque) / samples)
-        found.append((uncertainty, values, float(np.var(torque - terms @ values)), float(np.var(torque))))
-        deviations.append((float(np.std(torque)), float(np.std(terms[:, 0]))))
-    least = min(uncertainty for uncertainty, *_ in found)
-    _, values, unexplained, variance = [f for f in found if f[0] <= options.similar_uncertainty * least][-1]
-    if values[0] <= 0.0 or unexplained > options.unexplained_torque * variance:
-        enough = options.driven_torque * deviations[0][0]
-        driven = [
-            torque / acceleration for torque, acceleration in deviations if acceleration > 0.0 and torque >= enough
-        ]
-        limit = max([values[0], *driven])
-        least = max(float(values[0]), options.least_inertia * limit)
-        return np.array([limit, *values[1:]]), limit / least if least > 0.0 else 1.0
-    return values, 1.0
+    windows = [int(n) for n in np.unique(np.geomspace(shortest, longest, options.windows).astype(int))]
+    found = [_solve_balance(recordings, n, speed, options) for n in windows]
+    best = _longest_certain(found, options)
+    if _measures_travel(recordings) and not (_holds(best, options) and best.uncertainty <= options.uncertain_inertia):
+        waved = _longest_certain([_solve_with_wave(recordings, n, speed, options) for n in windows], options)
+        best = waved if _holds(waved, options) and waved.uncertainty < best.uncertainty else best
+    if _holds(best, options):
+        return best.values, 1.0
+    enough = options.driven_torque * found[0].deviations[0]
+    deviations = [solution.deviations for solution in found]
+    driven = [torque / acceleration for torque, acceleration in deviations if acceleration > 0.0 and torque >= enough]
+    limit = max([best.values[0], *driven])
+    least = max(float(best.values[0]), options.least_inertia * limit)
+    return np.array([limit, *best.values[1:]]), limit / least if least > 0.0 else 1.0
+
+
+def _measures_travel(recordings: tuple[Recording, ...]) -> bool:
+    """True if positions are measured in all recordings, and change."""
+    measured = all(any(s.kind == "position" for s in r.outputs) for r in recordings)
+    return measured and any(_travel(r) > 0.0 for r in recordings)
+
+
+def _longest_certain(found: list[_Solution], options: ScalesOptions) -> _Solution:
+    """Solution of the longest window whose standard error of the inertia is nearly the least."""
+    least = min(solution.uncertainty for solution in found)
+    return [s for s in found if s.uncertainty <= options.similar_uncertainty * least][-1]
+
+
+def _holds(solution: _Solution, options: ScalesOptions) -> bool:
+    return bool(solution.values[0] > 0.0) and solution.unexplained <= options.unexplained_torque
+
+
+def _solve_balance(recordings: tuple[Recording, ...], n: int, speed: float, options: ScalesOptions) -> _Solution:
+    """Regression of the balance over windows of n samples."""
+    balances = [_balance(r, n, speed, options) for r in recordings]
+    torque = np.concatenate([b.torque for b in balances])
+    terms = np.concatenate([b.terms for b in balances])
+    values = _robust_regression(torque, terms, options.reweightings)
+    memory = n * _FILTER_PASSES * len(torque) / sum(r.samples for r in recordings)
+    return _solution(torque, terms, values, memory)
+
+
+def _solve_with_wave(recordings: tuple[Recording, ...], n: int, speed: float, options: ScalesOptions) -> _Solution:
+    """Regression of the balance with a torque that is a wave over the position, of the period that explains most."""
+    travel = max(_travel(r) for r in recordings)
+    few = replace(options, rows=options.wave_rows)
+    balances = [_balance(r, n, speed, few) for r in recordings]
+    torque = np.concatenate([b.torque for b in balances])
+    memory = n * _FILTER_PASSES * len(torque) / sum(r.samples for r in recordings)
+    solutions = []
+    for k in np.arange(0.25 * np.pi, 2.0 * np.pi * options.most_waves, 1.0) / travel:  # half a radian apart at the ends
+        waves = [_waves(r, n, float(k), few) for r in recordings]
+        terms = np.concatenate([np.hstack([b.terms, wave]) for b, wave in zip(balances, waves, strict=True)])
+        values = _robust_regression(torque, terms, 1)
+        solutions.append(_solution(torque, terms, values, memory))
+    return min(solutions, key=lambda s: s.unexplained)
+
+
+def _waves(recording: Recording, n: int, k: float, options: ScalesOptions) -> Array:
+    """Means of sine and cosine of k times the position over windows of n samples, shape (rows, 2)."""
+    position = next(y for s, y in zip(recording.outputs, recording.y, strict=True) if s.kind == "position")
+    waves = [_window_means(wave(k * position), n, recording.dt, 0) for wave in (np.sin, np.cos)]
+    return np.stack(waves, axis=1)[:: max(1, len(waves[0]) // options.rows)]
+
+
+def _solution(torque: Array, terms: Array, values: Array, memory: float) -> _Solution:
+    variance, rest = float(np.var(torque)), float(np.var(torque - terms @ values))
+    uncertainty = _inertia_error(torque, terms, values, memory)
+    unexplained = rest / variance if variance > 0.0 else float(rest > 0.0)
+    return _Solution(uncertainty, values[:4], unexplained, (float(np.std(torque)), float(np.std(terms[:, 0]))))
 
 
 def _inertia_error(torque: Array, terms: Array, values: Array, memory: float) -> float:
@@ -275,17 +341,17 @@ def _balance(recording: Recording, n: int, speed: float, options: ScalesOptions)
 
 
 def _robust_regression(torque: Array, terms: Array, reweightings: int) -> Array:
-    """Regression with Huber's weights; only the offset may be negative."""
+    """Regression with Huber's weights; inertia and friction are not negative."""
     size = np.abs(terms).max(axis=0)
     size[size == 0.0] = 1.0
     X = terms / size
-    low = np.array([0.0, 0.0, 0.0, -np.inf])
+    low = np.where(np.arange(terms.shape[1]) < 3, 0.0, -np.inf)
     weight = np.ones_like(torque)
-    x = np.zeros(4)
+    x = np.zeros(low.size)
     for _ in range(reweightings):
         root = np.sqrt(weight)
         with np.errstate(invalid="ignore"):  # a column of zeros makes its path along the bounds 0 times infinity
-            x = bounded_least_squares(X * root[:, None], torque * root, low, np.full(4, np.inf))
+            x = bounded_least_squares(X * root[:, None], torque * root, low, np.full(low.size, np.inf))
         r = np.abs(torque - X @ x)
         spread = 1.345 * float(np.median(r)) / 0.6745  # Huber: 95 % efficiency; median to standard deviation
         weight = np.minimum(1.0, spread / np.maximum(r, np.finfo(float).tiny)) if spread > 0.0 else weight

@@ -15,7 +15,7 @@ from brightgrey.report.charts.chart import Chart, Line, Mark, Panel, thin
 from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.simulation import response
 
-__all__ = ["gap_charts", "loop"]
+__all__ = ["gap_charts", "loop", "simulated_states"]
 
 
 def gap_charts(assembled: AssembledModel, traces: Sequence[Trace]) -> tuple[Chart, ...]:
@@ -23,13 +23,13 @@ def gap_charts(assembled: AssembledModel, traces: Sequence[Trace]) -> tuple[Char
     gaps = [e for e in assembled.system.elements if e.limits is not None]
     if not gaps or not traces or not assembled.model.initial_state:
         return ()
-    states = _simulated_states(assembled, traces[0])
+    states = simulated_states(assembled, traces[0])
     if not np.isfinite(states).all():
         return ()
     return tuple(_loop_chart(assembled, e, states, traces[0]) for e in gaps)
 
 
-def _simulated_states(assembled: AssembledModel, trace: Trace) -> Array:
+def simulated_states(assembled: AssembledModel, trace: Trace) -> Array:
     """All states, shape (n, samples), SI, simulated with the input of a recording."""
     model, system = assembled.model, assembled.system
     n = len(system.states)

@@ -87,7 +87,7 @@ class DriveEquations:
             if k + 1 < n:
                 q -= y[k + 1]
                 if phase.side is None or k != p.gap_at:
-                    carried = p.c[k] * y[k + 1] + p.d[k] * (y[n + k] - y[n + k + 1])
+                    carried = (p.c[k] + p.hardening[k] * y[k + 1] ** 2) * y[k + 1] + p.d[k] * (y[n + k] - y[n + k + 1])
                 else:
                     carried = 0.0 if phase.side == 0 else self.pressing(y, phase)
                 on[k] -= carried

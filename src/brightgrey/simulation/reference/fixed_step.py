@@ -57,15 +57,16 @@ class FixedStepSolution:
 def _pack(plant: Plant, step: float) -> tuple[Array, Array]:
     """Pack the numbers of a plant for the compiled functions, those of the drive and those of its masses, one row each.
 
-    Drive: 0: masses, 1/T_1 or 0, 2 alpha, number of the shaft with the gap, f_tanh; 5: c; 8: d.
+    Drive: 0: masses, 1/T_1 or 0, 2 alpha, number of the shaft with the gap, f_tanh; 5: c; 8: d; 11: hardening.
     Mass: 0: 1/J, f_v, M_C, M_S, 1/omega_S; 5: f_d, M_G, c_g, G, k, phi_0; 11: the speed that counts as rest if the mass
     can stick, else -1.
     """
-    p = np.zeros(11)
+    p = np.zeros(14)
     p[:2] = plant.masses, 0.0 if plant.T_1 is None else 1.0 / plant.T_1
     p[2:5] = 2.0 * (plant.alpha or 0.0), plant.gap_at, plant.f_tanh
     p[5 : 5 + len(plant.c)] = plant.c
     p[8 : 8 + len(plant.d)] = plant.d
+    p[11 : 11 + len(plant.hardening)] = plant.hardening
     rows = []
     for J, load, can_stick in zip(plant.J, plant.loads, plant.sticks, strict=True):
         still = STILL * load.breakaway / J * step if can_stick else -1.0
@@ -104,7 +105,7 @@ def _state_rates(x: Array, mode: int, slide: Any, u: float, p: Array, loads: Arr
             twist = x[i] - x[i + 1]
             if i == gap_at and mode == BACK:
                 twist += p[2]
-            shaft = p[5 + i] * twist + p[8 + i] * (x[n + i] - x[n + i + 1])
+            shaft = (p[5 + i] + p[11 + i] * twist * twist) * twist + p[8 + i] * (x[n + i] - x[n + i + 1])
         out[n + i] = 0.0 if slide[i] == STICK else (torque - shaft) * a[0]
         torque = shaft
 

@@ -29,10 +29,11 @@ _AT_MASS = {
     "ground_spring": ("c_g",),
     "pendulum": ("G", "k", "phi_0"),
 }
-_ELSEWHERE = {"backlash": ("alpha",), "current_control": ("T_1",), "delay": ("T_d",)}
+_AT_SHAFT = {"backlash": ("alpha",), "cubic_spring": ("c_cubic",)}
+_ELSEWHERE = {**_AT_SHAFT, "current_control": ("T_1",), "delay": ("T_d",)}
 _PARAMETERS = {**_AT_MASS, **_ELSEWHERE}
 _POSITIVE = ("J", "omega_S", "T_1")
-_NOT_NEGATIVE = ("c", "d", "alpha", "T_d", "c_g")
+_NOT_NEGATIVE = ("c", "d", "alpha", "T_d", "c_g", "c_cubic")
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,7 @@ class Plant:
     #: Spring (N m/rad) and damper constants (N m s/rad) of the shafts.
     c: tuple[float, ...]
     d: tuple[float, ...]
+    hardening: tuple[float, ...]  #: Of the shafts: torque over the third power of the twist, N m/rad³.
     loads: tuple[Load, ...]  #: Of the masses.
     f_tanh: float  #: Gain of eq. (2), s/rad; infinite for exact dry friction.
     gap_at: int  #: Shaft with the gap, counted from 0.
@@ -138,9 +140,11 @@ class Plant:
         if len(gaps) > 1:
             raise StructureError(f"'{structure}': the reference solves one gap at most")
         for name, place in placed:
-            if place > (n if name in _AT_MASS else n - 1 if name == "backlash" else 1):
+            if place > (n if name in _AT_MASS else n - 1 if name in _AT_SHAFT else 1):
                 count = f"{('one', 'two', 'three', 'four')[n - 1]} mass{'es' if n > 1 else ''}"
                 raise StructureError(f"'{structure}': there is no place for '{name}@{place}' with {count}")
+        if any(("cubic_spring", place) in placed for place in gaps):
+            raise StructureError(f"'{structure}': a shaft with a gap has no hardening spring")
         symbols = [f"J{i + 1}" for i in range(n)]
         symbols += [f"{s}{k + 1}" for s in "cd" for k in range(n - 1)]
         symbols += [_at(p, place) for name, place in placed for p in _PARAMETERS.get(name, ())]
@@ -157,6 +161,7 @@ class Plant:
             J=tuple(float(values[f"J{i + 1}"]) for i in range(n)),
             c=tuple(float(values[f"c{k + 1}"]) for k in range(n - 1)),
             d=tuple(float(values[f"d{k + 1}"]) for k in range(n - 1)),
+            hardening=tuple(float(values.get(_at("c_cubic", k + 1), 0.0)) for k in range(n - 1)),
             loads=tuple(load(i + 1) for i in range(n)),
             f_tanh=float(f_tanh),
             gap_at=gaps[0] - 1 if gaps else 0,
