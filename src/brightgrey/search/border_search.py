@@ -57,6 +57,7 @@ class BorderSearch:
         self.restarts: dict[Structure, int] = {}
         self.flipped: set[int] = set()
         self.offered: tuple[Placed, ...] = ()
+        self.thorough = False
         self._model_error: dict[tuple[Structure, float], bool] = {}
 
     def run(self, *, everything: bool = False) -> Border:
@@ -75,6 +76,10 @@ class BorderSearch:
             raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
         while self.offer_further(self.fits.best().structure.masses - 1):  # before more masses are gone into
             pass
+        if not (everything or self.offered):  # where no further effect takes their part, gaps and masses are gone into
+            self.thorough = True
+            self.restarts = {s: n for s, n in self.restarts.items() if not s.has_hard_limit}
+            self.find_best()
         border = self.in_rounds()
         while True:
             masses = min(self.lattice.structure(m).masses for m in border.minimal)
@@ -127,8 +132,9 @@ class BorderSearch:
         """
         assert self.with_effects is not None
         self.lattice = self.with_effects(self.offered, most)
-        for structure in [s for s in self.fits.done if self.lattice.structure(self.lattice.mask(s)) != s]:
-            del self.fits.done[structure]
+        lattice = self.lattice
+        for s in [s for s in self.fits.done if s.masses > most or lattice.structure(lattice.mask(s)) != s]:
+            del self.fits.done[s]  # too many masses, or an effect that is excluded now
         self.anchors = anchors(self.lattice)
         self.fit(self.anchors)
 
@@ -200,7 +206,7 @@ class BorderSearch:
     def restart_at(self, structure: Structure) -> None:
         """Fit a structure by multistart, and its neighbours anew where that helps."""
         self.restarts[structure] = self.restarts.get(structure, 0) + 1
-        if structure.has_hard_limit:
+        if self.thorough and structure.has_hard_limit:
             better = self.fits.restart_many([structure], self.policy.patience_hard_limit, self.executor)
         else:
             better = self.fits.restart_many([structure], 0, self.executor, fields=self.policy.fields)
@@ -216,13 +222,13 @@ class BorderSearch:
             self.restart_at(wanted[0])
 
     def leading(self) -> list[Structure]:
-        """Structures in the order in which they are restarted.
+        """Structures in the order in which they are restarted: those that lead.
 
-        Before a leader with a hard limit come the largest structures with fewer masses: a further mass must not win by
-        effort. After it comes the one with one mass more, whose optimum is seldom found from below.
+        In a thorough search the largest structures with fewer masses come before a leader with a hard limit: a further
+        mass must not win by effort. After it comes the one with one mass more: its optimum is seldom found from below.
         """
         *others, last = self.leaders()
-        if not last.has_hard_limit:
+        if not (self.thorough and last.has_hard_limit):
             return [*others, last]
         tops = {t.masses: t for t in self.tops}
         fewer = [tops[n] for n in sorted(tops) if n < last.masses]

@@ -44,6 +44,7 @@ def test_leading__gap_leads__fewer_masses_before_and_one_more_after(leaders, mas
     task = simulated_task("one_mass", {"J1": 0.02}, np.sin(np.arange(200) / 20.0), 0.1, dt=0.002, f_tanh=5.0)
     with ThreadPoolExecutor(1) as pool:
         search = BorderSearch(task, LATTICE, pool)
+        search.thorough = True
         search.tops = {PAPER.parse(f"{n}_mass+coulomb+viscous+backlash") for n in ("two", "three", "four")}
         monkeypatch.setattr(search, "leaders", lambda: [PAPER.parse(text) for text in leaders])
         assert [s.masses for s in search.leading()] == masses
