@@ -1,0 +1,152 @@
+"""Queue of commands: one long one at a time, so that a core is left, and one short one beside it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from brightgrey.app.jobs.arguments import free_cores
+from brightgrey.app.jobs.child import interrupt_process, is_process_of, start_process
+from brightgrey.app.workspace.folder import Workspace
+from brightgrey.model.files import write_file
+
+__all__ = ["Job", "JobQueue"]
+
+JobState = Literal["queued", "running", "ended"]
+LONG = ("identify", "selftest", "plan")
+_LAST_WORDS = 2000  # characters of a log that are shown
+
+
+@dataclass(frozen=True)
+class Job:
+    """A command that waits, runs or has ended.
+
+    Attributes
+    ----------
+    project, run : str
+    arguments : tuple of str
+        As they are shown; the number of workers is added to those that take it.
+    state : {'queued', 'running', 'ended'}
+    code : int or None
+        Exit code; None before the end, and of a command that another server has started.
+    output : str
+        End of what the command has printed, after its end.
+    """
+
+    project: str
+    run: str
+    arguments: tuple[str, ...]
+    state: JobState = "queued"
+    code: int | None = None
+    output: str = ""
+
+    @property
+    def kind(self) -> str:
+        """Command."""
+        return self.arguments[0]
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Project, run, and the command with its target."""
+        target = self.arguments[self.arguments.index("--to") + 1] if "--to" in self.arguments else ""
+        return (self.project, self.run, f"{self.kind}-{target}" if target else self.kind)
+
+
+@dataclass
+class JobQueue:
+    """Commands of all projects."""
+
+    workspace: Workspace
+    jobs: dict[tuple[str, str, str], Job] = field(default_factory=dict)  #: The latest of each key.
+    _children: dict[tuple[str, str, str], subprocess.Popen[bytes]] = field(default_factory=dict)
+    _adopted: dict[tuple[str, str, str], int] = field(default_factory=dict)
+
+    def add(self, job: Job) -> None:
+        """Put a command at the end of the queue, unless it waits or runs already."""
+        known = self.jobs.get(job.key)
+        if known is None or known.state == "ended":
+            self.jobs.pop(job.key, None)
+            self.jobs[job.key] = job
+
+    def of(self, project: str, run: str, kind: str) -> Job | None:
+        """The latest command of a kind for a run."""
+        return self.jobs.get((project, run, kind))
+
+    def interrupt(self, key: tuple[str, str, str]) -> None:
+        """Take a command from the queue, or end it as Ctrl-C does."""
+        job = self.jobs.get(key)
+        if job is not None and job.state == "queued":
+            del self.jobs[key]
+            return
+        pid = self._children[key].pid if key in self._children else self._adopted.get(key)
+        if pid is not None:
+            interrupt_process(pid)
+
+    def adopt(self, job: Job) -> bool:
+        """Take over a command that an earlier server has started and that still runs; False if it does not."""
+        try:
+            pid = int(json.loads(self._note(job).read_text(encoding="utf-8"))["pid"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return False
+        if not is_process_of(pid, job.run):
+            return False
+        self.jobs[job.key] = replace(job, state="running")
+        self._adopted[job.key] = pid
+        return True
+
+    def tick(self) -> bool:
+        """Note which commands have ended and start the next; True if anything has changed."""
+        changed = False
+        for key, child in list(self._children.items()):
+            if child.poll() is not None:
+                del self._children[key]
+                self._end(key, child.returncode)
+                changed = True
+        for key, pid in list(self._adopted.items()):
+            if not is_process_of(pid, self.jobs[key].run):
+                del self._adopted[key]
+                self._end(key, None)
+                changed = True
+        for long in (True, False):
+            lane = [job for job in self.jobs.values() if (job.kind in LONG) is long]
+            waiting = [job for job in lane if job.state == "queued"]
+            if waiting and not any(job.state == "running" for job in lane):
+                self._start(waiting[0])
+                changed = True
+        return changed
+
+    def pause_all(self) -> None:
+        """End all commands as Ctrl-C does; the next server goes on with the searches."""
+        for key in [*self._children, *self._adopted]:
+            self.interrupt(key)
+
+    def _start(self, job: Job) -> None:
+        folder = self.workspace.path(job.project)
+        workers = ("--workers", str(free_cores())) if job.kind in LONG else ()
+        child = start_process((*job.arguments, *workers, *_SILENT.get(job.kind, ())), folder, self._log(job))
+        self._children[job.key] = child
+        self.jobs[job.key] = replace(job, state="running")
+        write_file(self._note(job), json.dumps({"pid": child.pid, "arguments": list(job.arguments)}).encode())
+
+    def _end(self, key: tuple[str, str, str], code: int | None) -> None:
+        job = self.jobs[key]
+        try:
+            output = self._log(job).read_text(encoding="utf-8", errors="replace")[-_LAST_WORDS:]
+        except OSError:
+            output = ""
+        self.jobs[key] = replace(job, state="ended", code=code, output=output.strip())
+        self._note(job).unlink(missing_ok=True)
+
+    def _log(self, job: Job) -> Path:
+        return self.workspace.path(job.project) / "jobs" / f"{job.run}-{job.key[2]}.log"
+
+    def _note(self, job: Job) -> Path:
+        return self._log(job).with_suffix(".json")
+
+
+_SILENT: Mapping[str, Any] = {"identify": ("--quiet",), "export": ("--json",), "plan": ("--json",)}
+"""Options that make a command print only what the app reads."""
