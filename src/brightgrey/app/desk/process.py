@@ -7,17 +7,21 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import ParamSpec, TypeVar
+from importlib import import_module
+from typing import Any
 
 from brightgrey.errors import RecordingError
 
-__all__ = ["Desk"]
+__all__ = ["TASKS", "Desk"]
 
-P = ParamSpec("P")
-T = TypeVar("T")
+#: Tasks by name, with the module of each: the server itself loads none of what they need.
+TASKS = {
+    **dict.fromkeys(("apply_remedy", "check_files", "inspect_file", "recording_course"), "recordings"),
+    **dict.fromkeys(("check_drive", "drive_picture", "effect_choices"), "drives"),
+    **dict.fromkeys(("gains", "live_fit", "result_parts", "run_status"), "results"),
+}
 _LARGE = 50 << 20  # bytes of a file after which the process is replaced, so that its memory is given back
 
 
@@ -32,24 +36,24 @@ class Desk:
         context = multiprocessing.get_context("spawn")
         return ProcessPoolExecutor(1, mp_context=context, initializer=_prepare)
 
-    async def call(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """Call a function of a module, with plain data, in the process.
+    async def call(self, task: str, *args: Any) -> Any:
+        """Do one of the tasks, with plain data, in the process.
 
         Raises
         ------
         BrightgreyError
-            As the function; RecordingError if the process was ended by what it read.
+            As the task; RecordingError if the process was ended by what it read.
         """
         loop = asyncio.get_running_loop()
         try:
-            return await loop.run_in_executor(self._pool, _Call(function, args, kwargs))
+            return await loop.run_in_executor(self._pool, _do, task, args)
         except BrokenProcessPool:
             self._pool = self._new_pool()
             raise RecordingError("the file has ended the process that read it: it is damaged or too large") from None
 
-    def warm_up(self, function: Callable[[], None]) -> None:
+    def warm_up(self) -> None:
         """Let the process load what it will need, while nobody waits."""
-        self._pool.submit(function)
+        self._pool.submit(_load)
 
     def recycle(self, size: int) -> None:
         """Replace the process after it has read a file of so many bytes, if that is large."""
@@ -62,15 +66,13 @@ class Desk:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
-class _Call:
-    """Call that can be sent to another process."""
+def _do(task: str, args: tuple[Any, ...]) -> Any:
+    return getattr(import_module(f"brightgrey.app.desk.{TASKS[task]}"), task)(*args)
 
-    def __init__(self, function: Callable[..., object], args: object, kwargs: object) -> None:
-        self.content = function, args, kwargs
 
-    def __call__(self) -> object:
-        function, args, kwargs = self.content
-        return function(*args, **kwargs)  # type: ignore[misc]
+def _load() -> None:
+    for module in sorted(set(TASKS.values())):
+        import_module(f"brightgrey.app.desk.{module}")
 
 
 def _prepare() -> None:

@@ -18,7 +18,7 @@ __all__ = ["Job", "JobQueue"]
 
 JobState = Literal["queued", "running", "ended"]
 LONG = ("identify", "selftest", "plan")
-_LAST_WORDS = 2000  # characters of a log that are shown
+_LAST_WORDS = 20_000  # characters of a log that are shown
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,14 @@ class JobQueue:
             self.jobs[job.key] = job
 
     def of(self, project: str, run: str, kind: str) -> Job | None:
-        """The latest command of a kind for a run."""
-        return self.jobs.get((project, run, kind))
+        """The latest command of a kind for a run, also of an earlier server."""
+        key = (project, run, kind)
+        if key not in self.jobs:
+            note = _read_note(self.workspace.path(project) / "jobs" / f"{run}-{kind}.json")
+            if "code" not in note:
+                return None
+            self.jobs[key] = Job(project, run, tuple(note["arguments"]), "ended", note["code"], note["output"])
+        return self.jobs[key]
 
     def interrupt(self, key: tuple[str, str, str]) -> None:
         """Take a command from the queue, or end it as Ctrl-C does."""
@@ -88,11 +94,8 @@ class JobQueue:
 
     def adopt(self, job: Job) -> bool:
         """Take over a command that an earlier server has started and that still runs; False if it does not."""
-        try:
-            pid = int(json.loads(self._note(job).read_text(encoding="utf-8"))["pid"])
-        except (OSError, ValueError, KeyError, TypeError):
-            return False
-        if not is_process_of(pid, job.run):
+        pid = _read_note(self._note(job)).get("pid")
+        if pid is None or not is_process_of(int(pid), job.run):
             return False
         self.jobs[job.key] = replace(job, state="running")
         self._adopted[job.key] = pid
@@ -126,6 +129,8 @@ class JobQueue:
 
     def _start(self, job: Job) -> None:
         folder = self.workspace.path(job.project)
+        if job.kind == "identify":
+            self._forget_what_followed(job)
         workers = ("--workers", str(free_cores())) if job.kind in LONG else ()
         child = start_process((*job.arguments, *workers, *_SILENT.get(job.kind, ())), folder, self._log(job))
         self._children[job.key] = child
@@ -138,14 +143,34 @@ class JobQueue:
             output = self._log(job).read_text(encoding="utf-8", errors="replace")[-_LAST_WORDS:]
         except OSError:
             output = ""
-        self.jobs[key] = replace(job, state="ended", code=code, output=output.strip())
-        self._note(job).unlink(missing_ok=True)
+        ended = replace(job, state="ended", code=code, output=output.strip())
+        self.jobs[key] = ended
+        if self._note(job).parent.is_dir():  # the project may have been deleted meanwhile
+            note = {"arguments": list(ended.arguments), "code": code, "output": ended.output}
+            write_file(self._note(job), json.dumps(note).encode())
+
+    def _forget_what_followed(self, job: Job) -> None:
+        """Forget exports, plan and self-test of a run whose model changes."""
+        for key in [k for k in self.jobs if k[:2] == job.key[:2] and k != job.key and self.jobs[k].state == "ended"]:
+            del self.jobs[key]
+        for note in self._note(job).parent.glob(f"{job.run}-*.json"):
+            if note != self._note(job):
+                note.unlink()
 
     def _log(self, job: Job) -> Path:
         return self.workspace.path(job.project) / "jobs" / f"{job.run}-{job.key[2]}.log"
 
     def _note(self, job: Job) -> Path:
         return self._log(job).with_suffix(".json")
+
+
+def _read_note(path: Path) -> dict[str, Any]:
+    """Content of a note beside a log; empty if there is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 _SILENT: Mapping[str, Any] = {"identify": ("--quiet",), "export": ("--json",), "plan": ("--json",)}
