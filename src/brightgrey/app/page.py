@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import inspect
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 
 from nicegui import background_tasks, ui
 
@@ -23,7 +24,17 @@ from brightgrey.errors import BrightgreyError
 
 __all__ = ["home_page", "project_page"]
 
-NAMES = {
+
+@dataclass(frozen=True)
+class _PagePolicy:
+    """Times of a page."""
+
+    look_every: float = 0.7  #: Time in s between two looks at whether something has changed.
+
+
+PAGES = _PagePolicy()
+
+STAGE_NAMES = {
     "drive": "Drive",
     "recording": "Recording",
     "check": "Check",
@@ -31,7 +42,7 @@ NAMES = {
     "results": "Results",
     "handover": "Hand over",
 }
-KINDS: dict[str, Callable[[ProjectView], Stage]] = {
+STAGE_KINDS: dict[str, Callable[[ProjectView], Stage]] = {
     "drive": DriveStage,
     "recording": RecordingStage,
     "check": CheckStage,
@@ -39,10 +50,8 @@ KINDS: dict[str, Callable[[ProjectView], Stage]] = {
     "results": ResultsStage,
     "handover": HandoverStage,
 }
-_SIGNS = {"done": "✓", "stale": "!", "open": "", "blocked": ""}
-_WORDS = {"done": "done", "stale": "out of date", "open": "open", "blocked": "not yet"}
-EVERY = 0.7
-"""Time in s between two looks at whether something has changed."""
+STAGE_SIGNS = {"done": "✓", "stale": "!", "open": "", "blocked": ""}
+STAGE_WORDS = {"done": "done", "stale": "out of date", "open": "open", "blocked": "not yet"}
 
 
 def _frame(where: str = "") -> None:
@@ -76,7 +85,9 @@ def home_page(services: AppServices) -> None:
             "lead",
         )
         with tag("form", "", "row", data_form="create") as form:
-            entry("Name of a new project", "", typed, key="title", placeholder="X axis, milling machine", maxlength="80")
+            entry(
+                "Name of a new project", "", typed, key="title", placeholder="X axis, milling machine", maxlength="80"
+            )
             tag("button", "Create", "button primary", type="submit", data_key="create")
         form.on("submit.prevent", lambda _: create())
         heading("Projects")
@@ -101,7 +112,7 @@ def _project_card(services: AppServices, name: str) -> None:
         with tag("h3"):
             link(document.title, f"/project/{name}/{stage}", key=f"open-{name}")
         count = len(document.recordings)
-        paragraph(f"{count} recording{'' if count == 1 else 's'}, next: {NAMES[stage].lower()}", "soft")
+        paragraph(f"{count} recording{'' if count == 1 else 's'}, next: {STAGE_NAMES[stage].lower()}", "soft")
         with tag("details"):
             tag("summary", "Delete")
             paragraph("This removes the project's recordings, runs and exports from the disk.", "soft")
@@ -127,7 +138,7 @@ class _ProjectPage:
 
     @property
     def document(self) -> ProjectDocument:
-        """What is chosen, as the disk has it."""
+        """Document of the project, as the disk has it."""
         return self.services.workspace.load(self.name)
 
     def build(self) -> None:
@@ -141,7 +152,7 @@ class _ProjectPage:
         if not states[self.stage].reachable:
             self.stage = next_stage(states)
         self.render()
-        ui.timer(EVERY, self.tick)
+        ui.timer(PAGES.look_every, self.tick)
 
     def version(self) -> tuple[int, int]:
         """Grows whenever the document or something that runs has changed."""
@@ -155,7 +166,7 @@ class _ProjectPage:
         self.main.clear()
         states = self.services.states(self.document)
         with self.main:
-            self.shown = KINDS[self.stage](self)
+            self.shown = STAGE_KINDS[self.stage](self)
             if states[self.stage].progress == "stale":
                 alert(states[self.stage].reason, "note")
             self.shown.build()
@@ -176,9 +187,9 @@ class _ProjectPage:
                         aria_disabled=None if state.reachable else "true",
                     )
                     with button:
-                        tag("span", _SIGNS[state.progress] or str(number), "dot", aria_hidden="true")
-                        tag("span", NAMES[name], "name")
-                        tag("span", f"{NAMES[name]}, {_WORDS[state.progress]}. {state.reason}", "unseen")
+                        tag("span", STAGE_SIGNS[state.progress] or str(number), "dot", aria_hidden="true")
+                        tag("span", STAGE_NAMES[name], "name")
+                        tag("span", f"{STAGE_NAMES[name]}, {STAGE_WORDS[state.progress]}. {state.reason}", "unseen")
                     button.on("click", lambda _, name=name: self.go(name))
 
     def go(self, stage: str) -> None:

@@ -24,7 +24,7 @@ from brightgrey.errors import BrightgreyError
 __all__ = ["serve"]
 
 STATIC = Path(__file__).parent / "static"
-KINDS = {".html": "text/html", ".json": "application/json", ".svg": "image/svg+xml", ".csv": "text/csv"}
+MEDIA_TYPES = {".html": "text/html", ".json": "application/json", ".svg": "image/svg+xml", ".csv": "text/csv"}
 #: A page that a run has written is shown without rights of this site: it may run its own figures and nothing else.
 SANDBOX = {"Content-Security-Policy": "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; "
            "style-src 'unsafe-inline'; img-src data: blob:; font-src data:"}  # fmt: skip
@@ -91,7 +91,9 @@ def serve(folder: Path, *, host: str, port: int, password: str | None, show: boo
 
 def _add_pages(services: AppServices) -> None:
     """Pages, with the style and the script that all of them share."""
-    ui.add_head_html('<link rel="stylesheet" href="/static/app.css"><script src="/static/app.js"></script>', shared=True)
+    ui.add_head_html(
+        '<link rel="stylesheet" href="/static/app.css"><script src="/static/app.js"></script>', shared=True
+    )
 
     @ui.page("/")
     def home() -> None:
@@ -145,9 +147,9 @@ def _add_routes(services: AppServices) -> None:
             return PlainTextResponse("not found", 404)
         file = (folder / path).resolve()
         inside = any(file.is_relative_to(folder / part) for part in ("runs", "exports"))
-        if not inside or not file.is_file() or file.name.startswith("run.") and file.suffix != ".json":
+        if not inside or not file.is_file() or (file.name.startswith("run.") and file.suffix != ".json"):
             return PlainTextResponse("not found", 404)
-        kind = KINDS.get(file.suffix, "application/octet-stream")
+        kind = MEDIA_TYPES.get(file.suffix, "application/octet-stream")
         headers = {**SANDBOX, "Cache-Control": "no-store"}
         return FileResponse(file, media_type=kind, filename=file.name if save else None, headers=headers)
 

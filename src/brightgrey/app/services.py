@@ -11,7 +11,7 @@ from typing import Any
 
 from brightgrey.app.desk.process import Desk
 from brightgrey.app.jobs.arguments import identify_arguments
-from brightgrey.app.jobs.queue import Job, JobQueue
+from brightgrey.app.jobs.queue import JobQueue, QueuedCommand
 from brightgrey.app.workspace.folder import Workspace, toml_name
 from brightgrey.app.workspace.progress import StageState, current_run, stage_states
 from brightgrey.app.workspace.project import (
@@ -25,8 +25,6 @@ from brightgrey.errors import BrightgreyError
 
 __all__ = ["AppServices"]
 
-EVERY = 0.5
-"""Time in s between two looks at what runs."""
 log = logging.getLogger(__name__)
 
 
@@ -40,6 +38,7 @@ class AppServices:
     statuses: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)  #: Of runs, by project and name.
     inspections: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)  #: By project and file.
     checkups: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)  #: By project and digest.
+    look_every: float = 0.5  #: Time in s between two looks at what runs.
     ticks: int = 0  #: Grows whenever something that runs has changed.
 
     def states(self, document: ProjectDocument) -> dict[str, StageState]:
@@ -95,13 +94,11 @@ class AppServices:
         if run is None:
             number = 1 + max((int(r.name.split("-")[1]) for r in document.runs), default=0)
             new = f"run-{number}"
-            run = RunEntry(
-                name=new, digest=digest_of_search(document), arguments=identify_arguments(document, new)
-            )
+            run = RunEntry(name=new, digest=digest_of_search(document), arguments=identify_arguments(document, new))
             entry = run
             self.workspace.change(name, lambda d: d.model_copy(update={"runs": (*d.runs, entry)}))
         self.workspace.change(name, lambda d: d.with_run(run.name, wanted="running"))
-        self.queue.add(Job(name, run.name, run.arguments))
+        self.queue.add(QueuedCommand(name, run.name, run.arguments))
         self.ticks += 1
         return run.name
 
@@ -133,7 +130,7 @@ class AppServices:
             await self.look(name, [r.name for r in document.runs])
             for run in document.runs:
                 state = self.statuses[name, run.name]["state"]
-                job = Job(name, run.name, run.arguments)
+                job = QueuedCommand(name, run.name, run.arguments)
                 if run.wanted == "running" and state != "finished" and not self.queue.adopt(job):
                     self.queue.add(job)
 
@@ -146,7 +143,7 @@ class AppServices:
         while True:
             with contextlib.suppress(BrightgreyError):
                 await self._tick()
-            await asyncio.sleep(EVERY)
+            await asyncio.sleep(self.look_every)
 
     async def _tick(self) -> None:
         before = {key: job.state for key, job in self.queue.jobs.items()}

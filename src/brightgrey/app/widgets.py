@@ -138,7 +138,8 @@ def entry(
     with tag("div", "", "field") as field:
         tag("label", label, "unseen" if unseen else "", for_=f"field-{key}")
         with tag("span", "", "with-unit"):
-            box = tag("input", value=value, id=f"field-{key}", data_key=key, autocomplete="off", **attributes)
+            box = tag("input", id=f"field-{key}", data_key=key, autocomplete="off", **attributes)
+            box.props["^value"] = value  # as an attribute: Vue would put a property back while somebody types
             if unit:
                 tag("span", unit, "unit")
         described = []

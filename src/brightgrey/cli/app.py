@@ -14,7 +14,7 @@ from brightgrey.errors import SettingsError
 __all__ = ["app"]
 
 LOCAL = ("127.0.0.1", "localhost")
-PASSWORD = "BRIGHTGREY_PASSWORD"  # noqa: S105 (the name of a variable)
+PASSWORD = "BRIGHTGREY_PASSWORD"
 
 
 def app(
@@ -23,8 +23,12 @@ def app(
     ] = Path("brightgrey-workspace"),
     host: Annotated[
         str,
-        typer.Option("--host", metavar="NAME", help=f"Address to listen on; another than this machine's own asks for a "
-                     f"password, or takes it from {PASSWORD}."),
+        typer.Option(
+            "--host",
+            metavar="NAME",
+            help=f"Address to listen on; another than this machine's own asks for a "
+            f"password, or takes it from {PASSWORD}.",
+        ),
     ] = "127.0.0.1",
     port: Annotated[
         int, typer.Option("--port", min=0, max=65535, metavar="N", help="Port; a free one by default.")
@@ -35,7 +39,9 @@ def app(
 
     It works offline and sends nothing anywhere. Runs are those of identify, so that both can go on with each other's.
     """
-    password = None if host in LOCAL else os.environ.get(PASSWORD) or typer.prompt("Password for the app", hide_input=True)
+    password = (
+        None if host in LOCAL else os.environ.get(PASSWORD) or typer.prompt("Password for the app", hide_input=True)
+    )
     try:
         from brightgrey.app.server import serve
     except ModuleNotFoundError as error:

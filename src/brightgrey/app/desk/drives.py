@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from brightgrey.app.workspace.project import MASS_EFFECTS, AxisChoice
 from brightgrey.drawing.drive import drive_of
 from brightgrey.drawing.picture import DriveDrawing
 from brightgrey.errors import BrightgreyError, one_of
@@ -15,7 +16,6 @@ from brightgrey.search.lattice import Lattice
 
 __all__ = ["check_drive", "drive_picture", "effect_choices"]
 
-_MASSES = {1: "one_mass", 2: "two_mass", 3: "three_mass", 4: "four_mass"}
 _OPTIONAL_IN_DRAWING = ("coulomb", "viscous", "gravity", "backlash", "current_control", "delay")
 """Effects that are drawn dashed while nothing is known of them."""
 
@@ -32,9 +32,7 @@ def effect_choices() -> dict[str, Any]:
     return {"effects": effects, "parameters": [p for p in parameters if "@" not in p["name"]]}
 
 
-def drive_picture(
-    motion: str, least: int, most: int, certain: Sequence[str], absent: Sequence[str]
-) -> str:
+def drive_picture(motion: str, least: int, most: int, certain: Sequence[str], absent: Sequence[str]) -> str:
     """Drawing of what is known of a drive; what is open is dashed.
 
     Parameters
@@ -47,8 +45,8 @@ def drive_picture(
     """
     chosen = [Placed.parse(name) for name in certain if Placed.parse(name).place <= max(least, 1)]
     chosen = [p for p in chosen if p.effect.where != "shaft" or p.place < least]
-    structure = Structure((Placed(_MASSES[least]), *chosen))
-    undecided = [_MASSES[n] for n in range(least + 1, most + 1)]
+    structure = Structure((Placed(MASS_EFFECTS[least]), *chosen))
+    undecided = [MASS_EFFECTS[n] for n in range(least + 1, most + 1)]
     for name in (*_OPTIONAL_IN_DRAWING, *certain):
         placed = Placed.parse(name)
         enough = most > placed.place if placed.effect.where == "shaft" else True
@@ -63,18 +61,16 @@ def drive_picture(
 
 
 def check_drive(drive: Mapping[str, Any]) -> str:
-    """What contradicts itself in what is known of a drive; empty if nothing does."""
-    require = [*drive["certain"], *([_MASSES[drive["least_masses"]]] if drive["least_masses"] > 1 else [])]
-    most = drive["most_masses"]
-    exclude = [*drive["absent"], *([_MASSES[most + 1]] if most < max(_MASSES) else [])]
+    """Say which choices of a drive contradict each other; empty if none do."""
+    chosen = AxisChoice.model_validate(drive)
     grammar = grammar_named("drive")
     try:
-        Lattice.of(grammar.whole, require, exclude)
-        for known in drive["known"]:
-            one_of("parameter", known["name"], sorted(grammar.parameters))
-            for text in (known["low"], known["high"]):
+        Lattice.of(grammar.whole, chosen.required, chosen.excluded)
+        for known in chosen.known:
+            one_of("parameter", known.name, sorted(grammar.parameters))
+            for text in (known.low, known.high):
                 if text:
-                    number(known["name"], text, "a number in the recording's units")
+                    number(known.name, text, "a number in the recording's units")
     except BrightgreyError as error:
         return str(error)
     return ""

@@ -9,6 +9,7 @@ import signal
 import threading
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -22,7 +23,16 @@ TASKS = {
     **dict.fromkeys(("check_drive", "drive_picture", "effect_choices"), "drives"),
     **dict.fromkeys(("gains", "live_fit", "result_parts", "run_status"), "results"),
 }
-_LARGE = 50 << 20  # bytes of a file after which the process is replaced, so that its memory is given back
+
+
+@dataclass(frozen=True)
+class _DeskPolicy:
+    """Limits of the desk."""
+
+    large: int = 50 << 20  #: Bytes of a file after which the process is replaced, so that its memory is given back.
+
+
+DESK = _DeskPolicy()
 
 
 class Desk:
@@ -53,24 +63,26 @@ class Desk:
 
     def warm_up(self) -> None:
         """Let the process load what it will need, while nobody waits."""
-        self._pool.submit(_load)
+        self._pool.submit(_load_tasks)
 
     def recycle(self, size: int) -> None:
         """Replace the process after it has read a file of so many bytes, if that is large."""
-        if size > _LARGE:
+        if size > DESK.large:
             self._pool.shutdown(wait=False)
             self._pool = self._new_pool()
 
     def close(self) -> None:
-        """End the process."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        """End the process, whatever it does."""
+        for child in multiprocessing.active_children():
+            child.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _do(task: str, args: tuple[Any, ...]) -> Any:
     return getattr(import_module(f"brightgrey.app.desk.{TASKS[task]}"), task)(*args)
 
 
-def _load() -> None:
+def _load_tasks() -> None:
     for module in sorted(set(TASKS.values())):
         import_module(f"brightgrey.app.desk.{module}")
 

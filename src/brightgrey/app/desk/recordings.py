@@ -114,7 +114,7 @@ def check_files(tomls: Sequence[str], labels: Mapping[str, str]) -> dict[str, An
         except BrightgreyError as error:
             problems.append(str(error))
     if problems:
-        return {"grade": "stop", "problems": [_named(p, labels) for p in problems], "results": []}
+        return {"grade": "stop", "problems": [_with_labels(p, labels) for p in problems], "results": []}
     found = check(recordings)
     results = [
         {
@@ -124,7 +124,7 @@ def check_files(tomls: Sequence[str], labels: Mapping[str, str]) -> dict[str, An
             "recording": labels.get(r.recording, r.recording),
             "figure": r.figure,
             "threshold": r.threshold,
-            "sentence": _named(r.sentence, labels),
+            "sentence": _with_labels(r.sentence, labels),
             "remedy": dict(r.remedy),
         }
         for r in found.results
@@ -132,7 +132,7 @@ def check_files(tomls: Sequence[str], labels: Mapping[str, str]) -> dict[str, An
     return {"grade": found.grade, "problems": [], "results": results}
 
 
-def _named(text: str, labels: Mapping[str, str]) -> str:
+def _with_labels(text: str, labels: Mapping[str, str]) -> str:
     for file, label in labels.items():
         text = text.replace(file, label)
     return text
@@ -142,5 +142,3 @@ def apply_remedy(options: Mapping[str, Any], remedy: Mapping[str, Any]) -> dict[
     """Options of a recording after a remedy, as ``brightgrey check --fix`` writes them."""
     content = tomllib.loads(recording_toml(["x"], options, remedy))
     return {name: value for name, value in content.items() if name != "recording"}
-
-

@@ -18,8 +18,6 @@ __all__ = [
     "shown_command",
 ]
 
-_MASSES = {1: "one_mass", 2: "two_mass", 3: "three_mass", 4: "four_mass"}
-
 
 def free_cores() -> int:
     """Cores for a search: all but one, which is left for the page and for whatever else runs."""
@@ -39,13 +37,9 @@ def identify_arguments(document: ProjectDocument, run: str) -> tuple[str, ...]:
     words = ["identify", *(f"recordings/{toml_name(r)}" for r in document.of_use("train"))]
     for recording in document.of_use("test")[:1]:
         words += ["--test-recording", f"recordings/{toml_name(recording)}"]
-    if drive.least_masses > 1:
-        words += ["--require", _MASSES[drive.least_masses]]
-    if drive.most_masses < max(_MASSES):
-        words += ["--exclude", _MASSES[drive.most_masses + 1]]
-    for effect in drive.certain:
+    for effect in drive.required:
         words += ["--require", effect]
-    for effect in drive.absent:
+    for effect in drive.excluded:
         words += ["--exclude", effect]
     for known in drive.known:
         words += _known_words(known)

@@ -8,12 +8,22 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 __all__ = ["interrupt_process", "is_process_of", "start_process"]
 
-NICENESS = 10
 _WINDOWS = sys.platform == "win32"
+
+
+@dataclass(frozen=True)
+class _ProcessPolicy:
+    """How commands are run."""
+
+    niceness: int = 10  #: Of a command's process, where the system has such a thing.
+
+
+PROCESSES = _ProcessPolicy()
 
 
 def start_process(arguments: Sequence[str], folder: Path, log: Path) -> subprocess.Popen[bytes]:
@@ -32,7 +42,7 @@ def start_process(arguments: Sequence[str], folder: Path, log: Path) -> subproce
             command, cwd=folder, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
         )
     with contextlib.suppress(OSError):  # it may be over already
-        os.setpriority(os.PRIO_PROCESS, child.pid, NICENESS)
+        os.setpriority(os.PRIO_PROCESS, child.pid, PROCESSES.niceness)
     return child
 
 

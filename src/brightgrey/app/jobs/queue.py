@@ -14,15 +14,14 @@ from brightgrey.app.jobs.child import interrupt_process, is_process_of, start_pr
 from brightgrey.app.workspace.folder import Workspace
 from brightgrey.model.files import write_file
 
-__all__ = ["Job", "JobQueue"]
+__all__ = ["JobQueue", "QueuedCommand"]
 
 JobState = Literal["queued", "running", "ended"]
 LONG = ("identify", "selftest", "plan")
-_LAST_WORDS = 20_000  # characters of a log that are shown
 
 
 @dataclass(frozen=True)
-class Job:
+class QueuedCommand:
     """A command that waits, runs or has ended.
 
     Attributes
@@ -61,25 +60,28 @@ class JobQueue:
     """Commands of all projects."""
 
     workspace: Workspace
-    jobs: dict[tuple[str, str, str], Job] = field(default_factory=dict)  #: The latest of each key.
+    jobs: dict[tuple[str, str, str], QueuedCommand] = field(default_factory=dict)  #: The latest of each key.
+    last_words: int = 20_000  #: Characters of a log that are kept.
     _children: dict[tuple[str, str, str], subprocess.Popen[bytes]] = field(default_factory=dict)
     _adopted: dict[tuple[str, str, str], int] = field(default_factory=dict)
 
-    def add(self, job: Job) -> None:
+    def add(self, job: QueuedCommand) -> None:
         """Put a command at the end of the queue, unless it waits or runs already."""
         known = self.jobs.get(job.key)
         if known is None or known.state == "ended":
             self.jobs.pop(job.key, None)
             self.jobs[job.key] = job
 
-    def of(self, project: str, run: str, kind: str) -> Job | None:
+    def of(self, project: str, run: str, kind: str) -> QueuedCommand | None:
         """The latest command of a kind for a run, also of an earlier server."""
         key = (project, run, kind)
         if key not in self.jobs:
             note = _read_note(self.workspace.path(project) / "jobs" / f"{run}-{kind}.json")
             if "code" not in note:
                 return None
-            self.jobs[key] = Job(project, run, tuple(note["arguments"]), "ended", note["code"], note["output"])
+            self.jobs[key] = QueuedCommand(
+                project, run, tuple(note["arguments"]), "ended", note["code"], note["output"]
+            )
         return self.jobs[key]
 
     def interrupt(self, key: tuple[str, str, str]) -> None:
@@ -92,7 +94,7 @@ class JobQueue:
         if pid is not None:
             interrupt_process(pid)
 
-    def adopt(self, job: Job) -> bool:
+    def adopt(self, job: QueuedCommand) -> bool:
         """Take over a command that an earlier server has started and that still runs; False if it does not."""
         pid = _read_note(self._note(job)).get("pid")
         if pid is None or not is_process_of(int(pid), job.run):
@@ -127,7 +129,7 @@ class JobQueue:
         for key in [*self._children, *self._adopted]:
             self.interrupt(key)
 
-    def _start(self, job: Job) -> None:
+    def _start(self, job: QueuedCommand) -> None:
         folder = self.workspace.path(job.project)
         if job.kind == "identify":
             self._forget_what_followed(job)
@@ -140,7 +142,7 @@ class JobQueue:
     def _end(self, key: tuple[str, str, str], code: int | None) -> None:
         job = self.jobs[key]
         try:
-            output = self._log(job).read_text(encoding="utf-8", errors="replace")[-_LAST_WORDS:]
+            output = self._log(job).read_text(encoding="utf-8", errors="replace")[-self.last_words :]
         except OSError:
             output = ""
         ended = replace(job, state="ended", code=code, output=output.strip())
@@ -149,7 +151,7 @@ class JobQueue:
             note = {"arguments": list(ended.arguments), "code": code, "output": ended.output}
             write_file(self._note(job), json.dumps(note).encode())
 
-    def _forget_what_followed(self, job: Job) -> None:
+    def _forget_what_followed(self, job: QueuedCommand) -> None:
         """Forget exports, plan and self-test of a run whose model changes."""
         for key in [k for k in self.jobs if k[:2] == job.key[:2] and k != job.key and self.jobs[k].state == "ended"]:
             del self.jobs[key]
@@ -157,10 +159,10 @@ class JobQueue:
             if note != self._note(job):
                 note.unlink()
 
-    def _log(self, job: Job) -> Path:
+    def _log(self, job: QueuedCommand) -> Path:
         return self.workspace.path(job.project) / "jobs" / f"{job.run}-{job.key[2]}.log"
 
-    def _note(self, job: Job) -> Path:
+    def _note(self, job: QueuedCommand) -> Path:
         return self._log(job).with_suffix(".json")
 
 

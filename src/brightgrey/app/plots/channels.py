@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,15 @@ from brightgrey.report.drawing.plotly_figure import plot
 
 __all__ = ["channel_figure"]
 
-POINTS = 2400
-"""Points of a line that a screen can show."""
+
+@dataclass(frozen=True)
+class _ChannelFigure:
+    """Form of the figure."""
+
+    points: int = 2400  #: Of a line; a screen shows no more.
+
+
+CHANNEL_FIGURE = _ChannelFigure()
 
 
 def channel_figure(
@@ -42,7 +50,7 @@ def channel_figure(
     rows += [(s, y * s.factor, "measured") for s, y in zip(recording.outputs, recording.y, strict=True)]
     panels = []
     for number, (signal, values, colour) in enumerate(rows):
-        shown_t, shown = thin(t[part], values[part], most=POINTS)
+        shown_t, shown = thin(t[part], values[part], most=CHANNEL_FIGURE.points)
         last_one = number == len(rows) - 1
         panels.append(
             Panel(

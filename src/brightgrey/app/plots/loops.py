@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,17 @@ from brightgrey.report.drawing.plotly_figure import plot
 
 __all__ = ["loop_figure"]
 
-POINTS = 600
-_DECADES_BELOW, _DECADES_ABOVE = 2.0, 1.5  # of the crossover
+
+@dataclass(frozen=True)
+class _LoopFigure:
+    """Form of the figure."""
+
+    points: int = 600
+    decades_below: float = 2.0  #: Of frequency, below the crossover.
+    decades_above: float = 1.5
+
+
+LOOP_FIGURE = _LoopFigure()
 
 
 def loop_figure(found: Design) -> dict[str, Any]:
@@ -22,9 +32,10 @@ def loop_figure(found: Design) -> dict[str, Any]:
 
     The gain before is scaled so that both meet at the crossover: only its shape is compared.
     """
+    form = LOOP_FIGURE
     analysis, cascade = found.analyses[0], found.cascade
     crossover = cascade.speed_margins[0].crossover
-    omega = crossover * np.logspace(-_DECADES_BELOW, _DECADES_ABOVE, POINTS)
+    omega = crossover * np.logspace(-form.decades_below, form.decades_above, form.points)
     row = analysis.outputs.index("velocity")
     plant = frequency_response(analysis.linear, omega, analysis.dead_time + found.delay)[row]
     loop = plant * cascade.controller.response(omega)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from brightgrey.app.widgets import alert, choice, entry, heading, hint, paragraph, raw, tag
 
 __all__ = ["ChannelTable", "reading_options"]
 
-ROLES = {
+CHANNEL_ROLES = {
     "": "not used",
     "input": "input: what drives",
     "position": "output: position",
@@ -19,21 +21,32 @@ ROLES = {
     "acceleration": "output: acceleration",
 }
 PLACES = {"1": "mass 1 (motor)", "2": "mass 2", "3": "mass 3", "4": "mass 4"}
-FURTHER = {
+FURTHER_OPTIONS = {
     "time": ("Column of the time", "Only if it is not found by its name."),
     "dt": ("Sampling interval in s", "Only for files without a column of time."),
     "input_gain": ("Factor of the input", "From the recorded number to its unit."),
     "decimate": ("Use every Nth sample", "For recordings that are sampled much faster than the drive moves."),
     "hold": ("Input between samples", "linear, or zoh if the controller holds it."),
     "torque_constant": ("Torque constant", "Torque per current, like 0.05 N m/A, if the input is a current."),
-    "rated": ("What 100 % are", "For channels in per cent, like torque=9.84 N m; several are separated by a semicolon."),
+    "rated": (
+        "What 100 % are",
+        "For channels in per cent, like torque=9.84 N m; several are separated by a semicolon.",
+    ),
     "counts": ("Increments per turn", "For channels in increments, like position=65536."),
     "gear": ("Factor of an output", "From the load to the motor, like position=5."),
     "shift": ("Time shift in s", "Of a channel whose clock is off, like velocity=0.003."),
 }
 _LISTS = ("rated", "counts", "gear", "shift")
-_SEVERAL = 12
-"""Channels from which on those that nobody uses are folded away."""
+
+
+@dataclass(frozen=True)
+class _TablePolicy:
+    """Form of the table."""
+
+    several: int = 12  #: Channels from which on those that nobody uses are folded away.
+
+
+TABLE = _TablePolicy()
 
 
 class ChannelTable:
@@ -62,7 +75,7 @@ class ChannelTable:
         channels = found["channels"]
         used = [c for c in channels if self.role(c["name"]) or c["quantity"]]
         rest = [c for c in channels if c not in used]
-        folded = rest if len(channels) > _SEVERAL else []
+        folded = rest if len(channels) > TABLE.several else []
         self.rows([c for c in channels if c not in folded])
         if folded:
             with tag("details"):
@@ -98,7 +111,14 @@ class ChannelTable:
                 if channel["words"]:
                     hint(channel["words"], channel["reason"] or "the numbers say so")
             with tag("td", "", "wide"):
-                choice(f"Role of {name}", role, ROLES, lambda v: self.set_role(name, v), key=f"role-{name}", unseen=True)
+                choice(
+                    f"Role of {name}",
+                    role,
+                    CHANNEL_ROLES,
+                    lambda v: self.set_role(name, v),
+                    key=f"role-{name}",
+                    unseen=True,
+                )
             with tag("td"):
                 if role:
                     entry(
@@ -112,7 +132,14 @@ class ChannelTable:
             with tag("td"):
                 if role and role != "input":
                     mass = self.outputs[name][1]
-                    choice(f"Place of {name}", mass, PLACES, lambda v: self.set_mass(name, v), key=f"at-{name}", unseen=True)
+                    choice(
+                        f"Place of {name}",
+                        mass,
+                        PLACES,
+                        lambda v: self.set_mass(name, v),
+                        key=f"at-{name}",
+                        unseen=True,
+                    )
 
     def role(self, name: str) -> str:
         """Role of a channel: empty, ``input``, or the kind of output."""
@@ -148,15 +175,25 @@ class ChannelTable:
 
 def reading_options(options: Mapping[str, Any], change: Callable[[dict[str, Any]], None]) -> None:
     """Build the options that few files need."""
-    given = {name: options[name] for name in FURTHER if name in options}
+    given = {name: options[name] for name in FURTHER_OPTIONS if name in options}
     with tag("details", open=bool(given) or None):
         with tag("summary"):
             heading("Gears, per cent, clocks and other options", 3)
-        with tag("div", "", "row"):
-            for name, (label, about) in FURTHER.items():
+        with tag("div", "", "cards"):
+            for name, (label, about) in FURTHER_OPTIONS.items():
                 value = given.get(name, "")
                 shown = "; ".join(value) if isinstance(value, list) else str(value)
-                entry(label, shown, lambda text, name=name: change({name: _parsed(name, text)}), key=f"option-{name}", about=about)
+                entry(
+                    label,
+                    shown,
+                    partial(_change_option, change, name),
+                    key=f"option-{name}",
+                    about=about,
+                )
+
+
+def _change_option(change: Callable[[dict[str, Any]], None], name: str, text: str) -> None:
+    change({name: _parsed(name, text)})
 
 
 def _parsed(name: str, text: str) -> Any:

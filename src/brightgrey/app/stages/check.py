@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from brightgrey.app.stages.stage import Stage
@@ -12,7 +13,7 @@ from brightgrey.errors import BrightgreyError
 __all__ = ["CheckStage"]
 
 WORDS = {"stop": "stop", "mind": "mind", "note": "note", "passed": "passed"}
-SENTENCES = {
+GRADE_SENTENCES = {
     "stop": "A fault makes an identification meaningless. Mend it, or record again.",
     "mind": "Something is likely to be a fault. Read it before you go on.",
     "note": "Nothing is wrong. There is something that is good to know.",
@@ -60,7 +61,7 @@ class CheckStage(Stage):
             paragraph("A recording cannot be read with what is said of its channels.")
             action("Back to the recordings", lambda: self.page.go("recording"), key="back")
             return
-        alert(SENTENCES[found["grade"]], {"passed": "good", "note": "good"}.get(found["grade"], "note"))
+        alert(GRADE_SENTENCES[found["grade"]], {"passed": "good", "note": "good"}.get(found["grade"], "note"))
         told = [r for r in found["results"] if r["grade"] != "passed"]
         if told:
             self.table(told, "What the checks say")
@@ -88,12 +89,12 @@ class CheckStage(Stage):
                         tag("td", result["recording"])
                         figure = result["figure"] + (f" ({result['threshold']})" if result["threshold"] else "")
                         tag("td", figure, "text")
-                        tag("td", _sentence(result["sentence"]), "text")
+                        tag("td", _as_sentence(result["sentence"]), "text")
                         with tag("td"):
                             if result["remedy"]:
                                 action(
                                     "Apply",
-                                    lambda r=result: self.page.later(self.apply(r)),
+                                    partial(self.start_remedy, result),
                                     key=f"apply-{at}",
                                     label=f"Apply the remedy for {result['check']}: {_remedy(result['remedy'])}",
                                 )
@@ -103,9 +104,7 @@ class CheckStage(Stage):
         """Build the way on against a *stop*."""
 
         def change(value: bool) -> None:
-            self.page.edit(
-                lambda d: d.model_copy(update={"check": d.check.model_copy(update={"override": value})})
-            )
+            self.page.edit(lambda d: d.model_copy(update={"check": d.check.model_copy(update={"override": value})}))
 
         tick(
             "Go on all the same. The result may be meaningless: what a check has stopped is then part of the model.",
@@ -113,6 +112,10 @@ class CheckStage(Stage):
             change,
             key="override",
         )
+
+    def start_remedy(self, result: dict[str, Any]) -> None:
+        """Apply a remedy, in its time."""
+        self.page.later(self.apply(result))
 
     async def apply(self, result: dict[str, Any]) -> None:
         """Apply a remedy to the options of its recording, as ``brightgrey check --fix`` does."""
@@ -133,5 +136,5 @@ def _remedy(remedy: dict[str, Any]) -> str:
     return "; ".join(parts)
 
 
-def _sentence(text: str) -> str:
+def _as_sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}" + ("" if not text or text.endswith(".") else ".")

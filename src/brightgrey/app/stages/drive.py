@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from brightgrey.app.stages.stage import Stage
@@ -22,7 +23,7 @@ LIMITS = {
 
 
 class DriveStage(Stage):
-    """What moves, how many masses are expected, and what is known of effects, parameters and limits."""
+    """Choices about motion, masses, effects, parameters and limits."""
 
     name = "drive"
     title = "What do you know of the drive?"
@@ -31,8 +32,8 @@ class DriveStage(Stage):
     def content(self) -> None:
         """Build choices on the left and the drawing that follows them on the right."""
         drive = self.document.drive
-        with tag("div", "", "two"):
-            with tag("div"):
+        with tag("div"):
+            with tag("div", "", "two"):
                 option_row(
                     "What moves",
                     drive.motion,
@@ -46,11 +47,9 @@ class DriveStage(Stage):
                     with tag("div", "", "row"):
                         choice("At least", str(drive.least_masses), MASSES, self.least, key="least")
                         choice("At most", str(drive.most_masses), MASSES, self.most, key="most")
-                self.problem = tag("div")
-            with tag("div"):
-                heading("The drive as far as it is known", 2)
-                self.picture = tag("div", "", "drawing")
-                paragraph("Dashed parts with a question mark are open: the recording decides.", "soft")
+            self.problem = tag("div")
+            heading("The drive as far as it is known", 2)
+            self.picture = tag("div", "", "drawing")
         with tag("details", open=bool(drive.certain or drive.absent) or None):
             with tag("summary"):
                 heading("Friction, play and other effects", 2)
@@ -116,7 +115,7 @@ class DriveStage(Stage):
                         effect["title"],
                         state,
                         states,
-                        lambda value, name=name: self.set_effect(name, value),
+                        partial(self.set_effect, name),
                         key=f"effect-{name}",
                         unseen=True,
                     )
@@ -141,14 +140,14 @@ class DriveStage(Stage):
             )
             for at, parameter in enumerate(known):
                 with tag("div", "", "row known"):
-                    entry("Parameter", parameter.name, lambda t, i=at: self.set_known(i, name=t), key=f"known-{at}")
-                    entry("Value, or from", parameter.low, lambda t, i=at: self.set_known(i, low=t), key=f"low-{at}")
-                    entry("to", parameter.high, lambda t, i=at: self.set_known(i, high=t), key=f"high-{at}")
-                    action("Remove", lambda i=at: self.remove_known(i), key=f"remove-known-{at}")
+                    entry("Parameter", parameter.name, partial(self.set_known, at, "name"), key=f"known-{at}")
+                    entry("Value, or from", parameter.low, partial(self.set_known, at, "low"), key=f"low-{at}")
+                    entry("to", parameter.high, partial(self.set_known, at, "high"), key=f"high-{at}")
+                    action("Remove", partial(self.remove_known, at), key=f"remove-known-{at}")
             action("Add a value", self.add_known, key="add-known")
             paragraph(
-                "J1 is the inertia (mass) at the motor, J2 that of the next mass, c1 and d1 stiffness and damping of the "
-                "shaft between them, M_C Coulomb friction, f_v viscous friction.",
+                "J1 is the inertia (mass) at the motor, J2 that of the next mass, c1 and d1 stiffness and damping of "
+                "the shaft between them, M_C Coulomb friction, f_v viscous friction.",
                 "soft",
             )
 
@@ -156,11 +155,10 @@ class DriveStage(Stage):
         """Add an empty row."""
         self.change(known=(*(k.model_dump() for k in self.document.drive.known), {"name": "J1"}))
 
-    def set_known(self, at: int, **changes: str) -> None:
-        """Change a known value."""
+    def set_known(self, at: int, part: str, text: str) -> None:
+        """Change a part of a known value: its name, or an end of its range."""
         known = list(self.document.drive.known)
-        cleaned = {name: text.strip().replace(",", ".") for name, text in changes.items()}
-        known[at] = KnownParameter.model_validate({**known[at].model_dump(), **cleaned})
+        known[at] = KnownParameter.model_validate({**known[at].model_dump(), part: text.strip().replace(",", ".")})
         self.change(known=tuple(k.model_dump() for k in known))
 
     def remove_known(self, at: int) -> None:
@@ -173,17 +171,19 @@ class DriveStage(Stage):
         with tag("details", open=bool(given) or None):
             with tag("summary"):
                 heading("Limits of the machine", 2)
-            paragraph("They are kept when gains and the next motion are designed. What is empty is not limited.", "soft")
-            with tag("div", "", "row"):
+            paragraph(
+                "They are kept when gains and the next motion are designed. What is empty is not limited.", "soft"
+            )
+            with tag("div", "", "cards"):
                 for name, (label, about) in LIMITS.items():
                     text = given.get(name, "")
                     entry(
                         label,
                         text,
-                        lambda t, name=name: self.set_limit(name, t),
+                        partial(self.set_limit, name),
                         key=f"limit-{name}",
                         about=about,
-                        problem="" if _is_number(text) else f"'{text}' is not a number above 0.",
+                        problem="" if _is_above_zero(text) else f"'{text}' is not a number above 0.",
                         inputmode="decimal",
                     )
 
@@ -193,7 +193,7 @@ class DriveStage(Stage):
         self.change(limits={k: v for k, v in limits.items() if v})
 
 
-def _is_number(text: str) -> bool:
+def _is_above_zero(text: str) -> bool:
     try:
         return not text or float(text) > 0.0
     except ValueError:

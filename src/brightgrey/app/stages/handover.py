@@ -7,7 +7,7 @@ from collections.abc import Awaitable
 from typing import Any
 
 from brightgrey.app.jobs.arguments import export_arguments, plan_arguments, shown_command
-from brightgrey.app.jobs.queue import Job
+from brightgrey.app.jobs.queue import QueuedCommand
 from brightgrey.app.stages.results import shown_run
 from brightgrey.app.stages.stage import Stage
 from brightgrey.app.widgets import (
@@ -88,14 +88,14 @@ class HandoverStage(Stage):
         with self.motion:
             self.motion_panel()
 
-    def job(self, kind: str) -> Job | None:
+    def job(self, kind: str) -> QueuedCommand | None:
         """The latest command of a kind for this run."""
         return self.services.queue.of(self.page.name, self.run, kind)
 
     def export(self, *targets: str) -> None:
         """Put exports into the queue."""
         for target in targets:
-            self.services.queue.add(Job(self.page.name, self.run, export_arguments(self.run, target)))
+            self.services.queue.add(QueuedCommand(self.page.name, self.run, export_arguments(self.run, target)))
         self.services.ticks += 1
         self.show()
 
@@ -128,7 +128,7 @@ class HandoverStage(Stage):
         """Build the question for the torque, and the place of the gains."""
         limits = self.document.drive.limits
         given = {"torque": limits.get("torque", ""), "computing": "0"}
-        with tag("div", "", "row"):
+        with tag("div", "", "row form"):
             entry(
                 "Largest torque or force of the drive",
                 given["torque"],
@@ -179,7 +179,7 @@ class HandoverStage(Stage):
                 with tag("p"):
                     hint("Margins", "How much gain and phase the loop can lose before it oscillates.")
                 table_of(
-                    ("Loop", "Contact", "Gain in dB", "Phase in °", "Sensitivity", "Crossover in Hz"),
+                    ("Loop", "Contact", "Gain, dB", "Phase, °", "Sensitivity", "Crossover, Hz"),
                     found["margins"],
                     caption="Stability margins",
                     numbers=(2, 3, 4, 5),
@@ -190,7 +190,9 @@ class HandoverStage(Stage):
     def motion_panel(self) -> None:
         """Build the plan of the next motion."""
         job = self.job("plan")
-        paragraph("The motion that decides what this recording has left open, within the limits of the machine.", "soft")
+        paragraph(
+            "The motion that decides what this recording has left open, within the limits of the machine.", "soft"
+        )
         folder = self.folder / "exports" / self.run / "plan"
         if job is not None and job.state != "ended":
             tag("p", "Motions are being tried …", role="status")
@@ -218,12 +220,12 @@ class HandoverStage(Stage):
         limits = {name: float(text) for name, text in self.document.drive.limits.items()}
         if limits:
             write_file(self.folder / "limits.toml", toml_text(limits).encode())
-        self.services.queue.add(Job(self.page.name, self.run, self.plan_words()))
+        self.services.queue.add(QueuedCommand(self.page.name, self.run, self.plan_words()))
         self.services.ticks += 1
         self.show()
 
 
-def _exported(job: Job) -> dict[str, Any] | None:
+def _exported(job: QueuedCommand) -> dict[str, Any] | None:
     """What ``brightgrey export --json`` has said; None if it has failed."""
     try:
         (found,) = json.loads(job.output)

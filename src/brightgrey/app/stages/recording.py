@@ -32,7 +32,11 @@ class RecordingStage(Stage):
         self.spans: dict[str, tuple[float, float] | None] = {}
         with tag("div", "", "drop", data_drop="recordings"):
             tag("label", "Drop files here, or choose them", "strong", for_="files")
-            tag("p", "CSV and other text, MAT, HDF5, TDMS, MDF4, exports of TwinCAT and EPOS; also packed by gzip", "soft")
+            tag(
+                "p",
+                "CSV and other text, MAT, HDF5, TDMS, MDF4, exports of TwinCAT and EPOS; also packed by gzip",
+                "soft",
+            )
             tag(
                 "input",
                 type="file",
@@ -85,7 +89,9 @@ class RecordingStage(Stage):
 
         def edit(document: ProjectDocument) -> ProjectDocument:
             changed = [
-                r.model_copy(update={"options": {k: v for k, v in {**r.options, **changes}.items() if v not in (None, "", [])}})
+                r.model_copy(
+                    update={"options": {k: v for k, v in {**r.options, **changes}.items() if v not in (None, "", [])}}
+                )
                 for r in document.recordings
             ]
             return document.model_copy(update={"recordings": tuple(changed)})
@@ -97,7 +103,7 @@ class RecordingStage(Stage):
         key = recording.file.rpartition(".")[0]
         with tag("section", "", "card", aria_label=recording.label, data_recording=recording.label):
             heading(recording.label, 3)
-            paragraph(f"{_size(recording.size)}, SHA-256 {recording.sha256[:12]}…", "soft")
+            paragraph(f"{_size_in_words(recording.size)}, SHA-256 {recording.sha256[:12]}…", "soft")
             option_row(
                 "Use",
                 recording.use,
@@ -108,7 +114,13 @@ class RecordingStage(Stage):
             window = str(recording.options.get("window", ""))
             start, _, end = window.partition(":")
             with tag("div", "", "row"):
-                entry("Use the time from", start, lambda t: self.set_window(recording, t, end), key=f"from-{key}", unit="s")
+                entry(
+                    "Use the time from",
+                    start,
+                    lambda t: self.set_window(recording, t, end),
+                    key=f"from-{key}",
+                    unit="s",
+                )
                 entry("to", end, lambda t: self.set_window(recording, start, t), key=f"to-{key}", unit="s")
                 action("Take the part shown", lambda: self.take_span(recording), key=f"span-{key}")
                 action("Remove", lambda: self.remove(recording), key=f"remove-{key}", label=f"Remove {recording.label}")
@@ -202,5 +214,5 @@ async def add_file(services: AppServices, project: str, content: Any, label: str
     return file
 
 
-def _size(count: int) -> str:
+def _size_in_words(count: int) -> str:
     return f"{count / 1e6:.1f} MB" if count >= 1e5 else f"{count / 1e3:.1f} kB"

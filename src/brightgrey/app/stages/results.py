@@ -8,7 +8,7 @@ from typing import Any
 from nicegui import ui
 
 from brightgrey.app.jobs.arguments import selftest_arguments, shown_command
-from brightgrey.app.jobs.queue import Job
+from brightgrey.app.jobs.queue import QueuedCommand
 from brightgrey.app.stages.stage import Stage
 from brightgrey.app.widgets import Parts, action, alert, choice, code_to_copy, heading, link, paragraph, tag
 from brightgrey.errors import BrightgreyError
@@ -35,7 +35,7 @@ TITLES = {
 }
 OPEN = ("next", "drawing", "motion", "values", "evidence", "certificate", "ties", "selftest")
 """Sections that are shown at once."""
-COMPARED = ("drawing", "values", "evidence", "motion", "certificate")
+COMPARED_SECTIONS = ("drawing", "values", "evidence", "motion", "certificate")
 """Sections of two runs side by side."""
 
 
@@ -99,7 +99,7 @@ class ResultsStage(Stage):
                     for run, parts in zip(shown, found, strict=True):
                         with tag("section", aria_label=run):
                             heading(run.replace("-", " "), 2)
-                            self.sections(run, parts, COMPARED)
+                            self.sections(run, parts, COMPARED_SECTIONS)
             else:
                 self.sections(self.chosen, found[0], tuple(TITLES))
         self.test_place.clear()
@@ -124,7 +124,12 @@ class ResultsStage(Stage):
                     place = tag("div")
                 _fill_when_opened(folded, place, body, parts["plots"], f"{run}-")
         if not self.beside:
-            link("Open the whole report", f"/files/{self.page.name}/runs/{run}/report.html", key="report", target="_blank")
+            link(
+                "Open the whole report",
+                f"/files/{self.page.name}/runs/{run}/report.html",
+                key="report",
+                target="_blank",
+            )
 
     def self_test(self, made: bool) -> None:
         """Build the button of the self-test."""
@@ -145,7 +150,7 @@ class ResultsStage(Stage):
         arguments = selftest_arguments(self.chosen)
 
         def start() -> None:
-            self.services.queue.add(Job(self.page.name, self.chosen, arguments))
+            self.services.queue.add(QueuedCommand(self.page.name, self.chosen, arguments))
             self.services.ticks += 1
             ui.notify("The self-test has been put into the queue.")
 
@@ -156,7 +161,9 @@ class ResultsStage(Stage):
 def runs_with_results(stage: Stage) -> list[str]:
     """Runs of a project that have results, the latest first."""
     known = stage.services.statuses
-    return [r.name for r in reversed(stage.document.runs) if known.get((stage.page.name, r.name), {}).get("has_results")]
+    return [
+        r.name for r in reversed(stage.document.runs) if known.get((stage.page.name, r.name), {}).get("has_results")
+    ]
 
 
 def shown_run(stage: Stage) -> str:

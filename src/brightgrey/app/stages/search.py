@@ -27,7 +27,7 @@ from brightgrey.app.workspace.project import RunEntry
 
 __all__ = ["SearchStage"]
 
-GRAMMARS = {
+GRAMMAR_WORDS = {
     "drive": "real axes: friction at every mass, springs to ground, play in every shaft",
     "paper": "the paper's 448 structures",
 }
@@ -85,7 +85,9 @@ class SearchStage(Stage):
 
         def change(**changes: Any) -> None:
             self.page.edit(
-                lambda d: d.model_copy(update={"search": type(search).model_validate({**search.model_dump(), **changes})})
+                lambda d: d.model_copy(
+                    update={"search": type(search).model_validate({**search.model_dump(), **changes})}
+                )
             )
 
         def seed(text: str) -> None:
@@ -96,8 +98,17 @@ class SearchStage(Stage):
             with tag("summary"):
                 heading("Options of the search", 3)
             with tag("div", "", "row"):
-                choice("Effects that are tried", search.grammar, GRAMMARS, lambda v: change(grammar=v), key="grammar")
-                entry("Seed", str(search.seed), seed, key="seed", about="Another seed draws other starts.", inputmode="numeric")
+                choice(
+                    "Effects that are tried", search.grammar, GRAMMAR_WORDS, lambda v: change(grammar=v), key="grammar"
+                )
+                entry(
+                    "Seed",
+                    str(search.seed),
+                    seed,
+                    key="seed",
+                    about="Another seed draws other starts.",
+                    inputmode="numeric",
+                )
 
     async def look(self) -> None:
         """Read the state of the run once, for a page that was opened after it."""
@@ -220,7 +231,9 @@ class SearchStage(Stage):
             alert(job.output.splitlines()[-1].removeprefix("brightgrey: "))
             self.start_panel("Try again")
         elif status.get("has_results"):
-            alert("The search was stopped. Its best structure so far is a result without verdicts; it can go on.", "note")
+            alert(
+                "The search was stopped. Its best structure so far is a result without verdicts; it can go on.", "note"
+            )
             self.start_panel("Go on")
         else:
             alert("The search was stopped before it had a result. It goes on with what it has kept.", "note")
@@ -250,5 +263,3 @@ def _share(stage: dict[str, Any]) -> dict[str, str]:
     if "decided" not in stage:
         return {}
     return {"max": str(stage["decided"] + stage["left"]), "value": str(stage["decided"])}
-
-

@@ -24,7 +24,7 @@ class ProjectView(Protocol):
 
     @property
     def document(self) -> ProjectDocument:
-        """What is chosen, as the disk has it."""
+        """Document of the project, as the disk has it."""
 
     def edit(self, change: Callable[[ProjectDocument], ProjectDocument], *, again: bool = True) -> None:
         """Change the document."""

@@ -21,7 +21,7 @@ from brightgrey.model.files import write_file
 __all__ = ["KNOWN_SUFFIXES", "Workspace", "recording_file_name", "slug"]
 
 DOCUMENT = "project.toml"
-NAME = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*")
+PROJECT_NAME = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*")
 #: The end of a file's name is kept if it is one of these: nothing else of a name from outside enters a path.
 KNOWN_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".mat", ".h5", ".hdf5", ".tdms", ".mf4", ".gz", ".svdx", ".rec")
 
@@ -58,13 +58,13 @@ class Workspace:
         SettingsError
             If the name is not one that this program gives.
         """
-        if not NAME.fullmatch(name):
+        if not PROJECT_NAME.fullmatch(name):
             raise SettingsError("a project's name has small letters, digits and hyphens only")
         return self.projects / name
 
     def names(self) -> list[str]:
         """Projects, the one that was changed last first."""
-        found = [p for p in self.projects.glob(f"*/{DOCUMENT}") if NAME.fullmatch(p.parent.name)]
+        found = [p for p in self.projects.glob(f"*/{DOCUMENT}") if PROJECT_NAME.fullmatch(p.parent.name)]
         return [p.parent.name for p in sorted(found, key=lambda p: -p.stat().st_mtime)]
 
     def create(self, title: str) -> ProjectDocument:
@@ -155,5 +155,3 @@ class Workspace:
 def toml_name(recording: StoredRecording) -> str:
     """Name of the recording.toml of a recording, beside it."""
     return f"{Path(recording.file).stem}.toml"
-
-

@@ -13,7 +13,7 @@ __all__ = ["STAGES", "StageState", "current_run", "next_stage", "stage_states"]
 STAGES = ("drive", "recording", "check", "search", "results", "handover")
 """In their order."""
 
-RunState = Literal["finished", "running", "unfinished", "missing"]
+StoredRunState = Literal["finished", "running", "unfinished", "missing"]
 Progress = Literal["blocked", "open", "done", "stale"]
 
 
@@ -45,7 +45,7 @@ def current_run(document: ProjectDocument) -> RunEntry | None:
 
 
 def stage_states(
-    document: ProjectDocument, run_states: Mapping[str, RunState], with_results: frozenset[str]
+    document: ProjectDocument, run_states: Mapping[str, StoredRunState], with_results: frozenset[str]
 ) -> dict[str, StageState]:
     """State of every stage.
 
@@ -102,7 +102,7 @@ def _check(document: ProjectDocument, recording: StageState) -> StageState:
 def _search(
     document: ProjectDocument,
     check: StageState,
-    run_states: Mapping[str, RunState],
+    run_states: Mapping[str, StoredRunState],
     with_results: frozenset[str],
 ) -> StageState:
     if check.progress != "done":

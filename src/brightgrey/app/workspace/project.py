@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 __all__ = [
+    "MASS_EFFECTS",
     "AxisChoice",
     "CheckDecision",
     "KnownParameter",
@@ -21,6 +22,8 @@ __all__ = [
     "digest_of_search",
 ]
 
+MASS_EFFECTS = {1: "one_mass", 2: "two_mass", 3: "three_mass", 4: "four_mass"}
+"""Effect that brings so many masses."""
 RecordingUse = Literal["train", "test", "unused"]
 
 
@@ -29,7 +32,7 @@ class _Frozen(BaseModel):
 
 
 class KnownParameter(_Frozen):
-    """What is known of a parameter, as it was typed, in the recording's units; a value, or a range."""
+    """Value or range of a parameter, as it was typed, in the recording's units."""
 
     name: str
     low: str = ""
@@ -37,7 +40,7 @@ class KnownParameter(_Frozen):
 
 
 class AxisChoice(_Frozen):
-    """What is known before the first recording."""
+    """Choices before the first recording."""
 
     confirmed: bool = False  #: The user has gone on from this stage.
     motion: Literal["rotary", "linear"] = "rotary"
@@ -48,6 +51,17 @@ class AxisChoice(_Frozen):
     known: tuple[KnownParameter, ...] = ()
     limits: Mapping[str, str] = Field(default_factory=dict)  #: Of the machine, as typed, in the recording's units.
 
+    @property
+    def required(self) -> tuple[str, ...]:
+        """Effects that every structure has, for ``--require``; masses count cumulatively."""
+        return (*((MASS_EFFECTS[self.least_masses],) if self.least_masses > 1 else ()), *self.certain)
+
+    @property
+    def excluded(self) -> tuple[str, ...]:
+        """Effects that no structure has, for ``--exclude``."""
+        beyond = MASS_EFFECTS.get(self.most_masses + 1)
+        return (*((beyond,) if beyond else ()), *self.absent)
+
 
 class StoredRecording(_Frozen):
     """A recording in the workspace. Its file has a random name; the name that it came with is only shown."""
@@ -56,7 +70,9 @@ class StoredRecording(_Frozen):
     label: str
     sha256: str
     size: int  #: Bytes.
-    use: RecordingUse = "train"
+    use: MASS_EFFECTS = {1: "one_mass", 2: "two_mass", 3: "three_mass", 4: "four_mass"}
+"""Effect that brings so many masses."""
+RecordingUse = "train"
     options: Mapping[str, Any] = Field(default_factory=dict)  #: As a recording.toml has them.
 
 

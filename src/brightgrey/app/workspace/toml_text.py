@@ -17,10 +17,10 @@ def toml_text(content: Mapping[str, Any]) -> str:
     content : mapping of str to object
         Texts, numbers, lists of them, mappings, and lists of mappings. None is left out.
     """
-    return "\n".join(_lines(content, ())) + "\n"
+    return "\n".join(_toml_lines(content, ())) + "\n"
 
 
-def _lines(content: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
+def _toml_lines(content: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
     for key, value in content.items():
         if value is not None and not _is_table(value):
             yield f"{_key(key)} = {_value(value)}"
@@ -28,10 +28,10 @@ def _lines(content: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
         inner = (*path, key)
         name = ".".join(map(_key, inner))
         if isinstance(value, Mapping):
-            yield from ("", f"[{name}]", *_lines(value, inner))
+            yield from ("", f"[{name}]", *_toml_lines(value, inner))
         elif value is not None and _is_table(value):
             for part in value:
-                yield from ("", f"[[{name}]]", *_lines(part, inner))
+                yield from ("", f"[[{name}]]", *_toml_lines(part, inner))
 
 
 def _is_table(value: Any) -> bool:
