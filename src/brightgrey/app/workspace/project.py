@@ -70,9 +70,7 @@ class StoredRecording(_Frozen):
     label: str
     sha256: str
     size: int  #: Bytes.
-    use: MASS_EFFECTS = {1: "one_mass", 2: "two_mass", 3: "three_mass", 4: "four_mass"}
-"""Effect that brings so many masses."""
-RecordingUse = "train"
+    use: RecordingUse = "train"
     options: Mapping[str, Any] = Field(default_factory=dict)  #: As a recording.toml has them.
 
 
