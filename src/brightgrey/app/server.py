@@ -59,10 +59,8 @@ def serve(folder: Path, *, host: str, port: int, password: str | None, show: boo
 
     def begin() -> None:
         services.desk.warm_up()
-        watching.append(asyncio.get_running_loop().create_task(services.watch()))
-        print(f"Workspace {workspace.root}\nOpen {rules.start_url}\nCtrl-C ends the app.", flush=True)
-        if show:
-            asyncio.get_running_loop().run_in_executor(None, webbrowser.open, rules.start_url)
+        loop = asyncio.get_running_loop()
+        watching.extend((loop.create_task(services.watch()), loop.create_task(_announce(workspace, rules, show))))
 
     def end() -> None:
         for task in watching:
@@ -87,6 +85,20 @@ def serve(folder: Path, *, host: str, port: int, password: str | None, show: boo
         gzip_middleware_factory=None,  # the gate has to stand before everything, and nothing is far away
         uvicorn_logging_level="warning",
     )
+
+
+async def _announce(workspace: Workspace, rules: AccessRules, show: bool) -> None:
+    """Say where the app is, as soon as it answers there."""
+    while True:
+        try:
+            _, writer = await asyncio.open_connection("127.0.0.1" if rules.is_local else rules.host, rules.port)
+            writer.close()
+            break
+        except OSError:
+            await asyncio.sleep(0.02)
+    print(f"Workspace {workspace.root}\nOpen {rules.start_url}\nCtrl-C ends the app.", flush=True)
+    if show:
+        await asyncio.to_thread(webbrowser.open, rules.start_url)
 
 
 def _add_pages(services: AppServices) -> None:

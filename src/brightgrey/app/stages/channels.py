@@ -71,7 +71,8 @@ class ChannelTable:
         for text in (*found["questions"],):
             alert(f"{text[:1].upper()}{text[1:].replace('--unit', 'the column “Unit”')}.", "note")
         if found["problem"]:
-            alert(f"{found['problem']}. Choose below.", "problem")
+            said = found["problem"].partition(": name it by")[0]
+            alert(f"{said[:1].upper()}{said[1:]}. Choose its role below.", "note")
         channels = found["channels"]
         used = [c for c in channels if self.role(c["name"]) or c["quantity"]]
         rest = [c for c in channels if c not in used]

@@ -38,7 +38,7 @@ class DriveStage(Stage):
                     "What moves",
                     drive.motion,
                     {"rotary": "It turns (torque, angle)", "linear": "It slides (force, way)"},
-                    lambda value: self.change(motion=value),
+                    lambda value: self.change(again=False, motion=value),
                     key="motion",
                 )
                 with tag("fieldset", "", "choices"):
@@ -62,42 +62,53 @@ class DriveStage(Stage):
         """Button to the next stage; it confirms what is chosen."""
 
         def confirm() -> None:
-            self.page.edit(lambda d: d.model_copy(update={"drive": d.drive.model_copy(update={"confirmed": True})}))
+            self.change(again=False, confirmed=True)
             self.page.go("recording")
 
         with tag("footer", "", "onward"):
             action("Continue", confirm, key="continue", primary=True)
 
     def change(self, *, again: bool = True, **changes: Any) -> None:
-        """Change what is known."""
+        """Change what is known; unless the stage is built again, only the drawing follows."""
         self.page.edit(
             lambda d: d.model_copy(update={"drive": AxisChoice.model_validate({**d.drive.model_dump(), **changes})}),
             again=again,
         )
+        if not again:
+            self.document = self.page.document
+            self.page.later(self.redraw())
 
     def least(self, value: str) -> None:
         """Set the least number of masses; the most follows if it is smaller."""
         count = int(value)
-        self.change(least_masses=count, most_masses=max(count, self.document.drive.most_masses))
+        most = self.document.drive.most_masses
+        self.change(again=count > most, least_masses=count, most_masses=max(count, most))
 
     def most(self, value: str) -> None:
         """Set the largest number of masses; the least follows if it is larger."""
         count = int(value)
-        self.change(most_masses=count, least_masses=min(count, self.document.drive.least_masses))
+        least = self.document.drive.least_masses
+        self.change(again=count < least, most_masses=count, least_masses=min(count, least))
 
     async def fill(self) -> None:
-        """Draw the drive and say what contradicts itself, as the desk finds it."""
-        drive = self.document.drive
+        """Build what the desk has to be asked for."""
         self.choices = await self.services.desk.call("effect_choices")
         with self.effects:
             self.effect_table()
+        await self.redraw()
+
+    async def redraw(self) -> None:
+        """Draw the drive and say what contradicts itself."""
+        drive = self.document.drive
         said = await self.services.desk.call("check_drive", drive.model_dump())
+        self.problem.clear()
         if said:
             with self.problem:
                 alert(said)
         drawn = await self.services.desk.call(
             "drive_picture", drive.motion, drive.least_masses, drive.most_masses, drive.certain, drive.absent
         )
+        self.picture.clear()
         with self.picture:
             raw(drawn)
 
@@ -125,7 +136,7 @@ class DriveStage(Stage):
         drive = self.document.drive
         certain = [n for n in drive.certain if n != name] + ([name] if state == "certain" else [])
         absent = [n for n in drive.absent if n != name] + ([name] if state == "absent" else [])
-        self.change(certain=tuple(certain), absent=tuple(absent))
+        self.change(again=False, certain=tuple(certain), absent=tuple(absent))
 
     def known_parameters(self) -> None:
         """Build the list of known values."""

@@ -123,6 +123,23 @@ window.brightgrey = (function () {
     setTimeout(() => { button.textContent = "Copy"; }, 1500);
   });
 
+  // What was unfolded stays so when it is made anew.
+  const unfolded = new Set();
+  const titleOf = (details) => (details.querySelector("summary") || details).textContent;
+  document.addEventListener("toggle", (event) => {
+    if (event.target.tagName !== "DETAILS") return;
+    if (event.target.open) unfolded.add(titleOf(event.target));
+    else unfolded.delete(titleOf(event.target));
+  }, true);
+  new MutationObserver((changes) => {
+    for (const change of changes)
+      for (const node of change.addedNodes) {
+        if (node.nodeType !== 1) continue;
+        for (const details of [node, ...node.querySelectorAll("details")])
+          if (details.tagName === "DETAILS" && unfolded.has(titleOf(details))) details.open = true;
+      }
+  }).observe(document.documentElement, { childList: true, subtree: true });
+
   // The focus: a part of the page that is made anew gives it back to the element with the same key.
   let last = null;
   document.addEventListener("focusin", (event) => { last = event.target.dataset ? event.target.dataset.key : null; });
@@ -138,6 +155,7 @@ window.brightgrey = (function () {
   // A stage was opened: its address, the top of the page, and the title for those who hear it.
   function arrive(address) {
     if (location.pathname !== address) history.pushState({}, "", address);
+    unfolded.clear();
     scrollTo(0, 0);
     const content = document.getElementById("content");
     if (content) content.focus({ preventScroll: true });
