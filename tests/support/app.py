@@ -121,6 +121,10 @@ class Visit:
         return self
 
     def __exit__(self, *_):
+        self.close()
+
+    def close(self):
+        """Close the browser's window."""
         self.context.close()
 
     def click(self, key):
