@@ -77,9 +77,7 @@ def start_search(browser, app, name):
 
 
 @pytest.mark.parametrize("everything", [True, False])
-def test_search__server_killed_and_started_again__ends_with_the_same_bytes(
-    browser, tmp_path, monkeypatch, everything
-):
+def test_search__server_killed_and_started_again__ends_with_the_same_bytes(browser, tmp_path, monkeypatch, everything):
     workspace, name = prepared(tmp_path / "w")
     run = workspace.path(name) / "runs" / "run-1"
     first = RunningApp(workspace.root)

@@ -48,7 +48,13 @@ def finished(browser, running, tmp_path_factory):
         visit.click("continue")
         visit.wait(".parts .plot .main-svg")
         shown = visit.page.inner_text("#content")
-        for text in ("Two masses, coupled by a shaft", "99.80\u00a0%", "needed", "Stribeck friction", "axis 1.csv: velocity"):
+        for text in (
+            "Two masses, coupled by a shaft",
+            "99.80\u00a0%",
+            "needed",
+            "Stribeck friction",
+            "axis 1.csv: velocity",
+        ):
             assert text in shown
         visit.click("continue")
         for target in ("c", "control"):

@@ -137,7 +137,11 @@ class Visit:
 
     def foreign(self):
         """Addresses that are not this machine's."""
-        return [url for url in self.asked if urlsplit(url).hostname != "127.0.0.1" and not url.startswith(("data:", "blob:"))]
+        return [
+            url
+            for url in self.asked
+            if urlsplit(url).hostname != "127.0.0.1" and not url.startswith(("data:", "blob:"))
+        ]
 
     def violations(self):
         """What axe-core finds against WCAG 2.2 AA, in short."""

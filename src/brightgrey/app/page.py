@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import inspect
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
@@ -16,9 +14,9 @@ from brightgrey.app.stages.handover import HandoverStage
 from brightgrey.app.stages.recording import RecordingStage
 from brightgrey.app.stages.results import ResultsStage
 from brightgrey.app.stages.search import SearchStage
-from brightgrey.app.stages.stage import ProjectView, Stage
+from brightgrey.app.stages.stage import ProjectView, Stage, StageLeftError
 from brightgrey.app.widgets import action, alert, entry, heading, link, paragraph, tag
-from brightgrey.app.workspace.progress import STAGES, next_stage
+from brightgrey.app.workspace.progress import STAGES, StageState, next_stage
 from brightgrey.app.workspace.project import ProjectDocument
 from brightgrey.errors import BrightgreyError
 
@@ -134,6 +132,7 @@ class _ProjectPage:
         self.shown: Stage | None = None
         self.seen: tuple[int, int] = (-1, -1)
         self.times_built = 0
+        self.told: tuple[str, dict[str, StageState]] | None = None
         self.client = ui.context.client
 
     @property
@@ -173,6 +172,10 @@ class _ProjectPage:
 
     def _render_nav(self) -> None:
         states = self.services.states(self.document)
+        told = self.stage, states
+        if told == self.told:  # a button that is made anew would lose a click that is on its way
+            return
+        self.told = told
         self.nav.clear()
         with self.nav, tag("ol"):
             for number, name in enumerate(STAGES, 1):
@@ -217,6 +220,8 @@ class _ProjectPage:
             try:
                 with self.main:
                     await work
+            except StageLeftError:
+                return
             except RuntimeError:  # NiceGUI's, for a place that is gone: the page was built anew meanwhile
                 if self.times_built == built and not self.main.is_deleted:
                     raise
@@ -237,8 +242,8 @@ class _ProjectPage:
             return
         self._render_nav()
         found = self.shown.follow()
-        if inspect.isawaitable(found):
-            await asyncio.shield(asyncio.ensure_future(found))
+        if found is not None:
+            self.later(found)
 
 
 def project_page(services: AppServices, name: str, stage: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -48,7 +49,8 @@ def app(
         if (error.name or "").partition(".")[0] not in ("nicegui", "fastapi", "starlette", "uvicorn"):
             raise
         raise SettingsError("the app needs NiceGUI: pip install 'brightgrey[app]'") from None
-    serve(folder, host=host, port=port or _free_port(host), password=password, show=not no_browser)
+    with suppress(KeyboardInterrupt):  # the way to end it
+        serve(folder, host=host, port=port or _free_port(host), password=password, show=not no_browser)
 
 
 def _free_port(host: str) -> int:

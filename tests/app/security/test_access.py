@@ -9,7 +9,8 @@ import pytest
 from brightgrey.app.security.access import AccessRules, Gate
 
 RULES = AccessRules("127.0.0.1", 8420)
-OPEN = AccessRules("0.0.0.0", 8420, password="öffne dich")  # noqa: S104, S106
+SOCKET = "/_nicegui_ws/socket.io/?EIO=4&transport=polling"
+OPEN = AccessRules("0.0.0.0", 8420, password="öffne dich")
 
 
 def ask(rules, method="GET", path="/", query="", body=b"", kind="http", **headers):
@@ -68,7 +69,9 @@ def test_gate__token_by_another_method__is_shut():
     assert ask(RULES, kind="websocket", query=f"token={RULES.token}", origin="http://127.0.0.1:8420")[0] == "closed"
 
 
-@pytest.mark.parametrize("host", ["evil.example:8420", "127.0.0.1:9", "127.0.0.1", "", "10.0.0.1:8420", "127.0.0.1.evil:8420"])
+@pytest.mark.parametrize(
+    "host", ["evil.example:8420", "127.0.0.1:9", "127.0.0.1", "", "10.0.0.1:8420", "127.0.0.1.evil:8420"]
+)
 def test_gate__foreign_host__is_refused_whatever_else_it_knows(host):
     assert ask(RULES, host=host, cookie=cookie(), query=f"token={RULES.token}")[0] == 421
     assert ask(RULES, kind="websocket", host=host, cookie=cookie(), origin=f"http://{host}")[0] == "closed"
@@ -97,7 +100,7 @@ def test_gate__another_host_with_a_password__asks_for_it():
     wrong = ask(OPEN, "POST", "/login", body=b"password=guess", **own)
     assert wrong[0] == 403
     assert b"not the password" in wrong[2]
-    status, headers, _ = ask(OPEN, "POST", "/login", body="password=%C3%B6ffne+dich".encode(), **own)
+    status, headers, _ = ask(OPEN, "POST", "/login", body=b"password=%C3%B6ffne+dich", **own)
     assert (status, cookie(OPEN) in headers[b"set-cookie"].decode()) == (303, True)
     assert ask(OPEN, query=f"token={OPEN.token}")[0] == 401
 
@@ -110,7 +113,13 @@ def answer(running, path, method="GET", body=None, **headers):
 
 
 def test_server__asked_as_a_stranger__gives_nothing(running):
-    for path in ("/", "/project/a", "/static/app.js", "/files/a/runs/x", "/_nicegui_ws/socket.io/?EIO=4&transport=polling"):
+    for path in (
+        "/",
+        "/project/a",
+        "/static/app.js",
+        "/files/a/runs/x",
+        "/_nicegui_ws/socket.io/?EIO=4&transport=polling",
+    ):
         assert answer(running, path)[0] == 403
         assert answer(running, path, Host="evil.example")[0] == 421
     assert answer(running, "/upload/a", "POST", b"x")[0] == 403
@@ -122,10 +131,15 @@ def test_server__asked_by_its_own_page__gives_the_page_but_nothing_outside_of_ru
     assert status == 303
     own = {"Cookie": headers["set-cookie"].partition(";")[0], "Origin": running.base}
     assert answer(running, "/", **own)[0] == 200
-    socket = "/_nicegui_ws/socket.io/?EIO=4&transport=polling"
-    assert answer(running, socket, **own)[0] == 200
-    assert answer(running, socket, **{**own, "Origin": "http://evil.example"})[0] == 403
-    for path in ("project.toml", "runs/../project.toml", "runs/%2e%2e/project.toml", "recordings/x.csv", "//etc/passwd"):
+    assert answer(running, SOCKET, **own)[0] == 200
+    assert answer(running, SOCKET, **{**own, "Origin": "http://evil.example"})[0] == 403
+    for path in (
+        "project.toml",
+        "runs/../project.toml",
+        "runs/%2e%2e/project.toml",
+        "recordings/x.csv",
+        "//etc/passwd",
+    ):
         assert answer(running, f"/files/a/{path}", **own)[0] == 404
     assert answer(running, "/files/..%2f..%2fx/runs/a", **own)[0] == 404
     assert answer(running, "/static/..%2fserver.py", **own)[0] == 404

@@ -43,7 +43,7 @@ class CheckStage(Stage):
         """Show the results."""
         changes = self.services.workspace.changes.get(self.page.name)
         try:
-            found = await self.services.check(self.document)
+            found = await self.still(self.services.check(self.document))
         except BrightgreyError as error:
             found = {"grade": "stop", "problems": [str(error)], "results": []}
         self.place.clear()
@@ -120,7 +120,7 @@ class CheckStage(Stage):
     async def apply(self, result: dict[str, Any]) -> None:
         """Apply a remedy to the options of its recording, as ``brightgrey check --fix`` does."""
         (recording,) = (r for r in self.document.recordings if r.file == result["file"])
-        options = await self.services.desk.call("apply_remedy", dict(recording.options), result["remedy"])
+        options = await self.still(self.services.desk.call("apply_remedy", dict(recording.options), result["remedy"]))
 
         def edit(document: ProjectDocument) -> ProjectDocument:
             return document.with_recording(recording.file, options=options)

@@ -92,7 +92,7 @@ class DriveStage(Stage):
 
     async def fill(self) -> None:
         """Build what the desk has to be asked for."""
-        self.choices = await self.services.desk.call("effect_choices")
+        self.choices = await self.still(self.services.desk.call("effect_choices"))
         with self.effects:
             self.effect_table()
         await self.redraw()
@@ -100,13 +100,15 @@ class DriveStage(Stage):
     async def redraw(self) -> None:
         """Draw the drive and say what contradicts itself."""
         drive = self.document.drive
-        said = await self.services.desk.call("check_drive", drive.model_dump())
+        said = await self.still(self.services.desk.call("check_drive", drive.model_dump()))
         self.problem.clear()
         if said:
             with self.problem:
                 alert(said)
-        drawn = await self.services.desk.call(
-            "drive_picture", drive.motion, drive.least_masses, drive.most_masses, drive.certain, drive.absent
+        drawn = await self.still(
+            self.services.desk.call(
+                "drive_picture", drive.motion, drive.least_masses, drive.most_masses, drive.certain, drive.absent
+            )
         )
         self.picture.clear()
         with self.picture:

@@ -49,6 +49,7 @@ class HandoverStage(Stage):
     def content(self) -> None:
         """Build the parts."""
         self.run = shown_run(self)
+        self.told: list[str] = []
         base = f"/files/{self.page.name}/runs/{self.run}"
         heading("Report and model", 2)
         with tag("div", "", "row"):
@@ -75,7 +76,12 @@ class HandoverStage(Stage):
         return None
 
     def show(self) -> None:
-        """Build what depends on commands that run."""
+        """Build what depends on commands that run, if one of them has come further."""
+        kinds = [*(f"export-{target}" for target in TARGETS), "plan"]
+        told = [job.state if job else "" for job in map(self.job, kinds)]
+        if told == self.told:
+            return
+        self.told = told
         self.exports.clear()
         with self.exports:
             waiting = [t for t in TARGETS if self.job(f"export-{t}") is None]
@@ -159,7 +165,7 @@ class HandoverStage(Stage):
             return
         model = str(self.folder / "runs" / self.run / "model.json")
         try:
-            found = await self.services.desk.call("gains", model, torque, None, 1e-3 * computing)
+            found = await self.still(self.services.desk.call("gains", model, torque, None, 1e-3 * computing))
         except BrightgreyError as error:
             with self.gains:
                 alert(str(error))

@@ -66,14 +66,14 @@ class RecordingStage(Stage):
 
         source = self.folder / "recordings" / ".demo"
         source.write_text(demo_recording(), encoding="utf-8")
-        await add_file(self.services, self.page.name, source, "demo.csv", "")
+        await self.still(add_file(self.services, self.page.name, source, "demo.csv", ""))
         self.page.render()
 
     async def fill_channels(self) -> None:
         """Build the table of channels of the first recording; what is chosen there holds for all."""
         first = self.document.recordings[0]
         try:
-            found = await self.services.inspect(self.page.name, first.file)
+            found = await self.still(self.services.inspect(self.page.name, first.file))
         except BrightgreyError as error:
             self.channels.clear()
             with self.channels:
@@ -167,7 +167,7 @@ class RecordingStage(Stage):
                 paragraph("It is drawn once input and output are named.", "soft")
             return
         try:
-            figure = await self.services.desk.call("recording_course", path, None, recording.label)
+            figure = await self.still(self.services.desk.call("recording_course", path, None, recording.label))
         except BrightgreyError as error:
             with place:
                 alert(str(error).replace(recording.file, recording.label))
@@ -176,7 +176,7 @@ class RecordingStage(Stage):
         async def zoom(span: list[float] | None) -> None:
             shown = (float(span[0]), float(span[1])) if span else None
             self.spans[recording.file] = shown
-            drawn.show(await self.services.desk.call("recording_course", path, shown, recording.label))
+            drawn.show(await self.still(self.services.desk.call("recording_course", path, shown, recording.label)))
 
         with place:
             drawn = Figure(figure, f"{recording.label} over time", on_zoom=zoom)

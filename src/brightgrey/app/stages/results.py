@@ -85,9 +85,8 @@ class ResultsStage(Stage):
         shown = [self.chosen, *([self.beside] if self.beside else [])]
         labels = {r.file: r.label for r in self.document.recordings}
         try:
-            found = [
-                await self.services.desk.call("result_parts", str(self.folder / "runs" / run), labels) for run in shown
-            ]
+            reports = [str(self.folder / "runs" / run) for run in shown]
+            found = [await self.still(self.services.desk.call("result_parts", r, labels)) for r in reports]
         except BrightgreyError as error:
             with self.place:
                 alert(str(error))

@@ -22,10 +22,13 @@ from brightgrey.app.widgets import (
     table_of,
     tag,
 )
-from brightgrey.app.workspace.progress import current_run
+from brightgrey.app.workspace.progress import StageState, current_run
 from brightgrey.app.workspace.project import RunEntry
 
 __all__ = ["SearchStage"]
+
+_INTERRUPTED = (0, 130, 143, None)
+"""Exit codes of a search that came to its end, was stopped, or was watched by another server."""
 
 GRAMMAR_WORDS = {
     "drive": "real axes: friction at every mass, springs to ground, play in every shaft",
@@ -60,7 +63,8 @@ class SearchStage(Stage):
                 heading("The same on the command line", 3)
             paragraph("Run in the folder of the project, it gives the same model.json, byte for byte:", "soft")
             code_to_copy(f"cd {self.folder}\n{shown_command(arguments)}", key="identify")
-        self.live = tag("div", role="status", aria_live="off")
+        self.panel, self.panel_kind = tag("div", role="status"), ""
+        self.numbers = tag("div")
         self.plot = tag("div")
         self.show()
         self.page.later(self.look())
@@ -68,8 +72,17 @@ class SearchStage(Stage):
     def onward(self) -> None:
         """Build the way on where the search has a result."""
         self.way_on = tag("div")
-        with self.way_on:
-            super().onward()
+        self.way_open: StageState | None = None
+        self.show_way_on()
+
+    def show_way_on(self) -> None:
+        """Build the way on anew, if it has opened."""
+        state = self.services.states(self.page.document)["results"]
+        if state != self.way_open:
+            self.way_open = state
+            self.way_on.clear()
+            with self.way_on:
+                super().onward()
 
     def _name(self) -> str:
         if self.run is not None:
@@ -113,7 +126,7 @@ class SearchStage(Stage):
     async def look(self) -> None:
         """Read the state of the run once, for a page that was opened after it."""
         if self.run is not None:
-            await self.services.look(self.page.name, [self.run.name])
+            await self.still(self.services.look(self.page.name, [self.run.name]))
             await self.follow_run()
 
     def follow(self) -> Awaitable[None]:
@@ -139,19 +152,61 @@ class SearchStage(Stage):
         return {} if self.run is None else self.services.statuses.get((self.page.name, self.run.name), {})
 
     def show(self) -> None:
-        """Build buttons and figures anew."""
-        self.live.clear()
-        with self.live:
-            if self.run is None:
-                self.start_panel("Start the search")
-            elif self._is_busy():
-                self.running_panel(self.run)
-            else:
-                self.ended_panel(self.run)
+        """Build the figures anew; the buttons only if others are wanted, so that no click is lost."""
+        status = self.status()
+        kind = self.kind(status)
+        if kind != self.panel_kind:
+            self.panel_kind = kind
+            self.panel.clear()
+            with self.panel:
+                self.buttons(kind)
+        self.numbers.clear()
+        with self.numbers:
+            if kind in ("queued", "running"):
+                self.progress(kind, status.get("stage", {}))
+            if status.get("stage"):
+                self.figures(status["stage"], status)
+                self.border(status["stage"])
         if hasattr(self, "way_on"):
-            self.way_on.clear()
-            with self.way_on:
-                super().onward()
+            self.show_way_on()
+
+    def kind(self, status: dict[str, Any]) -> str:
+        """State of the search: new, queued, running, finished, failed, stopped or empty."""
+        if self.run is None:
+            return "new"
+        job = self.services.queue.of(self.page.name, self.run.name, "identify")
+        if self._is_busy() and job is not None:
+            return job.state
+        if status.get("state") == "finished":
+            return "finished"
+        if job is not None and job.output and job.code not in _INTERRUPTED:
+            return "failed"
+        return "stopped" if status.get("has_results") else "empty"
+
+    def buttons(self, kind: str) -> None:
+        """Build what can be done, with what has happened."""
+        if kind == "new":
+            self.start_panel("Start the search")
+        elif kind in ("queued", "running"):
+            assert self.run is not None
+            run = self.run
+            with tag("div", "", "row"):
+                action("Pause", lambda: self.pause(run), key="pause")
+                action("Stop with the best so far", lambda: self.pause(run), key="stop")
+        elif kind == "finished":
+            alert("The search is finished: everything is decided.", "good")
+        elif kind == "failed":
+            assert self.run is not None
+            job = self.services.queue.of(self.page.name, self.run.name, "identify")
+            alert(job.output.splitlines()[-1].removeprefix("brightgrey: ") if job else "It has failed.")
+            self.start_panel("Try again")
+        elif kind == "stopped":
+            said = "The search was stopped. Its best structure so far is a result without verdicts; it can go on."
+            alert(said, "note")
+            self.start_panel("Go on")
+        else:
+            alert("The search was stopped before it had a result. It goes on with what it has kept.", "note")
+            self.start_panel("Go on")
 
     def start_panel(self, text: str) -> None:
         """Build the button that starts."""
@@ -164,20 +219,11 @@ class SearchStage(Stage):
         self.services.begin_search(self.page.name)
         self.page.render()
 
-    def running_panel(self, run: RunEntry) -> None:
-        """Build the live figures of a search."""
-        job = self.services.queue.of(self.page.name, run.name, "identify")
-        if job is not None and job.state == "queued":
-            paragraph("It waits until another command has ended.")
-        status = self.status()
-        stage = status.get("stage", {})
-        paragraph(f"Running: {PHASES.get(stage.get('name', ''), 'preparing, which takes a minute the first time')} …")
+    def progress(self, kind: str, stage: dict[str, Any]) -> None:
+        """Build the line on what is being done, with the share that is decided."""
+        said = PHASES.get(stage.get("name", ""), "preparing, which takes a minute the first time")
+        paragraph("It waits until another command has ended." if kind == "queued" else f"Running: {said} …")
         tag("progress", aria_label="Share of the border that is decided", **_share(stage))
-        self.figures(stage, status)
-        with tag("div", "", "row"):
-            action("Pause", lambda: self.pause(run), key="pause")
-            action("Stop with the best so far", lambda: self.pause(run), key="stop")
-        self.border(stage)
 
     def pause(self, run: RunEntry) -> None:
         """Pause: the command ends as with Ctrl-C, with the best so far, and can go on."""
@@ -220,33 +266,11 @@ class SearchStage(Stage):
                 numbers=(1,),
             )
 
-    def ended_panel(self, run: RunEntry) -> None:
-        """Build the end of a search, or what stopped it."""
-        status = self.status()
-        stage = status.get("stage", {})
-        job = self.services.queue.of(self.page.name, run.name, "identify")
-        if status.get("state") == "finished":
-            alert("The search is finished: everything is decided.", "good")
-        elif job is not None and job.output and job.code not in (0, 130, 143, None):
-            alert(job.output.splitlines()[-1].removeprefix("brightgrey: "))
-            self.start_panel("Try again")
-        elif status.get("has_results"):
-            alert(
-                "The search was stopped. Its best structure so far is a result without verdicts; it can go on.", "note"
-            )
-            self.start_panel("Go on")
-        else:
-            alert("The search was stopped before it had a result. It goes on with what it has kept.", "note")
-            self.start_panel("Go on")
-        if stage:
-            self.figures(stage, status)
-            self.border(stage)
-
     async def draw(self, best: str, values: dict[str, float]) -> None:
         """Draw the best structure so far over the first recording."""
         tomls = self.services.tomls(self.document, "train")
         label = self.document.of_use("train")[0].label
-        figure = await self.services.desk.call("live_fit", tomls, best, values, label)
+        figure = await self.still(self.services.desk.call("live_fit", tomls, best, values, label))
         if figure is None:
             return
         if self.figure is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 from nicegui import ui
 
@@ -12,7 +12,13 @@ from brightgrey.app.widgets import action, heading, paragraph, tag
 from brightgrey.app.workspace.progress import STAGES
 from brightgrey.app.workspace.project import ProjectDocument
 
-__all__ = ["ProjectView", "Stage"]
+__all__ = ["ProjectView", "Stage", "StageLeftError"]
+
+T = TypeVar("T")
+
+
+class StageLeftError(Exception):
+    """The stage that waited for something is no longer shown: there is no place for the answer."""
 
 
 class ProjectView(Protocol):
@@ -21,6 +27,7 @@ class ProjectView(Protocol):
     services: AppServices
     name: str
     main: ui.element
+    shown: Any
 
     @property
     def document(self) -> ProjectDocument:
@@ -62,6 +69,19 @@ class Stage:
 
     def content(self) -> None:
         """Build what is particular to the stage."""
+
+    async def still(self, work: Awaitable[T]) -> T:
+        """Wait for something that is then shown here.
+
+        Raises
+        ------
+        StageLeftError
+            If another stage, or this one built anew, is shown meanwhile.
+        """
+        found = await work
+        if self.page.shown is not self:
+            raise StageLeftError
+        return found
 
     def follow(self) -> Awaitable[None] | None:
         """Show what has changed in a run."""
