@@ -38,6 +38,7 @@ class AppProcess:
         self.process = subprocess.Popen(
             [sys.executable, "-m", "brightgrey", "app", str(folder), "--no-browser"],
             stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
             text=True,
             start_new_session=True,
         )

@@ -79,6 +79,7 @@ def serve(folder: Path, *, host: str, port: int, password: str | None, show: boo
         language="en-US",
         dark=None,
         reload=False,
+        reconnect_timeout=30.0,  # s: a busy machine must not make the page load itself anew
         show=False,
         tailwind=False,
         show_welcome_message=False,
