@@ -65,12 +65,12 @@ def tag(name: str, text: str = "", style: str = "", /, **attributes: Any) -> ui.
 
 
 def heading(text: str, level: int = 2, **attributes: Any) -> ui.element:
-    """Heading."""
+    """Heading of a level, 1 to 4."""
     return tag(f"h{level}", text, **attributes)
 
 
 def paragraph(text: str, style: str = "") -> ui.element:
-    """Paragraph."""
+    """Paragraph of plain text."""
     return tag("p", text, style)
 
 
@@ -118,7 +118,7 @@ def action(
 def link(
     text: str, address: str, *, style: str = "", key: str = "", download: bool = False, **attributes: Any
 ) -> ui.element:
-    """Link."""
+    """Link to a page or a file."""
     return tag("a", text, style, href=address, data_key=key or None, download="" if download else None, **attributes)
 
 

@@ -38,7 +38,8 @@ def app(
 ) -> None:
     """Open the app in the browser: from a file to a handed-over model, without a command line.
 
-    It works offline and sends nothing anywhere. Runs are those of identify, so that both can go on with each other's.
+    It works offline and sends nothing anywhere. Runs are those of identify, so that both can go on with each other's. A folder
+    that cannot be written to and an address that cannot be listened on are refused.
     """
     password = (
         None if host in LOCAL else os.environ.get(PASSWORD) or typer.prompt("Password for the app", hide_input=True)
