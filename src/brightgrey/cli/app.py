@@ -38,8 +38,8 @@ def app(
 ) -> None:
     """Open the app in the browser: from a file to a handed-over model, without a command line.
 
-    It works offline and sends nothing anywhere. Runs are those of identify, so that both can go on with each other's. A folder
-    that cannot be written to and an address that cannot be listened on are refused.
+    It works offline and sends nothing anywhere. Runs are those of identify, so that both can go on with each other's.
+    A folder that cannot be written to and an address that cannot be listened on are refused.
     """
     password = (
         None if host in LOCAL else os.environ.get(PASSWORD) or typer.prompt("Password for the app", hide_input=True)
@@ -51,14 +51,17 @@ def app(
             raise
         raise SettingsError("the app needs NiceGUI: pip install 'brightgrey[app]'") from None
     with suppress(KeyboardInterrupt):  # the way to end it
-        serve(folder, host=host, port=port or _free_port(host), password=password, show=not no_browser)
+        serve(folder, host=host, port=_free_port(host, port), password=password, show=not no_browser)
 
 
-def _free_port(host: str) -> int:
-    """Port that nobody uses at the moment."""
+def _free_port(host: str, wanted: int) -> int:
+    """Port that nobody uses at the moment: the wanted one, or any if it is 0."""
     with socket.socket() as probe:
+        if os.name == "posix":  # one that was used a moment ago is free
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind((host, 0))
+            probe.bind((host, wanted))
         except OSError as error:
-            raise SettingsError(f"cannot listen on '{host}': {error.strerror}") from None
+            at = f"{host}:{wanted}" if wanted else host
+            raise SettingsError(f"cannot listen on '{at}': {error.strerror}") from None
         return int(probe.getsockname()[1])
