@@ -25,6 +25,7 @@ TITLES = {
     "ties": "Structures that cannot be told apart",
     "selftest": "Would this recording find the model again?",
     "commissioning": "Commissioning sheet",
+    "opinion": "Second opinion",
     "friction": "Friction",
     "frequency": "Frequency response",
     "backlash": "Backlash",
