@@ -54,7 +54,9 @@ def test_gate__right_token__gives_the_cookie_and_leaves_the_address():
     assert "SameSite=Strict" in given
     status, headers, body = ask(RULES, cookie=cookie())
     assert (status, body) == (200, b"inside")
-    assert b"default-src 'self'" in headers[b"content-security-policy"]
+    policy = headers[b"content-security-policy"].decode()
+    assert "default-src 'self'" in policy
+    assert "connect-src 'self' ws://127.0.0.1:8420;" in policy
 
 
 @pytest.mark.parametrize("query", ["", "token=", "token=wrong", "token=%00", f"token={RULES.cookie}"])

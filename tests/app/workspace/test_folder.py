@@ -72,6 +72,11 @@ def test_workspace__damaged_document__names_what_is_wrong(tmp_path):
         workspace.load("b")
 
 
+def test_usable_limits__leave_out_what_is_no_number_above_zero():
+    given = {"torque": "5", "speed": "fast", "travel": "-1", "twist": "inf", "acceleration": "nan"}
+    assert AxisChoice(limits=given).usable_limits == {"torque": 5.0}
+
+
 def test_slug__of_any_title__is_a_name():
     assert slug("  X axis / 2 ") == "x-axis-2"
     assert slug("日本") == "project"

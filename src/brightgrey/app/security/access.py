@@ -39,18 +39,24 @@ class _GatePolicy:
 
 GATE = _GatePolicy()
 
-#: No page loads anything from another host, and none is shown inside another site. NiceGUI needs inline scripts.
-HEADERS = (
-    (
-        b"content-security-policy",
-        b"default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
-        b"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; frame-src 'self'; "
-        b"object-src 'none'; base-uri 'self'; form-action 'self'; frame-ancestors 'self'",
-    ),
-    (b"x-content-type-options", b"nosniff"),
-    (b"referrer-policy", b"no-referrer"),
-    (b"cross-origin-resource-policy", b"same-origin"),
-)
+
+def _headers(host: str) -> list[tuple[bytes, bytes]]:
+    """Headers of every answer: no page loads anything from elsewhere, and none is shown inside another site.
+
+    NiceGUI needs inline scripts. `host` has been found to be this server's own.
+    """
+    socket = f" ws://{host}" if host else ""
+    policy = (
+        "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+        f"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self'{socket}; frame-src 'self'; "
+        "object-src 'none'; base-uri 'self'; form-action 'self'; frame-ancestors 'self'"
+    )
+    return [
+        (b"content-security-policy", policy.encode()),
+        (b"x-content-type-options", b"nosniff"),
+        (b"referrer-policy", b"no-referrer"),
+        (b"cross-origin-resource-policy", b"same-origin"),
+    ]
 
 
 @dataclass(frozen=True)
@@ -131,7 +137,7 @@ class Gate:
             await _refuse(scope, send, 403, "A page of another site must not ask this server for anything.")
             return
         if self.rules.knows_cookie(headers.get("cookie", "")):
-            await self.app(scope, receive, _with_headers(send))
+            await self.app(scope, receive, _with_headers(send, host))
             return
         await self._let_in(scope, receive, send)
 
@@ -161,7 +167,7 @@ class Gate:
         """Set the cookie, and go to the first page without the token in its address."""
         cookie = f"{self.rules.cookie_name}={self.rules.cookie}; Path=/; HttpOnly; SameSite=Strict"
         headers = [(b"location", b"/"), (b"set-cookie", cookie.encode()), (b"cache-control", b"no-store")]
-        await send({"type": "http.response.start", "status": 303, "headers": [*headers, *HEADERS]})
+        await send({"type": "http.response.start", "status": 303, "headers": [*headers, *_headers("")]})
         await send({"type": "http.response.body", "body": b""})
 
 
@@ -175,11 +181,11 @@ async def _body(receive: Receive) -> bytes:
     return content[: GATE.longest_form]
 
 
-def _with_headers(send: Send) -> Send:
+def _with_headers(send: Send, host: str) -> Send:
     async def wrapped(message: MutableMapping[str, Any]) -> None:
         if message["type"] == "http.response.start":
             given = {name.lower() for name, _ in message.get("headers", [])}
-            more = [pair for pair in HEADERS if pair[0] not in given]
+            more = [pair for pair in _headers(host) if pair[0] not in given]
             message = {**message, "headers": [*message.get("headers", []), *more]}
         await send(message)
 
@@ -194,7 +200,7 @@ async def _refuse(scope: Scope, send: Send, status: int, reason: str) -> None:
 
 
 async def _answer(send: Send, status: int, page: bytes) -> None:
-    headers = [(b"content-type", b"text/html; charset=utf-8"), (b"cache-control", b"no-store"), *HEADERS]
+    headers = [(b"content-type", b"text/html; charset=utf-8"), (b"cache-control", b"no-store"), *_headers("")]
     await send({"type": "http.response.start", "status": status, "headers": headers})
     await send({"type": "http.response.body", "body": page})
 

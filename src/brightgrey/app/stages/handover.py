@@ -218,12 +218,11 @@ class HandoverStage(Stage):
 
     def plan_words(self) -> tuple[str, ...]:
         """Arguments of the plan."""
-        limits = self.document.drive.limits
-        return plan_arguments(self.run, "limits.toml" if limits else None)
+        return plan_arguments(self.run, "limits.toml" if self.document.drive.usable_limits else None)
 
     def plan(self) -> None:
         """Write the limits and put the plan into the queue."""
-        limits = {name: float(text) for name, text in self.document.drive.limits.items()}
+        limits = self.document.drive.usable_limits
         if limits:
             write_file(self.folder / "limits.toml", toml_text(limits).encode())
         self.services.queue.add(QueuedCommand(self.page.name, self.run, self.plan_words()))

@@ -52,6 +52,19 @@ class AxisChoice(_Frozen):
     limits: Mapping[str, str] = Field(default_factory=dict)  #: Of the machine, as typed, in the recording's units.
 
     @property
+    def usable_limits(self) -> dict[str, float]:
+        """Limits whose text is a number above 0, in the recording's units."""
+        found = {}
+        for name, text in self.limits.items():
+            try:
+                value = float(text)
+            except ValueError:
+                continue
+            if 0.0 < value < float("inf"):
+                found[name] = value
+        return found
+
+    @property
     def required(self) -> tuple[str, ...]:
         """Effects that every structure has, for ``--require``; masses count cumulatively."""
         return (*((MASS_EFFECTS[self.least_masses],) if self.least_masses > 1 else ()), *self.certain)
