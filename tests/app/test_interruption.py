@@ -17,7 +17,7 @@ from brightgrey.runs import RunError, read_status
 from support.app import FEW_EFFECTS, RunningApp, Visit, descendants
 from support.small_runs import call, recording_csv
 
-MOST = 120.0  # s until a test has failed
+MOST = 240.0  # s until a test has failed
 
 
 def prepared(folder, *, few=True):

@@ -108,7 +108,7 @@ class Visit:
     def new_tab(self, url):
         """Open another tab of the same browser."""
         page = self.context.new_page()
-        page.set_default_timeout(60_000)
+        page.set_default_timeout(240_000)  # the kernel may have to be compiled first
         page.on("console", lambda message: self.said.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: self.said.append(str(error)))
         page.on("request", lambda request: self.asked.append(request.url))
