@@ -147,11 +147,27 @@ class _ProjectPage:
         with tag("nav", "", "stages", aria_label="Stages") as self.nav:
             pass
         self.main = tag("div", "", "main", id="content", tabindex="-1")
-        states = self.services.states(document)
+        unknown = [r.name for r in document.runs if (self.name, r.name) not in self.services.statuses]
+        if unknown:  # right after the start of the server: what a run has come to decides which stages are open
+            with self.main:
+                tag("h1", document.title)
+                paragraph("The runs of this project are being read …", "soft")
+            self.later(self.read_runs(unknown))
+        else:
+            self.arrive()
+        ui.timer(PAGES.look_every, self.tick)
+
+    async def read_runs(self, runs: list[str]) -> None:
+        """Read what runs have come to, then show the stage that was asked for."""
+        await self.services.look(self.name, runs)
+        self.arrive()
+
+    def arrive(self) -> None:
+        """Show the stage that was asked for, or the next one if it is blocked."""
+        states = self.services.states(self.document)
         if not states[self.stage].reachable:
             self.stage = next_stage(states)
         self.render()
-        ui.timer(PAGES.look_every, self.tick)
 
     def version(self) -> tuple[int, int]:
         """Grows whenever the document or something that runs has changed."""
