@@ -163,7 +163,7 @@ def test_process__is_nicer_and_ends_as_by_ctrl_c(tmp_path):
     folder = workspace.path(name)
     child = start_process(identify_arguments(workspace.load(name), "run-1"), folder, folder / "jobs" / "log")
     assert os.getpriority(os.PRIO_PROCESS, child.pid) >= 10
-    assert is_process_of(child.pid, "run-1")
+    wait_until(lambda: is_process_of(child.pid, "run-1"))  # it has not begun until its words can be read
     assert not is_process_of(child.pid, "run-11")
     assert not is_process_of(os.getpid(), "run-1")
     wait_until(lambda: evaluations(folder / "runs" / "run-1") >= 1)
