@@ -38,6 +38,18 @@ def test_recording_course__zoomed__shows_more_of_less(toml):
     assert len(part["layout"]["annotations"]) == 0
 
 
+def test_recording_course__window_that_is_none__is_refused(toml):
+    toml.write_text(toml.read_text().replace("0.1:0.5", "soon:"))
+    with pytest.raises(SettingsError, match="'soon' is not a number"):
+        recording_course(str(toml), None, "a")
+
+
+def test_recording_course__option_that_is_no_number__is_refused(toml):
+    toml.write_text(toml.read_text() + 'dt = "often"\n')
+    with pytest.raises(SettingsError, match="dt 'often' is not a number"):
+        recording_course(str(toml), None, "a")
+
+
 def test_check_files__unreadable_recording__is_said_by_its_label(toml):
     toml.write_text(toml.read_text().replace('"torque"', '"torc"'))
     found = check_files([str(toml)], {"a.csv": "My axis"})

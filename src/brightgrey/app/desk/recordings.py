@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from brightgrey.notebook_html import sparkline
 from brightgrey.option_texts import reading_arguments
 from brightgrey.recordings import Recording, read_recording
 from brightgrey.recordings.checks.checkup import check
-from brightgrey.recordings.recording_toml import read_recordings, recording_toml
+from brightgrey.recordings.recording_toml import load_recording_toml, read_recordings, recording_toml
 
 __all__ = ["apply_remedy", "check_files", "inspect_file", "recording_course"]
 
@@ -77,8 +77,7 @@ def _as_toml_options(options: Mapping[str, Any]) -> dict[str, Any]:
 @lru_cache(maxsize=1)
 def _whole(path: str, changed: int, options: str) -> Recording:
     """Recording without its window; kept for the next zoom."""
-    given = {k: v for k, v in tomllib.loads(options).items() if k not in ("recording", "window")}
-    return read_recording(path, **reading_arguments(given))
+    return read_recording(path, **reading_arguments(json.loads(options)))
 
 
 def recording_course(toml: str, span: tuple[float, float] | None, label: str) -> dict[str, Any]:
@@ -89,11 +88,10 @@ def recording_course(toml: str, span: tuple[float, float] | None, label: str) ->
     BrightgreyError
         If it cannot be read with its options.
     """
-    text = Path(toml).read_text(encoding="utf-8")
-    content = tomllib.loads(text)
-    file = Path(toml).parent / content["recording"][0]
-    recording = _whole(str(file), file.stat().st_mtime_ns, text)
-    return channel_figure(recording, span, content.get("window"), label)
+    (file, *_), options = load_recording_toml(toml)
+    window = options.pop("window", None)
+    recording = _whole(str(file), file.stat().st_mtime_ns, json.dumps(options))
+    return channel_figure(recording, span, window, label)
 
 
 def check_files(tomls: Sequence[str], labels: Mapping[str, str]) -> dict[str, Any]:

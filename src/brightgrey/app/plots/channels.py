@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from brightgrey.option_texts import window as window_ends
 from brightgrey.recordings import Recording
 from brightgrey.report.charts.chart import Chart, Line, Mark, Panel, thin
 from brightgrey.report.drawing.plotly_figure import plot
@@ -39,12 +40,17 @@ def channel_figure(
         As ``A:B`` in s; its ends are marked.
     label : str
         Name of the recording.
+
+    Raises
+    ------
+    SettingsError
+        For a window that cannot be read.
     """
     t = recording.t
     low, high = span or (float(t[0]), float(t[-1]))
     first, last = np.searchsorted(t, [low, high])
     part = slice(max(int(first) - 1, 0), int(last) + 2)
-    ends = [float(end) for end in (window or "").split(":") if end.strip()]
+    ends = [end for end in window_ends(window) or () if end is not None]
     marks = tuple(Mark(end, "window") for end in ends if low <= end <= high)
     rows = [(recording.input, recording.u * recording.input.factor, "second")]
     rows += [(s, y * s.factor, "measured") for s, y in zip(recording.outputs, recording.y, strict=True)]
