@@ -3,7 +3,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-long check format docs bench bench-long validation pictures gallery clean
+.PHONY: help setup app demo test test-long check format docs bench bench-long validation pictures gallery clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -15,6 +15,9 @@ $(STAMP): pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
+
+app: setup  ## open the app in the browser, with its workspace in brightgrey-workspace/
+	$(BIN)/brightgrey app
 
 demo: setup  ## identify the drive of the recording that ships with the package, results in demo/
 	$(BIN)/brightgrey demo --out demo

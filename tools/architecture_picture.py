@@ -31,6 +31,7 @@ TIP = (
 )
 ROOMS = {
     "cli": "the command line",
+    "app": "the pages of brightgrey app",
     "api": "what a user imports, in the recording's units",
     "paper": "reproduction of the paper's section 4",
     "report": "page, figures, tables",

@@ -73,6 +73,11 @@ def test_runs_are_listed(small, monkeypatch):
     assert exhaustive["evaluations"] > 16
     assert genetic["generations"] == 4
     assert "one_mass" in exhaustive["stage"]["best"]
+    stage = exhaustive["stage"]  # the border, for those who watch the search
+    assert (stage["decided"], stage["left"]) == (len(stage["minimal"]) + len(stage["refuted"]), 0)
+    assert all(ratio >= 1.0 for _, ratio in stage["refuted"])
+    assert 50.0 < stage["fit_percent"] <= 100.0
+    assert stage["values"]["J1"] > 0.0
     monkeypatch.chdir(small.folder)  # a long path would fold the table
     shown = call("runs", "genetic")
     assert "generations 3 of 3" in shown.out

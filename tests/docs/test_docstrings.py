@@ -3,6 +3,7 @@
 import ast
 import dataclasses
 import importlib
+import importlib.util
 import inspect
 import pkgutil
 import re
@@ -27,6 +28,8 @@ UNITS = re.compile(
 
 def modules():
     for found in pkgutil.walk_packages(brightgrey.__path__, "brightgrey."):
+        if found.name.startswith("brightgrey.app.") and importlib.util.find_spec("nicegui") is None:
+            continue  # only the extra brings what it needs
         if not found.name.endswith("__main__"):
             yield importlib.import_module(found.name)
 

@@ -52,6 +52,7 @@ def test_pages__name_options_that_exist(capsys):
         "inspect",
         "check",
         "plan",
+        "app",
     ):
         main([command, "--help"])
     offered = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out))

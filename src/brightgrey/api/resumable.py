@@ -202,7 +202,9 @@ def _is_fit(request: Mapping[str, Any]) -> bool:
 def _store_progress(store: Store, step: SearchProgress | Progress) -> None:
     """Store the progress of a search; for a genetic one also the state that the next generation is drawn from."""
     if isinstance(step, SearchProgress):
-        store.note_stage({"name": step.name, "done": step.done, "total": step.total, "best": str(step.structure)})
+        stage = {"name": step.name, "done": step.done, "total": step.total, "best": str(step.structure)}
+        border = {} if step.border is None else asdict(step.border)
+        store.note_stage(stage | {"fit_percent": step.fit_percent, "values": step.values} | border)
         return
     best = str(step.best.job.structure)
     store.note_stage({"name": "generations", "done": step.generation, "total": step.generations, "best": best})

@@ -12,6 +12,7 @@ from typing import Annotated, cast
 
 import typer
 
+from brightgrey.cli.app import app as open_app
 from brightgrey.cli.check import check
 from brightgrey.cli.control import analyse, control, watch
 from brightgrey.cli.demo import demo
@@ -68,6 +69,7 @@ IDENTIFY = "brightgrey identify axis.csv --input torque --output velocity"
 # Two examples for each command, in the order of the help page.
 COMMANDS: dict[Callable[..., None], tuple[str, str]] = {
     demo: ("brightgrey demo", "brightgrey demo --out demo --seed 1"),
+    open_app: ("brightgrey app", "brightgrey app drives --port 8420 --no-browser"),
     inspect: ("brightgrey inspect axis.csv", "brightgrey inspect drive_1.mat drive_2.mat --json"),
     check: (
         "brightgrey check axis.csv --input torque --output velocity",

@@ -28,7 +28,10 @@ class RunStatus:
     generations : int
         Complete generations of a genetic search.
     stage : mapping
-        Progress of the search: `name`, `done`, `total`, `best`; empty before it has begun.
+        Progress of the search: `name`, `done`, `total`, `best`; empty before it has begun. Of a search for the border
+        also `fit_percent` and `values` (SI) of the best structure, and once there is a border its `decided` and `left`
+        parts, the `minimal` structures so far and the `refuted` ones, see
+        :class:`~brightgrey.search.progress.BorderProgress`.
     """
 
     folder: Path

@@ -58,6 +58,7 @@ class BorderSearch:
         self.flipped: set[int] = set()
         self.offered: tuple[Placed, ...] = ()
         self.thorough = False
+        self.border: Border | None = None
         self._model_error: dict[tuple[Structure, float], bool] = {}
 
     def run(self, *, everything: bool = False) -> Border:
@@ -303,7 +304,8 @@ class BorderSearch:
     def decide(self) -> Border:
         """Fit what the decision rests on until nothing is wanted."""
         while True:
-            border = assess(self.deviances(), self.round)
+            border = self.border = assess(self.deviances(), self.round)
+            self.progress("border", len(self.fits.done), self.fits.best().structure)
             most = self.policy.max_fits_with_model_error if self.has_model_error() else self.policy.max_fits
             if len(self.fits.done) > most:
                 return border

@@ -28,7 +28,7 @@ from brightgrey.search.lattice import Lattice, one_larger
 from brightgrey.search.model_error import signs_of_model_error
 from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
-from brightgrey.search.progress import SearchProgress
+from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.open_questions import open_questions
 
@@ -162,14 +162,14 @@ def decide_structures(
     tell = progress or (lambda step: None)
     with thread_pool(executor) as workers:
         total = lattice.size if how == "exhaustive" else None
-        search = (partial(_BorderRefit, optima=optima) if optima else BorderSearch)(
+        search: BorderSearch = (partial(_BorderRefit, optima=optima) if optima else BorderSearch)(
             coarse_task(task),
             lattice,
             workers,
             seed,
             tuple(further),
             with_effects if further else None,
-            progress=lambda stage, done, best: tell(SearchProgress(stage, done, total, best)),
+            progress=lambda stage, done, best: tell(_progress_of(search, SearchProgress(stage, done, total, best))),
         )
         evidence = None
         try:
@@ -179,6 +179,33 @@ def decide_structures(
             if not search.fits.done:
                 raise
         return Decision(_ranking(search, task, evidence), evidence, search.fits.done)
+
+
+def _progress_of(search: BorderSearch, step: SearchProgress) -> SearchProgress:
+    """Step of a search with its best fit and its border so far."""
+    best, border = search.fits.best(), search.border
+    task = search.fits.task
+    weights = task.problem(best.structure).weights
+    whole = sum(float(np.sum((weights * r.y.std(axis=1)) ** 2)) * r.samples for r in task.recordings)
+    fit_percent = 100.0 * (1.0 - float(np.sqrt(best.cost / positive(whole)))) if np.isfinite(best.cost) else None
+    known = replace(step, fit_percent=fit_percent, values=dict(best.values))
+    if border is None:
+        return known
+    lattice = search.lattice
+    refuted = tuple(
+        (_lacking(lattice, r.mask), float(np.sqrt(1.0 + r.excess / positive(border.least))))
+        for r in sorted(border.refuted, key=lambda r: (r.excess, r.mask))
+    )
+    minimal = tuple(str(lattice.structure(m)) for m in border.minimal)
+    left = len(border.undecided)
+    return replace(known, border=BorderProgress(len(minimal) + len(refuted), left, minimal, refuted))
+
+
+def _lacking(lattice: Lattice, mask: int) -> tuple[str, ...]:
+    """Effects that a structure lacks, without those that only fail because another one is missing."""
+    absent = lattice.everything & ~mask
+    atoms = enumerate(lattice.atoms)
+    return tuple(str(p) for i, p in atoms if absent >> i & 1 and not lattice.requires[i] & absent)
 
 
 def _masses_with_sensors(task: IdentificationTask, grammar: Grammar) -> tuple[str, ...]:
@@ -291,12 +318,10 @@ def _refuted(
     search: BorderSearch, border: Border, r: Refutation, costs: Mapping[int, float], least: float
 ) -> RefutedStructure:
     lattice = search.lattice
-    absent = lattice.everything & ~r.mask
-    roots = [str(p) for i, p in enumerate(lattice.atoms) if absent >> i & 1 and not lattice.requires[i] & absent]
     within = min((cost for m, cost in costs.items() if not m & ~r.mask), default=np.inf)
     tried = lattice.structure(search.beside_refuted(r, border))
     return RefutedStructure(
-        tuple(roots),
+        _lacking(lattice, r.mask),
         str(lattice.structure(r.mask)),
         float(np.sqrt(max(within / positive(least), 1.0))),
         r.excess,

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from brightgrey.kit import Structure
 
-__all__ = ["SearchProgress"]
+__all__ = ["BorderProgress", "SearchProgress"]
+
+
+@dataclass(frozen=True)
+class BorderProgress:
+    """Border of the adequate structures as it is so far; every part of it may still change."""
+
+    decided: int  #: Parts of the border that are decided: minimal structures, and largest refuted ones.
+    left: int  #: Largest structures that have to be fitted yet.
+    minimal: tuple[str, ...]  #: The simplest structures that explain the recordings.
+    #: Effects that each largest refuted structure lacks, with the RMS of its residual over the least one.
+    refuted: tuple[tuple[tuple[str, ...], float], ...]
 
 
 @dataclass(frozen=True)
@@ -17,3 +29,6 @@ class SearchProgress:
     done: int
     total: int | None
     structure: Structure
+    fit_percent: float | None = None  #: Of the best structure so far, all outputs together.
+    values: Mapping[str, float] | None = None  #: Of the best structure so far, SI.
+    border: BorderProgress | None = None  #: None before there is one.

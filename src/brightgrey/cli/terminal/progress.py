@@ -64,8 +64,7 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[SearchProgress | Ste
 
         def show(step: SearchProgress | Step, about: str) -> None:
             if isinstance(step, SearchProgress):
-                passed = time.monotonic() - begun
-                left = "" if step.total is None else f"{passed * (step.total - step.done) / step.done:.0f} s left"
+                left = _left(step, time.monotonic() - begun)
                 shown = (
                     step.name if narrow else f"{about}: {step.name}",
                     step.total,
@@ -91,3 +90,10 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[SearchProgress | Ste
             )
 
         yield show
+
+
+def _left(step: SearchProgress, passed: float) -> str:
+    """Time that is left, or the parts of the border that are decided and left."""
+    if step.total is not None:
+        return f"{passed * (step.total - step.done) / step.done:.0f} s left"
+    return "" if step.border is None else f"{step.border.decided} decided, {step.border.left} left"

@@ -14,7 +14,11 @@ from brightgrey.runs import RunError, Stop
 
 __all__ = ["SignalStop", "stop_on_signal"]
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = tuple(
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGBREAK")
+    if hasattr(signal, name)  # the last: Windows
+)
 
 
 class SignalStop(Stop):

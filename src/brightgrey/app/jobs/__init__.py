@@ -1,0 +1,1 @@
+"""Commands of brightgrey that the app runs: their arguments, their processes, and the queue that they wait in."""

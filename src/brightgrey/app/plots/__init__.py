@@ -1,0 +1,1 @@
+"""Figures of the app's pages, decimated where they are made."""

@@ -1,0 +1,1 @@
+"""Who may ask the server for something, and what may be uploaded."""

@@ -1,0 +1,166 @@
+"use strict";
+// What NiceGUI does not do: figures in the page's colours, uploads with progress, copying, and the focus that stays.
+window.brightgrey = (function () {
+  const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  let loading = null;
+
+  function plotly() {
+    if (window.Plotly) return Promise.resolve();
+    loading ??= new Promise((resolve, reject) => {
+      const script = document.createElement("script");
+      script.src = "/static/plotly.js";
+      script.onload = resolve;
+      script.onerror = reject;
+      document.head.append(script);
+    });
+    return loading;
+  }
+
+  function coloured(value, style) {
+    if (typeof value === "string") {
+      const name = /^var\((--[a-z-]+)\)$/.exec(value);
+      return name ? style.getPropertyValue(name[1]).trim() : value;
+    }
+    if (Array.isArray(value)) return typeof value[0] === "number" ? value : value.map((v) => coloured(v, style));
+    if (value === null || typeof value !== "object") return value;
+    return Object.fromEntries(Object.entries(value).map(([k, v]) => [k, coloured(v, style)]));
+  }
+
+  async function draw(element, figure) {
+    if (!figure) return;
+    await plotly();
+    if (!element.isConnected) return;
+    const { data, layout } = coloured(JSON.parse(JSON.stringify(figure)), getComputedStyle(document.documentElement));
+    await window.Plotly.react(element, data, layout, config);
+  }
+
+  function forget(element) {
+    if (window.Plotly) window.Plotly.purge(element);
+  }
+
+  // Uploads: one after the other, with a line for each; the server refuses what it cannot use and says why.
+  function line(list, text, kind) {
+    const item = document.createElement("li");
+    item.className = kind || "";
+    item.textContent = text;
+    list.append(item);
+    return item;
+  }
+
+  function send(file, project, list) {
+    return new Promise((resolve) => {
+      const item = line(list, `${file.name}: 0 %`);
+      const request = new XMLHttpRequest();
+      request.open("POST", `/upload/${project}`);
+      request.setRequestHeader("X-File-Name", encodeURIComponent(file.name));
+      request.setRequestHeader("Content-Type", "application/octet-stream");
+      request.upload.onprogress = (event) => {
+        const part = event.total ? Math.floor((100 * event.loaded) / event.total) : 100;
+        item.textContent = part < 100 ? `${file.name}: ${part} %` : `${file.name}: being read …`;
+      };
+      request.onload = () => {
+        let answer = {};
+        try { answer = JSON.parse(request.responseText); } catch { answer = {}; }
+        if (request.status === 200) item.remove();
+        else {
+          item.className = "wrong";
+          item.textContent = `${file.name}: ${answer.problem || "the upload was refused"}`;
+        }
+        resolve();
+      };
+      request.onerror = () => {
+        item.className = "wrong";
+        item.textContent = `${file.name}: the connection was closed; is the app still running?`;
+        resolve();
+      };
+      request.send(file);
+    });
+  }
+
+  async function upload(files, element) {
+    const list = document.getElementById("uploads");
+    list.replaceChildren();
+    for (const file of files) await send(file, element.dataset.project, list);
+  }
+
+  document.addEventListener("change", (event) => {
+    const input = event.target.closest("input[type=file][data-project]");
+    if (!input) return;
+    upload([...input.files], input).then(() => { input.value = ""; });
+  });
+  for (const name of ["dragenter", "dragover"])
+    document.addEventListener(name, (event) => {
+      const zone = event.target.closest && event.target.closest("[data-drop]");
+      event.preventDefault();
+      if (zone) zone.classList.add("over");
+    });
+  document.addEventListener("dragleave", (event) => {
+    const zone = event.target.closest && event.target.closest("[data-drop]");
+    if (zone && !zone.contains(event.relatedTarget)) zone.classList.remove("over");
+  });
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    const zone = event.target.closest && event.target.closest("[data-drop]");
+    if (!zone) return;
+    zone.classList.remove("over");
+    upload([...event.dataTransfer.files], zone.querySelector("input[type=file]"));
+  });
+
+  document.addEventListener("click", async (event) => {
+    const button = event.target.closest("[data-copy]");
+    if (!button) return;
+    const text = document.getElementById(button.dataset.copy).textContent;
+    try {
+      await navigator.clipboard.writeText(text);
+    } catch {
+      const range = document.createRange();
+      range.selectNodeContents(document.getElementById(button.dataset.copy));
+      getSelection().removeAllRanges();
+      getSelection().addRange(range);
+      document.execCommand("copy");
+    }
+    button.textContent = "Copied";
+    setTimeout(() => { button.textContent = "Copy"; }, 1500);
+  });
+
+  // What was unfolded stays so when it is made anew.
+  const unfolded = new Set();
+  const titleOf = (details) => (details.querySelector("summary") || details).textContent;
+  document.addEventListener("toggle", (event) => {
+    if (event.target.tagName !== "DETAILS") return;
+    if (event.target.open) unfolded.add(titleOf(event.target));
+    else unfolded.delete(titleOf(event.target));
+  }, true);
+  new MutationObserver((changes) => {
+    for (const change of changes)
+      for (const node of change.addedNodes) {
+        if (node.nodeType !== 1) continue;
+        for (const details of [node, ...node.querySelectorAll("details")])
+          if (details.tagName === "DETAILS" && unfolded.has(titleOf(details))) details.open = true;
+      }
+  }).observe(document.documentElement, { childList: true, subtree: true });
+
+  // The focus: a part of the page that is made anew gives it back to the element with the same key.
+  let last = null;
+  document.addEventListener("focusin", (event) => { last = event.target.dataset ? event.target.dataset.key : null; });
+  new MutationObserver(() => {
+    if (!last || document.activeElement !== document.body) return;
+    const again = document.querySelector(`[data-key="${CSS.escape(last)}"]`);
+    if (again) again.focus({ preventScroll: true });
+  }).observe(document.documentElement, { childList: true, subtree: true });
+  document.addEventListener("pointerdown", (event) => {
+    if (!event.target.closest("[data-key]")) last = null;
+  });
+
+  // A stage was opened: its address, the top of the page, and the title for those who hear it.
+  function arrive(address) {
+    if (location.pathname !== address) history.pushState({}, "", address);
+    unfolded.clear();
+    scrollTo(0, 0);
+    const content = document.getElementById("content");
+    if (content) content.focus({ preventScroll: true });
+  }
+  addEventListener("popstate", () => location.reload());
+
+  return { arrive, draw, forget, plotly };
+})();
