@@ -59,7 +59,11 @@ def test_gate__right_token__gives_the_cookie_and_leaves_the_address():
     assert "connect-src 'self' ws://127.0.0.1:8420;" in policy
 
 
-@pytest.mark.parametrize("query", ["", "token=", "token=wrong", "token=%00", f"token={RULES.cookie}"])
+@pytest.mark.parametrize(
+    "query",
+    ["", "token=", "token=wrong", "token=%00", f"token={RULES.cookie}"],
+    ids=["none", "empty", "wrong", "zero", "cookie"],  # the cookie is another one in every process
+)
 def test_gate__without_the_token__is_shut(query):
     assert ask(RULES, query=query)[0] == 403
     assert ask(RULES, query=query, cookie="brightgrey_8420=wrong")[0] == 403

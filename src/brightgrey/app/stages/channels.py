@@ -115,7 +115,7 @@ class ChannelTable:
                 choice(
                     f"Role of {name}",
                     role,
-                    CHANNEL_ROLES,
+                    CHANNEL_ROLES | ({"": "time"} if channel["quantity"] == "time" else {}),
                     lambda v: self.set_role(name, v),
                     key=f"role-{name}",
                     unseen=True,
