@@ -13,6 +13,7 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import Any, NamedTuple
 
 from brightgrey import Recording, identify
@@ -89,13 +90,15 @@ def pages() -> None:
 
 def page(name: str, drive: Drive, found: Mapping[str, Any]) -> str:
     """One drive in Markdown."""
-    lines = [f"# {drive.title}", "", drive.about, "", f"![{drive.title}]({name}.svg)", ""]
-    lines += [*(f"- {sentence}" for sentence in found["headline"]), ""]
+    lines = [f"# {drive.title}", "", *fill(drive.about, 118).splitlines(), "", f"![{drive.title}]({name}.svg)", ""]
+    for sentence in found["headline"]:
+        lines += fill(sentence, 118, initial_indent="- ", subsequent_indent="  ").splitlines()
+    lines.append("")
     lines += ["| parameter | value | unit | meaning |", "|---|---|---|---|"]
     lines += [f"| `{n}` | {value} | {unit} | {about} |" for n, value, unit, about in found["parameters"]]
     lines += ["", "| effect | verdict | reason |", "|---|---|---|"]
     lines += [f"| {title} | {verdict} | {reason} |" for title, verdict, reason in found["verdicts"]]
-    lines += ["", f"Recording: {drive.source}.", ""]
+    lines += ["", *fill(f"Recording: {drive.source}.", 118).splitlines(), ""]
     lines += [
         f"Nothing was given but the recording. `python bench/gallery.py run {name}`, commit {found['commit']}.",
         "",
@@ -108,14 +111,8 @@ def index(names: Sequence[str]) -> str:
     lines = ["# Gallery", "", "Measured drives, identified with nothing given but their recordings.", ""]
     for name in names:
         drive = DRIVES[name]
-        lines += [
-            f"## [{drive.title}]({name}.md)",
-            "",
-            drive.about,
-            "",
-            f"[![{drive.title}]({name}.svg)]({name}.md)",
-            "",
-        ]
+        lines += [f"## [{drive.title}]({name}.md)", "", *fill(drive.about, 118).splitlines(), ""]
+        lines += [f"[![{drive.title}]({name}.svg)]({name}.md)", ""]
     lines += ["```{toctree}", ":hidden:", "", *names, "```", ""]
     return "\n".join(lines)
 

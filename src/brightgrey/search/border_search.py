@@ -383,7 +383,7 @@ class BorderSearch:
             if found.excess <= far:
                 # further masses or a gap may have an optimum that the anchor has no place for
                 beside = self.beside_refuted(found, border) | found.mask & self.hard_limits
-                for mask in (found.mask & ~self.hard_limits, beside):
+                for mask in (found.mask & ~self.hard_limits, *([beside] if self.thorough else [])):
                     structure = self.lattice.structure(self.lattice.within(mask))
                     if self.lacks_agreement(structure, 1):
                         self.fit([structure])
