@@ -145,11 +145,11 @@ def _motion(trace: Mapping[str, Any], top: float) -> tuple[str, float]:
 def _verdict(title: str, verdict: str, reason: str, y: float) -> tuple[str, float]:
     """An effect with its verdict and the reason for it."""
     ink, ground = COLOURS[verdict]
-    lines = wrap(reason, 12.0, WIDTH - 2.0 * MARGIN - 290.0)
+    lines = wrap(reason, 12.0, WIDTH - 2.0 * MARGIN - 400.0)
     out = [
         f'<rect x="{MARGIN:g}" y="{y:.1f}" width="100" height="20" rx="10" fill="{ground}"/>',
         f'<g style="--ink:{ink}">{_text(MARGIN + 50.0, y + 14.0, verdict, 11.0, kind="verdict", anchor="middle")}</g>',
         _text(MARGIN + 112.0, y + 14.5, title, 13.0, weight=600),
-        *(_text(MARGIN + 290.0, y + 14.5 + 16.0 * k, line, 12.0, kind="soft") for k, line in enumerate(lines)),
+        *(_text(MARGIN + 400.0, y + 14.5 + 16.0 * k, line, 12.0, kind="soft") for k, line in enumerate(lines)),
     ]
     return "".join(out), max(26.0, 16.0 * len(lines) + 10.0)

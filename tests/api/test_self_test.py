@@ -199,7 +199,7 @@ def test_selftest__model_of_another_run__is_refused(result, run, tmp_path):
 def test_selftest__no_folder_or_no_draws__is_refused(result, tmp_path):
     with pytest.raises(SettingsError, match="there is no folder"):
         selftest(tmp_path / "none")
-    with pytest.raises(SettingsError, match="draws is 0; at least 1 is needed"):
+    with pytest.raises(SettingsError, match="draws is 0; expected: a whole number from 1"):
         selftest(result, draws=0)
 
 

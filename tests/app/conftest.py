@@ -2,17 +2,7 @@
 
 import pytest
 
-from support.app import RunningApp, find_browser
-
-
-@pytest.fixture(scope="session")
-def browser():
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    found = find_browser()
-    with sync_api.sync_playwright() as play:
-        running = play.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-gpu"])
-        yield running
-        running.close()
+from support.app import RunningApp
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ Skipped where there is no Chromium; install the package ``chromium``.
 
 import json
 import re
-import shutil
 from dataclasses import replace
 
 import pytest
@@ -21,23 +20,10 @@ from support.evidence import evidence_of
 from support.genetic_runs import small_run
 from support.models import independent, model_with_intervals, trace_of
 
-NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 CARDS = (
     EffectVerdict("coulomb", "needed", 0.4, None, Reason("loss", {"ratio": 1.4})),
     EffectVerdict("delay", "not decidable", None, 0.0, Reason("not detectable")),
 )
-
-
-@pytest.fixture(scope="module")
-def browser():
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    found = next(filter(None, map(shutil.which, NAMES)), None)
-    if found is None:
-        pytest.skip("no Chromium on the path")
-    with sync_api.sync_playwright() as play:
-        running = play.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-gpu"])
-        yield running
-        running.close()
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -14,7 +13,6 @@ import pytest
 
 from brightgrey.excitation import demo_recording
 
-CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "chrome")
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
 FEW_EFFECTS = {
     "confirmed": True,
@@ -83,14 +81,6 @@ def descendants(pid):
     while new:
         new = [child for child, parent in parents.items() if parent in new]
         found += new
-    return found
-
-
-def find_browser():
-    """Chromium of the system; skips where there is none."""
-    found = next(filter(None, map(shutil.which, CHROMIUM)), None)
-    if found is None:
-        pytest.skip("no Chromium on the path")
     return found
 
 

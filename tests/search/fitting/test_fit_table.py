@@ -182,7 +182,7 @@ def test_restart_many__better_supermodel__its_optimum_is_a_start(task):
     fits.done.update({s: StructureFit(s, {}, costs[name], complexity(s)) for name, s in names.items()})
     asked = Asked(fits)
     fits.restart_many([names["two_mass"], names["two_mass+coulomb"]], 1, asked)
-    begun = [[str(f.structure) for f in known] for *_, known in asked.calls]
+    begun = [[str(f.structure) for f in known] for *_, known, _ in asked.calls]
     assert begun == [["two_mass", "two_mass+backlash"], ["two_mass+coulomb"]]
 
 
@@ -194,8 +194,9 @@ def test_restart_many__supermodel_with_a_redundant_effect__begins_where_it_has_i
     fits.done[larger] = StructureFit(larger, {}, 40.0, 8, ("coulomb",), equals=same)
     asked = Asked(fits)
     fits.restart_many([own], 1, asked)
-    ((*_, known),) = asked.calls
+    ((*_, known, enough),) = asked.calls
     assert [f.structure for f in known] == [own, same]
+    assert enough == pytest.approx(40.0, rel=0.01)  # the best structure leaves so much
 
 
 def test_refit_from_supermodel__an_effect_that_it_lacks__begins_where_it_vanishes_or_just_matters(task):
