@@ -52,14 +52,16 @@ def plan(
     from brightgrey.model.files import check_folder, write_files
 
     check_folder(out)
-    from brightgrey.api.planning import plan as design
     from brightgrey.cli.terminal.signals import stop_on_signal
-    from brightgrey.planning.limits import read_limits
-    from brightgrey.report.charts.planned_motion import planned_motion
-    from brightgrey.report.drawing.svg_figure import svg_figure
 
-    given = read_limits(limits) if limits else {}
     with stop_on_signal() as stop, _motions_tried(silent=quiet or json) as show_progress:
+        # behind the signal's handler: Python may drop an interrupt that comes while it imports
+        from brightgrey.api.planning import plan as design
+        from brightgrey.planning.limits import read_limits
+        from brightgrey.report.charts.planned_motion import planned_motion
+        from brightgrey.report.drawing.svg_figure import svg_figure
+
+        given = read_limits(limits) if limits else {}
 
         def progress(done: int, total: int) -> None:
             if stop.number is not None:
