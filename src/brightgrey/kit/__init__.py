@@ -1,6 +1,6 @@
 """Construction kit (paper section 2.2): structures, grammars, and assembly into state-space form."""
 
-from brightgrey.kit.assembly import OUTPUTS, assemble
+from brightgrey.kit.assembly import OUTPUTS, assemble, slowest_resonance
 from brightgrey.kit.grammar import GRAMMARS, PAPER, Grammar, function_set, grammar_named
 from brightgrey.kit.state_space import Linear, StateSpace
 from brightgrey.kit.structure import Placed, Structure
@@ -17,4 +17,5 @@ __all__ = [
     "assemble",
     "function_set",
     "grammar_named",
+    "slowest_resonance",
 ]

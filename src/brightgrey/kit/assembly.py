@@ -15,7 +15,7 @@ from brightgrey.errors import SettingsError, one_of
 from brightgrey.kit.state_space import StateSpace
 from brightgrey.kit.structure import Placed, Structure
 
-__all__ = ["OUTPUTS", "assemble"]
+__all__ = ["OUTPUTS", "assemble", "slowest_resonance"]
 
 OUTPUTS = ("position", "velocity", "acceleration")
 _STAGE_ORDER: tuple[str, ...] = get_args(Stage)
@@ -73,6 +73,28 @@ def assemble(
         draft = replace(draft, owner=f"{placed.name}@{placed.place}")
         draft = placed.effect.stamp(draft, placed.place, {**own, "f_tanh": f_tanh})
     return _select_sensors(_select_actuator(draft), sensors, outputs)
+
+
+def slowest_resonance(structure: Structure, values: Mapping[str, float]) -> float:
+    """Angular frequency in rad/s of the slowest undamped mode in which masses move against each other.
+
+    Parameters
+    ----------
+    structure : Structure
+    values : mapping of str to float
+        Parameters by name, SI; others are left out.
+
+    Returns
+    -------
+    float
+        Infinite with one mass.
+    """
+    n = structure.masses
+    if n < 2:
+        return float("inf")
+    system = assemble(structure, {name: values[name] for name in structure.parameters}, 1.0)
+    squares = np.sort(np.linalg.eigvals(-system.A[n : 2 * n, :n]).real)  # states are q, q', ...
+    return float(np.sqrt(max(squares[1], 0.0)))  # the first is the motion of all together
 
 
 @cache

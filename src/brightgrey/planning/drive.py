@@ -17,7 +17,7 @@ from brightgrey.estimation.problem.initial_state import InitialState
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, Nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
-from brightgrey.kit import StateSpace, Structure, assemble
+from brightgrey.kit import StateSpace, Structure, assemble, slowest_resonance
 from brightgrey.model.model import Model
 from brightgrey.recordings import Recording
 from brightgrey.search.undecided.question import Known, OpenQuestions
@@ -172,13 +172,11 @@ class PlannedDrive:
     def resonance(self) -> float:
         """Slowest resonance in Hz, between one period in the recordings and ten samples; with one mass 100 samples."""
         known = self.known.model
-        masses = Structure.parse(known.structure).masses
-        if masses < 2:
+        structure = Structure.parse(known.structure)
+        if structure.masses < 2:
             return 0.01 / self.known.sampling_time
-        rates = -self.system(known.structure, known.values).A[masses : 2 * masses, :masses]
-        square = np.sort(np.linalg.eigvals(rates).real)[1]
         slowest, fastest = 1.0 / self.known.reached["duration"], 0.1 / self.known.sampling_time
-        return float(np.clip(np.sqrt(max(square, 0.0)) / (2.0 * np.pi), slowest, fastest))
+        return float(np.clip(slowest_resonance(structure, known.values) / (2.0 * np.pi), slowest, fastest))
 
 
 def _moved(values: Mapping[str, float], estimates: Mapping[str, float], draw: Mapping[str, float]) -> dict[str, float]:

@@ -1,12 +1,9 @@
 """Projects on the disk."""
 
-import tomllib
-
 import pytest
 
 from brightgrey.app.workspace.folder import Workspace, recording_file_name, slug
 from brightgrey.app.workspace.project import AxisChoice, KnownParameter
-from brightgrey.app.workspace.toml_text import toml_text
 from brightgrey.errors import SettingsError
 from brightgrey.recordings.recording_toml import load_recording_toml
 
@@ -80,17 +77,3 @@ def test_usable_limits__leave_out_what_is_no_number_above_zero():
 def test_slug__of_any_title__is_a_name():
     assert slug("  X axis / 2 ") == "x-axis-2"
     assert slug("日本") == "project"
-
-
-def test_toml_text__of_nested_data__reads_back():
-    content = {
-        "a": 1,
-        "text": 'quote " and \\ and \x00 \x7f and ü\n',
-        "many": ["x=1", "y"],
-        "inner": {"a b": 2.5, "deep": {"on": True}},
-        "rows": [{"n": 1, "more": {"k": "v"}}, {"n": 2, "more": {}}],
-        "none": None,
-        "empty": [],
-    }
-    read = tomllib.loads(toml_text(content))
-    assert read == {name: value for name, value in content.items() if value is not None}

@@ -18,7 +18,7 @@ _WINDOWS = sys.platform == "win32"
 
 @dataclass(frozen=True)
 class _ProcessPolicy:
-    """How commands are run."""
+    """Circumstances of a command's process."""
 
     niceness: int = 10  #: Of a command's process, where the system has such a thing.
 

@@ -6,6 +6,8 @@ import json
 from collections.abc import Awaitable
 from typing import Any
 
+import tomli_w
+
 from brightgrey.app.jobs.arguments import export_arguments, plan_arguments, shown_command
 from brightgrey.app.jobs.queue import QueuedCommand
 from brightgrey.app.stages.results import shown_run
@@ -23,7 +25,6 @@ from brightgrey.app.widgets import (
     table_of,
     tag,
 )
-from brightgrey.app.workspace.toml_text import toml_text
 from brightgrey.errors import BrightgreyError
 from brightgrey.model.files import write_file
 
@@ -224,14 +225,14 @@ class HandoverStage(Stage):
         """Write the limits and put the plan into the queue."""
         limits = self.document.drive.usable_limits
         if limits:
-            write_file(self.folder / "limits.toml", toml_text(limits).encode())
+            write_file(self.folder / "limits.toml", tomli_w.dumps(limits).encode())
         self.services.queue.add(QueuedCommand(self.page.name, self.run, self.plan_words()))
         self.services.ticks += 1
         self.show()
 
 
 def _exported(job: QueuedCommand) -> dict[str, Any] | None:
-    """What ``brightgrey export --json`` has said; None if it has failed."""
+    """Output of ``brightgrey export --json``; None if it has failed."""
     try:
         (found,) = json.loads(job.output)
     except ValueError:

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import tomli_w
 from pydantic import ValidationError
 
 from brightgrey.app.workspace.project import ProjectDocument, RecordingUse, StoredRecording
-from brightgrey.app.workspace.toml_text import toml_text
 from brightgrey.errors import SettingsError, printable
 from brightgrey.model.files import write_file
 
@@ -109,10 +109,10 @@ class Workspace:
         folder = self.path(document.name)
         for recording in document.recordings:
             target = folder / "recordings" / toml_name(recording)
-            text = toml_text({"recording": [recording.file], **recording.options})
+            text = tomli_w.dumps({"recording": [recording.file], **recording.options})
             if not target.exists() or target.read_text(encoding="utf-8") != text:
                 write_file(target, text.encode())
-        write_file(folder / DOCUMENT, toml_text(document.model_dump(mode="json")).encode())
+        write_file(folder / DOCUMENT, tomli_w.dumps(document.model_dump(mode="json", exclude_none=True)).encode())
         self.changes[document.name] = self.changes.get(document.name, 0) + 1
 
     def change(self, name: str, edit: Callable[[ProjectDocument], ProjectDocument]) -> ProjectDocument:

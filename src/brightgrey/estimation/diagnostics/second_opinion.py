@@ -18,7 +18,7 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.effects import INERTIA
 from brightgrey.estimation.diagnostics.finding import Finding
-from brightgrey.kit import Placed, Structure, assemble
+from brightgrey.kit import Placed, Structure, assemble, slowest_resonance
 from brightgrey.kit.in_words import effect_in_words
 from brightgrey.recordings import Recording
 from brightgrey.recordings.checks.examined import Examined
@@ -64,15 +64,20 @@ class TermOpinion:
     std: float  #: Its standard error, SI.
 
     @property
+    def half_width(self) -> float:
+        """Half of the 95 % interval of the regression, SI."""
+        return POLICY.interval * self.std
+
+    @property
     def is_open(self) -> bool:
         """True if the regression does not tell the term from zero."""
-        return abs(self.regressed) < POLICY.interval * self.std
+        return abs(self.regressed) < self.half_width
 
     @property
     def differs(self) -> bool:
         """True if fit and regression differ by more than the regression's 95 % interval and a tenth of the fit."""
         apart = abs(self.regressed - self.fitted)
-        return apart > max(POLICY.interval * self.std, POLICY.notable * abs(self.fitted))
+        return apart > max(self.half_width, POLICY.notable * abs(self.fitted))
 
     @property
     def contradicts(self) -> bool:
@@ -118,7 +123,7 @@ def second_opinion(
         motion = _motion(recording, _lag(structure, values))
         if motion is None:
             return ()
-        width = _width(structure, values, f_tanh, motion)
+        width = _width(structure, values, motion)
         if motion.u.size < POLICY.least_samples * width:
             return ()
         smooth, thin = motion.examined.smooth, slice(None, None, max(1, int(width / 2.0)))
@@ -204,15 +209,11 @@ def _motion(recording: Recording, lag: float) -> _Motion | None:
     return _Motion(smooth(position, width), velocity, smooth(delayed, width), examined, width)
 
 
-def _width(structure: Structure, values: Mapping[str, float], f_tanh: float, motion: _Motion) -> float:
+def _width(structure: Structure, values: Mapping[str, float], motion: _Motion) -> float:
     """Width of the kernel in samples: above it the drive is rigid, and its acceleration free of noise."""
     examined = motion.examined
-    least = [2.0, POLICY.lags * _lag(structure, values) / examined.dt]
-    n = structure.masses
-    if n > 1:
-        system = assemble(structure, {name: values[name] for name in structure.parameters}, f_tanh)
-        rates = np.sort(np.linalg.eigvals(-system.A[n : 2 * n, :n]).real)  # states are q, q', ...
-        least.append(POLICY.smoothing * 2.0 * np.pi / float(np.sqrt(max(rates[1], 1e-300))) / examined.dt)
+    period = 2.0 * np.pi / max(slowest_resonance(structure, values), 1e-300)
+    least = (2.0, POLICY.lags * _lag(structure, values) / examined.dt, POLICY.smoothing * period / examined.dt)
     order = KINDS[examined.recording.outputs[0].kind]
     noise = examined.noise[0] * (1.0 if order else 0.5 / (motion.first_width**1.5 * examined.dt))
     wide = (w for w in examined.widths if examined.is_clean(motion.velocity, noise, w))

@@ -33,7 +33,7 @@ def opinion_rows(model: Model, opinions: Sequence[TermOpinion]) -> list[OpinionR
         parts = [model.parameters[name] for name in opinion.parameters]
         shown = sum(part.value for part in parts)
         factor = shown / opinion.fitted if opinion.fitted else 1.0  # of the units
-        value, half_width = with_uncertainty(factor * opinion.regressed, factor * 1.96 * opinion.std)
+        value, half_width = with_uncertainty(factor * opinion.regressed, factor * opinion.half_width)
         first = opinion.effects[0]
         rows.append(
             OpinionRow(

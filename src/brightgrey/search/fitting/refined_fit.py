@@ -18,7 +18,7 @@ from brightgrey.estimation.optimisation.options import LM_DEFAULTS
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.estimation.problem.simulation_count import SimulationCount
-from brightgrey.kit import Placed, Structure, assemble
+from brightgrey.kit import Placed, Structure, slowest_resonance
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.parallel import in_order
@@ -56,14 +56,8 @@ class Refined:
 
     def slowest_mode_cycles(self, task: IdentificationTask) -> float:
         """Undamped oscillations of the slowest mode of the masses in the longest recording; infinite with one mass."""
-        n = self.structure.masses
-        if n < 2:
-            return np.inf
-        values = {name: self.values[name] for name in self.structure.parameters}
-        rates = -assemble(self.structure, values, task.settings.f_tanh).A[n : 2 * n, :n]  # states are q, q', ...
-        square = float(np.sort(np.linalg.eigvals(rates).real)[1])  # the first is the motion of all together
         longest = max(float(r.t[-1] - r.t[0]) for r in task.recordings)
-        return float(np.sqrt(max(square, 0.0))) * longest / (2.0 * np.pi)
+        return slowest_resonance(self.structure, self.values) * longest / (2.0 * np.pi)
 
 
 def stands_for(placed: Placed, effect: str) -> bool:
