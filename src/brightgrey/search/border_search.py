@@ -302,28 +302,29 @@ class BorderSearch:
         return Round(self.lattice, free[0], free[1], floor, self.has_model_error())
 
     def decide(self) -> Border:
-        """Fit what the decision rests on until nothing is wanted."""
+        """Fit what the decision rests on until nothing is wanted, or to the budget and until nothing can be removed."""
         while True:
             border = self.border = assess(self.deviances(), self.round)
             self.progress("border", len(self.fits.done), self.fits.best().structure)
             most = self.policy.max_fits_with_model_error if self.has_model_error() else self.policy.max_fits
-            if len(self.fits.done) > most:
-                return border
-            wanted = self.wanted(border)
+            spent = len(self.fits.done) > most
+            wanted = self.simpler(border) or ([] if spent else self.wanted(border))
             if wanted:
                 self.fit(wanted)
                 self.fits.continue_to_submodels(self.executor)
-            elif not self.restart(border):
+            elif spent or not self.restart(border):
                 return border
 
     def wanted(self, border: Border) -> list[Structure]:
-        """Structures to be fitted next: by the first rule that wants any."""
+        """The largest structures that are undecided, or else those on which refutations are tried."""
+        beside = [self.beside_refuted(r, border) for r in border.refuted]
+        found = map(self.lattice.structure, self.largest(border) or dict.fromkeys(beside))
+        return [s for s in found if s not in self.fits.done]
+
+    def simpler(self, border: Border) -> list[Structure]:
+        """Structures that lack atoms of adequate ones: until they are fitted, none of these is minimal for sure."""
         done = {self.lattice.mask(s) for s in self.fits.done}
-        for masks in (self.joint(border, done), self.shrunk(border, done), self.largest(border)):
-            if masks:
-                return [self.lattice.structure(m) for m in masks]
-        beside = (self.beside_refuted(r, border) for r in border.refuted)
-        return [self.lattice.structure(m) for m in dict.fromkeys(beside) if m not in done]
+        return [self.lattice.structure(m) for m in self.joint(border, done) or self.shrunk(border, done)]
 
     def joint(self, border: Border, done: Set[int]) -> list[int]:
         """An adequate structure without all the atoms that can be removed one by one."""
