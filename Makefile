@@ -1,6 +1,10 @@
 PYTHON ?= python3
 BIN := .venv/bin
-STAMP := .venv/.installed
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
+# What is installed: the package alone, with the app, or with all that development takes.
+PACKAGE := .venv/.package
+WITH_APP := .venv/.app
+FOR_DEVELOPMENT := .venv/.development
 
 .DEFAULT_GOAL := help
 .PHONY: help setup app demo test test-long check format docs bench bench-long validation pictures gallery clean
@@ -8,18 +12,26 @@ STAMP := .venv/.installed
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
 
-setup: $(STAMP)  ## create .venv with the command .venv/bin/brightgrey
+setup: $(FOR_DEVELOPMENT)  ## create .venv with the command .venv/bin/brightgrey and all that development takes
 
-$(STAMP): pyproject.toml
+$(PACKAGE): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "brightgrey needs Python 3.11 or newer, this is " + sys.version)'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(PIP) .
 	@touch $@
 
-app: setup  ## open the app in the browser, with its workspace in brightgrey-workspace/
+$(WITH_APP): $(PACKAGE)
+	$(PIP) '.[app]'
+	@touch $@
+
+$(FOR_DEVELOPMENT): $(PACKAGE)
+	$(PIP) '.[dev]'
+	@touch $@
+
+app: $(WITH_APP)  ## open the app in the browser, with its workspace in brightgrey-workspace/
 	$(BIN)/brightgrey app
 
-demo: setup  ## identify the drive of the recording that ships with the package, results in demo/
+demo: $(PACKAGE)  ## identify the drive of the recording that ships with the package, results in demo/
 	$(BIN)/brightgrey demo --out demo
 
 test: setup  ## all tests that take less than minutes
@@ -40,7 +52,7 @@ format: setup  ## mend what the linter can mend
 	$(BIN)/ruff format .
 
 docs: setup  ## the documentation in docs/build/html, strict, its examples executed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	$(PIP) '.[docs]'
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/build/html
 
 bench: setup  ## speed, as ratios measured in one run; with SAVE=--save into bench/results/

@@ -100,7 +100,7 @@ RULES: Mapping[str, tuple[Rule, str]] = {
         "one or several columns, like ['velocity:velocity']",
     ),
     "columns": (lambda value: hasattr(value, "keys"), "arrays by name, like {'t': ..., 'torque': ...}"),
-    **dict.fromkeys(("require", "exclude", "profile", "decide"), _TEXTS),
+    **dict.fromkeys(("require", "exclude", "profile", "decide", "per_recording"), _TEXTS),
     "bounds": (lambda value: _maps_to(value, _is_range), "pairs by parameter, like {'J1': (0.001, 0.1)}"),
     **dict.fromkeys(("fixed", "counts", "gear", "shift", "limits"), _NUMBERS),
     **dict.fromkeys(("units", "rated"), _UNITS),

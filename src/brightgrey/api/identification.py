@@ -67,6 +67,7 @@ def identify(
     level: Literal["accurate", "fast"] = "accurate",
     estimator: Literal["least-squares", "pattern-search"] = "least-squares",
     profile: Sequence[str] = (),
+    per_recording: Sequence[str] = (),
     check: bool = True,
 ) -> Result:
     """Estimate the parameters of `structure` from recordings, or search for the structure first.
@@ -120,6 +121,9 @@ def identify(
     profile : sequence of str
         Parameters whose interval is found by profile likelihood, too: where the cost is no parabola. Each takes
         some tens of further fits.
+    per_recording : sequence of str
+        Parameters that may differ between the recordings, like the friction of a cold and a warm drive. The model has
+        their mean.
     check : bool
         Check the recordings first, and refuse them where a check says *stop*; see :func:`brightgrey.check`.
 
@@ -153,7 +157,7 @@ def identify(
     if structure is None and start is not None:
         raise SettingsError("a start model was given without a structure; a search draws its starts itself")
     named = Structure.parse(structure) if isinstance(structure, str) else structure
-    task = identification_task(several, named, bounds or {}, fixed or {}, f_tanh)
+    task = identification_task(several, named, bounds or {}, fixed or {}, f_tanh, per_recording)
     found = None
     if named is None:
         request = SearchRequest(
@@ -183,6 +187,7 @@ def identify(
         estimator=one_of("estimator", estimator, ESTIMATORS),
         initial=one_of("initial state", initial, INITIALS),
         threads=workers,
+        per_recording=task.per_recording,
     )
     profiles = tuple(estimation.profile(fit, several, name) for name in dict.fromkeys(profile))
     made = _assemble_result(fit, several, test, constants, seed, found, profiles, checkup)
@@ -216,6 +221,7 @@ def _record(asked: _Asked, fit: Fit, found: SearchResult | None) -> RunRecord:
         bounds=task.bounds,
         fixed=task.fixed,
         f_tanh=None if task.friction_width else task.settings.f_tanh,
+        per_recording=task.per_recording,
         initial=one_of("initial state", asked.initial, INITIALS),
         level=asked.level,
         seed=asked.seed,
@@ -227,7 +233,7 @@ def _fitted_parts(fit: Fit, found: SearchResult | None) -> tuple[FittedPart, ...
     """Optima of a search, those of the best structures first; of a given structure its estimates."""
     if found is None or found.evidence is None:
         width = {} if fit.friction_width is None else {FRICTION_WIDTH: fit.friction_width.value}
-        values = {name: estimate.value for name, estimate in fit.estimates.items()} | width
+        values = {name: estimate.value for name, estimate in fit.estimates.items()} | dict(fit.deviations) | width
         return (FittedPart(structure=str(fit.structure), status="given", values=values),)
     first = [str(m.structure) for m in found.evidence.minimal]
     optima = {str(s): values for s, values in found.optima.items()}
@@ -238,13 +244,13 @@ def _fitted_parts(fit: Fit, found: SearchResult | None) -> tuple[FittedPart, ...
 
 def _traces(fit: Fit, recordings: Sequence[Recording], test: Recording | None) -> tuple[tuple[Trace, ...], ...]:
     """Recordings beside the model's prediction: those of the fit, and the test recording if there is one."""
-    values = {name: estimate.value for name, estimate in fit.estimates.items()}
     train = tuple(
-        Trace.of(r, estimation.predict(fit.structure, values, r, fit.settings, initial))
-        for r, initial in zip(recordings, fit.initial_states, strict=True)
+        Trace.of(r, estimation.predict(fit.structure, fit.values_in(k), r, fit.settings, fit.initial_states[k]))
+        for k, r in enumerate(recordings)
     )
     if test is None:
         return train, ()
+    values = {name: estimate.value for name, estimate in fit.estimates.items()}
     simulated = estimation.predict(fit.structure, values, test, replace(fit.settings, hold=test.hold))
     return train, (Trace.of(test, simulated, test=True),)
 

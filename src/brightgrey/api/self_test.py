@@ -209,7 +209,7 @@ def _request(tested: _Tested, *, fast: bool) -> Request:
     if record.f_tanh is not None:
         settings = settings_for(tested.recordings, task.scales, record.f_tanh)
         task = replace(task, settings=settings, friction_width=None)
-    task = replace(task, bounds=dict(record.bounds), fixed=dict(record.fixed))
+    task = replace(task, bounds=dict(record.bounds), fixed=dict(record.fixed), per_recording=record.per_recording)
     return Request(
         task,
         None if record.grammar is None else grammar_named(record.grammar),

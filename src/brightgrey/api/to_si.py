@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from brightgrey.effects import PER_SPEED, Parameter
 from brightgrey.errors import RecordingError, SettingsError, one_of
@@ -58,6 +58,7 @@ def identification_task(
     bounds: Mapping[str, Range],
     fixed: Mapping[str, float],
     f_tanh: float | None,
+    per_recording: Collection[str] = (),
 ) -> IdentificationTask:
     """Make the task of an identification, in SI.
 
@@ -71,11 +72,13 @@ def identification_task(
         Ranges and values by parameter, in the recording's units.
     f_tanh : float or None
         In the recording's units; its inverse is estimated with the parameters if it is None.
+    per_recording : collection of str
+        Parameters that may differ between the recordings.
 
     Raises
     ------
     SettingsError
-        For an unknown parameter, a parameter that is both bounded and fixed, or an impossible value.
+        For an unknown parameter, one that is fixed and bounded or may differ as well, or an impossible value.
     """
     for name in sorted(bounds.keys() & fixed.keys()):
         raise SettingsError(f"{name} is both bounded and fixed; do one of them")
@@ -90,7 +93,24 @@ def identification_task(
         fixed=_fixed_si(allowed, fixed, units),
         friction_width=friction_width_nuisance(known.speed) if f_tanh is None else None,
         drift=True,
+        per_recording=_may_differ(allowed, per_recording, fixed, recordings),
     )
+
+
+def _may_differ(
+    allowed: Mapping[str, Parameter],
+    names: Collection[str],
+    fixed: Mapping[str, float],
+    recordings: Sequence[Recording],
+) -> tuple[str, ...]:
+    """Parameters that may differ between recordings; refuses unknown and fixed ones, and a single recording."""
+    for name in names:
+        one_of("parameter", name, allowed)
+        if name in fixed:
+            raise SettingsError(f"{name} is fixed and may differ between recordings; do one of them")
+    if names and len(recordings) < 2:
+        raise SettingsError(f"{', '.join(names)} may differ between recordings, but one recording came; give several")
+    return tuple(sorted(set(names)))
 
 
 def _factor(allowed: Mapping[str, Parameter], name: str, units: Units) -> float:

@@ -86,7 +86,7 @@ def identify(
             start=load_model(further.start) if further.start else None,
             test=columns.read(further.test_recording) if further.test_recording else None,
             estimator=estimator,
-            profile=further.profile or (),
+            **further.lists(),
             seed=run.seed,
             workers=run.workers,
             executor=executor,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ from brightgrey.estimation.diagnostics.outcome import FitContext, Outcome, outco
 from brightgrey.estimation.diagnostics.second_opinion import TermOpinion, contradictions, second_opinion
 from brightgrey.estimation.diagnostics.symptoms import Symptom, symptoms
 from brightgrey.estimation.noise.residual_analysis import nrmse_fit_percent
-from brightgrey.estimation.optimisation.least_squares import Optimum, OptimumWithJacobian, fit_many, fit_to_convergence
+from brightgrey.estimation.optimisation.least_squares import Optimum, OptimumWithJacobian, fit_to_convergence
 from brightgrey.estimation.optimisation.multistart import first_starts, multistart
 from brightgrey.estimation.optimisation.pattern_fit import (
     ESTIMATORS,
@@ -34,15 +34,16 @@ from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH_RANGE, frictio
 from brightgrey.estimation.problem.parameter_space import ParameterSpace, parameter_space
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.estimation.problem.segments import segments
-from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem, predict_many
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.estimation.uncertainty.estimates import Estimate, estimates_of
 from brightgrey.estimation.uncertainty.friction_width import FrictionWidth, estimated_width
+from brightgrey.estimation.uncertainty.recording_estimates import estimates_in_recordings, with_spread
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 from brightgrey.simulation import Settings
 from brightgrey.simulation.settings import Level
 
-__all__ = ["Estimate", "Fit", "FitOptions", "Outcome", "OutputFit", "Start", "fit", "predict", "settings_for"]
+__all__ = ["Estimate", "Fit", "FitOptions", "Outcome", "OutputFit", "Start", "fit", "settings_for"]
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,6 @@ class FitOptions:
     #: Largest cost of these, relative to the least one; the ``fast`` level is off by about so much.
     finalist_cost: float = 1.01
     finalist_distance: float = 0.1  #: Least distance between these in the scaled space.
-    initial_state_rounds: int = 30  #: Rounds that estimate the initial state of a recording for known parameters.
 
 
 FIT_DEFAULTS = FitOptions()
@@ -110,6 +110,10 @@ class Fit:
         Width of friction's reversal; None if it was given, or if no friction reverses.
     second_opinion : tuple of TermOpinion
         Balance of torques without a simulation; empty where it says nothing.
+    in_recordings : mapping of str to tuple of Estimate
+        Parameters that may differ between the recordings, in each; `estimates` has their mean.
+    deviations : mapping of str to float
+        Nuisances behind them.
     """
 
     structure: Structure
@@ -126,6 +130,13 @@ class Fit:
     symptoms: tuple[Symptom, ...] = ()
     friction_width: FrictionWidth | None = None
     second_opinion: tuple[TermOpinion, ...] = ()
+    in_recordings: Mapping[str, tuple[Estimate, ...]] = field(default_factory=dict)
+    deviations: Mapping[str, float] = field(default_factory=dict)
+
+    def values_in(self, recording: int) -> dict[str, float]:
+        """Values of all parameters in a recording, counted from 0, in SI."""
+        mean = {name: estimate.value for name, estimate in self.estimates.items()}
+        return mean | {name: each[recording].value for name, each in self.in_recordings.items()}
 
 
 def fit(
@@ -143,6 +154,7 @@ def fit(
     initial: Initial = "auto",
     estimator: Estimator = "least-squares",
     threads: int = 1,
+    per_recording: Collection[str] = (),
     options: FitOptions = FIT_DEFAULTS,
 ) -> Fit:
     """Estimate the parameters of `structure` by bounded least squares on the simulation error, or by pattern search.
@@ -180,6 +192,8 @@ def fit(
         Pattern search is the paper's; it takes hundreds of times as many simulations.
     threads : int
         Threads to simulate on. The result does not depend on it.
+    per_recording : collection of str
+        Parameters that may differ between recordings; the estimate is their mean.
     options : FitOptions
 
     Returns
@@ -196,7 +210,7 @@ def fit(
     known = scales(recordings)
     settings = settings_for(recordings, known, f_tanh, "euler" if level == "euler" else "fast")
     width = friction_width_nuisance(known.speed) if f_tanh is None else None
-    problem = SimulationErrorProblem.of(structure, recordings, threads, initial, width)
+    problem = SimulationErrorProblem.of(structure, recordings, threads, initial, width, per_recording=per_recording)
     space = parameter_space(structure, known, bounds or {}, fixed or {}, problem.nuisances)
     final = replace(settings, level=level)
     on_recordings = recording_findings(recordings)
@@ -212,7 +226,8 @@ def fit(
     reversal, space, best = estimated_width(problem, space, final, best)
     final = final if reversal is None else replace(final, f_tanh=1.0 / reversal.value)
     estimates = estimates_of(problem, space, final, best)
-    named = {name: estimates.by_name[name] for name in structure.parameters}
+    each = estimates_in_recordings(problem, estimates)
+    named = {name: with_spread(estimates.by_name[name], each.get(name, ())) for name in structure.parameters}
     context = FitContext(problem, space, final, best, estimates)
     chaotic = [] if uninformative else chaos_findings(problem, space, final, best)
     values = {name: space.by_name(best.values)[name] for name in structure.parameters}
@@ -236,6 +251,8 @@ def fit(
         symptoms=() if outcome.kind == "diverged" or uninformative else symptoms(context, known),
         friction_width=reversal,
         second_opinion=opinions,
+        in_recordings=each,
+        deviations={part.name: estimates.by_name[part.name].value for part in problem.deviations},
     )
 
 
@@ -308,52 +325,6 @@ def settings_for(
 def _exact(settings: Settings) -> Settings:
     """Settings with an exact sign of friction; the paper's method of integration cannot stop a mass."""
     return settings if settings.level == "euler" else replace(settings, f_tanh=math.inf)
-
-
-def predict(
-    structure: Structure,
-    values: Mapping[str, float],
-    recording: Recording,
-    settings: Settings,
-    initial: Mapping[str, float] | None = None,
-) -> Array:
-    """Simulate `structure` with the input of a recording.
-
-    Parameters
-    ----------
-    structure : Structure
-    values : mapping of str to float
-        SI.
-    recording : Recording
-        Gives the input, the outputs and, if `initial` is not given, the initial state.
-    settings : Settings
-    initial : mapping of str to float, optional
-        Initial state by state name, SI. If it is not given and the recording begins in motion, it is estimated from the
-        recording within the noise of the first samples, as in a fit.
-
-    Returns
-    -------
-    ndarray, shape (outputs, samples)
-        SI; not-a-number from the sample on at which the simulation diverged.
-    """
-    if initial is None:
-        initial = _estimated_initial_state(structure, values, recording, settings)
-    arrays = {name: np.array([value]) for name, value in values.items()}
-    return predict_many(structure, arrays, recording, settings, initial=initial)[:, :, 0]
-
-
-def _estimated_initial_state(
-    structure: Structure, values: Mapping[str, float], recording: Recording, settings: Settings
-) -> Mapping[str, float] | None:
-    """Initial state of a recording for known parameters; None if it begins at rest."""
-    problem = SimulationErrorProblem.of(structure, [recording])
-    if not problem.unknown_initial:
-        return None
-    own = {name: values[name] for name in structure.parameters}
-    space = parameter_space(structure, scales([recording]), {}, own, problem.unknown_initial)
-    limit = FIT_DEFAULTS.initial_state_rounds
-    (end,) = fit_many(problem, space, settings, space.start[:, None], limit=limit)
-    return problem.states(space.by_name(end.values), settings.f_tanh)[0]
 
 
 def _finalists(space: ParameterSpace, optima: Sequence[Optimum], options: FitOptions) -> list[Optimum]:

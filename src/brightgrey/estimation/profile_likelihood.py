@@ -91,10 +91,12 @@ def profile(
     known, width = scales(recordings), found.friction_width
     settings = found.settings if width is None else replace(found.settings, f_tanh=1.0 / width.value)
     free_width = friction_width_nuisance(known.speed) if width is not None and not width.is_sharp else None
-    problem = SimulationErrorProblem.of(found.structure, recordings, friction_width=free_width)
-    values = {n: e.value for n, e in found.estimates.items()}
+    problem = SimulationErrorProblem.of(
+        found.structure, recordings, friction_width=free_width, per_recording=tuple(found.in_recordings)
+    )
+    values = {n: e.value for n, e in found.estimates.items()} | dict(found.deviations)
     fixed = {n: value for n, value in values.items() if n not in bounds}
-    nuisances = [] if free_width is None else [free_width]
+    nuisances = [*problem.deviations, *([] if free_width is None else [free_width])]
     space = parameter_space(found.structure, known, bounds, fixed, nuisances)
     k = space.names.index(name)
     start = np.array([values.get(n, 1.0 / settings.f_tanh) for n in space.names])

@@ -21,6 +21,7 @@ from brightgrey.model.schema import (
     OutputFitPart,
     ParameterPart,
     ProfilePart,
+    RecordingValuePart,
     RefutedPart,
     SettingsPart,
     SignalPart,
@@ -80,7 +81,9 @@ def model_of(
         schema=SCHEMA,
         structure=fit.structure.names,
         parameters={
-            name: _parameter_part(fit.estimates[name], asked.get(name), *units.of(parameter.dimension))
+            name: _parameter_part(fit.estimates[name], asked.get(name), *units.of(parameter.dimension)).model_copy(
+                update={"in_recordings": _in_recordings(fit, name, recordings, factors[name])}
+            )
             for name, parameter in declared.items()
         },
         signals=_signal_parts(recordings[0]),
@@ -132,6 +135,27 @@ def _parameter_part(estimate: Estimate, profile: Profile | None, unit: str, fact
         between_recordings=None if estimate.between is None else abs(factor) * estimate.between,
         profile=None if profile is None else _profile(profile, factor),
     )
+
+
+def _in_recordings(
+    fit: Fit, name: str, recordings: Sequence[Recording], factor: float
+) -> tuple[RecordingValuePart, ...] | None:
+    """Estimates of a parameter in each recording, in shown units; None if it may not differ."""
+    if name not in fit.in_recordings:
+        return None
+    parts = []
+    for recording, estimate in zip(recordings, fit.in_recordings[name], strict=True):
+        low, high = (factor * end for end in estimate.ci95)
+        known = math.isfinite(estimate.std)
+        parts.append(
+            RecordingValuePart(
+                recording=recording.name,
+                value=factor * estimate.value,
+                std=factor * estimate.std if known else None,
+                ci95=(low, high) if known and math.isfinite(high) else None,
+            )
+        )
+    return tuple(parts)
 
 
 def _signal_parts(recording: Recording) -> tuple[SignalPart, ...]:

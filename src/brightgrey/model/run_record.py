@@ -67,6 +67,7 @@ class RunRecord(Part):
     bounds: Mapping[str, tuple[float, float]]
     fixed: Mapping[str, float]
     f_tanh: float | None
+    per_recording: tuple[str, ...] = ()
     initial: Literal["auto", "rest", "samples", "estimated"]
     level: Literal["accurate", "fast"]
     seed: int

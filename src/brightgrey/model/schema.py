@@ -18,6 +18,7 @@ __all__ = [
     "ParameterPart",
     "Part",
     "ProfilePart",
+    "RecordingValuePart",
     "RefutedPart",
     "SettingsPart",
     "SignalPart",
@@ -63,10 +64,20 @@ class ProfilePart(Part):
     text: str
 
 
+class RecordingValuePart(Part):
+    """Estimate in one recording, in the parameter's unit; std and ci95 are null where they are not known."""
+
+    recording: str
+    value: float
+    std: float | None = Field(ge=0.0)
+    ci95: Ordered | None
+
+
 class ParameterPart(Part):
     """One parameter; std and ci95 are null where they are not known, at_bound is null inside the bounds.
 
     between_recordings is the standard deviation of the estimates from each recording alone; null with one recording.
+    in_recordings has the estimates of a parameter that may differ, whose value is their mean; null for all others.
     profile is null unless a profile likelihood was requested.
     """
 
@@ -76,6 +87,7 @@ class ParameterPart(Part):
     ci95: Ordered | None
     at_bound: Literal["low", "high"] | None
     between_recordings: float | None = Field(default=None, ge=0.0)
+    in_recordings: tuple[RecordingValuePart, ...] | None = None
     profile: ProfilePart | None = None
 
 

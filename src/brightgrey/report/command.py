@@ -30,6 +30,8 @@ def _derived_command(content: Content) -> str:
     for signal in model.outputs:
         words += ["--gear", f"{signal.name}={signal.gain!r}"] if signal.gain != 1.0 else []
     words += [] if model.evidence is not None else ["--structure", str(model.structure)]
+    differing = [name for name, part in model.parameters.items() if part.in_recordings]
+    words += ["--per-recording", ",".join(differing)] if differing else []
     for name, value in fixed.items():
         words += ["--fix", f"{name}={value!r}"]
     if s.friction_width_ci95 is None and s.friction_width and model.structure.has_dry_friction:

@@ -23,7 +23,14 @@ from brightgrey.report.text.commissioning_sheet import commissioning_sheet
 from brightgrey.report.text.headline import headline, listing
 from brightgrey.report.text.next_steps import next_steps
 from brightgrey.report.text.opinion_table import opinion_rows
-from brightgrey.report.text.tables import fit_rows, friction_width_text, parameter_rows, remarks, sentence
+from brightgrey.report.text.tables import (
+    differing_values,
+    fit_rows,
+    friction_width_text,
+    parameter_rows,
+    remarks,
+    sentence,
+)
 from brightgrey.search.genetic import Run
 
 __all__ = ["page"]
@@ -58,6 +65,7 @@ def page(content: Content) -> str:
         plots=Markup(script({f"{n}-{i}": plot(c) for n, cs in charts.items() for i, c in enumerate(cs)})),
         library=Markup(library()),
         parameters=rows,
+        differing=differing_values(model),
         bars=[Markup(bar) for bar in _range_bars(model)],
         noted=any(row.note for row in rows),
         fits=fit_rows(model),

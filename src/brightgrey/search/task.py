@@ -40,6 +40,7 @@ class IdentificationTask:
     start: Mapping[str, float] = field(default_factory=dict)
     friction_width: Nuisance | None = None  #: None if the settings give it.
     drift: bool = False  #: Long recordings have a drift each, a nuisance.
+    per_recording: tuple[str, ...] = ()  #: Parameters that may differ between the recordings.
 
     def check(self, grammar: Grammar) -> None:
         """Refuse bounds and values of parameters that no structure of `grammar` has (SettingsError)."""
@@ -70,7 +71,11 @@ class IdentificationTask:
         """Residuals of `structure`, weighted by the noise of each output; made once for each structure."""
         if structure not in self._problems:
             self._problems[structure] = SimulationErrorProblem.of(
-                structure, self.recordings, friction_width=self.friction_width, drift=self.drift
+                structure,
+                self.recordings,
+                friction_width=self.friction_width,
+                drift=self.drift,
+                per_recording=self.per_recording,
             )
         return self._problems[structure]
 

@@ -191,6 +191,7 @@ def _final_estimates(
         seed=request.seed,
         level=request.level,
         initial=request.initial,
+        per_recording=task.per_recording,
     )
     return fit.estimates
 

@@ -73,7 +73,7 @@ class EstimationOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class FurtherEstimationOptions:
-    """Start model, test recording and profiles, for one identification."""
+    """Start model, test recording, profiles and what may differ between recordings, for one identification."""
 
     test_recording: Annotated[
         Path | None,
@@ -88,6 +88,16 @@ class FurtherEstimationOptions:
             rich_help_panel=ESTIMATION,
         ),
     ] = None
+    per_recording: Annotated[
+        str | None,
+        typer.Option(
+            "--per-recording",
+            metavar="NAME,NAME",
+            help="Parameters that may differ between the recordings, like f_v,M_C of a cold and a warm drive. "
+            "The model has their mean.",
+            rich_help_panel=ESTIMATION,
+        ),
+    ] = None
     profile: Annotated[
         list[str] | None,
         typer.Option(
@@ -97,3 +107,8 @@ class FurtherEstimationOptions:
             rich_help_panel=ESTIMATION,
         ),
     ] = None
+
+    def lists(self) -> dict[str, Any]:
+        """Parameters that are profiled, and those that may differ between the recordings, for ``identify``."""
+        differing = tuple(name.strip() for name in (self.per_recording or "").split(",") if name.strip())
+        return {"profile": self.profile or (), "per_recording": differing}

@@ -168,7 +168,7 @@ def _print_files(console: Console, found: Result, folder: Path) -> None:
 
 def _estimates(console: Console, found: Result) -> None:
     """Parameters with their intervals, and the speed within which friction reverses."""
-    from brightgrey.report.text.tables import FIXED, friction_width_text, parameter_rows
+    from brightgrey.report.text.tables import FIXED, differing_values, friction_width_text, parameter_rows
 
     rows = parameter_rows(found.model)
     noted = any(row.note for row in rows)
@@ -181,6 +181,8 @@ def _estimates(console: Console, found: Result) -> None:
         cells = (row.name, row.estimate, row.unit, *([row.note] if noted else []), *([] if narrow else [row.about]))
         table.add_row(*cells, style="yellow" if doubtful else None)
     console.print(table)
+    for text in differing_values(found.model):
+        console.print(text)
     if found.model.structure.has_dry_friction:
         console.print(f"Friction reverses {friction_width_text(found.model.settings)}.")
 

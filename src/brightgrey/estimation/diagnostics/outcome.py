@@ -143,12 +143,12 @@ def _unexplained(context: FitContext, options: DiagnosticOptions) -> list[Findin
 
 
 def _differing(context: FitContext) -> list[Finding]:
-    names = context.estimates.differing
+    names = tuple(name for name in context.estimates.differing if name in context.problem.structure.parameters)
     if not names:
         return []
     text = (
         f"the recordings disagree on {', '.join(names)}: the values of single recordings differ by more than their"
-        " intervals allow"
+        f" intervals allow; '--per-recording {','.join(names)}' lets them differ"
     )
     return [Finding("recordings disagree", text, names)]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Self
@@ -15,6 +15,7 @@ from brightgrey.estimation.problem.initial_state import Initial, InitialState, o
 from brightgrey.estimation.problem.normal_equations import LARGEST, add_products, add_squares
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, Nuisance
 from brightgrey.estimation.problem.output_feedback import measured_speed, with_output_feedback
+from brightgrey.estimation.problem.per_recording import deviations_of, values_in_recording
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import StateSpace, Structure, assemble
@@ -85,12 +86,14 @@ def systems(
     gain: float = 0.0,
 ) -> tuple[StateSpace, Array, Array]:
     """K systems by :func:`system_for`, their input, shape (samples,), and initial states, shape (n, K)."""
+    tag = initial_state.tag if initial_state else ""
+    values = values_in_recording(structure, values, tag)
     system = system_for(structure, values, recording, settings)
     if initial is not None:
         x0 = np.array([[initial[state.name]] for state in system.states])
     else:
         x0 = (initial_state or InitialState.of(recording)).state(system, float(recording.u[0]), values)
-    drift = drift_in(values, initial_state.tag if initial_state else "")
+    drift = drift_in(values, tag)
     if drift is not None:
         system, x0 = with_drift(system, x0, drift, (recording.samples - 1) * recording.dt)
     sets = max((np.size(values[name]) for name in structure.parameters), default=1)
@@ -141,6 +144,7 @@ class SimulationErrorProblem:
     gain: float = 0.0  #: Output feedback in torque per speed, N m s/rad (N s/m).
     friction_width: Nuisance | None = None  #: None if the settings give it, or if no friction reverses.
     drifts: tuple[Nuisance, ...] = ()  #: Of the long recordings, if they are estimated.
+    deviations: tuple[Nuisance, ...] = ()  #: Of parameters that may differ between the recordings.
 
     @classmethod
     def of(
@@ -151,10 +155,11 @@ class SimulationErrorProblem:
         initial: Initial = "auto",
         friction_width: Nuisance | None = None,
         drift: bool = False,
+        per_recording: Collection[str] = (),
     ) -> Self:
         """Problem with weights from the noise of the recordings; `initial` as for :meth:`InitialState.of`.
 
-        With `drift`, long recordings have one each.
+        With `drift`, long recordings have one each. Parameters named in `per_recording` may differ between them.
         """
         noise = np.median([output_noise(r) for r in recordings], axis=0)
         spread = np.max([r.y.std(axis=1) for r in recordings], axis=0)
@@ -172,13 +177,14 @@ class SimulationErrorProblem:
             threads,
             friction_width=friction_width if structure.has_dry_friction else None,
             drifts=drifts_of(recordings, tags) if drift else (),
+            deviations=deviations_of(structure, recordings, tags, per_recording),
         )
 
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
-        """Parts of the initial states, drifts and the width of friction's reversal, if they are estimated."""
+        """Parts of initial states, drifts, deviations and the width of friction's reversal, if they are estimated."""
         width = () if self.friction_width is None else (self.friction_width,)
-        return (*self.unknown_initial, *self.drifts, *width)
+        return (*self.unknown_initial, *self.drifts, *self.deviations, *width)
 
     @property
     def unknown_initial(self) -> tuple[Nuisance, ...]:
@@ -187,11 +193,12 @@ class SimulationErrorProblem:
 
     def states(self, values: Mapping[str, float], f_tanh: float) -> tuple[Mapping[str, float], ...]:
         """Initial state of each recording by state name, SI, for parameters and parts of initial states by name."""
-        own = {name: values[name] for name in self.structure.parameters}
         arrays = {name: np.array([value]) for name, value in values.items()}
-        system = assemble(self.structure, own, f_tanh)
         found = []
         for r, state in zip(self.recordings, self.initial_states, strict=True):
+            here = values_in_recording(self.structure, arrays, state.tag)
+            own = {name: float(here[name][0]) for name in self.structure.parameters}
+            system = assemble(self.structure, own, f_tanh)
             x0 = state.state(system, float(r.u[0]), arrays)[:, 0]
             found.append(dict(zip(system.state_names, x0.tolist(), strict=True)))
         return tuple(found)

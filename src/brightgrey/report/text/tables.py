@@ -11,6 +11,7 @@ from brightgrey.numerics.number_format import is_drowned, significant, with_unce
 __all__ = [
     "FitRow",
     "ParameterRow",
+    "differing_values",
     "fit_row",
     "fit_rows",
     "friction_width_text",
@@ -90,6 +91,20 @@ def _reservation(part: ParameterPart, half_width: float | None, positive: bool) 
     if half_width is None:
         return UNKNOWN
     return NOT_IDENTIFIABLE if positive and is_drowned(part.value, half_width) else ""
+
+
+def differing_values(model: Model) -> list[str]:
+    """Values in each recording of the parameters that may differ, one text each."""
+    texts = []
+    for name, part in model.parameters.items():
+        shown = []
+        for own in part.in_recordings or ():
+            half_width = (own.ci95[1] - own.ci95[0]) / 2.0 if own.ci95 else None
+            value, half = with_uncertainty(own.value, half_width)
+            shown.append(f"{value} ± {half} in {own.recording}" if half else f"{value} in {own.recording}")
+        if shown:
+            texts.append(f"{name} in {part.unit} by recording, its mean above: {', '.join(shown)}.")
+    return texts
 
 
 def friction_width_text(settings: SettingsPart) -> str:
