@@ -3,6 +3,7 @@
     python bench/recovery.py run 0 50 --seed 18 --noise 0.01    drives 0 to 49, added to the file of the seed
     python bench/recovery.py run 0 50 --noise 0.01 --masses 2 --without backlash delay --out small.jsonl.gz
     python bench/recovery.py run 0 50 --seed 41 --noise 0.01 --grammar drive --out drive.jsonl.gz
+    python bench/recovery.py run 0 50 --seed 72 --noise 0.01 --grammar drive --truths drive
     python bench/recovery.py table --seed 18
 
 A drive is known by its number: true structure (of the candidates), values over wide ranges
@@ -36,9 +37,9 @@ from brightgrey.search.decision import Decision, decide_structures
 from brightgrey.search.detectability import has
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.lattice import Lattice, added_effects, contains, one_smaller
+from brightgrey.search.lattice import added_effects, contains
 from brightgrey.search.task import IdentificationTask
-from support.drives import RandomDrive
+from support.drives import RandomDrive, drawn_structure, largest_within
 from support.results import RESULTS, Table, arguments, code_version, publish
 from support.rows import add_rows, read_rows
 from support.statistics import share_of
@@ -102,7 +103,7 @@ def row(
     structures = [r.structure for r in found.minimal]
     fits = FitTable(task, (), seed=drive.seed)
     fits.done.update(decision.fitted)
-    smaller = one_smaller(truth, PAPER.structures())
+    smaller = largest_within(truth)
     fits.add([truth, *smaller], pool)
     error = held_out(task, {s: fits.done[s] for s in (truth, *smaller)}, test)
     first = (
@@ -115,8 +116,7 @@ def row(
     if problem.friction_width is not None:
         width = problem.friction_width
         exact[width.name] = np.clip([1.0 / drive.f_tanh], width.low, width.high)
-    lattice = Lattice.of(PAPER)
-    inside = [m for m in found.refined if not lattice.mask(m) & ~lattice.mask(truth)]
+    inside = [m for m in found.refined if contains(truth, m)]
     best = min(r.deviance for r in found.refined.values())
     return {
         "code": code_version(),
@@ -146,7 +146,7 @@ def row(
 
 def marks(r: Mapping) -> list[str]:
     """Everything that is wrong with a row."""
-    truth = PAPER.parse(r["truth"])
+    truth = function_set().parse(r["truth"])
     wrong = [e for e, v in r["verdicts"].items() if v == "needed" and not has(truth, e)]
     lost = [e for e, v in r["verdicts"].items() if v == "not needed" and r["matters"].get(e, 0.0) > MATTERS]
     missed = [] if r["covered"] else ["LACKS WHAT DOES NOT MATTER" if covered_but_for_trifles(r) else "NOT COVERED"]
@@ -188,7 +188,7 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
     cells = {"rows": [str(len(some)) for some in columns.values()]}
     cells["drives"] = [str(len({(r["seed"], r["number"]) for r in some})) for some in columns.values()]
     cells["rows with a gap"] = [
-        str(sum(has(PAPER.parse(r["truth"]), "backlash") for r in some)) for some in columns.values()
+        str(sum(has(function_set().parse(r["truth"]), "backlash") for r in some)) for some in columns.values()
     ]
     cells |= {what: [cell(some) for some in columns.values()] for what, cell in asked.items()}
     made = [Table(title_of(rows), ["", *columns], [[what, *shares] for what, shares in cells.items()])]
@@ -252,7 +252,7 @@ def recalled(rows: Sequence[Mapping]) -> dict[str, list[bool]]:
     """Of effects that are there: whether each is called needed."""
     found: dict[str, list[bool]] = {}
     for r in rows:
-        truth = PAPER.parse(r["truth"])
+        truth = function_set().parse(r["truth"])
         for effect, verdict in r["verdicts"].items():
             if has(truth, effect):
                 found.setdefault(effect, []).append(verdict == "needed")
@@ -262,14 +262,14 @@ def recalled(rows: Sequence[Mapping]) -> dict[str, list[bool]]:
 def covered_but_for_trifles(r: Mapping) -> bool:
     """Return True if a minimal structure is within the truth and everything it lacks is optional or does not matter."""
     known = {*r["optional"], *(effect for effect, rise in r["matters"].items() if rise <= MATTERS)}
-    return any(visible(function_set().parse(s), PAPER.parse(r["truth"]), known) for s in r["minimal"])
+    return any(visible(function_set().parse(s), function_set().parse(r["truth"]), known) for s in r["minimal"])
 
 
 def by_effect(rows: Sequence[Mapping], what: str) -> dict[str, list[bool]]:
     """Of effects called needed: whether each is there. Of those that matter: whether each is called not needed."""
     found: dict[str, list[bool]] = {}
     for r in rows:
-        truth = PAPER.parse(r["truth"])
+        truth = function_set().parse(r["truth"])
         for effect, verdict in r["verdicts"].items():
             if what == "needed" and verdict == "needed":
                 found.setdefault(effect, []).append(has(truth, effect))
@@ -284,6 +284,7 @@ def run(options: argparse.Namespace, path: Path) -> None:
     candidates = [
         s for s in PAPER.structures() if s.masses <= options.masses and not set(s.names) & set(options.without)
     ]
+    draw = drawn_structure if options.truths == "drive" else None
     done = {(r["seed"], r["number"], r["noise"]) for r in read_rows(path)}
     left = {
         number: [noise for noise in options.noise if (options.seed, number, noise) not in done]
@@ -291,7 +292,7 @@ def run(options: argparse.Namespace, path: Path) -> None:
     }
 
     def rows(number: int) -> Iterator[dict[str, object]]:
-        drive = RandomDrive(options.seed, number, candidates)
+        drive = RandomDrive(options.seed, number, candidates, draw=draw)
         yield from (
             examine(drive, noise, pool, options.search, grammar_named(options.grammar)) for noise in left[number]
         )
@@ -312,6 +313,9 @@ def main() -> None:
     parser.add_argument("--without", nargs="*", default=[], help="effects that no candidate has")
     parser.add_argument("--search", choices=("border", "exhaustive"), default="border")
     parser.add_argument("--grammar", choices=GRAMMARS, default="paper", help="function set that is searched")
+    parser.add_argument(
+        "--truths", choices=("paper", "drive"), default="paper", help="448 structures, or 2 to 6 effects of all kinds"
+    )
     parser.add_argument("--workers", type=int, default=1, help="threads")
     parser.add_argument("--out", type=Path, help="file of the rows, instead of that of the seed in bench/results/")
     options = parser.parse_args()

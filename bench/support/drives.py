@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.signal import lfilter
@@ -10,12 +10,22 @@ from scipy.signal import lfilter
 from brightgrey.arrays import Array
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
-from brightgrey.kit import Structure
+from brightgrey.kit import Placed, Structure, function_set, grammar_named
 from brightgrey.recordings import Recording, Signal
 from brightgrey.recordings.recording import Hold
 from brightgrey.simulation.reference import reference
 
-__all__ = ["MOTIONS", "SHARPNESS", "RandomDrive", "coloured_noise", "excitation", "rounded", "simulated_recording"]
+__all__ = [
+    "MOTIONS",
+    "SHARPNESS",
+    "RandomDrive",
+    "coloured_noise",
+    "drawn_structure",
+    "excitation",
+    "largest_within",
+    "rounded",
+    "simulated_recording",
+]
 
 MOTIONS = ("reversing", "chirp", "multisine")
 SHARPNESS = (np.inf, 1000.0, 100.0, 30.0)
@@ -63,19 +73,67 @@ def simulated_recording(
     return Recording(name, t, u, velocity[None], Signal("torque", "input", "N m"), outputs, hold=hold)
 
 
+def last_places(chain: Placed) -> dict[str, int]:
+    """Last place of an effect by where it stands."""
+    return {"drive": 1, "mass": chain.effect.masses, "shaft": chain.effect.masses - 1}
+
+
+def drawn_structure(rng: np.random.Generator) -> Structure:
+    """Draw one to four masses with two to six effects of the function set `drive`.
+
+    Kinds of effects are equally likely, and so are the places of each. What an effect requires is added.
+    """
+    grammar = grammar_named("drive").whole
+    chains = [p for p in grammar.placed if p.effect.masses]
+    while True:
+        chain = chains[int(rng.integers(len(chains)))]
+        last = last_places(chain)
+        there = [p for p in grammar.placed if not p.effect.masses and p.place <= last[p.effect.where]]
+        kinds = sorted({p.name for p in there})
+        chosen = []
+        for kind in rng.permutation(kinds)[: int(rng.integers(2, 7))]:
+            places = [p for p in there if p.name == kind]
+            chosen.append(places[int(rng.integers(len(places)))])
+        chosen += [Placed(name, p.place) for p in chosen for name in p.effect.requires]
+        structure = Structure((chain, *dict.fromkeys(chosen)))
+        if 2 <= len(structure.beside) <= 6 and not grammar.broken_rule(structure):
+            return structure
+
+
+def largest_within(structure: Structure) -> list[Structure]:
+    """Structures that lack one effect, with what requires it, or the last mass, with what stands there."""
+    kit, found = function_set(), []
+    for gone in structure.beside:
+        kept = [p for p in structure.placed if p != gone]
+        kept = [p for p in kept if not (gone.name in p.effect.requires and p.place == gone.place)]
+        found.append(Structure(tuple(kept)))
+    if structure.masses > 1:
+        (chain,) = (p for p in grammar_named("drive").whole.placed if p.effect.masses == structure.masses - 1)
+        last = last_places(chain)
+        found.append(Structure((chain, *(p for p in structure.beside if p.place <= last[p.effect.where]))))
+    return [s for s in dict.fromkeys(found) if not kit.broken_rule(s)]
+
+
 class RandomDrive:
     """One random drive with two motions; `y` are its velocities without noise.
 
-    The structure is drawn from `candidates`, the values come from
+    The structure is drawn from `candidates`, or by `draw`, the values come from
     :func:`brightgrey.excitation.random_drives.random_values`. Half of the drives have noise of an autoregression with
     pole `AR_POLE`, a third of them an encoder. The gain of friction's sign is `f_tanh` in s/rad; by default it is one
     of `SHARPNESS` over the largest speed, in turn.
     """
 
-    def __init__(self, seed: int, number: int, candidates: Sequence[Structure], f_tanh: float | None = None) -> None:
+    def __init__(
+        self,
+        seed: int,
+        number: int,
+        candidates: Sequence[Structure] = (),
+        f_tanh: float | None = None,
+        draw: Callable[[np.random.Generator], Structure] | None = None,
+    ) -> None:
         rng = np.random.default_rng([seed, number])
         self.seed, self.number = seed, number
-        self.truth = candidates[int(rng.integers(len(candidates)))]
+        self.truth = draw(rng) if draw else candidates[int(rng.integers(len(candidates)))]
         self.values = random_values(self.truth.parameters, rng)
         self.motion = MOTIONS[number % 3]
         self.pole = AR_POLE if rng.random() < 0.5 else 0.0
