@@ -101,9 +101,10 @@ def row(
     """One row of the file: everything that is kept of one drive at one noise."""
     truth, found = drive.truth, decision.evidence
     structures = [r.structure for r in found.minimal]
-    fits = FitTable(task, (), seed=drive.seed)
-    fits.done.update(decision.fitted)
     smaller = largest_within(truth)
+    by_multistart = [truth, *(s for s in smaller if s.masses < truth.masses)]
+    fits = FitTable(task, (), seed=drive.seed, anchors=by_multistart)
+    fits.done.update(decision.fitted)
     fits.add([truth, *smaller], pool)
     error = held_out(task, {s: fits.done[s] for s in (truth, *smaller)}, test)
     first = (
