@@ -12,7 +12,7 @@ from brightgrey.control.linear.margins import frequency_response
 from brightgrey.report.charts.chart import Chart, Line, Mark, Panel
 from brightgrey.report.drawing.plotly_figure import plot
 
-__all__ = ["loop_figure"]
+__all__ = ["loop_chart", "loop_figure"]
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,11 @@ LOOP_FIGURE = _LoopFigure()
 
 
 def loop_figure(found: Design) -> dict[str, Any]:
+    """Figure of :func:`loop_chart` for the page."""
+    return plot(loop_chart(found))
+
+
+def loop_chart(found: Design) -> Chart:
     """Gain and phase from torque to speed before, and of the open loop with the controller after.
 
     The gain before is scaled so that both meet at the crossover: only its shape is compared.
@@ -68,4 +73,4 @@ def loop_figure(found: Design) -> dict[str, Any]:
             height=0.7,
         ),
     )
-    return plot(Chart("loop", panels))
+    return Chart("loop", panels)
