@@ -7,59 +7,42 @@ So the effort goes there in the end: multistart until independent starts agree.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence, Set
-from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from collections.abc import Set
+from dataclasses import dataclass
 from functools import reduce
 from operator import and_
 
 import numpy as np
 
 from brightgrey.errors import SettingsError
-from brightgrey.estimation.noise.residual_analysis import is_white
-from brightgrey.kit import Placed, Structure
+from brightgrey.kit import Structure
 from brightgrey.search.adequacy import Deviance, Round, material_growth
 from brightgrey.search.border import Border, Refutation, assess
-from brightgrey.search.fitting.anchors import anchors, beside_masses, mass_masks
+from brightgrey.search.fitting.anchors import beside_masses, mass_masks
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.missed_optima import find_missed_optima
 from brightgrey.search.fitting.refined_fit import RefinedFits
-from brightgrey.search.fitting.structure_fit import Options, StructureFit
-from brightgrey.search.further_effects import FurtherEffect, follows_further_effect, least_rival_cost, proposals
-from brightgrey.search.lattice import Lattice
-from brightgrey.search.model_error import optimum_of, signs_of_model_error
-from brightgrey.search.policy import BORDER, FURTHER, REFIT, BorderPolicy
-from brightgrey.search.task import IdentificationTask
+from brightgrey.search.fitting.structure_fit import StructureFit
+from brightgrey.search.further.offers import OfferingSearch
+from brightgrey.search.policy import BORDER, REFIT, BorderPolicy
 
 __all__ = ["BorderSearch"]
 
 
 @dataclass
-class BorderSearch:
+class BorderSearch(OfferingSearch):
     """A search in progress."""
 
-    task: IdentificationTask
-    lattice: Lattice
-    executor: Executor
-    seed: int = 0
-    further: tuple[Placed, ...] = ()  #: Effects that are offered where those of the lattice leave model error.
-    #: The lattice with some of these, and with so many masses at most.
-    with_effects: Callable[[Sequence[Placed], int | None], Lattice] | None = None
-    options: Options = field(default_factory=lambda: Options(patience=0, fresh_hard_limit=2))
     policy: BorderPolicy = BORDER
-    progress: Callable[[str, int, Structure], None] = field(default_factory=lambda: lambda stage, fits, best: None)
 
     def __post_init__(self) -> None:
-        self.anchors = anchors(self.lattice)
-        self.fits = FitTable(self.task, (), options=self.options, seed=self.seed, anchors=self.anchors)
+        super().__post_init__()
         self.refined = RefinedFits(self.task, self.fits, self.executor)
         self.tops: set[Structure] = set()
         self.restarts: dict[Structure, int] = {}
         self.flipped: set[int] = set()
-        self.offered: tuple[Placed, ...] = ()
         self.thorough = False
         self.border: Border | None = None
-        self._model_error: dict[tuple[Structure, float], bool] = {}
 
     def run(self, *, everything: bool = False) -> Border:
         """Border of all structures; with `everything`, all of them are fitted first.
@@ -84,7 +67,8 @@ class BorderSearch:
         border = self.in_rounds()
         while True:
             masses = min(self.lattice.structure(m).masses for m in border.minimal)
-            if not (self.offer_further(masses) or self.offer_mass(masses)):
+            found = [self.lattice.structure(m) for m in border.minimal]
+            if not (self.offer_further(masses) or self.offer_mass(masses) or self.offer_places(found)):
                 return border
             border = self.in_rounds()
 
@@ -93,67 +77,6 @@ class BorderSearch:
         self.fit(self.anchors)
         self.fit_hard_limits()
         self.find_best()
-
-    def offer_further(self, most_masses: int) -> bool:
-        """Extend the lattice by effects that explain what it leaves; returns False if there is nothing to offer.
-
-        They are tried beside the best structure with each number of masses, fewest first: an effect at a mass that is
-        there is a simpler explanation than another mass.
-        """
-        if self.with_effects is None or len(self.offered) >= FURTHER.most or not self.has_model_error():
-            return False
-        for masses in range(1, most_masses + 1):
-            fitted = [f for s, f in self.fits.done.items() if s.masses == masses and not f.redundant_effects]
-            if not fitted:
-                continue
-            own, best = min(fitted, key=lambda f: (f.structure.has_hard_limit, f.cost)), self.fits.best()
-            for found in proposals(self.task, own, self.more, self.lattice.atoms, self.seed):
-                if self.rescues(own, found, best):
-                    self.offered += tuple(f.placed for f in found)
-                    self.limit_masses(masses + 1)
-                    return True
-        return False
-
-    def offer_mass(self, masses: int) -> bool:
-        """Offer one mass more if all that are offered with the further effects are called for."""
-        if not self.offered or masses < self.most_masses:
-            return False
-        self.limit_masses(masses + 1)
-        return self.most_masses > masses
-
-    @property
-    def most_masses(self) -> int:
-        """Masses of the largest structure."""
-        return self.lattice.structure(self.lattice.everything).masses
-
-    def limit_masses(self, most: int) -> None:
-        """Take the lattice with the effects offered and so many masses at most, and fit its anchors.
-
-        If the masses that are there and one more do not call for it, two more do not either.
-        """
-        assert self.with_effects is not None
-        self.lattice = self.with_effects(self.offered, most)
-        lattice = self.lattice
-        for s in [s for s in self.fits.done if s.masses > most or lattice.structure(lattice.mask(s)) != s]:
-            del self.fits.done[s]  # too many masses, or an effect that is excluded now
-        self.anchors = anchors(self.lattice)
-        self.fit(self.anchors)
-
-    def rescues(self, own: StructureFit, found: Sequence[FurtherEffect], best: StructureFit) -> bool:
-        """Fit a structure with further effects; True if they explain enough of what it leaves.
-
-        That is a notable part of its residual, and a third of what the best structure explains better. They also have
-        to explain more than all structures with an effect that they exclude.
-        """
-        extended = Structure((*own.structure.placed, *(f.placed for f in found)))
-        start = {**own.values, **{name: value for f in found for name, value in f.start.items()}}
-        cost = self.fits.fit_from(extended, start, self.executor).cost
-        gained = own.cost - cost if cost < least_rival_cost(found, self.fits.done) else -np.inf
-        if gained >= max(FURTHER.rescued_share * (own.cost - best.cost), FURTHER.notable_gain * own.cost):
-            self.fits.propagate({extended}, self.executor)
-            return True
-        del self.fits.done[extended]  # the lattice has no place for it
-        return False
 
     def in_rounds(self) -> Border:
         """Border of the lattice, in rounds with a noise model each, until no status changes."""
@@ -173,13 +96,6 @@ class BorderSearch:
                 break
             reference, last = simplest, statuses
         return border
-
-    def fit(self, structures: Sequence[Structure]) -> None:
-        """Fit structures from their neighbours' optima, and their neighbours anew where that helps."""
-        new = [s for s in structures if s not in self.fits.done]
-        if new:
-            self.fits.add(new, self.executor)
-            self.progress("fits", len(self.fits.done), self.fits.best().structure)
 
     def fit_everything(self) -> None:
         """Fit all structures, and look for missed optima among them."""
@@ -255,33 +171,6 @@ class BorderSearch:
             return [f.structure for f in best.values()]
         tells = best[True].cost < REFIT.clear_gain * best[False].cost
         return [best[False].structure, *([best[True].structure] if tells else [])]
-
-    def is_explained(self) -> bool:
-        """True if the residual of the best fit is white, or within the accuracy of the simulation."""
-        best = self.fits.best()
-        problem = self.fits.task.problem(best.structure)
-        if best.cost <= self.fits.error_floor_cost(best):
-            return True
-        values = {name: np.array([value]) for name, value in best.values.items()}
-        return is_white(problem.residuals(values, self.fits.task.settings)[:, 0], problem.segment_lengths)
-
-    def has_model_error(self) -> bool:
-        """True if the best residual follows a pattern or a further effect by more than coloured noise explains."""
-        best = self.fits.best()
-        known = best.structure, best.cost
-        if known not in self._model_error:
-            self._model_error[known] = not self.is_explained() and bool(
-                follows_further_effect(self.task, best, self.more, self.seed)
-                or signs_of_model_error(
-                    self.task, best.structure, optimum_of(self.task, best), self.fits.error_floor_cost(best)
-                )
-            )
-        return self._model_error[known]
-
-    @property
-    def more(self) -> list[Placed]:
-        """Further effects that have not been offered."""
-        return [p for p in self.further if p not in self.lattice.atoms]
 
     def deviances(self) -> dict[int, Deviance]:
         """Table of the fits in this round."""

@@ -8,7 +8,7 @@ from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import PAPER, Placed, function_set, grammar_named
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.fitting.structure_fit import Options, fit_multistart
-from brightgrey.search.further_effects import further_effects
+from brightgrey.search.further.proposals import further_effects
 from support.searches import simulated_task, verdicts
 
 F_TANH = 200.0

@@ -1,0 +1,1 @@
+"""Further effects: which of those that a function set holds back a search is offered."""

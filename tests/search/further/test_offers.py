@@ -1,0 +1,40 @@
+"""Offers of a search: an effect whose place the recording does not show is called for at no place."""
+
+import pytest
+
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.kit import grammar_named
+from brightgrey.search.decision import decide_structures
+from support.searches import minimal, simulated_task, verdicts
+
+F_TANH = 200.0
+VALUES = {"J1": 0.008, "J2": 0.006, "c1": 300.0, "d1": 0.05, "f_v": 0.004, "M_C": 0.3}
+SPRING = {"c_g@2": 0.08}
+FRICTION = {"M_C@2": 0.25}
+
+
+def decision(structure, values):
+    task = simulated_task(structure, values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH, step=1e-3)
+    excluded = ("three_mass", "stribeck", "current_control", "delay", "backlash", "gravity")
+    return decide_structures(task, grammar_named("drive"), exclude=excluded)
+
+
+@pytest.fixture(scope="module")
+def on_stiff_shaft():
+    return decision("two_mass+coulomb+viscous+ground_spring@2", VALUES | SPRING)
+
+
+def test_ground_spring_on_a_stiff_shaft__both_masses_are_offered(on_stiff_shaft):
+    assert {"ground_spring", "ground_spring@2"} <= set(on_stiff_shaft.evidence.certificate.offered)
+
+
+def test_ground_spring_on_a_stiff_shaft__neither_place_is_needed(on_stiff_shaft):
+    said = verdicts(on_stiff_shaft)
+    assert said["ground_spring"] == said["ground_spring@2"] == "not decidable"
+    assert "two_mass+coulomb+viscous+ground_spring@2" in minimal(on_stiff_shaft)
+
+
+def test_friction_at_the_second_mass__its_place_shows__needed_there():
+    found = decision("two_mass+coulomb+viscous+coulomb@2", {**VALUES, "c1": 30.0} | FRICTION)
+    assert verdicts(found)["coulomb@2"] == "needed"
+    assert minimal(found)[0] == "two_mass+coulomb+coulomb@2+viscous"
