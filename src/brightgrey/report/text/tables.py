@@ -103,7 +103,7 @@ def differing_values(model: Model) -> list[str]:
             value, half = with_uncertainty(own.value, half_width)
             shown.append(f"{value} ± {half} in {own.recording}" if half else f"{value} in {own.recording}")
         if shown:
-            texts.append(f"{name} in {part.unit} by recording, its mean above: {', '.join(shown)}.")
+            texts.append(f"{name} by recording, in {part.unit}: {', '.join(shown)}. The value above is their mean.")
     return texts
 
 
