@@ -13,15 +13,15 @@ SPRING = {"c_g@2": 0.08}
 FRICTION = {"M_C@2": 0.25}
 
 
-def decision(structure, values):
+def decision(structure, values, require=()):
     task = simulated_task(structure, values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH, step=1e-3)
     excluded = ("three_mass", "stribeck", "current_control", "delay", "backlash", "gravity")
-    return decide_structures(task, grammar_named("drive"), exclude=excluded)
+    return decide_structures(task, grammar_named("drive"), require=require, exclude=excluded)
 
 
 @pytest.fixture(scope="module")
 def on_stiff_shaft():
-    return decision("two_mass+coulomb+viscous+ground_spring@2", VALUES | SPRING)
+    return decision("two_mass+coulomb+viscous+ground_spring@2", VALUES | SPRING, ("two_mass",))
 
 
 def test_ground_spring_on_a_stiff_shaft__both_masses_are_offered(on_stiff_shaft):

@@ -61,8 +61,9 @@ class OfferingSearch:
                 continue
             own, best = min(fitted, key=lambda f: (f.structure.has_hard_limit, f.cost)), self.fits.best()
             for found in proposals(self.task, own, self.more, self.lattice.atoms, self.seed):
-                if self.rescues(own, found, best):
-                    self.offered += tuple(f.placed for f in found)
+                taken = self.worth_offering(own, found, best)
+                if taken:
+                    self.offered += tuple(f.placed for f in taken)
                     self.limit_masses(masses + 1)
                     return True
         return False
@@ -79,6 +80,8 @@ class OfferingSearch:
 
         Then the recording does not show where such an effect is, and no place of it is called for.
         """
+        if len(self.offered) >= FURTHER.most:
+            return False
         found: list[Placed] = []
         for own in (self.fits.done[s] for s in minimal):
             for gone in sorted(own.structure.beside & set(self.offered), key=str):
@@ -123,21 +126,30 @@ class OfferingSearch:
         self.anchors = anchors(self.lattice)
         self.fit(self.anchors)
 
-    def rescues(self, own: StructureFit, found: Sequence[FurtherEffect], best: StructureFit) -> bool:
-        """Fit a structure with further effects; True if they explain enough of what it leaves.
+    def worth_offering(
+        self, own: StructureFit, found: Sequence[FurtherEffect], best: StructureFit
+    ) -> list[FurtherEffect]:
+        """Fit a structure with further effects, one after the other; those that explain enough of what it leaves.
 
-        That is a notable part of its residual, and half of what the best structure explains better. They also have
-        to explain more than all structures with an effect that they exclude.
+        Each explains a notable part of what those before it leave: at first order more seem to. Together they explain
+        half of what the best structure explains better, and more than all structures with an effect that they exclude.
+        None otherwise.
         """
-        extended = Structure((*own.structure.placed, *(f.placed for f in found)))
-        start = {**own.values, **{name: value for f in found for name, value in f.start.items()}}
-        cost = self.fits.fit_from(extended, start, self.executor).cost
-        gained = own.cost - cost if cost < least_rival_cost(found, self.fits.done) else -np.inf
-        if gained >= max(FURTHER.rescued_share * (own.cost - best.cost), FURTHER.notable_gain * own.cost):
-            self.fits.propagate({extended}, self.executor)
-            return True
-        del self.fits.done[extended]  # the lattice has no place for it
-        return False
+        taken: list[FurtherEffect] = []
+        reached = own
+        for effect in found:
+            extended = Structure((*reached.structure.placed, effect.placed))
+            fitted = self.fits.fit_from(extended, {**reached.values, **effect.start}, self.executor)
+            del self.fits.done[extended]  # the lattice has no place for it yet
+            if reached.cost - fitted.cost >= FURTHER.notable_gain * reached.cost:
+                taken.append(effect)
+                reached = fitted
+        enough = own.cost - reached.cost >= FURTHER.rescued_share * (own.cost - best.cost)
+        if not (taken and enough and reached.cost < least_rival_cost(taken, self.fits.done)):
+            return []
+        self.fits.done[reached.structure] = reached
+        self.fits.propagate({reached.structure}, self.executor)
+        return taken
 
     def fit(self, structures: Sequence[Structure]) -> None:
         """Fit structures from their neighbours' optima, and their neighbours anew where that helps."""
