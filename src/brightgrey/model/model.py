@@ -81,6 +81,11 @@ class Model(Part):
         return Units(self.input.unit, motion_unit(parse_unit(self.outputs[0].unit)))
 
     @property
+    def is_rotary(self) -> bool:
+        """True for a rotary drive, False for a linear axis, by the unit of its motion."""
+        return "[angle]" in dict(parse_unit(self.units.motion).dimension)
+
+    @property
     def input(self) -> Signal:
         """The input column, as the recording was read."""
         return _signal_of(self.signals[0])
@@ -129,7 +134,7 @@ class Model(Part):
             values[name] = ValueText(*with_uncertainty(part.value, half_width, digits=4), part.unit)
         drive = drive_of(
             self.structure,
-            rotary="[angle]" in dict(parse_unit(self.units.motion).dimension),
+            rotary=self.is_rotary,
             values=values,
             sensors=[Sensor(s.mass, s.name, in_unit(kind_in_words(s.kind), s.unit)) for s in self.signals[1:]],
             input_text=in_unit(self.input.name, self.input.unit),
