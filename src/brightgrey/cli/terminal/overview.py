@@ -30,7 +30,7 @@ class _Screen:
     full_bar: float = 100.0  #: Times by which the residual is larger at a full bar.
     outputs: int = 4  #: That are drawn.
     line: int = 60  #: A drawn output.
-    least_line: int = 12
+    least_line: int = 4
     residuals_only: int = 3  #: Outputs from which on the measured ones are left out.
     name: int = 16  #: Of a recording.
     beside: int = 12  #: Of the widest symbol of an effect that stands beside its equation.
@@ -118,6 +118,8 @@ def _residuals(console: Console, found: Result) -> Iterator[RenderableType]:
     room = console.width - max(map(len, names)) - len(" |residual| ") - max(map(len, words)) - 1
     width = max(min(SCREEN.line, room), SCREEN.least_line)
     table = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
+    for _ in range(4):
+        table.add_column(overflow="fold")
     for name, word, (trace, k) in zip(names, words, rows, strict=True):
         if len(rows) < SCREEN.residuals_only:
             table.add_row(Text(name), "measured", block_line(trace.measured[k], width), "")
