@@ -24,7 +24,7 @@ def test_a_finished_run_prints_its_result_and_evaluates_nothing(small, tmp_path)
     done = call(*small.searches["exhaustive"], "--workers", 1, "--out", folder)
     assert done.code == 0, done.err
     assert "was finished before" in done.out
-    assert "One mass (J1 = " in done.out
+    assert "One mass of " in done.out
     assert results(folder) == small.whole["exhaustive"]
     assert read_status(folder) == before
     done = call(*small.searches["exhaustive"], "--out", folder, "--json")

@@ -270,7 +270,7 @@ def test_no_verdict_on_what_was_not_asked(drive, call, tmp_path):
     file = drive.folder / "a.csv"
     done = call("identify", file, "--input", "torque", "--output", "speed", *asked, "--out", tmp_path / "out")
     assert done.code == 0
-    assert "one structure tried" in done.out
+    assert "One structure tried." in done.out
     assert "reason" not in done.out
 
 

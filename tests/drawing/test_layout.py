@@ -8,10 +8,12 @@ import pytest
 from matplotlib import get_data_path
 from matplotlib.ft2font import FT2Font, LoadFlags
 
+from brightgrey.drawing.drive import ValueText, drive_of
 from brightgrey.drawing.items import Label, PlacedSymbol, Wire
 from brightgrey.drawing.layout import lay_out
 from brightgrey.drawing.svg import svg
 from brightgrey.drawing.text_width import WIDTHS
+from brightgrey.kit import Structure
 from support.drawn_drives import random_drive
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -99,3 +101,21 @@ def test_text_width__is_that_of_the_font():
         glyph = font.load_char(ord(character), flags=LoadFlags.NO_SCALE)
         exact = 1000.0 * glyph.horiAdvance / font.units_per_EM
         assert exact <= width < exact + 1.0, character
+
+
+def test_wires__that_lead_to_undecided_parts_only__are_dashed():
+    structure = Structure.parse("two_mass+coulomb+viscous@2")
+    layout = lay_out(drive_of(structure, undecided=["two_mass", "viscous@2", "ground_spring"]))
+    first = next(i for i in layout.items if isinstance(i, PlacedSymbol) and i.symbol.at == "body")
+    axis = 0.5 * (first.box[1] + first.box[3])
+    along = [i for i in layout.items if isinstance(i, Wire) and i.y1 == i.y2 == axis]
+    assert [wire.dashed for wire in along] == [wire.x1 >= first.box[2] for wire in along]
+    assert len(along) > 4
+    stems = [i for i in layout.items if isinstance(i, Wire) and i.x1 == i.x2 and i.y1 >= first.box[3]]
+    assert [stem.dashed for stem in stems] == [False, True, True]  # to Coulomb friction, beyond it, below mass 2
+
+
+def test_value__too_long_for_a_line__unit_stands_beside_its_half_width():
+    values = {"J1": ValueText("12345.678", "0.012", "kg m²")}
+    layout = lay_out(drive_of(Structure.parse("one_mass"), values=values))
+    assert [i.plain for i in layout.items if isinstance(i, Label)] == ["torque", "J1 = 12345.678", "± 0.012 kg m²"]

@@ -89,7 +89,7 @@ def test_page__numbers__are_those_of_the_model(data):
         assert (low, high) == pytest.approx(part.ci95, abs=0.051 * half_width)
         assert row["Unit"] == part.unit
     assert [row[:5] for row in reader.tables["fit"][1:]] == [
-        ["velocity", "train", "99.80", "0.04050", "rad/s"],
+        ["velocity", "identified", "99.80", "0.04050", "rad/s"],
         ["velocity", "test", "97.31", "0.07120", "rad/s"],
     ]
 
@@ -130,9 +130,9 @@ def test_parameter_rows__bound_fixed_and_unknown__are_noted(data):
     model = Model.check(data)
     notes = {row.name: row.note for row in parameter_rows(model)}
     assert notes == {"J1": "at its upper bound", "M_C": "fixed", "f_v": "uncertainty unknown"}
-    assert [text.split(":")[0] for text in remarks(model)] == [
-        "J1 at its upper bound",
-        "no uncertainty can be given for f_v",
+    assert [text.split(". ")[0].rstrip(".") for text in remarks(model)] == [
+        "At its upper bound: inertia of mass 1 (J1)",
+        "No uncertainty can be given for viscous friction (f_v)",
     ]
     html = page(content_for(model))
     assert all(text in html for text in remarks(model))
@@ -144,7 +144,9 @@ def test_parameter_rows__interval_drowns_the_estimate__not_identifiable(data):
     model = Model.check(data)
     row = next(row for row in parameter_rows(model) if row.name == "M_C")
     assert (row.estimate, row.note) == ("32 ± 9100", "not identifiable")
-    assert remarks(model) == ["M_C not identifiable: half of the 95 % interval is more than ten times the estimate"]
+    assert remarks(model) == [
+        "Not identifiable: Coulomb friction (M_C). Half of the 95 % interval exceeds ten times the estimate."
+    ]
     reader = read(page(content_for(model)))
     shown = next(cells for cells in reader.tables["parameters"] if cells[0] == "M_C")
     assert shown[1:3] == ["32", "9100"]
@@ -169,7 +171,7 @@ def test_page__differenced_velocity__is_shown_as_such(data):
     data["signals"][1]["kind"] = "velocity-differenced"
     model = Model.check(data)
     assert model.outputs == (Signal("velocity", "velocity-differenced", "rad/s"),)
-    assert read(page(content_for(model))).tables["signals"][2][1] == "velocity-differenced"
+    assert read(page(content_for(model))).tables["signals"][2][1] == "velocity from encoder differences"
 
 
 def test_page__after_a_search__shows_evidence_ties_and_ranking(data):
@@ -204,8 +206,9 @@ def test_page__symptoms_and_differences__are_shown(data):
     reader = read(page(content_for(model, symptoms=[symptom], differences=differences)))
     for text in (symptom.title, symptom.observation, symptom.advice):
         assert text in reader.text["next"]
+    assert "B one mass with Stribeck friction" in reader.text["ties"]
     assert reader.tables["differences"] == [
-        ["Quantity", "one mass with Coulomb friction", "one mass with Stribeck friction"],
+        ["Quantity", "A", "B"],
         ["delay margin", "1 ms", "2 ms"],
     ]
 
@@ -238,3 +241,16 @@ def test_page__command__is_the_given_one_or_derived_from_the_model(data):
     assert "--f-tanh" not in made  # the width is estimated again
     given = Model.check(data | {"settings": data["settings"] | {"friction_width_ci95": None}})
     assert "--f-tanh 2.5" in read(page(content_for(given))).text["repeat"]
+
+
+def test_page__many_structures_that_differ_for_control__the_first_six_are_shown(data):
+    data["ties"] = {"minimal": ["one_mass+coulomb"], "optional": []}
+    differences = [
+        SimpleNamespace(structure="one_mass+coulomb", rows=(("delay margin", f"{k} ms"),)) for k in range(30)
+    ]
+    reader = read(page(content_for(Model.check(data), differences=differences)))
+    assert reader.tables["differences"] == [
+        ["Quantity", *"ABCDEF"],
+        ["delay margin", *(f"{k} ms" for k in range(6))],
+    ]
+    assert "24 more, which are ranked lower, are left out." in reader.text["ties"]

@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,16 +11,20 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from brightgrey import Result
+from brightgrey import Model, Result
 from brightgrey.cli.terminal import results as terminal
 from brightgrey.effects import registry
-from brightgrey.kit import grammar_named
+from brightgrey.estimation.diagnostics.second_opinion import TermOpinion
+from brightgrey.kit import Placed, Structure, grammar_named
 from brightgrey.model.ranking import Row
 from brightgrey.model.schema import TiesPart
+from brightgrey.recordings.units.signals import Units
 from brightgrey.report.content import Content
 from brightgrey.report.page import page
-from brightgrey.report.text.headline import headline, listing
-from brightgrey.report.text.next_steps import next_steps
+from brightgrey.report.text.headline import headline
+from brightgrey.report.text.next_steps import next_steps, urgent_steps, why_not_richer
+from brightgrey.report.text.opinion_table import opinion_sentences
+from brightgrey.report.text.prose import listing, with_meanings
 from brightgrey.search.evidence import EffectVerdict
 from brightgrey.search.verdicts import Reason, ReasonKind, Size
 from support.evidence import evidence_of
@@ -145,7 +150,7 @@ def test_headline__two_masses__coupled_by_a_shaft_with_its_resonance():
 
 def test_headline__one_mass__with_its_inertia():
     found = headline(Content(model_with_intervals("one_mass+coulomb")))
-    assert re.fullmatch(r"One mass \(J1 = [\d.]+ kg m²\), with Coulomb friction\.", found.found)
+    assert re.fullmatch(r"One mass of [\d.]+ kg m², with Coulomb friction\.", found.found)
 
 
 def test_headline__search__says_what_is_absent_and_what_is_open():
@@ -177,5 +182,53 @@ def test_next_steps__model_with_a_parameter_at_its_bound__is_told_first():
     parts["M_C"] = parts["M_C"].model_copy(update={"at_bound": "high"})
     model = model.model_copy(update={"parameters": parts})
     titles = [step.title for step in next_steps(Content(model, [trace_of(model)], correlation=independent(model)))]
-    assert titles[0] == "Give M_C room, or drop the effect"
+    assert titles[0] == "Give Coulomb friction (M_C) room, or drop the effect"
     assert titles[-1] == "Use the model"
+
+
+def test_with_meanings__parameters_in_a_finding__are_called_by_what_they_are():
+    structure = Structure.parse("one_mass+coulomb+viscous+coulomb@2")
+    text = with_meanings("this recording cannot tell M_C, f_v and M_C@2 apart, nor J1", structure)
+    assert text == (
+        "this recording cannot tell Coulomb friction (M_C), viscous friction (f_v) and Coulomb friction at mass 2"
+        " (M_C@2) apart, nor inertia of mass 1 (J1)"
+    )
+    assert with_meanings(text, structure) == text
+
+
+@pytest.mark.parametrize(("unit", "told"), [("rad/s", False), ("mm/s", True)])
+def test_urgent_steps__arm_on_a_linear_axis__is_no_arm(unit, told):
+    data = model_with_intervals("one_mass+pendulum").model_dump(mode="json")
+    data["signals"][1]["unit"] = unit
+    units = Units("N m", unit.removesuffix("/s"))
+    for name, declared in Structure.parse("one_mass+pendulum").parameters.items():
+        data["parameters"][name]["unit"] = units.of(declared.dimension)[0]
+    data["settings"]["friction_width_unit"] = data["settings"]["speed_scale_unit"] = unit
+    moved = Model.check(data)
+    steps = {step.title: step.text for step in urgent_steps(Content(moved))}
+    assert ("Find the cause of the position-dependent load" in steps) == told
+    if told:
+        assert "has no arm" in steps["Find the cause of the position-dependent load"]
+    assert "a position-dependent load" in headline(Content(moved)).found
+
+
+def test_why_not_richer__effects_that_are_not_needed__are_listed_unless_a_budget_has_ended():
+    card = EffectVerdict("delay", "not needed", None, 0.0, Reason("refuted", size=(Size("T_d", 2e-4, "s"),)))
+    evidence = evidence_of((card,))
+    assert why_not_richer(Content(model_with_intervals("one_mass"), evidence=evidence))[-1] == (
+        "So the model needs no dead time."
+    )
+    ended = replace(evidence, certificate=replace(evidence.certificate, undecided=("one_mass",)))
+    assert why_not_richer(Content(model_with_intervals("one_mass"), evidence=ended)) == ()
+
+
+def test_opinion_sentences__the_gravest_first():
+    opinions = (
+        TermOpinion((Placed("one_mass"),), ("J1",), 1.0, 1.01, 0.01),
+        TermOpinion((Placed("stribeck"), Placed("stribeck", 2)), ("M_S", "M_S@2"), 12.0, -5.0, 0.5),
+        TermOpinion((Placed("viscous"),), ("f_v",), 1.0, 2.0, 0.1),
+    )
+    assert opinion_sentences(opinions) == (
+        "It contradicts the fit, by the sign of Stribeck friction. It differs from the fit by more than its interval in"
+        " viscous friction. It agrees with the fit on total inertia."
+    )

@@ -2,10 +2,10 @@
 
 import random
 
-from brightgrey.drawing.drive import Sensor, ValueText, drive_of
+from brightgrey.drawing.drive import Sensor, ValueText, drive_of, in_unit
 from brightgrey.kit import Placed, Structure, grammar_named
 from brightgrey.numerics.number_format import with_uncertainty
-from brightgrey.recordings.units.signals import Units
+from brightgrey.recordings.units.signals import KINDS, Units, kind_in_words
 
 UNITS = (Units(), Units("N", "m"), Units("N", "mm"), Units("V", "rev"), Units("mN m", "deg"), Units("A", "µm"))
 NAMES = ("speed", "Motor.ActualVelocity_filtered", "load position encoder 2", "v", "Ø Weg (Zähler)")
@@ -38,7 +38,11 @@ def random_drive(seed: int):
         half_width = draw.choice((None, abs(value) * 10.0 ** draw.uniform(-7.0, 2.0)))
         values[name] = ValueText(*with_uncertainty(value, half_width, digits=4), units.of(declared.dimension)[0])
     sensors = [
-        Sensor(draw.randint(1, structure.masses), draw.choice(NAMES), f"velocity-differenced in {units.motion}/s")
+        Sensor(
+            draw.randint(1, structure.masses),
+            draw.choice(NAMES),
+            in_unit(kind_in_words(draw.choice(list(KINDS))), f"{units.motion}/s"),
+        )
         for _ in range(draw.randint(1, 3))
     ]
     grammar = grammar_named("drive").whole
@@ -49,6 +53,6 @@ def random_drive(seed: int):
         rotary=rotary,
         values=values,
         sensors=sensors,
-        input_text=f"{draw.choice(NAMES)} in {units.input}",
+        input_text=in_unit(draw.choice(NAMES), units.input),
         undecided=undecided,
     )

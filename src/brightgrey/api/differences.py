@@ -22,7 +22,7 @@ from brightgrey.simulation import Settings
 __all__ = ["ControlDifference", "compare_for_control"]
 
 SHOWN_POLES = 6
-ZERO_TORQUE = 1e-9  # of the largest input: rounding errors are shown as 0
+ROUNDING_ERROR = 1e-9  # relative: what is smaller is shown as 0
 
 
 @dataclass(frozen=True)
@@ -96,13 +96,15 @@ def _table_rows(
     n: ModelFigures, band: FrequencyBand, recording: Recording, *, first: bool
 ) -> tuple[tuple[str, str], ...]:
     unit, factor = recording.units.of(TORQUE)
-    smallest = ZERO_TORQUE * float(np.abs(recording.u).max())
+    largest = float(np.abs(recording.u).max())
     friction, constant = (
-        factor * value if abs(value) > smallest else 0.0 for value in (n.standstill_friction, n.constant_input)
+        factor * _no_rounding_error(value, largest) for value in (n.standstill_friction, n.constant_input)
     )
     within = f"{band.low:.2g} to {band.high:.3g} Hz"
     ratio = "0 dB (reference)" if first else f"{round(n.gain_difference, 2) + 0.0:+.2f} dB at {n.frequency:.3g} Hz"
-    resonances = ", ".join(f"{s.frequency:.3g} Hz (damping {s.damping:.2g})" for s in n.resonances)
+    resonances = ", ".join(
+        f"{s.frequency:.3g} Hz (damping {_no_rounding_error(s.damping, 1.0):.2g})" for s in n.resonances
+    )
     return (
         (f"gain difference, {within}", ratio),
         (f"phase difference, {within}", "0°" if first else f"{n.phase_difference:.1f}°"),
@@ -116,7 +118,13 @@ def _table_rows(
 
 def _pole_text(n: ModelFigures) -> str:
     upper = [p for p in n.poles if p.imag >= 0.0]
-    parts = [
-        f"{p.real:.3g} ± {p.imag:.3g}i" if p.imag > 1e-9 * abs(p) else f"{p.real:.3g}" for p in upper[:SHOWN_POLES]
-    ]
-    return ", ".join(parts).replace("-0,", "0,") or "none"
+    parts = []
+    for p in upper[:SHOWN_POLES]:
+        real, imag = (_no_rounding_error(part, abs(p)) for part in (p.real, p.imag))
+        parts.append(f"{real:.3g} ± {imag:.3g}i" if imag else f"{real:.3g}")
+    return ", ".join(parts) or "none"
+
+
+def _no_rounding_error(value: float, size: float) -> float:
+    """`value`, or 0 where it is the rounding error of a quantity of that size."""
+    return value if abs(value) > ROUNDING_ERROR * size else 0.0

@@ -168,13 +168,9 @@ def _note(done: Decision) -> str:
     if done.evidence is None:
         return f"stopped: {count} structures fitted; the best so far; no verdict on effects yet"
     certificate = done.evidence.certificate
-    minimal = len(certificate.minimal)
     if certificate.structures == 1:
         return "one structure tried"
-    return (
-        f"{count} structures fitted, which decide all {certificate.structures:,}; {minimal} minimal"
-        f" {'ones' if minimal > 1 else 'one'}"
-    )
+    return f"{count} structures were fitted, which decide all {certificate.structures:,}"
 
 
 def _genetic(task: IdentificationTask, settings: GeneticSettings, request: SearchRequest) -> SearchResult:

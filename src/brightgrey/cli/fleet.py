@@ -101,7 +101,8 @@ def _announce(count: int, *, silent: bool) -> Callable[[Member], None]:
 
 
 def _show(found: Fleet, folder: Path, *, quiet: bool, json: bool) -> None:
-    from brightgrey.cli.terminal.results import as_json, plain_table, screen
+    from brightgrey.cli.terminal.overview import plain_table
+    from brightgrey.cli.terminal.results import as_json, screen
 
     rows = [
         {

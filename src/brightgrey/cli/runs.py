@@ -20,7 +20,8 @@ def runs(
     from rich.text import Text
 
     from brightgrey.api.resumable import list_runs
-    from brightgrey.cli.terminal.results import as_json, plain_table, screen
+    from brightgrey.cli.terminal.overview import plain_table
+    from brightgrey.cli.terminal.results import as_json, screen
     from brightgrey.runs import RunStatus
 
     found = list_runs(folder)

@@ -52,10 +52,11 @@ def mass_cell(parts: Sequence[DrivePart], sensors: Sequence[Sensor], *, first: b
     items: list[DrawnItem] = [mark, *inertia, *_loads(parts, sensors, centre, mark.y)]
     items += _grounded(parts, centre, mark.box[3], _bottom(inertia))
     width = _right(items) + (STYLE.gap if not last else 0.0)
-    items.append(Wire(0.0, 0.0, left, 0.0, arrow=first))
+    items.append(Wire(0.0, 0.0, left, 0.0, arrow=first, dashed=body.undecided))
     if not last:
-        items.append(Wire(mark.box[2], 0.0, width, 0.0))
-    return Cell(width, items)
+        onward = any(part.symbol.at == "spring" and part.undecided for part in parts)
+        items.append(Wire(mark.box[2], 0.0, width, 0.0, dashed=onward))
+    return Cell(width, items, dashed=body.undecided)
 
 
 def _loads(parts: Sequence[DrivePart], sensors: Sequence[Sensor], centre: float, top: float) -> list[DrawnItem]:
@@ -70,33 +71,44 @@ def _loads(parts: Sequence[DrivePart], sensors: Sequence[Sensor], centre: float,
             (PlacedSymbol(x, 0.0, FLAG, about=about), [*((w, False) for w in words), *((k, True) for k in kinds)])
         )
     items: list[DrawnItem] = []
-    y, end = top - STYLE.gap, top
+    ends: list[tuple[float, bool]] = []
+    y = top - STYLE.gap
     for mark, lines in entries:
         y -= max(mark.symbol.height, len(lines) * STYLE.line_height)
         end = y + 0.5 * mark.symbol.height
+        ends.append((end, mark.dashed))
         items += [mark.moved(0.0, y), Wire(centre, end, x, end, dashed=mark.dashed)]
         items += _downwards(x + mark.symbol.width + STYLE.gap, y, lines)
         y -= STYLE.gap
-    return [*items, Wire(centre, top, centre, end)] if entries else items
+    return [*items, *_stem(centre, top, ends)]
 
 
 def _grounded(parts: Sequence[DrivePart], centre: float, foot: float, y: float) -> list[DrawnItem]:
     """Parts between the mass and the ground, side by side on a wire that leads down from the mass."""
     x = centre + STYLE.bus
     items: list[DrawnItem] = []
-    end = foot
+    ends: list[tuple[float, bool]] = []
     for part in (part for part in parts if part.symbol.at == "ground"):
         symbol, lines = part.symbol, _lines(part)
         y += STYLE.gap
         height = max(symbol.height, GROUND.height)
         end = y + 0.5 * height
+        ends.append((end, part.undecided))
         mark = _mark(part, x, end - 0.5 * symbol.height)
         wall = PlacedSymbol(mark.box[2] + STYLE.lead, end - 0.5 * GROUND.height, GROUND, dashed=part.undecided)
         items += [mark, wall, Wire(centre, end, x, end, dashed=part.undecided)]
         items.append(Wire(mark.box[2], end, wall.x, end, dashed=part.undecided))
         items += _downwards(wall.box[2] + STYLE.gap, y, lines)
         y += max(height, len(lines) * STYLE.line_height)
-    return [*items, Wire(centre, foot, centre, end)] if items else items
+    return [*items, *_stem(centre, foot, ends)]
+
+
+def _stem(x: float, start: float, ends: Sequence[tuple[float, bool]]) -> list[Wire]:
+    """Wire from a mass along which parts hang, each with a mark if it is undecided; dashed beyond the last decided."""
+    solid = next((y for y, undecided in reversed(ends) if not undecided), start)
+    last = ends[-1][0] if ends else start
+    wires = Wire(x, start, x, solid), Wire(x, solid, x, last, dashed=True)
+    return [wire for wire in wires if wire.y1 != wire.y2]
 
 
 def shaft_cell(parts: Sequence[DrivePart]) -> Cell:
@@ -106,28 +118,28 @@ def shaft_cell(parts: Sequence[DrivePart]) -> Cell:
     marks = [_mark(spring, left, -22.0), _mark(damper, left, 22.0 - damper.symbol.height)]
     level = 22.0 - 0.5 * damper.symbol.height
     unsure = spring.undecided
-    items: list[DrawnItem] = [Wire(0.0, 0.0, left, 0.0), *marks]
+    items: list[DrawnItem] = [Wire(0.0, 0.0, left, 0.0, dashed=unsure), *marks]
     items += [Wire(x, -level, x, level, dashed=unsure) for x in (left, left + length)]
     items += _upwards(left, -22.0 - STYLE.gap, _lines(spring))
     below = _downwards(left, 22.0 + STYLE.gap, _lines(damper))
     x, y = left + length, _bottom(below)
     for part in (p for p in parts if p.symbol.at == "series"):
         mark = _mark(part, x + STYLE.lead, -0.5 * part.symbol.height)
-        items += [mark, Wire(x, 0.0, mark.x, 0.0)]
+        items += [mark, Wire(x, 0.0, mark.x, 0.0, dashed=unsure)]
         x = mark.box[2]
         below += _downwards(left, y + STYLE.gap, _lines(part))
         y = _bottom(below)
     items += below
     width = max(x, _right(items)) + STYLE.gap
-    return Cell(width, [*items, Wire(x, 0.0, width, 0.0)])
+    return Cell(width, [*items, Wire(x, 0.0, width, 0.0, dashed=unsure)], dashed=unsure)
 
 
-def mark_cell(letter: str, *, ends: bool) -> Cell:
+def mark_cell(letter: str, *, ends: bool, dashed: bool) -> Cell:
     """Letter in a circle, where a row ends or begins."""
     size, width = RING.width, STYLE.mark_width
     x = width - size if ends else 0.0
     symbol = Symbol("input", size, size, circles=RING.circles, letters=letter)
-    wire = Wire(0.0, 0.0, x, 0.0) if ends else Wire(size, 0.0, width, 0.0)
+    wire = Wire(*((0.0, 0.0, x) if ends else (size, 0.0, width)), 0.0, dashed=dashed)
     return Cell(width, [PlacedSymbol(x, -0.5 * size, symbol, about=f"goes on at {letter}"), wire], is_mark=True)
 
 
@@ -155,15 +167,18 @@ def _lines(part: DrivePart) -> list[tuple[Runs, bool]]:
         if value is None:
             lines.append(((*runs, (_UNSURE, False)) if part.undecided and not part.title else runs, False))
             continue
-        first, *rest = _value_words(value)
-        text = f" = {first}"
-        for word in rest:
-            if Label(0.0, 0.0, (*runs, (f"{text} {word}", False))).width <= STYLE.text_width:
-                text += f" {word}"
-                continue
-            lines.append(((*runs, (text, False)), False))
-            runs, text = (), word
-        lines.append(((*runs, (text, False)), False))
+        lines += ((line, False) for line in _value_lines(runs, value))
+    return lines
+
+
+def _value_lines(runs: Runs, value: ValueText) -> list[Runs]:
+    """A value in as few lines as it needs; its unit stands beside the half width if both fit a line."""
+    first, *rest = _value_words(value)
+    lines: list[Runs] = []
+    for texts in ([" ".join([first, *rest])], [first, " ".join(rest)], [first, *rest]):
+        lines = [(*runs, (f" = {texts[0]}", False)), *(((text, False),) for text in texts[1:] if text)]
+        if all(Label(0.0, 0.0, line).width <= STYLE.text_width for line in lines):
+            break
     return lines
 
 

@@ -10,7 +10,7 @@ from brightgrey.effects import Symbol, registry
 from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import structure_in_words
 
-__all__ = ["Drive", "DrivePart", "Sensor", "ValueText", "drive_of", "shown_symbol"]
+__all__ = ["Drive", "DrivePart", "Sensor", "ValueText", "drive_of", "in_unit", "shown_symbol"]
 
 _GREEK = {"alpha": "α", "omega": "ω", "phi": "φ", "lambda": "λ"}
 
@@ -140,6 +140,11 @@ def drive_of(
         sensors=tuple(sensors),
         input=input_text or ("torque" if rotary else "force"),
     )
+
+
+def in_unit(name: str, unit: str) -> str:
+    """Name with its unit, which is not torn apart at the end of a line."""
+    return f"{name} " + f"in {unit}".replace(" ", "\u00a0")
 
 
 def shown_symbol(name: str) -> tuple[tuple[str, bool], ...]:

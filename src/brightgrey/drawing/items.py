@@ -157,6 +157,7 @@ class Cell:
     width: float
     items: Sequence[DrawnItem]
     is_mark: bool = False  #: It only ends or begins a row.
+    dashed: bool = False  #: What leads to it is not decided.
     top: float = field(init=False)
     bottom: float = field(init=False)
 

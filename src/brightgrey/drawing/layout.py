@@ -63,7 +63,7 @@ def lay_out(drive: Drive, width: float = STYLE.wide) -> Layout:
         y += max(cell.bottom for cell in row) - top + STYLE.row_gap
     y -= STYLE.row_gap
     if any(part.undecided for part in drive.parts):
-        y += STYLE.gap
+        y += 2.0 * STYLE.gap
         for line in wrap(STYLE.legend, STYLE.small, max(width, widest) - 2.0 * STYLE.margin):
             y += STYLE.line_height
             text = Label(STYLE.margin, y - 0.3 * STYLE.small, ((line, False),), STYLE.small, soft=True)
@@ -96,7 +96,7 @@ def _broken_rows(cells: Sequence[Cell], width: float) -> list[list[Cell]]:
         own = sum(not c.is_mark for c in rows[-1])
         if own and cell.width > room:
             letter = chr(ord("A") + len(rows) - 1)
-            rows[-1].append(mark_cell(letter, ends=True))
-            rows.append([mark_cell(letter, ends=False)])
+            rows[-1].append(mark_cell(letter, ends=True, dashed=cell.dashed))
+            rows.append([mark_cell(letter, ends=False, dashed=cell.dashed)])
         rows[-1].append(cell)
     return rows

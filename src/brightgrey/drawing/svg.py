@@ -39,7 +39,7 @@ def svg(layout: Layout) -> str:
     """
     title = html.escape(layout.title)
     described = " ".join(f"{item.about}." for item in layout.items if isinstance(item, PlacedSymbol) and item.effect)
-    body = "".join(_item(item) for item in layout.items)
+    body = "".join([*_wires(layout), *(_item(item) for item in layout.items)])
     size = f"{layout.width:.1f}", f"{layout.height:.1f}"
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="drive" role="img" viewBox="0 0 {size[0]} {size[1]}" '
@@ -53,12 +53,20 @@ def symbol_svg(symbol: Symbol) -> str:
     return svg(Layout("Symbol", symbol.width + 4.0, symbol.height + 4.0, (PlacedSymbol(2.0, 2.0, symbol),)))
 
 
+def _wires(layout: Layout) -> Iterator[str]:
+    """All wires as one path of each kind: where two of a kind meet, no spot is darker."""
+    for dashed in (False, True):
+        wires = [item for item in layout.items if isinstance(item, Wire) and item.dashed == dashed]
+        if wires:
+            ends = "".join(_path([(wire.x1, wire.y1), (wire.x2, wire.y2)]) for wire in wires)
+            yield f'<path {_stroke(dashed)} d="{ends}"/>'
+
+
 def _item(item: PlacedSymbol | Wire | Label) -> str:
     if isinstance(item, Label):
         return _label_text(item)
     if isinstance(item, Wire):
-        ends = _path([(item.x1, item.y1), (item.x2, item.y2)])
-        return f'<path {_stroke(item.dashed)} d="{ends}"/>' + (_arrow_head(item) if item.arrow else "")
+        return _arrow_head(item) if item.arrow else ""
     effect = f' data-effect="{html.escape(item.effect)}"' if item.effect else ""
     about = f"<title>{html.escape(item.about)}</title>" if item.about else ""
     return f"<g{effect}>{about}{''.join(_symbol_shapes(item))}</g>"

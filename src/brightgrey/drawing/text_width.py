@@ -20,6 +20,7 @@ _ASCII = (
     *(635, 635, 412, 521, 393, 634, 592, 818, 592, 592, 525, 637, 337, 637, 838),
 )
 _OTHERS = {
+    "\u00a0": 318,
     "°": 500,
     "±": 838,
     "²": 401,
@@ -46,9 +47,12 @@ def text_width(text: str, size: float) -> float:
 
 
 def wrap(text: str, size: float, width: float) -> list[str]:
-    """Lines that are no wider than `width`. Words are kept whole if they fit, then their parts up to a mark or dot."""
+    """Lines that are no wider than `width`. Words are kept whole if they fit, then their parts up to a mark or dot.
+
+    A space that does not break (U+00A0) is part of a word.
+    """
     lines = [""]
-    for word in text.split():
+    for word in re.split(r"[^\S\u00a0]+", text):
         if lines[-1] and text_width(f"{lines[-1]} {word}", size) <= width:
             lines[-1] += f" {word}"
         elif text_width(word, size) <= width:

@@ -175,6 +175,8 @@ class Effect:
         When it matters for motion or control.
     confused_with : str
         What looks alike in a recording, and what tells them apart.
+    in_linear_axis : str
+        Sentences on what it stands for in a linear axis, where the part that it is named after cannot be there.
     equation : str
         The law in plain text.
     source : str
@@ -222,6 +224,7 @@ class Effect:
     stamp: Stamp
     matters: str = ""
     confused_with: str = ""
+    in_linear_axis: str = ""
     law: Law | None = None
     requires: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()

@@ -12,15 +12,16 @@ __all__ = [
     "effects_in_words",
     "enumerated",
     "masses_in_words",
+    "parameters_in_words",
     "structure_in_words",
 ]
 
 _COUNTS = ("no", "one", "two", "three", "four")
 
 
-def enumerated(items: Sequence[str]) -> str:
-    """Items as they stand in a sentence: ``a, b and c``."""
-    return " and ".join([*([", ".join(items[:-1])] if items[:-1] else []), *items[-1:]])
+def enumerated(items: Sequence[str], last: str = "and") -> str:
+    """Items as they stand in a sentence: ``a, b and c``; `last` is the word before the last one."""
+    return f" {last} ".join([*([", ".join(items[:-1])] if items[:-1] else []), *items[-1:]])
 
 
 def effect_in_words(placed: Placed, *, article: bool = True) -> str:
@@ -48,21 +49,30 @@ def masses_in_words(structure: Structure) -> str:
     return f"{_COUNTS[count] if count < len(_COUNTS) else count} mass{'' if count == 1 else 'es'}"
 
 
-def effects_in_words(placed: Iterable[Placed]) -> list[str]:
-    """Effects by their names within a sentence; kinds of friction at one place share that word.
+def effects_in_words(placed: Iterable[Placed], last: str = "and") -> list[str]:
+    """Effects by their names within a sentence; masses, and kinds of friction at one place, share that word.
 
-    ``Coulomb, viscous and Stribeck friction`` is one item.
+    ``Coulomb, viscous and Stribeck friction`` is one item; `last` is the word before its last part.
     """
     shared: dict[tuple[str, int], list[Placed]] = {}
     for one in placed:
         noun = one.effect.words.rsplit(" ", 1)[-1]
-        key = (noun, one.place) if one.effect.stage == "friction" else (one.name, one.place)
+        key = (noun, one.place) if one.effect.stage in ("friction", "masses") else (one.name, one.place)
         shared.setdefault(key, []).append(one)
     out = []
     for (noun, _), group in shared.items():
-        last = effect_in_words(group[-1])
-        out.append(enumerated([*(one.effect.words.removesuffix(f" {noun}") for one in group[:-1]), last]))
+        before = [one.effect.words.removesuffix(f" {noun}") for one in group[:-1]]
+        out.append(enumerated([*before, effect_in_words(group[-1])], last))
     return out
+
+
+def parameters_in_words(structure: Structure) -> dict[str, str]:
+    """Parameters by name, each with what it belongs to, ``viscous friction at mass 2``, or of masses its meaning."""
+    return {
+        placed.parameter(q.symbol): q.about if placed.effect.masses else effect_in_words(placed, article=False)
+        for placed in structure.placed
+        for q in placed.effect.parameters
+    }
 
 
 def structure_in_words(structure: Structure) -> str:

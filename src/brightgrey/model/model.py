@@ -13,7 +13,7 @@ from typing import Any, Literal, Self
 from pydantic import ConfigDict, Field, ValidationError
 
 from brightgrey.arguments import checked_arguments
-from brightgrey.drawing.drive import Sensor, ValueText, drive_of
+from brightgrey.drawing.drive import Sensor, ValueText, drive_of, in_unit
 from brightgrey.drawing.picture import DriveDrawing
 from brightgrey.effects import SPEED, Element
 from brightgrey.errors import BrightgreyError, SettingsError, nearest, unknown_name
@@ -37,7 +37,7 @@ from brightgrey.notebook_html import table
 from brightgrey.numerics.number_format import with_uncertainty
 from brightgrey.recordings import Signal
 from brightgrey.recordings.units.parser import parse_unit
-from brightgrey.recordings.units.signals import Units, motion_unit
+from brightgrey.recordings.units.signals import Units, kind_in_words, motion_unit
 from brightgrey.simulation import Settings
 
 __all__ = ["SCHEMA", "Model", "load_model"]
@@ -79,6 +79,11 @@ class Model(Part):
     def units(self) -> Units:
         """Units of the recording; ``units.of(dimension)`` gives the text and shown value over SI value."""
         return Units(self.input.unit, motion_unit(parse_unit(self.outputs[0].unit)))
+
+    @property
+    def is_rotary(self) -> bool:
+        """True for a rotary drive, False for a linear axis, by the unit of its motion."""
+        return "[angle]" in dict(parse_unit(self.units.motion).dimension)
 
     @property
     def input(self) -> Signal:
@@ -129,10 +134,10 @@ class Model(Part):
             values[name] = ValueText(*with_uncertainty(part.value, half_width, digits=4), part.unit)
         drive = drive_of(
             self.structure,
-            rotary="[angle]" in dict(parse_unit(self.units.motion).dimension),
+            rotary=self.is_rotary,
             values=values,
-            sensors=[Sensor(s.mass, s.name, f"{s.kind} in {s.unit}") for s in self.signals[1:]],
-            input_text=f"{self.input.name} in {self.input.unit}",
+            sensors=[Sensor(s.mass, s.name, in_unit(kind_in_words(s.kind), s.unit)) for s in self.signals[1:]],
+            input_text=in_unit(self.input.name, self.input.unit),
             undecided=[name for name, verdict in (self.evidence or {}).items() if verdict == "not decidable"],
         )
         return DriveDrawing(drive)

@@ -8,7 +8,8 @@ from brightgrey.notebook_html import table
 from brightgrey.report.content import Content
 from brightgrey.report.drawing.matplotlib_figure import draw, picture
 from brightgrey.report.text.headline import headline
-from brightgrey.report.text.tables import fit_rows, parameter_rows, remarks, sentence
+from brightgrey.report.text.prose import sentence, with_meanings
+from brightgrey.report.text.tables import fit_rows, parameter_rows, remarks
 
 __all__ = ["result_html"]
 
@@ -19,9 +20,10 @@ def result_html(content: Content) -> str:
     parameters = [(r.name, r.estimate, r.unit, r.note, r.about) for r in parameter_rows(model)]
     fits = [(r.output, r.on, r.fit_percent, r.rmse, r.unit) for r in fit_rows(model)]
     first, *rest = headline(content).sentences
-    parts = [f"<p><b>{html.escape(first)}</b></p><p>{html.escape(' '.join([*rest, sentence(model.outcome.text)]))}</p>"]
+    outcome = sentence(with_meanings(model.outcome.text, model.structure))
+    parts = [f"<p><b>{html.escape(first)}</b></p><p>{html.escape(' '.join([*rest, outcome]))}</p>"]
     parts.append(model.drawing().html())
-    parts += [f"<p>Mind: {html.escape(text.rstrip('.'))}.</p>" for text in remarks(model)]
+    parts += [f"<p>Mind: {html.escape(text)}</p>" for text in remarks(model)]
     parts.append(table(("Parameter", "Estimate", "Unit", "Note", "Meaning"), parameters))
     parts.append(table(("Output", "Recording", "Fit in %", "RMSE", "Unit"), fits))
     if content.evidence and content.evidence.cards:

@@ -20,11 +20,16 @@ class ReportOptions:
     friction_points: int = 401  #: Speeds at which friction is drawn.
     friction_draws: int = 400  #: Parameter sets from which the band of the friction is made.
     bode_points: int = 600  #: Frequencies at which a frequency response is drawn, beside those around its resonances.
+    mode_points: int = 40  #: Frequencies around a resonance; an even number.
+    min_damping: float = 1e-3  #: Damping ratio that a resonance counts with at least, for these frequencies.
     speed_share: float = 0.5  #: Speed at which the model is linearised, over the largest speed of the recording.
     #: Segments of half overlap in Welch's method. Nine keep the coherence of independent signals below 0.4.
     welch_segments: int = 9
     min_segment: int = 64  #: Samples of a segment at least.
     min_coherence: float = 0.8  #: Coherence above which the measured response is shown.
+    listed_parameters: int = 2  #: Parameters in one piece of advice; more are found in their table.
+    #: Largest value over the least one of a logarithmic axis that has ticks at 2 and 5 as well.
+    few_decades: float = 100.0
     min_front: int = 3  #: Structures that make a Pareto front.
 
 

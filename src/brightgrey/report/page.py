@@ -9,7 +9,7 @@ from platform import python_version
 from markupsafe import Markup
 
 from brightgrey.kit import Placed
-from brightgrey.kit.in_words import effect_in_words, structure_in_words
+from brightgrey.kit.in_words import effects_in_words, structure_in_words
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
 from brightgrey.numerics.number_format import significant
@@ -20,17 +20,11 @@ from brightgrey.report.drawing.plotly_figure import library, plot, script
 from brightgrey.report.options import REPORT_OPTIONS
 from brightgrey.report.templates import page_template
 from brightgrey.report.text.commissioning_sheet import commissioning_sheet
-from brightgrey.report.text.headline import headline, listing
-from brightgrey.report.text.next_steps import next_steps
-from brightgrey.report.text.opinion_table import opinion_rows
-from brightgrey.report.text.tables import (
-    differing_values,
-    fit_rows,
-    friction_width_text,
-    parameter_rows,
-    remarks,
-    sentence,
-)
+from brightgrey.report.text.headline import headline
+from brightgrey.report.text.next_steps import next_steps, why_not_richer
+from brightgrey.report.text.opinion_table import opinion_rows, opinion_sentences
+from brightgrey.report.text.prose import listing, sentence, with_meanings
+from brightgrey.report.text.tables import differing_values, fit_rows, friction_width_text, parameter_rows, remarks
 from brightgrey.search.genetic import Run
 
 __all__ = ["page"]
@@ -58,7 +52,7 @@ def page(content: Content) -> str:
         words=structure_in_words(model.structure),
         headline=headline(content),
         drawing=Markup(model.drawing().html()),
-        outcome=sentence(model.outcome.text),
+        outcome=sentence(with_meanings(model.outcome.text, model.structure)),
         steps=next_steps(content),
         remarks=remarks(model),
         charts=charts,
@@ -72,6 +66,8 @@ def page(content: Content) -> str:
         criterion=significant(model.criterion.value, 6) if model.criterion else "",
         sheet=commissioning_sheet(content.assembled, content.correlation),
         opinions=opinion_rows(model, content.second_opinion),
+        opinion=opinion_sentences(content.second_opinion),
+        richer=why_not_richer(content),
         minimal=model.ties.minimal if model.ties else (),
         optional=_optional_text(model),
         cards=content.evidence.cards if content.evidence else (),
@@ -85,8 +81,8 @@ def page(content: Content) -> str:
 
 def _optional_text(model: Model) -> str:
     """Sentence on effects that the recording would not show."""
-    names = [effect_in_words(Placed.parse(name)) for name in model.ties.optional] if model.ties else []
-    return listing("Even if the drive had them, the recording would not show", names, "and")
+    names = effects_in_words([Placed.parse(name) for name in model.ties.optional], "or") if model.ties else []
+    return listing("Even if the drive had it, the recording would not show", names, "or")
 
 
 def _range_bars(model: Model) -> list[str]:

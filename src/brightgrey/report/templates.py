@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
@@ -9,6 +10,7 @@ from markupsafe import Markup, escape
 
 from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import effect_in_words, structure_in_words
+from brightgrey.recordings.units.signals import kind_in_words
 
 __all__ = ["exact", "page_template"]
 
@@ -23,6 +25,11 @@ def exact(shown: str, value: float | None) -> Markup | str:
     return shown if value is None or not shown else Markup(f'<data value="{value!r}">{escape(shown)}</data>')
 
 
+def _typed(text: str) -> Markup:
+    """HTML of a text with what is typed, between “ and ”, as code."""
+    return Markup(re.sub("“(.*?)”", r"<code>\1</code>", str(escape(text))))
+
+
 @cache
 def _environment() -> Environment:
     environment = Environment(
@@ -33,6 +40,8 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters["exact"] = exact
+    environment.filters["typed"] = _typed
+    environment.filters["kind"] = kind_in_words
     environment.filters["structure"] = lambda name: structure_in_words(Structure.parse(str(name)))
     environment.filters["effect"] = lambda name: effect_in_words(Placed.parse(name))
     return environment

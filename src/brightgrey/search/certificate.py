@@ -55,8 +55,8 @@ class Certificate:
             out.append(f"This recording holds something that none of the structures offered explains. {signs}")
         out += [_refutation(refuted) for refuted in self.refuted]
         if self.undecided:
-            names = "; ".join(structure_in_words(Structure.parse(name)) for name in self.undecided)
-            out.append(f"Left undecided within the budget: {names}.")
+            left = (structure_in_words(Structure.parse(name)) for name in self.undecided)
+            out.append(" ".join(["The budget ended before these were decided.", *(f"Open: {one}." for one in left)]))
         if self.offered:
             names = enumerated([effect_in_words(Placed.parse(e)) for e in self.offered])
             out.append(f"The first effects left a notable part of the residual. So these were offered, too: {names}.")

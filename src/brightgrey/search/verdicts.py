@@ -59,7 +59,7 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         ),
         "undecided": "A structure without it was not decided within the budget, however.",
         "sampling": "The fit puts it at {lag} s, less than one sample ({interval} s): sampling looks like that.",
-        "equivalent": "Structures with and without it fit equally well: {names}.",
+        "equivalent": "Structures with and without it fit equally well. With it: {first}. Without it: {last}.",
         "gain below threshold": (
             "It explains {gain} % of the residual; effects that mean nothing may explain as much."
         ),
@@ -117,6 +117,7 @@ class Reason:
         words["limit"] = f"; it would from {' at '.join(map(str, self.limit))} on" if self.limit else ""
         words["estimate"] = " at ".join("zero" if s.value == 0.0 else str(s) for s in self.estimate)
         words["names"] = enumerated(self.names)
+        words["first"], words["last"] = (self.names[0], self.names[-1]) if self.names else ("", "")
         return " ".join([SENTENCES[self.kind].format(**words), *map(str, self.further)])
 
 

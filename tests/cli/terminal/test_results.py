@@ -28,12 +28,12 @@ def test_result_text__long_note__folded_without_trailing_spaces():
     fit = SimpleNamespace(correlation={}, symptoms=(), second_opinion=())
     model = model_with_intervals("one_mass+coulomb+viscous")
     lines = results.text(Result(model, (), (), (note,), fit), Path("out")).splitlines()
-    first = next(k for k, line in enumerate(lines) if line.startswith("- the file"))
+    first = next(k for k, line in enumerate(lines) if line.startswith("- The file"))
     folded = lines[first : next(k for k in range(first + 1, len(lines)) if not lines[k].startswith("  "))]
     assert len(folded) > 1
     assert all(line == line.rstrip() for line in folded)
     assert max(map(len, folded)) <= results.PIPED_WIDTH
-    assert " ".join(line[2:] for line in folded) == note
+    assert " ".join(line[2:] for line in folded) == f"T{note[1:]}."
 
 
 def test_stored__finished_run__brief_and_only_on_request_the_details(capsys):

@@ -9,6 +9,7 @@ import plotly.graph_objects as go
 import pytest
 from scipy.signal import lfilter
 
+from brightgrey import Model
 from brightgrey.kit import assemble
 from brightgrey.model.ranking import Row, front
 from brightgrey.model.trace import Trace
@@ -251,3 +252,15 @@ def test_position_chart__arm__is_the_sine_over_the_positions():
     v = VALUES
     np.testing.assert_allclose(line.y, v["G"] * np.sin(v["k"] * line.x + v["phi_0"]), rtol=1e-9, atol=1e-12)
     assert position_torque_charts(AssembledModel(model_with_intervals("one_mass")), [trace]) == ()
+
+
+def test_response_chart__undamped_resonance__stays_finite():
+    """As of an arm without friction: the response at the resonance itself is infinite."""
+    model = model_with_intervals("two_mass")
+    data = model.model_dump(mode="json")
+    data["parameters"]["d1"] |= {"value": 1e-300}
+    undamped = Model.check(data)
+    (chart,) = response_chart(AssembledModel(undamped), [trace_of(model)])
+    gain = chart.panels[0].lines[-1].y
+    assert np.isfinite(gain).all()
+    assert gain.max() > 1e3 * np.median(gain)

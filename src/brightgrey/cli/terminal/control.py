@@ -9,7 +9,8 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from brightgrey.cli.terminal.results import as_json, plain_table, screen
+from brightgrey.cli.terminal.overview import plain_table
+from brightgrey.cli.terminal.results import as_json, screen
 
 if TYPE_CHECKING:
     from brightgrey.api.control import Design, Watch

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
-from brightgrey.cli.terminal.results import as_json, plain_table, screen
+from brightgrey.cli.terminal.overview import plain_table
+from brightgrey.cli.terminal.results import as_json, screen
 from brightgrey.errors import printable
 
 if TYPE_CHECKING:

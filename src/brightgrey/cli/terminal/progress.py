@@ -11,12 +11,13 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 
 from brightgrey.cli.terminal.compilation import compile_kernel
+from brightgrey.kit.in_words import structure_in_words
 from brightgrey.search.genetic import Progress as Step
 from brightgrey.search.progress import SearchProgress
 
 __all__ = ["counted", "steps"]
 
-NARROW = 80  # characters
+NARROW, WIDE = 80, 120  # characters: below there is no bar, and from there on the best structure is shown
 
 
 @contextmanager
@@ -51,13 +52,13 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[SearchProgress | Ste
     narrow = console.width < NARROW  # then only what cannot be done without
     columns: tuple[ProgressColumn, ...] = (
         TextColumn("{task.description}", markup=False),
-        *(() if narrow else (BarColumn(bar_width=20),)),
-        MofNCompleteColumn(),
+        *(() if narrow else (BarColumn(bar_width=16),)),
+        TextColumn("{task.fields[count]}", markup=False),
         TextColumn("{task.fields[left]}", markup=False),
-        *(() if narrow else (TextColumn("{task.fields[best]}", markup=False),)),
+        *((TextColumn("{task.fields[best]}", markup=False),) if console.width >= WIDE else ()),
     )
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(what, total=None, left="", best="")
+        task = progress.add_task(what, total=None, count="", left="", best="")
 
         begun = time.monotonic()
         stages: set[str] = set()
@@ -70,10 +71,10 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[SearchProgress | Ste
                     step.total,
                     step.done,
                     left,
-                    str(step.structure),
+                    structure_in_words(step.structure),
                 )
             else:
-                best = f"{step.best.job.structure}  fit {step.fit_percent:.2f} %"
+                best = f"{structure_in_words(step.best.job.structure)}, fit {step.fit_percent:.2f} %"
                 left = f"{step.seconds_left:.0f} s left" + ("" if narrow else "; Ctrl-C keeps the best so far")
                 shown = (
                     "generation" if narrow else f"{about}: generation",
@@ -85,15 +86,22 @@ def steps(what: str, *, silent: bool) -> Iterator[Callable[[SearchProgress | Ste
             description, total, done, left, best = shown
             fresh = description not in stages  # drawn at once: a stage may be over before the next frame
             stages.add(description)
+            count = f"{done} fits" if total is None else f"{done}/{total}"
             progress.update(
-                task, refresh=fresh, description=description, total=total, completed=done, left=left, best=best
+                task, description=description, total=total, completed=done, count=count, left=left, best=best
             )
+            if fresh:
+                progress.refresh()
 
         yield show
 
 
 def _left(step: SearchProgress, passed: float) -> str:
-    """Time that is left, or the parts of the border that are decided and left."""
+    """Time that is left; of a border also its parts that are decided and left, which may become more."""
     if step.total is not None:
         return f"{passed * (step.total - step.done) / step.done:.0f} s left"
-    return "" if step.border is None else f"{step.border.decided} decided, {step.border.left} left"
+    if step.border is None:
+        return ""
+    decided, left = step.border.decided, step.border.left
+    least = f", {passed * left / decided:.0f} s or more" if decided and left else ""
+    return f"{decided} decided, {left} left{least}"

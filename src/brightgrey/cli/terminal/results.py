@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import io
 import json as json_module
-import math
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from rich import box
-from rich.console import Console
+from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from brightgrey.cli.terminal.overview import SCREEN, folded, plain_table, print_overview
 from brightgrey.kit.in_words import structure_in_words
 from brightgrey.kit.structure import Structure
 
@@ -35,7 +33,6 @@ if TYPE_CHECKING:
 __all__ = [
     "as_json",
     "effects",
-    "plain_table",
     "reproduction",
     "result",
     "screen",
@@ -48,9 +45,6 @@ __all__ = [
 
 _TOP = 10  # structures of the ranking that are shown
 _COMPARED = 3  # tied structures that are shown side by side
-_BAR, _FULL_BAR = 16, 100.0  # characters of a full bar, and how many times as large the residual then is
-_DRAWN, _LINE, _LEAST_LINE = 4, 60, 12  # outputs that are drawn; characters of a line
-_ROOM_FOR_WORDS, _ROOM_FOR_MEANINGS = 50, 96  # characters
 PART = "\f"
 """Mark between the parts of a stored text: brief, details, files."""
 PIPED_WIDTH = 120  # nobody's window: wide enough that no row is folded
@@ -102,9 +96,9 @@ def text(found: Result, folder: Path) -> str:
     """Text that :func:`result` prints if the output is not a terminal: brief part, details and files, by `PART`."""
     out = io.StringIO()
     console = Console(file=out, width=PIPED_WIDTH, markup=False, emoji=False, highlight=False)
-    _print_brief(console, found)
+    more = print_overview(console, found)
     out.write(PART)
-    _print_details(console, found)
+    _print_details(console, found, more)
     out.write(PART)
     _print_files(console, found, folder)
     return out.getvalue()
@@ -118,37 +112,18 @@ def result(found: Result, folder: Path, *, quiet: bool, json: bool, verbose: boo
         print(found.model.text(), end="")
         return
     console = screen()
-    _print_brief(console, found)
+    more = print_overview(console, found)
     if verbose:
-        _print_details(console, found)
+        _print_details(console, found, more)
     _print_files(console, found, folder)
 
 
-def _print_brief(console: Console, found: Result) -> None:
-    from brightgrey.report.text.headline import headline
-    from brightgrey.report.text.tables import remarks, sentence
-
-    head = headline(found.content)
-    _paragraph(console, head.found, style="bold")
-    for part in head.sentences[1:]:
-        _paragraph(console, part)
-    console.print()
-    _estimates(console, found)
-    console.print()
-    _residuals(console, found)
-    if found.evidence is not None:
-        _needed(console, found.evidence)
-    for symptom in found.symptoms:
-        _bullet(console, f"{symptom.title}: {symptom.observation}; {symptom.advice}.")
-    outcome = found.model.outcome
-    said = outcome.kind in ("converged", "at bound")  # by the fit, and by the remarks
-    for text in (*([] if said else [sentence(outcome.text)]), *map(sentence, remarks(found.model)), *found.notes):
-        _bullet(console, text)
-
-
-def _print_details(console: Console, found: Result) -> None:
+def _print_details(console: Console, found: Result, more: Sequence[str]) -> None:
+    """Print `more` things to mind, fits, verdicts, the certificate, the ranking and what differs for control."""
     from brightgrey.report.text.tables import fit_rows
 
+    for text in more:
+        console.print(text, soft_wrap=True)
     console.print()
     _fits(console, fit_rows(found.model))
     console.print()
@@ -164,64 +139,6 @@ def _print_details(console: Console, found: Result) -> None:
 
 def _print_files(console: Console, found: Result, folder: Path) -> None:
     console.print(f"Results are in {folder}: {', '.join(found.names)}", soft_wrap=True)
-
-
-def _estimates(console: Console, found: Result) -> None:
-    """Parameters with their intervals, and the speed within which friction reverses."""
-    from brightgrey.report.text.tables import FIXED, differing_values, friction_width_text, parameter_rows
-
-    rows = parameter_rows(found.model)
-    noted = any(row.note for row in rows)
-    narrow = console.width < _ROOM_FOR_MEANINGS
-    table = plain_table(
-        "parameter", "estimate >", "unit", *(["note"] if noted else []), *([] if narrow else ["meaning"])
-    )
-    for row in rows:
-        doubtful = row.note and row.note != FIXED
-        cells = (row.name, row.estimate, row.unit, *([row.note] if noted else []), *([] if narrow else [row.about]))
-        table.add_row(*cells, style="yellow" if doubtful else None)
-    console.print(table)
-    for text in differing_values(found.model):
-        console.print(text)
-    if found.model.structure.has_dry_friction:
-        console.print(f"Friction reverses {friction_width_text(found.model.settings)}.")
-
-
-def _residuals(console: Console, found: Result) -> None:
-    """Measured motion and residual over the recording, drawn with block characters."""
-    from brightgrey.recordings.inspection.profile import block_line
-    from brightgrey.recordings.units.amounts import rounded
-
-    rows = [(trace, k) for trace in found.traces for k in range(len(trace.outputs))][:_DRAWN]
-    if not rows:
-        return
-    table = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
-    width = max(min(_LINE, console.width - _ROOM_FOR_WORDS), _LEAST_LINE)
-    for trace, k in rows:
-        signal, residual = trace.outputs[k], abs(trace.residual[k])
-        largest = float(residual.max())
-        on = f"{signal.name} of {trace.name}" if len(found.traces) > 1 else signal.name
-        table.add_row(Text(f"{on}, measured"), block_line(trace.measured[k], width), "")
-        words = f"up to {rounded(largest)} {signal.unit}" if largest == largest else "diverges"
-        table.add_row(Text(f"{on}, |residual|"), Text(block_line(residual, width), style="red"), words)
-    console.print(table)
-    console.print()
-
-
-def _needed(console: Console, evidence: Evidence) -> None:
-    """Effects that are needed, with bars: by how much the residual grows without them."""
-    cards = [card for card in evidence.cards if card.verdict == "needed"]
-    if not cards:
-        return
-    table = plain_table("needed", "", "residual without it")
-    for card in sorted(cards, key=lambda card: -(card.loss or 0.0)):
-        ratio = 1.0 + (card.loss or 0.0)
-        cells = max(round(_BAR * min(math.log(ratio) / math.log(_FULL_BAR), 1.0)), 1)
-        known = card.why.kind == "loss" and not card.why.further
-        words = f"{ratio:.3g} times as large" if known else card.reason
-        table.add_row(card.title, Text("█" * cells, style="green"), words)
-    console.print(table)
-    console.print()
 
 
 def simulation(done: Simulation, file: Path | None, *, quiet: bool, json: bool) -> None:
@@ -276,25 +193,24 @@ def _rate(count: int, of: int, interval: tuple[float, float]) -> str:
 
 
 def effects(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print the function set."""
+    """Print the function set; a terminal shows the symbol of each effect, too."""
+    from brightgrey.cli.terminal.symbol_sketch import effect_sketch
+
     console = screen()
     for row in rows:
         console.print(Text.assemble((row["name"], "bold"), f"  {row['title']}"))
-        console.print(f"  {row['equation']}")
-        table = Table(box=None, show_header=False, padding=(0, 1, 0, 2))
+        table = Table(box=None, show_header=False, padding=(0, 2, 0, 0), pad_edge=False)
         for parameter in row["parameters"]:
             table.add_row(parameter["name"], parameter["unit"], parameter["about"])
-        console.print(table)
+        lines = effect_sketch(row["name"]) if sys.stdout.isatty() else []
+        width = max(map(len, lines), default=0)
+        sketch = Text("\n".join(lines) if width <= console.width else "", style="cyan")
+        beside = Table.grid(padding=(0, 2, 0, 0))
+        if SCREEN.beside < width <= console.width:
+            console.print(sketch)
+        beside.add_row(sketch if width <= SCREEN.beside else "", Group(row["equation"], table))
+        console.print(beside)
         console.print()
-
-
-def plain_table(*columns: str) -> Table:
-    """Table without a frame; a column whose name ends in > is aligned to the right."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
-    for column in columns:
-        right = column.endswith(">")
-        table.add_column(column.rstrip("> "), justify="right" if right else "left", overflow="fold")
-    return table
 
 
 def _fits(console: Console, rows: Sequence[FitRow]) -> None:
@@ -359,11 +275,5 @@ def sentences(texts: Sequence[str]) -> None:
         _bullet(console, text)
 
 
-def _paragraph(console: Console, text: str, style: str = "") -> None:
-    lines = wrap(text, max(console.width, 1), break_long_words=False, break_on_hyphens=False)
-    console.print(Text("\n".join(lines), style=style), soft_wrap=True)
-
-
 def _bullet(console: Console, text: str) -> None:
-    lines = wrap(text, max(console.width - 2, 1), break_long_words=False, break_on_hyphens=False)
-    console.print("- " + "\n  ".join(lines), soft_wrap=True)
+    console.print(folded(text, console.width, "- "), soft_wrap=True)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from brightgrey.cli.terminal.results import as_json, plain_table, screen, sentences
+from brightgrey.cli.terminal.overview import plain_table
+from brightgrey.cli.terminal.results import as_json, screen, sentences
 from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import effect_in_words, structure_in_words
 

@@ -1,4 +1,4 @@
-"""Gravity that depends on the position: an arm, an eccentric load."""
+"""Load that depends on the position: gravity on an arm or an eccentric load, cogging."""
 
 from __future__ import annotations
 
@@ -44,11 +44,16 @@ def sample_pendulums(scales: Scales, share: Array) -> Array:
 EFFECT = Effect(
     name="pendulum",
     number=14,
-    title="Position-dependent gravity",
-    words="position-dependent gravity",
+    title="Position-dependent load",
+    words="a position-dependent load",
     about=(
-        "Gravity on an arm or an eccentric load. k turns the position into the angle of the arm: 1 where the position "
-        "is that angle. On a short way it is a constant torque and a spring."
+        "Gravity on an arm or an eccentric load, or another load that is a sine of the position. The factor k turns "
+        "the position into the angle of the arm: 1 where the position is that angle. On a short way it is a constant "
+        "torque and a spring."
+    ),
+    in_linear_axis=(
+        "A linear axis has no arm whose gravity this could be. The term stands for a force that varies along the "
+        "axis. Look at its guide, cables, belt or magnets. Do not use it beyond the positions of the recording."
     ),
     matters="an arm or an eccentric load turns by more than a small angle: the torque at rest depends on the pose",
     confused_with=(
@@ -62,7 +67,7 @@ EFFECT = Effect(
         Parameter(
             "G",
             TORQUE,
-            "largest torque of gravity: mass times lever times 9.81 m/s²",
+            "largest torque (or force); of an arm, mass times lever times 9.81 m/s²",
             bounds=lambda s: (1e-4 * s.torque, 20.0 * s.torque),
             start=lambda s: 0.1 * s.torque,
             size=True,

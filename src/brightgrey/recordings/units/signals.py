@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from brightgrey.errors import RecordingError, one_of
 from brightgrey.recordings.units.parser import Unit, parse_unit, write_factors
 
-__all__ = ["KINDS", "Units", "assumed_unit", "check_kind", "motion_unit"]
+__all__ = ["KINDS", "Units", "assumed_unit", "check_kind", "kind_in_words", "motion_unit"]
 
 # Kind of output, and its order as a time derivative of the motion.
 KINDS = {"position": 0, "velocity": 1, "velocity-differenced": 1, "speed": 1, "acceleration": 2}
+KIND_WORDS = {"velocity-differenced": "velocity from encoder differences", "speed": "speed without sign"}
 BASES = {"[angle]": "rad", "[length]": "m"}
 FITTING = {
     0: "an angle or a length, e.g. rad, deg, m, mm",
@@ -24,6 +25,11 @@ NAMED = {("N m", "rad", (1, -1, 2)): "kg m²", ("N", "m", (1, -1, 2)): "kg"}
 def check_kind(kind: str) -> str:
     """Return `kind` if it is one of `KINDS`; raise RecordingError if it is not."""
     return one_of("kind of output", kind, KINDS, error=RecordingError)
+
+
+def kind_in_words(kind: str) -> str:
+    """Return the name of a kind of signal for people."""
+    return KIND_WORDS.get(kind, kind)
 
 
 def base_of(unit: Unit, kind: str) -> str | None:

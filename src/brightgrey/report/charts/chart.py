@@ -58,11 +58,11 @@ class Line:
 
 @dataclass(frozen=True)
 class Mark:
-    """A vertical line at `x` with a word to it, at its upper or its lower end."""
+    """A vertical line at `x` with a word above it, on its right or on its left."""
 
     x: float
     label: str
-    low: bool = False
+    left: bool = False
 
 
 @dataclass(frozen=True)

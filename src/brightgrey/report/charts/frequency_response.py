@@ -67,10 +67,10 @@ def _bode_chart(model: Model, analysis: Analysis, traces: Sequence[Trace], row: 
     trace, dt = traces[0], model.settings.sampling_time
     low, high = 1.0 / (trace.t[-1] - trace.t[0]), 0.5 / dt
     modes = [*analysis.resonances, *analysis.antiresonances(row)]
-    around = np.array([s.frequency * (1.0 + s.damping * at) for s in modes for at in np.linspace(-2.0, 2.0, 41)])
-    f = np.unique(
-        np.concatenate([np.geomspace(low, high, REPORT_OPTIONS.bode_points), around[(around > low) & (around < high)]])
-    )
+    o = REPORT_OPTIONS
+    sides = np.linspace(-2.0, 2.0, o.mode_points)  # none at 0, where an undamped mode has no finite response
+    around = np.array([s.frequency * (1.0 + max(s.damping, o.min_damping) * at) for s in modes for at in sides])
+    f = np.unique(np.concatenate([np.geomspace(low, high, o.bode_points), around[(around > low) & (around < high)]]))
     scale = model.outputs[row].factor / model.input.factor
     response = _differencing_response(model, row, f, dt) * analysis.bode(2.0 * np.pi * f)[1][row] * scale
     phase = np.unwrap(np.angle(response))
@@ -83,11 +83,8 @@ def _bode_chart(model: Model, analysis: Analysis, traces: Sequence[Trace], row: 
         apart = np.angle(shown.response[good] / np.exp(1j * np.interp(at, f, phase)))
         gains.insert(0, Line(at, np.abs(shown.response[good]), "measured", "measured", "points", 2.6))
         phases.insert(0, Line(at, np.degrees(np.interp(at, f, phase) + apart), "", "measured", "points", 2.6))
-    marks = [Mark(s.frequency, f"resonance {significant(s.frequency, 3)} Hz") for s in analysis.resonances]
-    marks += [
-        Mark(s.frequency, f"antiresonance {significant(s.frequency, 3)} Hz", low=True)
-        for s in analysis.antiresonances(row)
-    ]
+    marks = [Mark(s.frequency, f"{significant(s.frequency, 3)} Hz") for s in analysis.resonances]
+    marks += [Mark(s.frequency, f"{significant(s.frequency, 3)} Hz", left=True) for s in analysis.antiresonances(row)]
     inside = tuple(mark for mark in marks if low < mark.x < high)
     below = model.input.unit
     unit = f"{model.outputs[row].unit} / " + (f"({below})" if " " in below or "/" in below else below)
@@ -113,6 +110,8 @@ def _caption(model: Model, analysis: Analysis, measured: bool) -> str:
     unit, factor = model.units.of(SPEED)
     text = f"Model linearised in steady motion at {significant(analysis.operating_point.speed * factor, 3)} {unit}"
     text += ", the gap closed." if analysis.operating_point.contact_mode.limited_elements else "."
+    if analysis.resonances:
+        text += " Dotted lines mark resonances and antiresonances."
     if not measured:
         return f"{text} The coherence of the recording is too low at all frequencies to show a measured response."
     return (

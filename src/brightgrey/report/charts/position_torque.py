@@ -55,15 +55,16 @@ def _curve(assembled: AssembledModel, masses: tuple[int, ...], elements: list[El
     motion_unit, per_motion = model.units.of(POSITION)
     torque_unit, per_torque = model.units.of(TORQUE)
     names = enumerated(effects_in_words(dict.fromkeys(model.placed(e) for e in elements)))
+    word = "torque" if model.is_rotary else "force"
     lines, where = [], f"position of mass {masses[0]}"
-    caption = f"Torque by {names}, against the motion to larger positions, over the simulated positions."
+    caption = f"{word.capitalize()} by {names}, against the motion to larger positions, over the simulated positions."
     if len(masses) == 2:
         linear = assembled.values[f"c{masses[0]}"] * x
         lines = [Line(x * per_motion, linear * per_torque, "linear part", "soft", "dashed")]
         torque, where = torque + linear, f"twist between mass {masses[0]} and {masses[1]}"
-        caption = f"Torque in the shaft without its damper, with {names}, over the simulated twist."
+        caption = f"{word.capitalize()} in the shaft without its damper, with {names}, over the simulated twist."
     lines.append(Line(x * per_motion, torque * per_torque, "model" if lines else "", "simulated", width=1.6))
     panel = Panel(
-        y_label=f"torque\nin {torque_unit}", lines=tuple(lines), x_label=f"{where} in {motion_unit}", levels=(0.0,)
+        y_label=f"{word}\nin {torque_unit}", lines=tuple(lines), x_label=f"{where} in {motion_unit}", levels=(0.0,)
     )
     return Chart("position", (panel,), caption)

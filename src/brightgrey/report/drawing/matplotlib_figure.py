@@ -104,12 +104,11 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         axes.axvline(mark.x, color="#888888", linewidth=0.8, linestyle=":")
         axes.annotate(
             _without_math(mark.label),
-            (mark.x, 0.0 if mark.low else 1.0),
+            (mark.x, 1.0),
             xycoords=("data", "axes fraction"),
-            xytext=(2, 2 if mark.low else -2),
+            xytext=(-2 if mark.left else 2, 2),
             textcoords="offset points",
-            rotation=90,
-            va="bottom" if mark.low else "top",
+            ha="right" if mark.left else "left",
             fontsize=7,
         )
     axes.set_ylabel(_without_math(panel.y_label))

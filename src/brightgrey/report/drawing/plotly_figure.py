@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.report.charts.chart import Chart, Line, Panel
+from brightgrey.report.options import REPORT_OPTIONS
 
 __all__ = ["library", "plot", "script"]
 
-HEIGHT, BETWEEN, BELOW, ABOVE = 250, 26, 52, 34  # pixels: panel of height 1, gaps between, margins
+HEIGHT, BETWEEN, BELOW, ABOVE, MARKED = 250, 26, 52, 34, 14  # pixels: panel of height 1, gaps, margins, words of marks
 
 
 @cache
@@ -49,13 +50,20 @@ def plot(chart: Chart) -> dict[str, Any]:
     sizes = [HEIGHT * panel.height for panel in chart.panels]
     gaps = [BETWEEN if not panel.x_label else BELOW for panel in chart.panels[:-1]]
     inner = sum(sizes) + sum(gaps)
+    above = ABOVE + (MARKED if any(mark.label for mark in chart.panels[0].marks) else 0)
     layout: dict[str, Any] = {
-        "height": round(inner + ABOVE + BELOW),
-        "margin": {"l": 64, "r": 12, "t": ABOVE, "b": BELOW},
+        "height": round(inner + above + BELOW),
+        "margin": {"l": 64, "r": 12, "t": above, "b": BELOW},
         "paper_bgcolor": "var(--card)",
         "plot_bgcolor": "var(--card)",
         "font": {"color": "var(--ink)", "size": 12, "family": "system-ui, sans-serif"},
-        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom"},
+        "legend": {
+            "orientation": "h",
+            "x": 0,
+            "xanchor": "left",
+            "y": 1.0 + (above - ABOVE) / inner,
+            "yanchor": "bottom",
+        },
         "hovermode": "closest",
         "dragmode": "zoom",
         "shapes": [],
@@ -68,7 +76,7 @@ def plot(chart: Chart) -> dict[str, Any]:
         below = str(number + 2) if not panel.x_label else ""
         domain = [max((top - size) / inner, 0.0), min(top / inner, 1.0)]
         layout[f"xaxis{tag}"] = _x_axis_layout(panel, tag, below)
-        layout[f"yaxis{tag}"] = _axis_layout(panel.y_label, panel.y_log) | {"domain": domain, "anchor": f"x{tag}"}
+        layout[f"yaxis{tag}"] = _y_axis_layout(panel, tag) | {"domain": domain}
         data += [part for line in panel.lines for part in _plotly_traces(line, tag)]
         layout["shapes"] += _shapes(panel, tag)
         layout["annotations"] += _annotations(panel, tag)
@@ -87,6 +95,13 @@ def _axis_layout(label: str, log: bool) -> dict[str, Any]:
         "exponentformat": "e",
         **({"dtick": 1} if log else {}),
     }
+
+
+def _y_axis_layout(panel: Panel, tag: str) -> dict[str, Any]:
+    axis = _axis_layout(panel.y_label, panel.y_log) | {"anchor": f"x{tag}"}
+    values = np.concatenate([line.y[line.y > 0.0] for line in panel.lines])
+    few = panel.y_log and values.size > 0 and values.max() < REPORT_OPTIONS.few_decades * values.min()
+    return axis | {"dtick": "D2"} if few else axis  # 1, 2 and 5 of each power of ten
 
 
 def _x_axis_layout(panel: Panel, tag: str, below: str) -> dict[str, Any]:
@@ -145,11 +160,10 @@ def _annotations(panel: Panel, tag: str) -> list[dict[str, Any]]:
             "text": html.escape(mark.label, quote=False),
             "x": math.log10(mark.x) if panel.x_log else mark.x,
             "xref": f"x{tag}",
-            "y": 0 if mark.low else 1,
+            "y": 1,
             "yref": f"y{tag} domain",
-            "yanchor": "bottom" if mark.low else "top",
-            "xanchor": "left",
-            "textangle": -90,
+            "yanchor": "bottom",
+            "xanchor": "right" if mark.left else "left",
             "showarrow": False,
             "font": {"size": 10, "color": "var(--soft)"},
         }

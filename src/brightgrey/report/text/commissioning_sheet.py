@@ -11,7 +11,6 @@ from brightgrey.arrays import Array
 from brightgrey.effects import INERTIA, POSITION, SPEED, TORQUE
 from brightgrey.model.model import Model
 from brightgrey.numerics.number_format import significant, with_uncertainty
-from brightgrey.recordings.units.parser import parse_unit
 from brightgrey.report.charts.friction import friction_at, friction_elements
 from brightgrey.report.quantities.assembled_model import AssembledModel
 from brightgrey.report.quantities.propagation import Correlation, intervals
@@ -64,8 +63,7 @@ def commissioning_sheet(assembled: AssembledModel, correlation: Correlation) -> 
 
 def _drive_words(model: Model) -> tuple[str, str, str]:
     """Names of inertia, friction and constant load in this drive."""
-    bases = dict(parse_unit(model.units.motion).dimension)
-    inertia = "mass" if "[length]" in bases else "inertia"
+    inertia = "inertia" if model.is_rotary else "mass"
     kind = {"N m": "torque", "N": "force"}.get(model.input.unit)
     if kind is None:
         return inertia, "friction, as input,", "constant load, as input"
@@ -126,7 +124,7 @@ def _friction_entries(assembled: AssembledModel, correlation: Correlation) -> It
         values, ends = _values_of(assembled, quantities), intervals(assembled, correlation, quantities)
         where = "" if len(masses) == 1 else f" of mass {mass}"
         at = f"at {significant(top * per_speed, 3)} {speed_unit}"
-        yield SheetEntry(f"{word}{where} at standstill", values[0], unit, ends[0], "without smoothing of the sign")
+        yield SheetEntry(f"{word}{where} at standstill", values[0], unit, ends[0], "as the speed goes to zero")
         yield SheetEntry(f"{word}{where} {at}", values[1], unit, ends[1], "largest speed of the recording")
 
 

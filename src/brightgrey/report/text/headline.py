@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from brightgrey.kit import Placed
-from brightgrey.kit.in_words import effect_in_words, effects_in_words, masses_in_words
+from brightgrey.kit.in_words import effect_in_words, effects_in_words, enumerated, masses_in_words
 from brightgrey.recordings.units.amounts import rounded
 from brightgrey.report.content import Content
+from brightgrey.report.text.prose import listing
 from brightgrey.report.text.tables import fit_rows, parameter_rows
 
-__all__ = ["Headline", "headline", "listing"]
-
-LONGEST_SENTENCE = 30
-"""Words of a sentence; longer lists are split."""
+__all__ = ["Headline", "headline"]
 
 
 @dataclass(frozen=True)
@@ -44,42 +42,6 @@ def headline(content: Content) -> Headline:
     return Headline(_found_sentence(content), _absent(content), _fit(content), _open(content))
 
 
-def listing(prefix: str, items: Sequence[str], last: str, suffix: str = "") -> str:
-    """Sentences that list items, such as ``No backlash, dead time or constant load.``, each of at most 30 words.
-
-    Parameters
-    ----------
-    prefix : str
-        Words before the first item, the same in every sentence.
-    items : sequence of str
-    last : {'and', 'or'}
-        Word before the last item of a sentence.
-    suffix : str
-        Words after the last item of a sentence.
-
-    Returns
-    -------
-    str
-        As many sentences as it takes to keep each within 30 words; empty without items.
-    """
-    return " ".join(_sentences(prefix, items, last, suffix))
-
-
-def _sentences(prefix: str, items: Sequence[str], last: str, suffix: str) -> Iterator[str]:
-    left = list(items)
-    while left:
-        count = len(left)
-        while True:
-            now = left[:count]
-            text = f" {last} ".join([*([", ".join(now[:-1])] if now[:-1] else []), now[-1]])
-            sentence = f"{prefix} {text}{suffix}."
-            if count == 1 or len(sentence.split()) <= LONGEST_SENTENCE:
-                break
-            count -= 1
-        yield sentence
-        left = left[count:]
-
-
 def _found_sentence(content: Content) -> str:
     structure = content.model.structure
     masses = f"{masses_in_words(structure).capitalize()}{_coupling(content)}"
@@ -91,18 +53,18 @@ def _found_sentence(content: Content) -> str:
 
 
 def _coupling(content: Content) -> str:
-    """Size of a single mass, or the shafts between several with their resonances."""
-    masses = content.model.structure.masses
+    """Size of a single mass, or the shafts (springs, in a linear axis) between several with their resonances."""
+    masses, link = content.model.structure.masses, "shaft" if content.model.is_rotary else "spring"
     if masses == 1:
         row = parameter_rows(content.model)[0]
-        return f" ({row.name} = {row.value} {row.unit})"
-    shafts = "a shaft" if masses == 2 else "shafts"
+        return f" of {row.value} {row.unit}"
+    shafts = f"a {link}" if masses == 2 else f"{link}s"
     found = content.assembled.analysis
     heights = [rounded(mode.frequency, 3) for mode in found.resonances] if found else []
     if not heights:
         return f", coupled by {shafts}"
     word = "a resonance" if len(heights) == 1 else "resonances"
-    return f", coupled by {shafts} with {word} at {' and '.join(heights)} Hz"
+    return f", coupled by {shafts} with {word} at {enumerated(heights)} Hz"
 
 
 def _absent(content: Content) -> str:
@@ -141,7 +103,7 @@ def _open(content: Content) -> str:
         if content.evidence.certificate.unexplained:
             parts.append("The recording holds something that none of the structures offered explains.")
         some = [Placed.parse(c.effect) for c in content.evidence.cards if c.verdict == "not decidable"]
-        items = [effect_in_words(placed) for placed in some]
+        items = effects_in_words(some, "or")
         parts.append(listing("The recording does not decide whether the drive has", items, "or"))
     minimal = model.ties.minimal if model.ties else ()
     if len(minimal) > 1:

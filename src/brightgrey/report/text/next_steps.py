@@ -1,14 +1,18 @@
-"""Advice that follows from a result: what to do before the model is used, and with it."""
+"""Advice that follows from a result: what to do before the model is used, and with it; and why it is not richer."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from brightgrey.kit import Placed
+from brightgrey.kit.in_words import effect_in_words, effects_in_words, enumerated
 from brightgrey.report.content import Content
-from brightgrey.report.text.tables import AT, NOT_IDENTIFIABLE, UNKNOWN, parameter_rows, sentence
+from brightgrey.report.options import REPORT_OPTIONS
+from brightgrey.report.text.prose import listing, sentence, with_meanings
+from brightgrey.report.text.tables import AT, NOT_IDENTIFIABLE, UNKNOWN, parameter_rows
 
-__all__ = ["NextStep", "next_steps"]
+__all__ = ["NextStep", "next_steps", "urgent_steps", "why_not_richer"]
 
 
 @dataclass(frozen=True)
@@ -16,7 +20,7 @@ class NextStep:
     """One piece of advice."""
 
     title: str  #: A few words without a full stop.
-    text: str  #: What was seen, then what to do; whole sentences.
+    text: str  #: What was seen, then what to do; whole sentences, with what is typed between “ and ”.
 
 
 def next_steps(content: Content) -> tuple[NextStep, ...]:
@@ -27,30 +31,68 @@ def next_steps(content: Content) -> tuple[NextStep, ...]:
     content : Content
         Its symptoms, parameters, evidence and traces are what the advice rests on.
     """
-    return (*_of_symptoms(content), *_of_parameters(content), *_of_verdicts(content), *_of_use(content))
+    first, *rest = _of_symptoms(content), _of_effects(content), _of_verdicts(content), _of_use(content)
+    return (*first, *_of_parameters(content), *(step for steps in rest for step in steps))
+
+
+def urgent_steps(content: Content) -> tuple[NextStep, ...]:
+    """Advice on what the model lacks and on what stays open; parameters and further use apart."""
+    return (*_of_symptoms(content), *_of_effects(content), *_of_verdicts(content))
+
+
+def why_not_richer(content: Content) -> tuple[str, ...]:
+    """Sentences on the effects that a structure does without; none where a budget has left structures undecided."""
+    evidence = content.evidence
+    if evidence is None or evidence.certificate.undecided or not evidence.cards:
+        return ()
+    needless = [Placed.parse(card.effect) for card in evidence.cards if card.verdict == "not needed"]
+    words = [effect_in_words(placed, article=False) for placed in needless]
+    sentences = (
+        "Every other effect of the function set was offered: all of them together explain no more than chance does.",
+        listing("So the model needs no", words, "or"),
+    )
+    return tuple(text for text in sentences if text)
 
 
 def _of_symptoms(content: Content) -> Iterator[NextStep]:
     for symptom in content.symptoms:
-        yield NextStep(symptom.title, f"{sentence(symptom.observation)} {sentence(symptom.advice)}")
+        said = (with_meanings(text, content.model.structure) for text in (symptom.observation, symptom.advice))
+        yield NextStep(symptom.title, " ".join(map(sentence, said)))
 
 
 def _of_parameters(content: Content) -> Iterator[NextStep]:
-    rows = parameter_rows(content.model)
-    at = [row for row in rows if row.note in AT.values()]
+    rows, structure = parameter_rows(content.model), content.model.structure
+    at = [with_meanings(row.name, structure) for row in rows if row.note in AT.values()]
     if at:
-        names = ", ".join(row.name for row in at)
         yield NextStep(
-            f"Give {names} room, or drop the effect",
-            "Widen the range by --bound NAME=LOW:HIGH. If the value runs on, the effect stands for something else.",
+            f"Give {_few(at)} room, or drop the effect",
+            "Widen the range by “--bound NAME=LOW:HIGH”. If the value runs on, the effect stands for something else.",
         )
-    vague = [row.name for row in rows if row.note in (NOT_IDENTIFIABLE, UNKNOWN)]
+    vague = [with_meanings(row.name, structure) for row in rows if row.note in (NOT_IDENTIFIABLE, UNKNOWN)]
     if vague:
         yield NextStep(
-            f"Do not use {', '.join(vague)}",
-            "This recording does not show the size. Fix what you know by --fix NAME=VALUE, or record a motion that"
+            f"Do not use {_few(vague)}",
+            "This recording does not show the size. Fix what you know by “--fix NAME=VALUE”, or record a motion that"
             " shows it.",
         )
+
+
+def _few(names: Sequence[str]) -> str:
+    return (
+        enumerated(names)
+        if len(names) <= REPORT_OPTIONS.listed_parameters
+        else "the parameters with a note in their table"
+    )
+
+
+def _of_effects(content: Content) -> Iterator[NextStep]:
+    """Effects that cannot be there as what they are named after."""
+    if content.model.is_rotary:
+        return
+    for placed in content.model.structure.placed:
+        if placed.effect.in_linear_axis:
+            title = f"Find the cause of the {effect_in_words(placed, article=False)}"
+            yield NextStep(title, placed.effect.in_linear_axis)
 
 
 def _of_verdicts(content: Content) -> Iterator[NextStep]:
@@ -59,19 +101,29 @@ def _of_verdicts(content: Content) -> Iterator[NextStep]:
     if several:
         yield NextStep(
             "Several structures explain the recording",
-            "The table below shows what they change for control. If that matters, record more.",
+            "The section on structures that cannot be told apart shows what they change for control. If that matters,"
+            " record more.",
         )
-    if several or (evidence and any(card.verdict == "not decidable" for card in evidence.cards)):
+    cards = evidence.cards if evidence else ()
+    undecided = [Placed.parse(card.effect) for card in cards if card.verdict == "not decidable"]
+    if several or undecided:
         yield NextStep(
             "Record what decides more",
-            "“brightgrey plan DIR” with the folder of this result designs a motion for it, and says what it would"
-            " decide.",
+            " ".join(
+                [
+                    *([listing("Open:", effects_in_words(undecided), "and")] if undecided else []),
+                    "The command “brightgrey plan DIR”, with the folder of this result, designs a motion and says what"
+                    " it would decide.",
+                ]
+            ),
         )
 
 
 def _of_use(content: Content) -> Iterator[NextStep]:
     if content.traces and not any(trace.test for trace in content.traces):
-        yield NextStep("Check the model on data that it has not seen", "Repeat the command with --test-recording FILE.")
+        yield NextStep(
+            "Check the model on data that it has not seen", "Repeat the command with “--test-recording FILE”."
+        )
     if content.evidence:
         yield NextStep(
             "Ask whether the recording would find this model again",

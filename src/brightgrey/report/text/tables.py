@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from brightgrey.model.model import Model
 from brightgrey.model.schema import OutputFitPart, ParameterPart, SettingsPart
 from brightgrey.numerics.number_format import is_drowned, significant, with_uncertainty
+from brightgrey.report.text.prose import listing, sentence, with_meanings
 
 __all__ = [
     "FitRow",
@@ -18,7 +19,6 @@ __all__ = [
     "interval_text",
     "parameter_rows",
     "remarks",
-    "sentence",
 ]
 
 FIXED = "fixed"
@@ -48,7 +48,7 @@ class ParameterRow:
 
 @dataclass(frozen=True)
 class FitRow:
-    """Fit of one output as text, on the training or on the test recording."""
+    """Fit of one output as text; `on` is ``train`` for the recordings of the fit, ``test`` for the test recording."""
 
     output: str
     on: str
@@ -72,13 +72,13 @@ def parameter_rows(model: Model) -> list[ParameterRow]:
                 name=name,
                 value=value,
                 half_width=shown_half,
-                unit=part.unit,
+                unit="" if part.unit == "1" else part.unit,
                 interval=interval_text(part.ci95),
                 bounds="" if fixed else _range_text(bounds),
                 note=FIXED
                 if fixed
                 else _reservation(part, half_width if shown_half else None, declared.scale == "log"),
-                about=declared.about,
+                about=declared.about.replace("torque (or force)", "torque" if model.is_rotary else "force"),
             )
         )
     return rows
@@ -103,7 +103,8 @@ def differing_values(model: Model) -> list[str]:
             value, half = with_uncertainty(own.value, half_width)
             shown.append(f"{value} ± {half} in {own.recording}" if half else f"{value} in {own.recording}")
         if shown:
-            texts.append(f"{name} by recording, in {part.unit}: {', '.join(shown)}. The value above is their mean.")
+            listed = f"{name} by recording, in {part.unit}: {', '.join(shown)}."
+            texts.append(f"{sentence(with_meanings(listed, model.structure))} The value above is their mean.")
     return texts
 
 
@@ -159,36 +160,27 @@ def _range_text(pair: tuple[float, float] | None) -> str:
     return f"{significant(pair[0], 2)} … {significant(pair[1], 2)}" if pair else ""
 
 
-def sentence(text: str) -> str:
-    """`text` with a capital at its beginning and a full stop at its end."""
-    ended = text.strip().rstrip(".")
-    return f"{ended[:1].upper()}{ended[1:]}."
-
-
 def remarks(model: Model) -> list[str]:
-    """Reservations that a reader has to know before using the numbers."""
+    """Reservations that a reader has to know before using the numbers, in whole sentences."""
     rows = parameter_rows(model)
     units = {row.name: row.unit for row in rows}
 
-    def named(note: str) -> str:
-        return ", ".join(row.name for row in rows if row.note == note)
+    def named(prefix: str, note: str, reason: str = "") -> list[str]:
+        names = [with_meanings(row.name, model.structure) for row in rows if row.note == note]
+        return [f"{listing(prefix, names, 'and')}{reason}"] if names else []
 
-    out = [
-        f"{named(note)} {note}: the recording gives no optimum inside the range, so its interval is not to be trusted"
-        for note in AT.values()
-        if named(note)
-    ]
-    if names := named(UNKNOWN):
-        out.append(f"no uncertainty can be given for {names}")
-    if names := named(NOT_IDENTIFIABLE):
-        out.append(f"{names} {NOT_IDENTIFIABLE}: half of the 95 % interval is more than ten times the estimate")
+    no_optimum = " The recording gives no optimum inside the range, so the interval is not to be trusted."
+    out = [text for note in AT.values() for text in named(f"{note.capitalize()}:", note, no_optimum)]
+    out += named("No uncertainty can be given for", UNKNOWN)
+    out += named("Not identifiable:", NOT_IDENTIFIABLE, " Half of the 95 % interval exceeds ten times the estimate.")
     between = {name: part.between_recordings for name, part in model.parameters.items() if part.between_recordings}
     if between:
-        listed = ", ".join(f"{name} {significant(value, 2)} {units[name]}" for name, value in between.items())
-        out.append(f"standard deviation between the recordings: {listed}")
+        listed = ", ".join(f"{name} {significant(value, 2)} {units[name]}".strip() for name, value in between.items())
+        out.append(with_meanings(f"Standard deviation between the recordings: {listed}.", model.structure))
     for part in model.parameters.values():
         if part.profile:
             ends = " … ".join("open" if end is None else significant(end, 4) for end in part.profile.ci95)
-            out.append(f"{sentence(part.profile.text)} Its 95 % interval is {ends} {part.unit}")
+            out.append(f"{sentence(part.profile.text)} Its 95 % interval is {ends} {part.unit}.")
     # Parameters at a bound are named above already.
-    return out + [sentence(finding.text) for finding in model.outcome.findings if finding.kind != "at bound"]
+    found = [finding.text for finding in model.outcome.findings if finding.kind != "at bound"]
+    return out + [sentence(with_meanings(text, model.structure)) for text in found]

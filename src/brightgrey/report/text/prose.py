@@ -1,0 +1,68 @@
+"""Sentences for people: lists that stay short, capitals and full stops, and parameters with what they are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from brightgrey.kit.in_words import enumerated, parameters_in_words
+from brightgrey.kit.structure import Structure
+
+__all__ = ["listing", "sentence", "with_meanings"]
+
+LONGEST_SENTENCE = 30
+"""Words of a sentence; longer lists are split."""
+
+
+def listing(prefix: str, items: Sequence[str], last: str, suffix: str = "") -> str:
+    """Sentences that list items, such as ``No backlash, dead time or constant load.``, each of at most 30 words.
+
+    Parameters
+    ----------
+    prefix : str
+        Words before the first item, the same in every sentence.
+    items : sequence of str
+    last : {'and', 'or'}
+        Word before the last item of a sentence.
+    suffix : str
+        Words after the last item of a sentence.
+
+    Returns
+    -------
+    str
+        As many sentences as it takes to keep each within 30 words; empty without items.
+    """
+    return " ".join(_sentences(prefix, items, last, suffix))
+
+
+def _sentences(prefix: str, items: Sequence[str], last: str, suffix: str) -> Iterator[str]:
+    left = list(items)
+    while left:
+        count = len(left)
+        while True:
+            text = f"{prefix} {enumerated(left[:count], last)}{suffix}."
+            if count == 1 or len(text.split()) <= LONGEST_SENTENCE:
+                break
+            count -= 1
+        yield text
+        left = left[count:]
+
+
+def sentence(text: str) -> str:
+    """`text` with a capital at its beginning and a full stop at its end."""
+    ended = text.strip().rstrip(".")
+    return f"{ended[:1].upper()}{ended[1:]}."
+
+
+def with_meanings(text: str, structure: Structure) -> str:
+    """Sentence with every parameter of a structure called by what it is, ``viscous friction (f_v)``.
+
+    What is typed, between apostrophes, stays as it is, and so does a sentence that would become too long.
+    """
+    words = parameters_in_words(structure)
+    names = "|".join(re.escape(name) for name in sorted(words, key=len, reverse=True))
+    parts = re.split(r"('[^']*')", text)
+    for k in range(0, len(parts), 2):
+        parts[k] = re.sub(rf"(?<![\w@(])({names})(?![\w@(])", lambda found: f"{words[found[0]]} ({found[0]})", parts[k])
+    told = "".join(parts)
+    return told if len(told.split()) <= LONGEST_SENTENCE else text
