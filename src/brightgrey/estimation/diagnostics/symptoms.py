@@ -13,9 +13,12 @@ from brightgrey.effects import DAMPING, Effect, Scales, registry
 from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS, PEAK_DEFAULTS, DiagnosticOptions
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.residual_regressors import (
+    CLOCK_SKEW,
     DRIFT,
+    JUMP,
     RESONANCE,
     TIME_SHIFT,
+    ResidualRegressor,
     candidate_regressors,
     motions,
 )
@@ -192,6 +195,10 @@ def _detected(
             found.append(_resonance(hit, regressors[hit.number].frequency, problem.structure))
         elif kind == TIME_SHIFT:
             found.append(_time_shift(hit, problem.recordings, options))
+        elif kind == CLOCK_SKEW:
+            found.append(_clock_skew(hit, regressors[hit.number], problem.recordings))
+        elif kind == JUMP:
+            found.append(_jump(hit, regressors[hit.number], problem.recordings))
         else:
             found.append(_SYMPTOM_OF[kind](hit, problem.recordings))
     return found
@@ -254,6 +261,26 @@ def _time_shift(hit: Detected, recordings: tuple[Recording, ...], options: Diagn
     if causes and low * dt < late < high * dt:
         advice = f"half a sample looks like {' or '.join(causes)}"
     return Symptom("Late by less than a sample", observation, advice, unmodelled=False)
+
+
+def _clock_skew(hit: Detected, regressor: ResidualRegressor, recordings: tuple[Recording, ...]) -> Symptom:
+    late, name = float(hit.coefficients[0]), recordings[0].outputs[regressor.place[1]].name
+    way = "later" if late > 0.0 else "earlier"
+    return Symptom(
+        "Outputs are not of one time",
+        f"'{name}' comes {abs(late):.2g} s {way} than the other outputs explain, which {_explains(hit)}",
+        f"a skew of clocks, or a filter of one channel: take it back by --shift '{name}={-late:.3g}'",
+    )
+
+
+def _jump(hit: Detected, regressor: ResidualRegressor, recordings: tuple[Recording, ...]) -> Symptom:
+    recording, at = recordings[regressor.place[0]], regressor.place[1]
+    return Symptom(
+        "Jump of the motion",
+        f"the motion of {recording.name} jumps near {recording.t[at]:.4g} s, against the model, which {_explains(hit)}",
+        "samples may be lost there without a gap in the time, or something hit the drive: leave that time out by"
+        " --window",
+    )
 
 
 _SYMPTOM_OF: Mapping[str, Callable[[Detected, tuple[Recording, ...]], Symptom]] = {

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from brightgrey.arrays import Array
 from brightgrey.recordings.checks.check import Check, CheckResult, mind, passed
 from brightgrey.recordings.checks.examined import Examined
 from brightgrey.recordings.policy import READING
@@ -17,29 +18,32 @@ from brightgrey.recordings.sample_values import is_constant
 class _Policy:
     """Numbers of this module."""
 
-    next: float = -0.69
-    """Correlation of neighbouring second differences: -2/3 for white noise, -3/4 for its differences."""
-    second: float = 0.22
-    """The same of those after: 1/6 and 3/10. Second differences are free of the motion."""
+    orders: tuple[int, ...] = (2, 3)
+    """Orders of the differences: a slow motion is nothing in the lower one, a fast one in the higher one only."""
+    next: float = 0.28
+    second: float = 0.4
+    """Where the limits of the correlations of neighbours, and of those after, stand between the values of white noise
+    and of its differences."""
 
 
 POLICY = _Policy()
 
 
 def run(examined: Examined) -> Iterator[CheckResult]:
-    """Correlate the second differences of every velocity that moves in visible steps."""
+    """Correlate the higher differences of every velocity that moves in visible steps: they are free of the motion."""
     r = examined.recording
     for row, signal in enumerate(r.outputs):
         y, step = r.y[row], float(r.resolution[row])
         if signal.kind != "velocity" or is_constant(y) or np.ptp(y) >= READING.coarse_levels * step:
             continue
-        noise = np.diff(y, 2)
-        power = max(float(noise @ noise), 1e-300)
-        one, two = (float(noise[k:] @ noise[:-k]) / power for k in (1, 2))
+        (one, two), limits = max(
+            ((_correlations(y, order), _limits(order)) for order in POLICY.orders),
+            key=lambda pair: min(pair[1][0] - pair[0][0], pair[0][1] - pair[1][1]),
+        )
         figure = f"'{signal.name}' moves in steps of {step * signal.factor:.4g} {signal.unit}, its noise has the"
         figure += f" correlations {one:.2f} and {two:.2f}"
-        threshold = f"correlations {POLICY.next:g} and {POLICY.second:g}"
-        if one < POLICY.next and two > POLICY.second:
+        threshold = f"correlations {limits[0]:.2f} and {limits[1]:.2f}"
+        if one < limits[0] and two > limits[1]:
             yield mind(
                 figure,
                 f"'{signal.name}' was computed from the differences of an encoder: say"
@@ -49,6 +53,22 @@ def run(examined: Examined) -> Iterator[CheckResult]:
             )
         else:
             yield passed(figure, threshold)
+
+
+def _correlations(y: Array, order: int) -> tuple[float, float]:
+    """Correlations of neighbouring differences, and of those after."""
+    noise = np.diff(y, order)
+    power = max(float(noise @ noise), 1e-300)
+    return float(noise[1:] @ noise[:-1]) / power, float(noise[2:] @ noise[:-2]) / power
+
+
+def _limits(order: int) -> tuple[float, float]:
+    """Limits between differences of white noise and the next higher ones, which the noise of an encoder becomes."""
+    white, differenced = (
+        np.array([-n / (n + 1.0), n * (n - 1.0) / ((n + 1.0) * (n + 2.0))]) for n in (order, order + 1)
+    )
+    one, two = (white + np.array([POLICY.next, POLICY.second]) * (differenced - white)).tolist()
+    return one, two
 
 
 CHECK = Check("differenced velocity", "Was a velocity computed from the differences of an encoder?", run)

@@ -34,8 +34,8 @@ KNOWN = {
 class _Policy:
     """Numbers of this module."""
 
-    clear: float = 4.0
-    """Standard errors from which a difference is no chance."""
+    clear: float = 3.0
+    """Standard errors from which a difference is no chance (0.3 %)."""
     small: float = 0.01
     """Deviation of the factor that calibration explains."""
     large: float = 0.1
@@ -88,19 +88,20 @@ def _compare(examined: Examined, k: int) -> _Pair:
     high = 0 if orders[0] > orders[1] else 1
     target, reference = signals[1 - high], signals[high]
     gap = orders[high] - orders[1 - high]
+    begun = np.ones((r.samples, 1))  # the filter begins with a wrong state, from which it decays
     time = float(np.clip((noise[1 - high] / noise[high]) ** (1.0 / max(gap, 1)), 4.0 * dt, 0.1 * r.samples * dt))
     if gap:
         for _ in range(gap):
             target, filtered = (target - _low_pass(target, time, dt)) / time, _low_pass(reference, time, dt)
             slope, reference = (reference - filtered) / time, filtered
-        begun = r.samples // 10  # the filter begins with a wrong state
-        target, reference, slope = (x[begun:] for x in (target, reference, slope))
+        after = np.arange(r.samples) * dt / time
+        begun = np.column_stack([np.ones(r.samples), *(after**n * np.exp(-after) for n in range(gap))])
     else:
         width = next((w for w in examined.widths if examined.is_clean(r.y[k], noise[1], w)), examined.widths[-1])
         slope = examined.smooth(reference, width, 1)
         target, reference = examined.smooth(target, width), examined.smooth(reference, width)
-    terms = np.column_stack([reference, slope, np.ones(target.size)])
-    plain, level = regress(target, terms), regress(target, terms[:, ::2])
+    terms = np.column_stack([reference, slope, begun[: target.size]])
+    plain, level = regress(target, terms), regress(target, np.delete(terms, 1, axis=1))
     fit = regress_whitened(target, terms) if gap else plain  # whitened, a smoothed slope would be noise
     (a, b), (a_error, b_error) = fit.coefficients[:2].tolist(), fit.std[:2].tolist()
     a = a or 1e-300
