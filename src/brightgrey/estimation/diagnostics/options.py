@@ -78,7 +78,6 @@ class RegressorOptions:
     min_periods: float = 3.0  #: Periods in the recording of the slowest candidate resonance.
     max_frequency: float = 0.3  #: Frequency of the fastest candidate resonance, relative to the sampling rate.
     damping_ratio: float = 0.05  #: Damping ratio of the candidate resonances, so that they overlap.
-    jumps: int = 48  #: Instants of candidate jumps, spread over all recordings.
     min_share: float = 0.01  #: Part of the residual's sum of squares that a regressor has to explain.
     min_new: float = 1e-6  #: Part of a regressor that has to be independent of what is known.
     max_detected: int = 3  #: Largest number of regressors that are detected.

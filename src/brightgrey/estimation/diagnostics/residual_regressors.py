@@ -27,7 +27,6 @@ from brightgrey.simulation import Settings
 __all__ = [
     "CLOCK_SKEW",
     "DRIFT",
-    "JUMP",
     "RESONANCE",
     "TIME_SHIFT",
     "ResidualRegressor",
@@ -43,8 +42,6 @@ DRIFT = "drift"
 """Kind of the regressor that is a straight line over time."""
 CLOCK_SKEW = "skew"
 """Kind of the regressors whose coefficient is the time in s by which one output comes late against the others."""
-JUMP = "jump"
-"""Kind of the regressors that are a jump of the motion at one instant, as lost samples make it."""
 RESONANCE = "resonance"
 """Kind of the regressors that are resonances."""
 
@@ -57,8 +54,7 @@ class ResidualRegressor:
     columns: Array  #: Derivatives of the weighted residuals by its coefficients, shape (residuals, k).
     described: bool = True  #: True if an effect describes it, or a fault of the recording.
     frequency: float = 0.0  #: Frequency of a resonance in Hz.
-    #: Number of the recording, and of its sample of a jump or of its output with a skew.
-    place: tuple[int, int] = (0, 0)
+    output: int = 0  #: Number of the output that comes late.
 
 
 def motions(problem: SimulationErrorProblem, values: Mapping[str, Array], settings: Settings) -> list[SimulatedMotion]:
@@ -127,7 +123,6 @@ def candidate_regressors(
     if not any(p.lag for p in structure.parameters.values()):
         found.append(ResidualRegressor(TIME_SHIFT, _output_rates(problem, residual)[:, None]))
     found += _skews(problem, residual)
-    found += _jumps(problem, values, settings, residual, size, options)
     return [regressor for regressor in found if np.isfinite(regressor.columns).all() and regressor.columns.any()]
 
 
@@ -227,42 +222,5 @@ def _skews(problem: SimulationErrorProblem, residual: Array) -> list[ResidualReg
         for rows, _, output in segments(problem.recordings):
             if output == k:
                 column[rows, 0] = rates[rows]
-        found.append(ResidualRegressor(CLOCK_SKEW, column, place=(0, k)))
+        found.append(ResidualRegressor(CLOCK_SKEW, column, output=k))
     return found
-
-
-def _jumps(
-    problem: SimulationErrorProblem,
-    values: Mapping[str, Array],
-    settings: Settings,
-    residual: Array,
-    torque: float,
-    options: RegressorOptions,
-) -> list[ResidualRegressor]:
-    """Jumps of speed, and of a measured position, at instants spread over all recordings.
-
-    A jump of speed is the response to a short torque. A position jumps beside it, and stays off.
-    """
-    found = []
-    part = max(sum(r.samples for r in problem.recordings) // options.jumps, 1)
-    nothing = [np.zeros(r.samples) for r in problem.recordings]
-    for number, recording in enumerate(problem.recordings):
-        for at in range(part, recording.samples - part // 2, part):
-            pulse = np.zeros(recording.samples)
-            pulse[at - part // 2 : at + part // 2 + 1] = torque
-            torques = [*nothing[:number], pulse, *nothing[number + 1 :]]
-            speed = _response(problem, values, settings, residual, torques, 0.0)
-            position = _steps(problem, number, at)
-            columns = np.column_stack([speed, position] if position.any() else [speed])
-            found.append(ResidualRegressor(JUMP, columns, place=(number, at)))
-    return found
-
-
-def _steps(problem: SimulationErrorProblem, number: int, at: int) -> Array:
-    """Weighted positions of one recording, 1 in SI from a sample on."""
-    column = np.zeros(problem.samples)
-    outputs = len(problem.recordings[0].outputs)
-    for k, (rows, r, output) in enumerate(segments(problem.recordings)):
-        if k // outputs == number and KINDS[r.outputs[output].kind] == 0:
-            column[rows.start + at : rows.stop] = problem.weights[output]
-    return column

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,7 +15,6 @@ from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.residual_regressors import (
     CLOCK_SKEW,
     DRIFT,
-    JUMP,
     RESONANCE,
     TIME_SHIFT,
     ResidualRegressor,
@@ -24,6 +23,7 @@ from brightgrey.estimation.diagnostics.residual_regressors import (
 )
 from brightgrey.estimation.diagnostics.residual_tests import Candidate, Detected, detect_regressors
 from brightgrey.estimation.diagnostics.spectral_peaks import Peak, highest_peak
+from brightgrey.estimation.diagnostics.torque_drift import fitted_drift
 from brightgrey.estimation.diagnostics.torque_patterns import TORQUE_PATTERNS, SimulatedMotion, TorquePattern
 from brightgrey.estimation.problem.segments import segments, split_recordings
 from brightgrey.kit import Placed, Structure
@@ -64,7 +64,8 @@ def symptoms(
     """
     values = context.space.by_name(context.best.values)
     found = [*_missing_mass(context, values, scales, options), *_negligible_effects(context, values, scales)]
-    return (*found, *residual_symptoms(context, scales, options))
+    found += residual_symptoms(context, scales, options)
+    return (*found, *_torque_drift(context, found))
 
 
 def residual_symptoms(
@@ -132,6 +133,17 @@ def _negligible_effects(context: FitContext, values: Mapping[str, float], scales
     return found
 
 
+def _torque_drift(context: FitContext, found: Sequence[Symptom]) -> list[Symptom]:
+    """Drift of the torque, unless the residual follows it anyway."""
+    pattern = next(p for p in TORQUE_PATTERNS if p.name == "time")
+    if any(symptom.title == pattern.title for symptom in found) or (drift := fitted_drift(context)) is None:
+        return []
+    signal = context.problem.recordings[0].input
+    size, std = (value * signal.factor for value in drift)
+    observation = f"the fit needs {pattern.follows}, by {size:.3g} ± {2.0 * std:.1g} {signal.unit} over the recording"
+    return [Symptom(pattern.title, observation, pattern.advice)]
+
+
 # --- residuals ---
 
 
@@ -197,8 +209,6 @@ def _detected(
             found.append(_time_shift(hit, problem.recordings, options))
         elif kind == CLOCK_SKEW:
             found.append(_clock_skew(hit, regressors[hit.number], problem.recordings))
-        elif kind == JUMP:
-            found.append(_jump(hit, regressors[hit.number], problem.recordings))
         else:
             found.append(_SYMPTOM_OF[kind](hit, problem.recordings))
     return found
@@ -264,22 +274,12 @@ def _time_shift(hit: Detected, recordings: tuple[Recording, ...], options: Diagn
 
 
 def _clock_skew(hit: Detected, regressor: ResidualRegressor, recordings: tuple[Recording, ...]) -> Symptom:
-    late, name = float(hit.coefficients[0]), recordings[0].outputs[regressor.place[1]].name
+    late, name = float(hit.coefficients[0]), recordings[0].outputs[regressor.output].name
     way = "later" if late > 0.0 else "earlier"
     return Symptom(
         "Outputs are not of one time",
         f"'{name}' comes {abs(late):.2g} s {way} than the other outputs explain, which {_explains(hit)}",
         f"a skew of clocks, or a filter of one channel: take it back by --shift '{name}={-late:.3g}'",
-    )
-
-
-def _jump(hit: Detected, regressor: ResidualRegressor, recordings: tuple[Recording, ...]) -> Symptom:
-    recording, at = recordings[regressor.place[0]], regressor.place[1]
-    return Symptom(
-        "Jump of the motion",
-        f"the motion of {recording.name} jumps near {recording.t[at]:.4g} s, against the model, which {_explains(hit)}",
-        "samples may be lost there without a gap in the time, or something hit the drive: leave that time out by"
-        " --window",
     )
 
 

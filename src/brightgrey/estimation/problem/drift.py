@@ -36,7 +36,7 @@ class DriftOptions:
 DRIFT_DEFAULTS = DriftOptions()
 
 
-def _drift_nuisance(recording: Recording, tag: str, options: DriftOptions = DRIFT_DEFAULTS) -> Nuisance | None:
+def _drift_nuisance(recording: Recording, tag: str, options: DriftOptions) -> Nuisance | None:
     """Drift of a recording; None if it is short."""
     if (recording.samples - 1) * recording.dt < options.shortest:
         return None
@@ -89,9 +89,11 @@ def with_drift(system: StateSpace, x0: Array, torque: Array, duration: float) ->
     return replace(system, A=A, B=B, C=C, D=D, elements=elements, states=states), start
 
 
-def drifts_of(recordings: Sequence[Recording], tags: Sequence[str]) -> tuple[Nuisance, ...]:
+def drifts_of(
+    recordings: Sequence[Recording], tags: Sequence[str], options: DriftOptions = DRIFT_DEFAULTS
+) -> tuple[Nuisance, ...]:
     """Drifts of those recordings that are long enough."""
-    found = (_drift_nuisance(r, tag) for r, tag in zip(recordings, tags, strict=True))
+    found = (_drift_nuisance(r, tag, options) for r, tag in zip(recordings, tags, strict=True))
     return tuple(d for d in found if d is not None)
 
 

@@ -1,4 +1,4 @@
-"""Single samples far from their neighbours, and jumps of a position."""
+"""Single samples far from their neighbours, and jumps of a position or of a smooth input."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ class _Policy:
     """Probability that noise alone makes a jump anywhere in the recording."""
     spans: tuple[int, ...] = (4, 8, 16)
     """Samples on either side of a jump that a parabola is fitted to, the shortest first."""
+    rare: int = 1
+    """Number of jumps of an input up to which it is smooth everywhere else."""
     near: int = 101
     """Samples around one that tell its noise."""
     soft: float = 3.0
@@ -39,6 +41,7 @@ POLICY = _Policy()
 def run(examined: Examined) -> Iterator[CheckResult]:
     """Find samples that differ from their neighbours, which agree with each other, and jumps that stay."""
     r = examined.recording
+    yield from _say_input(examined)
     for signal, values in zip(r.outputs, r.y, strict=True):
         if is_constant(values):
             continue
@@ -66,6 +69,31 @@ def run(examined: Examined) -> Iterator[CheckResult]:
             yield passed(figure, threshold)
 
 
+def _say_input(examined: Examined) -> Iterator[CheckResult]:
+    """Say if the input jumps at one instant, and is smooth everywhere else."""
+    r = examined.recording
+    if is_constant(r.u):
+        return
+    jumps, span = _jumps(r.u, np.empty(0)).astype(int), min(POLICY.spans)
+    rests = [k for k in jumps if not (np.ptp(r.u[max(k - span, 0) : k + 1]) and np.ptp(r.u[k + 1 : k + 2 + span]))]
+    steps = np.abs(np.diff(r.u))
+    bends = np.abs(np.diff(r.u, 2))[span:-span]  # a jump that is one is much larger than what the input does elsewhere
+    elsewhere = np.abs(np.subtract.outer(np.arange(bends.size) + span, jumps)).min(axis=1, initial=r.samples) > span
+    clear = len(jumps) and steps[jumps].min() > bends[elsewhere].max(initial=0.0)
+    figure = f"'{r.input.name}' jumps {len(jumps)} times"
+    threshold = f"up to {POLICY.rare} jump, with a change before and after"
+    if 0 < len(jumps) <= POLICY.rare and clear and not rests:
+        yield mind(
+            figure,
+            f"'{r.input.name}' jumps at {r.t[int(jumps[0])]:.6g} s, and is smooth everywhere else: samples may be lost"
+            " there without a gap in the time. Unless this jump was planned, use the time before or after it by"
+            " --window",
+            threshold,
+        )
+    else:
+        yield passed(figure, threshold)
+
+
 def _local_noise(x: Array) -> Array:
     """Noise around each sample, shape (samples,): it may be larger in motion than at rest."""
     third = median_filter(np.abs(np.diff(x, 3)), size=POLICY.near, mode="nearest")
@@ -84,7 +112,7 @@ def _single(x: Array, size: Array) -> Array:
 
 
 def _jumps(x: Array, single: Array) -> Array:
-    """Last samples before jumps of a position: parabolas through the samples on either side do not meet.
+    """Last samples before jumps of a position or an input: parabolas through the samples on either side do not meet.
 
     An impact changes the speed at once, but never the position. The difference of the two parabolas in the middle is
     compared with its usual size: the largest of so many Gaussian numbers (Bonferroni) is no chance. A jump is as large
