@@ -5,7 +5,9 @@
 
 A drive has a random structure of the paper's, random values, one of three motions, 0.1 to 1 % of noise and, in turn, a
 sensor of velocity, of position, or both. Each fault has a size, uniform in the logarithm. A fault *matters* where it
-moves a parameter of the true structure by more than two standard deviations.
+moves a parameter of the true structure by more than two standard deviations. It is named by a check, or by a symptom of
+the fit of that structure. No test names more than an ideal one, which knows the true structure and the noise; its power
+is computed where the fault adds something to a signal.
 """
 
 from __future__ import annotations
@@ -18,13 +20,16 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
+from scipy.special import ndtr
 
 from brightgrey import Recording, Signal, check, estimation, read_recording
 from brightgrey.arrays import Array
 from brightgrey.errors import BrightgreyError
+from brightgrey.estimation.problem.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
+from brightgrey.numerics.distributions import norm
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.simulation.reference import UnsettledError, reference
 from support.drives import AR_POLE, MOTIONS, SHARPNESS, coloured_noise, excitation
@@ -36,6 +41,8 @@ DT = PAPER_EXPERIMENT.dt
 SENSORS = (("velocity",), ("position",), ("position", "velocity"))
 MOVED = 2.0
 """Standard deviations by which a fault that matters moves a parameter."""
+IDEAL_LEVEL = 1e-3
+"""Probability by chance of the ideal test."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +171,10 @@ class Fault:
     grades : tuple of str
     needs : str
         Output that the recording has to have; ``both`` for two of them, and empty for any.
+    symptoms : tuple of str
+        Titles of the symptoms of a fit that name it.
+    adds : bool
+        True if it adds something to a signal, so that the power of an ideal test is known.
     """
 
     name: str
@@ -173,6 +184,8 @@ class Fault:
     checks: tuple[str, ...]
     grades: tuple[str, ...] = ("stop", "mind")
     needs: str = ""
+    symptoms: tuple[str, ...] = ()
+    adds: bool = False
 
 
 def late(y: Array, seconds: float) -> Array:
@@ -265,6 +278,8 @@ FAULTS = (
         "s",
         ("outputs",),
         needs="both",
+        symptoms=("Outputs are not of one time",),
+        adds=True,
     ),
     Fault(
         "filtered velocity",
@@ -273,6 +288,8 @@ FAULTS = (
         "s",
         ("outputs",),
         needs="both",
+        symptoms=("Outputs are not of one time",),
+        adds=True,
     ),
     Fault(
         "swapped channels",
@@ -314,7 +331,7 @@ FAULTS = (
     Fault("differenced velocity", differenced, (5, 200), "counts", ("differenced velocity",), needs="velocity"),
     Fault("outliers", lambda r, s: with_last(r, outliers(r, s)), (0.02, 1), "of the range", ("outliers",)),
     Fault("wrapping position", wrapped, (0.2, 0.8), "of the range", ("outliers",), needs="position"),
-    Fault("lost samples", lost, (0.002, 0.1), "of the recording", ("outliers",), needs="position"),
+    Fault("lost samples", lost, (0.002, 0.1), "of the recording", ("outliers",), needs="position", adds=True),
     Fault(
         "drift of the torque",
         lambda r, s: r.recording(r.u - s * np.abs(r.u).max() * np.linspace(-0.5, 0.5, r.u.size)),
@@ -322,6 +339,8 @@ FAULTS = (
         "of the peak",
         ("drift",),
         ("note",),
+        symptoms=("Torque drifts",),
+        adds=True,
     ),
     Fault("start in motion", started, (0.05, 0.6), "of the recording", ("start",), ("note",)),
     Fault(
@@ -346,23 +365,70 @@ def fits(fault: Fault, base: Taken) -> bool:
     return not fault.needs or list(base.y) == [fault.needs]
 
 
-def parameters(drive: Drive, recording: Recording) -> tuple[Array, Array] | None:
-    """Estimates of the true structure from its true values, with their standard deviations; None if it fails."""
+@dataclass(frozen=True)
+class Fitted:
+    """Estimates of the true structure's parameters with their standard deviations, and titles of the symptoms."""
+
+    values: Array
+    std: Array
+    symptoms: tuple[str, ...]
+
+
+def fitted(drive: Drive, recording: Recording) -> Fitted | None:
+    """Fit the true structure from its true values; None if that fails."""
     start = dict(zip(drive.names, drive.values.tolist(), strict=True))
     try:
         fit = estimation.fit(PAPER.parse(drive.structure), (recording,), start=start, starts=1, patience=0, f_tanh=None)
     except BrightgreyError:
         return None
     found = [fit.estimates[name] for name in drive.names]
-    return np.array([e.value for e in found]), np.array([e.std if e.std else np.inf for e in found])
+    std = np.array([e.std if e.std else np.inf for e in found])
+    return Fitted(np.array([e.value for e in found]), std, tuple(symptom.title for symptom in fit.symptoms))
 
 
-def matters(drive: Drive, clean: tuple[Array, Array] | None, faulty: Recording) -> bool:
+def matters(clean: Fitted | None, faulty: Fitted | None) -> bool:
     """True if a fault moves a parameter by more than two standard deviations, or lets the estimation fail."""
     if clean is None:
         return False
-    found = parameters(drive, faulty)
-    return found is None or bool((np.abs(found[0] - clean[0]) > MOVED * clean[1]).any())
+    return faulty is None or bool((np.abs(faulty.values - clean.values) > MOVED * clean.std).any())
+
+
+def ideal_power(seed: int, drive: Drive, fault: Fault, size: float, faulty: Recording) -> float:
+    """Power of the likelihood ratio test between the fault and none, of somebody who knows all but the parameters.
+
+    What the fault adds to the outputs is whitened by the noise and freed from what changes of the parameters add.
+    """
+    base = taken(seed, drive)
+    noise = {kind: y - getattr(drive, kind) for kind, y in base.y.items()}
+    bare = fault.make(replace(base, y={kind: getattr(drive, kind) for kind in noise}), size)
+    settings = estimation.settings_for((faulty,), scales((faulty,)), drive.f_tanh)
+    settings = replace(settings, level="accurate")
+
+    def predicted(values: Array) -> Array:
+        named = dict(zip(drive.names, values.tolist(), strict=True))
+        return estimation.predict(PAPER.parse(drive.structure), named, faulty, settings)
+
+    true = predicted(drive.values)
+    changes = [bare.y - true]
+    for k in range(len(drive.names)):
+        step = 1e-4 * np.abs(drive.values[k]) * (np.arange(len(drive.names)) == k)
+        changes.append((predicted(drive.values + step) - true) / 1e-4)
+    white = np.column_stack([np.concatenate(list(map(whitened, c, noise.values()))) for c in changes])
+    if not np.isfinite(white).all():
+        return float("nan")
+    added, known = white[:, 0], white[:, 1:]
+    known = known / np.maximum(np.linalg.norm(known, axis=0), 1e-300)
+    left = added - known @ np.linalg.lstsq(known, added, rcond=1e-10)[0]
+    limit = float(norm.isf(0.5 * IDEAL_LEVEL))
+    return float(ndtr(np.linalg.norm(left) - limit))
+
+
+def whitened(x: Array, noise: Array) -> Array:
+    """A signal whitened by the first-order autoregression of a noise, in its standard deviations."""
+    pole = float(noise[1:] @ noise[:-1] / (noise @ noise))
+    pole = pole if pole > 0.5 * AR_POLE else 0.0
+    new = x - pole * np.concatenate([[0.0], x[:-1]])
+    return np.asarray(new / (np.std(noise) * np.sqrt(1.0 - pole**2)))
 
 
 def clean_rows(all_drives: Sequence[Drive], seed: int) -> Iterator[list[str]]:
@@ -381,38 +447,78 @@ def clean_rows(all_drives: Sequence[Drive], seed: int) -> Iterator[list[str]]:
         yield [f"{name}: {grade}", share(count, len(all_drives))]
 
 
+@dataclass(frozen=True)
+class Case:
+    """A fault of a recording: what was said of it."""
+
+    size: float
+    by_check: bool
+    by_symptom: bool
+    matters: bool
+    ideal: float  #: Power of the ideal test; not a number if it is not known.
+
+
+def cases(all_drives: Sequence[Drive], seed: int, number: int, each: int, fits_each: int) -> Iterator[Case]:
+    """Recordings with the fault of a number; the first `fits_each` are fitted."""
+    fault, count = FAULTS[number], 0
+    for drive in all_drives:
+        base = taken(seed, drive)
+        if not fits(fault, base) or count == each:
+            continue
+        rng = np.random.default_rng([seed, drive.number, 2, number])
+        size = log_uniform(rng, *fault.sizes)
+        faulty = fault.make(base, size)
+        named = any(r.check in fault.checks and r.grade in fault.grades for r in check(faulty).results)
+        by_symptom, counts, ideal = False, False, float("nan")
+        if count < fits_each:
+            found = fitted(drive, faulty)
+            counts = matters(clean_fit(seed, drive), found)
+            by_symptom = found is not None and any(title in fault.symptoms for title in found.symptoms)
+            if counts and fault.adds:
+                ideal = ideal_power(seed, drive, fault, size, faulty)
+        count += 1
+        yield Case(size, named, by_symptom, counts, ideal)
+
+
+CLEAN_FITS: dict[tuple[int, int], Fitted | None] = {}
+"""Fits of the recordings without a fault, by seed and number of the drive."""
+
+
+def clean_fit(seed: int, drive: Drive) -> Fitted | None:
+    """Fit the recording of a drive without a fault."""
+    key = seed, drive.number
+    if key not in CLEAN_FITS:
+        CLEAN_FITS[key] = fitted(drive, taken(seed, drive).recording())
+    return CLEAN_FITS[key]
+
+
 def fault_rows(all_drives: Sequence[Drive], seed: int, each: int, fits_each: int) -> Iterator[list[str]]:
-    """Rows of the faults: named in all, where they matter, and by thirds of their sizes."""
-    estimates: dict[int, tuple[Array, Array] | None] = {}
+    """Rows of the faults: named in all, by thirds of their sizes, and where they matter."""
     for number, fault in enumerate(FAULTS):
-        rows: list[tuple[float, bool, bool]] = []
-        for drive in all_drives:
-            base = taken(seed, drive)
-            if not fits(fault, base) or len(rows) == each:
-                continue
-            rng = np.random.default_rng([seed, drive.number, 2, number])
-            size = log_uniform(rng, *fault.sizes)
-            faulty = fault.make(base, size)
-            results = check(faulty).results
-            named = any(r.check in fault.checks and r.grade in fault.grades for r in results)
-            counts = False
-            if len(rows) < fits_each:
-                if drive.number not in estimates:
-                    estimates[drive.number] = parameters(drive, base.recording())
-                counts = matters(drive, estimates[drive.number], faulty)
-            rows.append((size, named, counts))
+        rows = list(cases(all_drives, seed, number, each, fits_each))
         low, high = np.log(fault.sizes)
         thirds = [
-            [r for r in rows if low + k * (high - low) / 3 <= np.log(r[0]) <= low + (k + 1) * (high - low) / 3]
+            [r for r in rows if low + k * (high - low) / 3 <= np.log(r.size) <= low + (k + 1) * (high - low) / 3]
             for k in range(3)
         ]
-        curve = [f"{sum(r[1] for r in third)} of {len(third)}" for third in thirds] if high > low else ["", "", ""]
-        important = [r for r in rows if r[2]]
+        curve = [f"{sum(r.by_check for r in third)} of {len(third)}" for third in thirds]
         span = f"{fault.sizes[0]:g} to {fault.sizes[1]:g} {fault.unit}" if high > low else ""
-        row = [fault.name, span, share(sum(r[1] for r in rows), len(rows)), *curve]
-        row.append(share(sum(r[1] for r in important), len(important)))
+        row = [fault.name, span, share(sum(r.by_check for r in rows), len(rows))]
+        row += curve if high > low else ["", "", ""]
+        important = [r for r in rows if r.matters]
+        row.append(share(sum(r.by_check for r in important), len(important)))
+        row.append(share(sum(r.by_check or r.by_symptom for r in important), len(important)) if fault.symptoms else "")
+        powers = [r.ideal for r in important if np.isfinite(r.ideal)]
+        row.append(f"{sum(powers):.1f} of {len(powers)}" if powers else "")
         print(row, flush=True)
         yield row
+
+
+def symptom_rows(all_drives: Sequence[Drive], seed: int) -> Iterator[list[str]]:
+    """Rows of the symptoms that name a fault, in fits of recordings without one."""
+    clean = [found for drive in all_drives if (found := clean_fit(seed, drive)) is not None]
+    for title in sorted({title for fault in FAULTS for title in fault.symptoms}):
+        yield [title, share(sum(title in found.symptoms for found in clean), len(clean))]
 
 
 REAL = {
@@ -508,10 +614,15 @@ def main() -> None:
     if options.only in ("all", "faults"):
         made = Table(
             "Made faults",
-            ("fault", "sizes", "named", "small", "medium", "large", "named where it matters"),
+            (
+                *("fault", "sizes", "named by a check", "small", "medium", "large"),
+                *("by a check, where it matters", "or by a symptom of the fit", "an ideal test"),
+            ),
             list(fault_rows(found, options.seed, options.each, options.fits)),
         )
         tables.append(made)
+        of_fits = list(symptom_rows(found[: options.fits], options.seed))
+        tables.append(Table("Symptoms of fits without a fault", ("symptom", "fits"), of_fits))
     if options.only in ("all", "real") and DATA.exists():
         tables.append(Table("Recorded files", ("file, and what is known of it", "said", "in all"), list(real_rows())))
     publish("checks", tables, to_file=options.save)

@@ -45,8 +45,10 @@ def fitted_drift(
     drifts = drifts_of(problem.recordings, [state.tag for state in problem.initial_states], _ANY_DRIFT)
     if not drifts:
         return None
-    beside, space = replace(problem, drifts=drifts), _with(context.space, drifts)
-    start = np.append(context.best.values, np.zeros(len(drifts)))
+    width = problem.friction_width  # it may be fixed since: beside a drift it is open again
+    free = (*drifts, width) if width and width.name in context.space.fixed else drifts
+    beside, space = replace(problem, drifts=drifts), _with(context.space, free)
+    start = np.append(context.best.values, [nuisance.start for nuisance in free])
     best = fit_to_convergence(beside, space, context.settings, start)
     if not best.cost < (1.0 - regressors.min_share) * before:
         return None
@@ -66,5 +68,6 @@ def _with(space: ParameterSpace, nuisances: tuple[Nuisance, ...]) -> ParameterSp
         high=np.append(space.high, [n.high for n in nuisances]),
         start=np.append(space.start, [n.start for n in nuisances]),
         log=np.append(space.log, [n.log for n in nuisances]),
+        fixed={name: value for name, value in space.fixed.items() if name not in {n.name for n in nuisances}},
         not_sampled=np.append(space.not_sampled, [not n.sampled for n in nuisances]),
     )
