@@ -30,6 +30,8 @@ from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.excitation.random_drives import random_values
 from brightgrey.kit import PAPER
 from brightgrey.numerics.distributions import norm
+from brightgrey.recordings.checks.checkup import all_checks
+from brightgrey.recordings.checks.examined import Examined
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.simulation.reference import UnsettledError, reference
 from support.drives import AR_POLE, MOTIONS, SHARPNESS, coloured_noise, excitation
@@ -447,37 +449,25 @@ def clean_rows(all_drives: Sequence[Drive], seed: int) -> Iterator[list[str]]:
         yield [f"{name}: {grade}", share(count, len(all_drives))]
 
 
-@dataclass(frozen=True)
-class Case:
-    """A fault of a recording: what was said of it."""
-
-    size: float
-    by_check: bool
-    by_symptom: bool
-    matters: bool
-    ideal: float  #: Power of the ideal test; not a number if it is not known.
-
-
-def cases(all_drives: Sequence[Drive], seed: int, number: int, each: int, fits_each: int) -> Iterator[Case]:
-    """Recordings with the fault of a number; the first `fits_each` are fitted."""
+def faulty_recordings(
+    all_drives: Sequence[Drive], seed: int, number: int, each: int
+) -> Iterator[tuple[Drive, float, Recording]]:
+    """Drives that can have the fault of a number, with its size and their recording; so many at most."""
     fault, count = FAULTS[number], 0
     for drive in all_drives:
         base = taken(seed, drive)
         if not fits(fault, base) or count == each:
             continue
-        rng = np.random.default_rng([seed, drive.number, 2, number])
-        size = log_uniform(rng, *fault.sizes)
-        faulty = fault.make(base, size)
-        named = any(r.check in fault.checks and r.grade in fault.grades for r in check(faulty).results)
-        by_symptom, counts, ideal = False, False, float("nan")
-        if count < fits_each:
-            found = fitted(drive, faulty)
-            counts = matters(clean_fit(seed, drive), found)
-            by_symptom = found is not None and any(title in fault.symptoms for title in found.symptoms)
-            if counts and fault.adds:
-                ideal = ideal_power(seed, drive, fault, size, faulty)
         count += 1
-        yield Case(size, named, by_symptom, counts, ideal)
+        size = log_uniform(np.random.default_rng([seed, drive.number, 2, number]), *fault.sizes)
+        yield drive, size, fault.make(base, size)
+
+
+def is_named(fault: Fault, recording: Recording) -> bool:
+    """True if one of the checks that find a fault says so."""
+    examined = Examined(recording)
+    asked = (one for one in all_checks() if one.name in fault.checks)
+    return any(result.grade in fault.grades for one in asked for result in one.run(examined))
 
 
 CLEAN_FITS: dict[tuple[int, int], Fitted | None] = {}
@@ -492,24 +482,39 @@ def clean_fit(seed: int, drive: Drive) -> Fitted | None:
     return CLEAN_FITS[key]
 
 
-def fault_rows(all_drives: Sequence[Drive], seed: int, each: int, fits_each: int) -> Iterator[list[str]]:
-    """Rows of the faults: named in all, by thirds of their sizes, and where they matter."""
+def named_rows(all_drives: Sequence[Drive], seed: int, each: int) -> Iterator[list[str]]:
+    """Rows of the faults: named by a check in all, and by thirds of their sizes."""
     for number, fault in enumerate(FAULTS):
-        rows = list(cases(all_drives, seed, number, each, fits_each))
+        rows = [(size, is_named(fault, r)) for _, size, r in faulty_recordings(all_drives, seed, number, each)]
         low, high = np.log(fault.sizes)
         thirds = [
-            [r for r in rows if low + k * (high - low) / 3 <= np.log(r.size) <= low + (k + 1) * (high - low) / 3]
+            [r for r in rows if low + k * (high - low) / 3 <= np.log(r[0]) <= low + (k + 1) * (high - low) / 3]
             for k in range(3)
         ]
-        curve = [f"{sum(r.by_check for r in third)} of {len(third)}" for third in thirds]
+        curve = [f"{sum(r[1] for r in third)} of {len(third)}" for third in thirds]
         span = f"{fault.sizes[0]:g} to {fault.sizes[1]:g} {fault.unit}" if high > low else ""
-        row = [fault.name, span, share(sum(r.by_check for r in rows), len(rows))]
+        row = [fault.name, span, share(sum(r[1] for r in rows), len(rows))]
         row += curve if high > low else ["", "", ""]
-        important = [r for r in rows if r.matters]
-        row.append(share(sum(r.by_check for r in important), len(important)))
-        row.append(share(sum(r.by_check or r.by_symptom for r in important), len(important)) if fault.symptoms else "")
-        powers = [r.ideal for r in important if np.isfinite(r.ideal)]
-        row.append(f"{sum(powers):.1f} of {len(powers)}" if powers else "")
+        print(row, flush=True)
+        yield row
+
+
+def matter_rows(all_drives: Sequence[Drive], seed: int, each: int) -> Iterator[list[str]]:
+    """Rows of the faults where they matter: named by a check, or by a symptom of the fit; and by an ideal test."""
+    for number, fault in sorted(enumerate(FAULTS), key=lambda pair: not pair[1].adds):
+        by_check, by_any, powers = [], [], []
+        for drive, size, faulty in faulty_recordings(all_drives, seed, number, each):
+            found = fitted(drive, faulty)
+            if not matters(clean_fit(seed, drive), found):
+                continue
+            by_check.append(is_named(fault, faulty))
+            by_any.append(by_check[-1] or (found is not None and any(t in fault.symptoms for t in found.symptoms)))
+            if fault.adds:
+                powers.append(ideal_power(seed, drive, fault, size, faulty))
+        known = [power for power in powers if np.isfinite(power)]
+        row = [fault.name, share(sum(by_check), len(by_check))]
+        row.append(share(sum(by_any), len(by_any)) if fault.symptoms else "")
+        row.append(f"{sum(known):.1f} of {len(known)}" if known else "")
         print(row, flush=True)
         yield row
 
@@ -598,8 +603,8 @@ def main() -> None:
     parser.add_argument("last", type=int, nargs="?", default=500)
     parser.add_argument("--seed", type=int, default=61)
     parser.add_argument("--each", type=int, default=100, help="recordings with each fault")
-    parser.add_argument("--fits", type=int, default=40, help="of which so many are fitted, to find out if they matter")
-    parser.add_argument("--only", choices=("all", "clean", "faults", "real"), default="all")
+    parser.add_argument("--fits", type=int, default=40, help="recordings with each fault that are fitted")
+    parser.add_argument("--only", choices=("all", "clean", "named", "matter", "real"), default="all")
     parser.add_argument("--save", action="store_true", help="write the tables to bench/results/ for docs/validation/")
     options = parser.parse_args()
     limit_blas_threads()
@@ -608,21 +613,19 @@ def main() -> None:
         return
     tables = []
     if options.only in ("all", "clean"):
-        tables.append(
-            Table("Recordings without a fault", ("said", "recordings"), list(clean_rows(found, options.seed)))
-        )
-    if options.only in ("all", "faults"):
-        made = Table(
-            "Made faults",
-            (
-                *("fault", "sizes", "named by a check", "small", "medium", "large"),
-                *("by a check, where it matters", "or by a symptom of the fit", "an ideal test"),
-            ),
-            list(fault_rows(found, options.seed, options.each, options.fits)),
-        )
-        tables.append(made)
-        of_fits = list(symptom_rows(found[: options.fits], options.seed))
-        tables.append(Table("Symptoms of fits without a fault", ("symptom", "fits"), of_fits))
+        rows = list(clean_rows(found, options.seed))
+        tables.append(Table("Recordings without a fault", ("said", "recordings"), rows))
+    if options.only in ("all", "named"):
+        rows = list(named_rows(found, options.seed, options.each))
+        tables.append(Table("Made faults", ("fault", "sizes", "named", "small", "medium", "large"), rows))
+    if options.only in ("all", "matter"):
+        heads = ("fault", "named by a check", "or by a symptom of the fit", "by an ideal test")
+        rows = []
+        for row in matter_rows(found, options.seed, options.fits):
+            rows.append(row)
+            publish("checks", [Table("Faults that matter", heads, rows)], to_file=options.save)
+        rows = list(symptom_rows(found[: options.fits], options.seed))
+        tables.append(Table("Symptoms of fits without a fault", ("symptom", "fits"), rows))
     if options.only in ("all", "real") and DATA.exists():
         tables.append(Table("Recorded files", ("file, and what is known of it", "said", "in all"), list(real_rows())))
     publish("checks", tables, to_file=options.save)

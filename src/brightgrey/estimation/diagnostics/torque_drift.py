@@ -47,7 +47,7 @@ def fitted_drift(
         return None
     width = problem.friction_width  # it may be fixed since: beside a drift it is open again
     free = (*drifts, width) if width and width.name in context.space.fixed else drifts
-    beside, space = replace(problem, drifts=drifts), _with(context.space, free)
+    beside, space = replace(problem, drifts=drifts), _space_beside(context.space, free)
     start = np.append(context.best.values, [nuisance.start for nuisance in free])
     best = fit_to_convergence(beside, space, context.settings, start)
     if not best.cost < (1.0 - regressors.min_share) * before:
@@ -59,7 +59,7 @@ def fitted_drift(
     return (2.0 * value, 2.0 * std) if abs(value) > limit * std else None
 
 
-def _with(space: ParameterSpace, nuisances: tuple[Nuisance, ...]) -> ParameterSpace:
+def _space_beside(space: ParameterSpace, nuisances: tuple[Nuisance, ...]) -> ParameterSpace:
     """A parameter space with further nuisances."""
     return replace(
         space,

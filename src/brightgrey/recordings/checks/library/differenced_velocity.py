@@ -37,7 +37,7 @@ def run(examined: Examined) -> Iterator[CheckResult]:
         if signal.kind != "velocity" or is_constant(y) or np.ptp(y) >= READING.coarse_levels * step:
             continue
         (one, two), limits = max(
-            ((_correlations(y, order), _limits(order)) for order in POLICY.orders),
+            ((_noise_correlations(y, order), _limits(order)) for order in POLICY.orders),
             key=lambda pair: min(pair[1][0] - pair[0][0], pair[0][1] - pair[1][1]),
         )
         figure = f"'{signal.name}' moves in steps of {step * signal.factor:.4g} {signal.unit}, its noise has the"
@@ -55,7 +55,7 @@ def run(examined: Examined) -> Iterator[CheckResult]:
             yield passed(figure, threshold)
 
 
-def _correlations(y: Array, order: int) -> tuple[float, float]:
+def _noise_correlations(y: Array, order: int) -> tuple[float, float]:
     """Correlations of neighbouring differences, and of those after."""
     noise = np.diff(y, order)
     power = max(float(noise @ noise), 1e-300)

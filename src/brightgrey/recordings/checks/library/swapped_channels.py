@@ -48,7 +48,7 @@ def run(examined: Examined) -> Iterator[CheckResult]:
     sound, swapped = _helps(u, v), _helps(v, u)
     leads = _leads(examined)
     figure = (
-        f"the input's past helps to predict the velocity with a likelihood ratio of {sound:.0f}, and the velocity's past"
+        f"the input's past helps to predict the velocity with a likelihood ratio of {sound:.0f}, the velocity's past"
         f" the input with {swapped:.0f}; the velocity {'leads' if leads > 0 else 'lags'}"
     )
     threshold = f"p < {POLICY.level:g}, {POLICY.ratio:g} times the other one, and the velocity leads"
@@ -69,11 +69,11 @@ def _helps(cause: Array, effect: Array) -> float:
     x, y = ((s - s.mean()) / np.std(s) for s in (cause, effect))
     own, other = (np.lib.stride_tricks.sliding_window_view(s, POLICY.past)[:-1] for s in (y, x))
     alone = np.column_stack([own, np.ones(len(own))])
-    without, both = (_left(terms, y[POLICY.past :]) for terms in (alone, np.column_stack([alone, other])))
+    without, both = (_rest_of_squares(terms, y[POLICY.past :]) for terms in (alone, np.column_stack([alone, other])))
     return len(own) * float(log_ratio(without, both))
 
 
-def _left(terms: Array, y: Array) -> float:
+def _rest_of_squares(terms: Array, y: Array) -> float:
     """Sum of squares that a regression leaves; that of rounding at least."""
     residual = y - terms @ np.linalg.lstsq(terms, y, rcond=1e-10)[0]
     return max(float(residual @ residual), 1e-20 * y.size)
