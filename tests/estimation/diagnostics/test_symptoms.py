@@ -99,6 +99,29 @@ def test_symptoms__drift__has_its_size():
     assert size == pytest.approx(0.05 * np.abs(measured.y).max(), rel=0.2)
 
 
+@pytest.mark.parametrize("share", [0.1, 0.4])
+def test_symptoms__torque_that_drifts__has_its_size(share):
+    """A large one bends the parameters so far that the residual alone does not show it."""
+    ramp = share * np.abs(TORQUE).max() * np.linspace(-0.5, 0.5, TORQUE.size)
+    measured = measured_from("one_mass+coulomb+viscous", RIGID)
+    found = symptoms_of("one_mass+coulomb+viscous", recording(measured.y[0], TORQUE - ramp))
+    observation = found["Torque drifts"].observation
+    if "±" in observation:
+        size = float(observation.split("by ")[1].split(" ±")[0])
+        assert size == pytest.approx(share * np.abs(TORQUE).max(), rel=0.1)
+
+
+def test_symptoms__one_output_late__is_not_of_one_time():
+    y = reference("one_mass+coulomb+viscous", RIGID, TORQUE, E.dt, f_tanh=E.f_tanh, outputs=["position", "velocity"])
+    late = np.interp(np.arange(TORQUE.size) - 3.0, np.arange(TORQUE.size), y[1])
+    noise = 1e-3 * np.random.default_rng(7).standard_normal(y.shape) * np.abs(y).max(axis=1, keepdims=True)
+    measured = make_recording(TORQUE, np.array([y[0], late]) + noise, dt=E.dt, kind=("position", "velocity"))
+    symptom = symptoms_of("one_mass+coulomb+viscous", measured)["Outputs are not of one time"]
+    assert "later" in symptom.observation
+    shift = float(symptom.advice.split("=")[1].rstrip("'"))
+    assert shift == pytest.approx(-3.0 * E.dt, rel=0.2)
+
+
 def test_symptoms__friction_by_direction__is_named():
     pushed = TORQUE.copy()
     clean = reference("one_mass+coulomb+viscous", RIGID, TORQUE, E.dt, f_tanh=E.f_tanh).reshape(-1)

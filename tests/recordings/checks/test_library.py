@@ -110,6 +110,13 @@ def test_outputs__late_velocity__says_how_late(made, motion):
     assert float(shift) == pytest.approx(-5 * E.dt, abs=0.5 * E.dt)
 
 
+def test_outputs__first_sample_far_off__is_no_delay(made, motion):
+    """The filter begins with it, and forgets it slowly."""
+    noisy = motion["position"] + 0.3 * np.random.default_rng(2).standard_normal(E.samples)
+    noisy[0] = 1.0
+    assert said(made("position", "velocity", position=noisy), "outputs") == []
+
+
 def test_outputs__twisted_shaft__is_no_delay(made, motion):
     """The load's position lags by what accelerates the load, which is no delay."""
     load = reference(
@@ -126,6 +133,24 @@ def test_swapped_channels__torque_for_velocity__is_minded(made, motion):
     noisy = motion["velocity"] + 0.05 * np.random.default_rng(1).standard_normal(E.samples)
     (mind,) = said(made("velocity", u=noisy, velocity=E.torque()), "swapped channels")
     assert "swap --input and --output" in mind.sentence
+
+
+def test_swapped_channels__elastic_drive__is_minded():
+    """Its velocity is smooth and rings; only the order of cause and effect tells."""
+    values = VALUES | {"J2": 0.02, "c1": 10.0, "d1": 0.01}
+    t = E.dt * np.arange(E.samples)
+    u = 2.0 * np.sin(2.0 * np.pi * (2.0 * t + 5.0 * t**2))
+    v = reference("two_mass+coulomb+viscous", values, u, E.dt, f_tanh=200.0, outputs=("velocity",))[0]
+    noisy = v + 0.01 * np.ptp(v) * np.random.default_rng(1).standard_normal(v.size)
+    signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
+    assert said(Recording("axis", t, noisy, u[None], *signals), "swapped channels", "mind")
+    assert said(Recording("axis", t, u, noisy[None], *signals), "swapped channels") == []
+
+
+def test_swapped_channels__controller_that_answers_to_the_velocity__is_none(made, motion):
+    noise = 0.3 * np.random.default_rng(5).standard_normal(E.samples)
+    recording = made("velocity", u=E.torque() - 0.5 * np.roll(noise, 1), velocity=motion["velocity"] + noise)
+    assert said(recording, "swapped channels") == []
 
 
 def test_setpoint__polynomial_course__is_minded(made, motion):
@@ -157,6 +182,15 @@ def test_differenced_velocity__counts_per_sample__names_the_kind(made, motion):
     assert said(made("velocity", velocity=rounded), "differenced velocity") == []
 
 
+def test_differenced_velocity__fast_motion__names_the_kind(made):
+    """Its second differences are those of the motion, its third ones those of the encoder."""
+    t = E.dt * np.arange(E.samples)
+    counts = np.floor(np.cumsum(5.0 * np.sin(2.0 * np.pi * 20.0 * t)))
+    y = np.diff(counts, prepend=counts[0])
+    (mind,) = said(made("velocity", velocity=y), "differenced velocity")
+    assert mind.remedy == {"output": ["velocity:velocity-differenced"]}
+
+
 def test_limits__clipped_output__is_minded(made, motion):
     y = np.minimum(motion["velocity"], 0.8 * motion["velocity"].max())
     assert said(made("velocity", velocity=y), "limits", "mind")
@@ -180,6 +214,23 @@ def test_outliers__samples_lost_without_a_gap_in_the_time__is_a_jump(made, motio
     (jump,) = said(shorter, "outliers", "mind")
     assert "jumps 1 times" in jump.figure
     assert f"{shorter.t[at - 1]:.6g} s" in jump.sentence
+
+
+def test_outliers__samples_lost_of_a_smooth_input__is_a_jump_of_it(made):
+    """Where the drive hardly moves, its position does not show the loss."""
+    t = E.dt * np.arange(E.samples)
+    u = np.round(np.sin(2.0 * np.pi * 3.0 * t) + 0.5 * np.sin(2.0 * np.pi * 7.0 * t + 1.0), 3)
+    whole = made("position", u=u, position=0.01 * np.random.default_rng(2).standard_normal(E.samples))
+    assert said(whole, "outliers") == []
+    kept = np.r_[0:600, 610 : E.samples]
+    shorter = replace(whole, t=whole.t[: kept.size], u=whole.u[kept], y=whole.y[:, kept], resolution=np.empty(0))
+    (jump,) = said(shorter, "outliers", "mind")
+    assert f"'torque' jumps at {shorter.t[599]:.6g} s" in jump.sentence
+
+
+def test_outliers__planned_step_of_the_input__is_no_jump(made):
+    u = np.where(np.arange(E.samples) < 300, 0.0, 1.0)
+    assert said(made("velocity", u=u), "outliers") == []
 
 
 def test_outliers__impacts_of_a_gap__are_no_jumps(made):

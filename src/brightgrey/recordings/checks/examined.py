@@ -39,7 +39,8 @@ def noise_of(x: Array) -> float:
 
     It is a median, so that jumps do not count, and at least what rounding to the signal's resolution makes.
     """
-    return float(max(float(difference_noise(x, 3)), resolution(x) / np.sqrt(12.0)))
+    noise = float(difference_noise(x, 3)) if x.size > 3 else 0.0
+    return float(max(noise, resolution(x) / np.sqrt(12.0)))
 
 
 @dataclass(frozen=True)
