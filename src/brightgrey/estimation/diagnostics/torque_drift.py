@@ -40,7 +40,7 @@ def fitted_drift(
     to differ from zero at the level of the symptoms.
     """
     problem, before = context.problem, context.best.cost
-    if problem.drifts or not np.isfinite(before):
+    if not np.isfinite(before) or problem.drifts:
         return None
     drifts = drifts_of(problem.recordings, [state.tag for state in problem.initial_states], _ANY_DRIFT)
     if not drifts:
