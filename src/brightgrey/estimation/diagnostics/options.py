@@ -79,6 +79,8 @@ class RegressorOptions:
     max_frequency: float = 0.3  #: Frequency of the fastest candidate resonance, relative to the sampling rate.
     damping_ratio: float = 0.05  #: Damping ratio of the candidate resonances, so that they overlap.
     min_share: float = 0.01  #: Part of the residual's sum of squares that a regressor has to explain.
+    #: The same of one output that comes late: nothing but its clock is asked then.
+    min_share_of_skew: float = 1e-3
     min_new: float = 1e-6  #: Part of a regressor that has to be independent of what is known.
     max_detected: int = 3  #: Largest number of regressors that are detected.
     max_examined: int = 16  #: Regressors that explain most are examined in detail, so many.

@@ -32,6 +32,7 @@ __all__ = [
     "ResidualRegressor",
     "candidate_regressors",
     "motions",
+    "skew_regressors",
 ]
 
 _MOTION = (Signal("speed", "velocity", "rad/s"), Signal("position", "position", "rad"))
@@ -122,7 +123,6 @@ def candidate_regressors(
         found.append(ResidualRegressor(RESONANCE, twist_and_rate, frequency=frequency))
     if not any(p.lag for p in structure.parameters.values()):
         found.append(ResidualRegressor(TIME_SHIFT, _output_rates(problem, residual)[:, None]))
-    found += _skews(problem, residual)
     return [regressor for regressor in found if np.isfinite(regressor.columns).all() and regressor.columns.any()]
 
 
@@ -213,7 +213,7 @@ def _output_rates(problem: SimulationErrorProblem, residual: Array) -> Array:
     return rates
 
 
-def _skews(problem: SimulationErrorProblem, residual: Array) -> list[ResidualRegressor]:
+def skew_regressors(problem: SimulationErrorProblem, residual: Array) -> list[ResidualRegressor]:
     """Every output but the first one late, in all recordings."""
     rates, later = _output_rates(problem, residual), range(1, len(problem.recordings[0].outputs))
     found = []

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.effects import DAMPING, Effect, Scales, registry
-from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS, PEAK_DEFAULTS, DiagnosticOptions
+from brightgrey.estimation.diagnostics.options import (
+    DIAGNOSTIC_DEFAULTS,
+    PEAK_DEFAULTS,
+    REGRESSOR_DEFAULTS,
+    DiagnosticOptions,
+)
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.diagnostics.residual_regressors import (
-    CLOCK_SKEW,
     DRIFT,
     RESONANCE,
     TIME_SHIFT,
     ResidualRegressor,
     candidate_regressors,
     motions,
+    skew_regressors,
 )
 from brightgrey.estimation.diagnostics.residual_tests import Candidate, Detected, detect_regressors
 from brightgrey.estimation.diagnostics.spectral_peaks import Peak, highest_peak
@@ -75,7 +80,11 @@ def residual_symptoms(
     if not np.isfinite(context.best.cost) or not context.best.residual.any():
         return ()
     arrays = context.space.named(context.best.values[:, None])
-    return (*_peaks(context, arrays, options), *_detected(context, arrays, scales, options))
+    return (
+        *_peaks(context, arrays, options),
+        *_late_outputs(context, options),
+        *_detected(context, arrays, scales, options),
+    )
 
 
 # --- parameters ---
@@ -207,11 +216,22 @@ def _detected(
             found.append(_resonance(hit, regressors[hit.number].frequency, problem.structure))
         elif kind == TIME_SHIFT:
             found.append(_time_shift(hit, problem.recordings, options))
-        elif kind == CLOCK_SKEW:
-            found.append(_clock_skew(hit, regressors[hit.number], problem.recordings))
         else:
             found.append(_SYMPTOM_OF[kind](hit, problem.recordings))
     return found
+
+
+def _late_outputs(context: FitContext, options: DiagnosticOptions) -> list[Symptom]:
+    """Outputs that come late against the others."""
+    problem, best = context.problem, context.best
+    regressors = skew_regressors(problem, best.residual)
+    candidates = [Candidate(r.columns, r.kind) for r in regressors if np.isfinite(r.columns).all() and r.columns.any()]
+    if len(candidates) < max(len(regressors), 1):
+        return []
+    own = replace(REGRESSOR_DEFAULTS, min_share=REGRESSOR_DEFAULTS.min_share_of_skew)
+    level, lengths = options.symptom_level, problem.segment_lengths
+    hits = detect_regressors(best.residual, best.jacobian, lengths, candidates, level, own)
+    return [_clock_skew(hit, regressors[hit.number], problem.recordings) for hit in hits]
 
 
 def _explains(hit: Detected) -> str:

@@ -10,12 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from brightgrey.estimation.diagnostics.options import (
-    DIAGNOSTIC_DEFAULTS,
-    REGRESSOR_DEFAULTS,
-    DiagnosticOptions,
-    RegressorOptions,
-)
+from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS, DiagnosticOptions
 from brightgrey.estimation.diagnostics.outcome import FitContext
 from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
 from brightgrey.estimation.problem.drift import DriftOptions, drifts_of
@@ -29,18 +24,13 @@ __all__ = ["fitted_drift"]
 _ANY_DRIFT = DriftOptions(shortest=0.0, largest=0.5)
 
 
-def fitted_drift(
-    context: FitContext,
-    options: DiagnosticOptions = DIAGNOSTIC_DEFAULTS,
-    regressors: RegressorOptions = REGRESSOR_DEFAULTS,
-) -> tuple[float, float] | None:
+def fitted_drift(context: FitContext, options: DiagnosticOptions = DIAGNOSTIC_DEFAULTS) -> tuple[float, float] | None:
     """Drift of the torque over a recording and its standard deviation, SI; None if no fit needs one.
 
-    Of several recordings it is the clearest drift. It has to explain as much of the residual as any other pattern, and
-    to differ from zero at the level of the symptoms.
+    Of several recordings it is the clearest drift. It has to differ from zero at the level of the symptoms.
     """
     problem, before = context.problem, context.best.cost
-    if not np.isfinite(before) or problem.drifts:
+    if not 0.0 < before < np.inf or problem.drifts:
         return None
     drifts = drifts_of(problem.recordings, [state.tag for state in problem.initial_states], _ANY_DRIFT)
     if not drifts:
@@ -50,7 +40,7 @@ def fitted_drift(
     beside, space = replace(problem, drifts=drifts), _space_beside(context.space, free)
     start = np.append(context.best.values, [nuisance.start for nuisance in free])
     best = fit_to_convergence(beside, space, context.settings, start)
-    if not best.cost < (1.0 - regressors.min_share) * before:
+    if not best.cost < before:
         return None
     found = estimates_of(beside, space, context.settings, best).by_name
     known = [(found[drift.name].value, found[drift.name].std or np.inf) for drift in drifts]
