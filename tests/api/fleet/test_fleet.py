@@ -117,6 +117,12 @@ def test_wrong_manifests_are_refused(tmp_path, text, said):
         read_manifest(tmp_path / "fleet.csv")
 
 
+def test_manifest__files_beside_a_recording__are_those_beside_the_manifest(tmp_path):
+    (tmp_path / "fleet.csv").write_text("recording, beside\na/u.csv, a/v.csv; a/w.csv\n")
+    (axis,) = read_manifest(tmp_path / "fleet.csv")
+    assert axis.options["beside"] == [str(tmp_path / "a" / "v.csv"), str(tmp_path / "a" / "w.csv")]
+
+
 def test_a_manifest_in_csv(tmp_path):
     (tmp_path / "fleet.csv").write_text("name, recording, output, dt\nx, a.csv; b.csv, v:velocity; a, 0.001\n")
     (axis,) = read_manifest(tmp_path / "fleet.csv")

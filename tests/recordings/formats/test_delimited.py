@@ -173,12 +173,24 @@ def test_read_delimited__header_of_numbers__can_be_forced(tmp_path: Path) -> Non
     np.testing.assert_array_equal(recording.u, U)
 
 
+def test_read_delimited__one_column_in_each_file__is_read_with_its_interval(tmp_path: Path) -> None:
+    (tmp_path / "u.csv").write_text("motor torque [N m]\n" + "\n".join(f"{u}" for u in U))
+    (tmp_path / "v.csv").write_text("\n".join(f"{v}" for v in V))
+    recording = read_recording(
+        tmp_path / "u.csv", input="motor torque", outputs="v.1:velocity", beside=[tmp_path / "v.csv"], dt=0.01
+    )
+    np.testing.assert_array_equal(recording.u, U)
+    np.testing.assert_array_equal(recording.y, [V])
+    assert recording.input.unit == "N m"
+
+
 BAD = {
     "empty": ([], "run.csv: the file is empty"),
     "comments only": (["# nothing"], "the file is empty but for comments"),
     "header only": (["t,torque,velocity"], "no columns of numbers"),
     "prose": (["This is a letter.", "It has no numbers."], "no columns of numbers"),
-    "one column": (["torque", *(f"{u}" for u in U)], "no columns of numbers"),
+    "one column": (["torque", *(f"{u}" for u in U)], "unknown column 'velocity'. Columns: torque"),
+    "few numbers in prose": (["A letter.", "12", "It has one number."], "no columns of numbers"),
     "missing column": (
         ["t,torqe,velocity", *rows()],
         "unknown column 'torque'. Did you mean 'torqe'? Columns: t, torqe",

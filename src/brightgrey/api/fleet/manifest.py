@@ -122,6 +122,8 @@ def _axis(path: Path, number: int, row: Mapping[str, Any]) -> Axis:
     if not files:
         raise SettingsError(f"{where} names no recording")
     recordings = tuple(path.parent / name for name in files)
+    if "beside" in options:
+        options["beside"] = [str(path.parent / name) for name in options["beside"]]
     name = row.get("name", recordings[0].stem)
     if not _FOLDER.fullmatch(name):
         raise SettingsError(f"{where}: '{name}' is no name of a folder; letters, digits, '.', '_' and '-' are allowed")

@@ -181,8 +181,8 @@ def _find_dialect(
     dialect, score = find_dialect([*head.text[: READING.sampled_lines], *spread.over()], candidates)
     if score == 0.0:
         raise RecordingError(
-            f"{name}: no columns of numbers found; expected rows of two numbers at least, with comma,"
-            " semicolon, tab or space between them"
+            f"{name}: no columns of numbers found; expected rows of numbers with comma, semicolon, tab or space between"
+            " them, or one number in each row"
         )
     # The sampled lines may hold whole numbers only.
     whole = decimal is None and dialect.delimiter != "," and dialect.decimal == "." and not dialect.thousands

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from brightgrey.errors import SettingsError, unknown_name
 
 __all__ = ["MISSING", "Dialect", "dialects", "find_dialect", "with_thousands"]
@@ -134,7 +136,8 @@ def find_dialect(lines: Sequence[str], candidates: Sequence[Dialect]) -> tuple[D
     -------
     dialect : Dialect
     score : float
-        Share of numbers among the fields of the lines that have the usual number of fields (at least two).
+        Share of numbers among the fields of the lines that have the usual number of fields (at least two). Without
+        such lines, the share of those that are one number, if it is the larger part.
     """
 
     def score(dialect: Dialect) -> float:
@@ -152,4 +155,7 @@ def find_dialect(lines: Sequence[str], candidates: Sequence[Dialect]) -> tuple[D
     shown = [with_thousands(dialect, lines) for dialect in candidates]
     scores = [score(dialect) for dialect in shown]
     best = max(scores)
-    return shown[scores.index(best)], best
+    if best == 0.0:
+        scores = [sum(map(dialect.is_number, map(str.strip, lines))) / len(lines) for dialect in shown]
+        best = max(scores) if max(scores) > 0.5 else 0.0
+    return shown[int(np.argmax(scores))], best
