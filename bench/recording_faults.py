@@ -13,6 +13,7 @@ is computed where the fault adds something to a signal.
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -36,7 +37,7 @@ from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.simulation.reference import UnsettledError, reference
 from support.drives import AR_POLE, MOTIONS, SHARPNESS, coloured_noise, excitation
 from support.measured import DATA
-from support.results import Table, publish
+from support.results import RESULTS, Table, publish
 from support.statistics import share
 
 DT = PAPER_EXPERIMENT.dt
@@ -499,9 +500,11 @@ def named_rows(all_drives: Sequence[Drive], seed: int, each: int) -> Iterator[li
         yield row
 
 
-def matter_rows(all_drives: Sequence[Drive], seed: int, each: int) -> Iterator[list[str]]:
+def matter_rows(all_drives: Sequence[Drive], seed: int, each: int, kinds: Sequence[str]) -> Iterator[list[str]]:
     """Rows of the faults where they matter: named by a check, or by a symptom of the fit; and by an ideal test."""
-    for number, fault in sorted(enumerate(FAULTS), key=lambda pair: not pair[1].adds):
+    for number, fault in enumerate(FAULTS):
+        if kinds and fault.name not in kinds:
+            continue
         by_check, by_any, powers = [], [], []
         for drive, size, faulty in faulty_recordings(all_drives, seed, number, each):
             found = fitted(drive, faulty)
@@ -517,6 +520,12 @@ def matter_rows(all_drives: Sequence[Drive], seed: int, each: int) -> Iterator[l
         row.append(f"{sum(known):.1f} of {len(known)}" if known else "")
         print(row, flush=True)
         yield row
+
+
+def saved_rows(title: str) -> dict[str, list[str]]:
+    """Rows of the saved table of a title, by their first cell."""
+    saved = json.loads((RESULTS / "checks.json").read_text(encoding="utf-8"))
+    return {row[0]: row for table in saved["tables"] if table["title"] == title for row in table["rows"]}
 
 
 def symptom_rows(all_drives: Sequence[Drive], seed: int) -> Iterator[list[str]]:
@@ -604,6 +613,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=61)
     parser.add_argument("--each", type=int, default=100, help="recordings with each fault")
     parser.add_argument("--fits", type=int, default=40, help="recordings with each fault that are fitted")
+    parser.add_argument("--kinds", nargs="*", default=[], help="faults that matter: only these, beside those saved")
     parser.add_argument("--only", choices=("all", "clean", "named", "matter", "real"), default="all")
     parser.add_argument("--save", action="store_true", help="write the tables to bench/results/ for docs/validation/")
     options = parser.parse_args()
@@ -620,9 +630,10 @@ def main() -> None:
         tables.append(Table("Made faults", ("fault", "sizes", "named", "small", "medium", "large"), rows))
     if options.only in ("all", "matter"):
         heads = ("fault", "named by a check", "or by a symptom of the fit", "by an ideal test")
-        rows = []
-        for row in matter_rows(found, options.seed, options.fits):
-            rows.append(row)
+        by_fault = saved_rows("Faults that matter") if options.kinds else {}
+        for row in matter_rows(found, options.seed, options.fits, options.kinds):
+            by_fault[row[0]] = row
+            rows = [by_fault[fault.name] for fault in FAULTS if fault.name in by_fault]
             publish("checks", [Table("Faults that matter", heads, rows)], to_file=options.save)
         rows = list(symptom_rows(found[: options.fits], options.seed))
         tables.append(Table("Symptoms of fits without a fault", ("symptom", "fits"), rows))

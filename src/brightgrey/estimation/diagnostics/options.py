@@ -102,6 +102,7 @@ class DiagnosticOptions:
     reversal_speed: float = 0.02  #: Part of the largest speed that counts as motion in the other direction.
     half_sample: tuple[float, float] = (0.3, 0.7)  #: Range of a lag, in sampling intervals, that may be half a sample.
     large_lag: float = 2.0  #: Sampling intervals from which a lag is large.
+    drift_level: float = 1e-3  #: Probability of a drift, fitted beside the parameters, in a recording without one.
     symptom_level: float = 0.01  #: Probability of a regressor in residuals that follow nothing, and the same of a peak.
 
 

@@ -27,7 +27,7 @@ _ANY_DRIFT = DriftOptions(shortest=0.0, largest=0.5)
 def fitted_drift(context: FitContext, options: DiagnosticOptions = DIAGNOSTIC_DEFAULTS) -> tuple[float, float] | None:
     """Drift of the torque over a recording and its standard deviation, SI; None if no fit needs one.
 
-    Of several recordings it is the clearest drift. It has to differ from zero at the level of the symptoms.
+    Of several recordings it is the clearest drift. It has to differ from zero beyond chance.
     """
     problem, before = context.problem, context.best.cost
     if not 0.0 < before < np.inf or problem.drifts:
@@ -45,7 +45,7 @@ def fitted_drift(context: FitContext, options: DiagnosticOptions = DIAGNOSTIC_DE
     found = estimates_of(beside, space, context.settings, best).by_name
     known = [(found[drift.name].value, found[drift.name].std or np.inf) for drift in drifts]
     value, std = max(known, key=lambda pair: abs(pair[0]) / pair[1])
-    limit = float(norm.isf(0.5 * options.symptom_level / len(drifts)))
+    limit = float(norm.isf(0.5 * options.drift_level / len(drifts)))
     return (2.0 * value, 2.0 * std) if abs(value) > limit * std else None
 
 
