@@ -614,7 +614,7 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=100, help="recordings with each fault")
     parser.add_argument("--fits", type=int, default=40, help="recordings with each fault that are fitted")
     parser.add_argument("--kinds", nargs="*", default=[], help="faults that matter: only these, beside those saved")
-    parser.add_argument("--only", choices=("all", "clean", "named", "matter", "real"), default="all")
+    parser.add_argument("--only", choices=("all", "clean", "named", "matter", "symptoms", "real"), default="all")
     parser.add_argument("--save", action="store_true", help="write the tables to bench/results/ for docs/validation/")
     options = parser.parse_args()
     limit_blas_threads()
@@ -635,6 +635,7 @@ def main() -> None:
             by_fault[row[0]] = row
             rows = [by_fault[fault.name] for fault in FAULTS if fault.name in by_fault]
             publish("checks", [Table("Faults that matter", heads, rows)], to_file=options.save)
+    if options.only in ("all", "symptoms"):
         rows = list(symptom_rows(found[: options.fits], options.seed))
         tables.append(Table("Symptoms of fits without a fault", ("symptom", "fits"), rows))
     if options.only in ("all", "real") and DATA.exists():
