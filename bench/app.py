@@ -188,7 +188,7 @@ def _reactions(user: User, count: int, *, while_running: bool = False) -> list[s
     for number in range(count):
         taken.append(user.page.evaluate(MEASURE, [stages[number % 2 - 1], stages[number % 2]]))
         user.page.wait_for_timeout(80)
-        if while_running and number % 2 and not user.page.query_selector('[data-key="pause"]'):
+        if while_running and number % 2 and not user.page.query_selector('[data-key="stop"]'):
             break
     return [f"{np.median(taken):.0f}", f"{np.percentile(taken, 95):.0f}", str(len(taken))]
 

@@ -1,4 +1,4 @@
-"""A search outlives the browser and the server, can be paused, and ends with the bytes of the command line."""
+"""A search outlives the browser and the server, goes on where it was stopped, and ends as by the command line."""
 
 import os
 import signal
@@ -73,7 +73,7 @@ def start_search(browser, app, name):
         page = context.pages[0]
         page.goto(f"{app.base}/project/{name}/search")
         page.click('[data-key="start"]')
-        page.wait_for_selector('[data-key="pause"]')
+        page.wait_for_selector('[data-key="stop"]')
 
 
 @pytest.mark.parametrize("everything", [True, False])
@@ -101,7 +101,7 @@ def test_search__server_killed_and_started_again__ends_with_the_same_bytes(brows
     wait_until(lambda: descendants(second.process.pid) == [])
 
 
-def test_search__paused_and_gone_on_with__ends_with_the_same_bytes(browser, tmp_path, monkeypatch):
+def test_search__stopped_and_gone_on_with__ends_with_the_same_bytes(browser, tmp_path, monkeypatch):
     workspace, name = prepared(tmp_path / "w", few=False)
     run = workspace.path(name) / "runs" / "run-1"
     app = RunningApp(workspace.root)
@@ -109,7 +109,7 @@ def test_search__paused_and_gone_on_with__ends_with_the_same_bytes(browser, tmp_
         visit.page.goto(f"{app.base}/project/{name}/search")
         visit.click("start")
         wait_until(lambda: evaluations(run) >= 2)
-        visit.click("pause")
+        visit.click("stop")
         visit.wait('[data-key="start"]')
         assert read_status(run).state == "unfinished"
         assert workspace.load(name).runs[0].wanted == "paused"

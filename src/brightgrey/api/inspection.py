@@ -125,6 +125,7 @@ def inspect(path: str | Path) -> Inspection:
         notes=opened.notes,
     )
     suggested = suggest(channels, time)
+    del opened, profiles, values, channels  # the file is read again below: a large one has no room twice
     if isinstance(suggested, str):
         return replace(inspection, problem=suggested)
     return _tried(inspection, suggested)

@@ -47,11 +47,16 @@ def serve(folder: Path, *, host: str, port: int, password: str | None, show: boo
     Raises
     ------
     SettingsError
-        If the workspace cannot be made.
+        If the workspace cannot be made, or another server works in it.
     """
     workspace = Workspace(folder)
-    services = AppServices(workspace, JobQueue(workspace), Desk())
-    rules = AccessRules(host, port, password)
+    with workspace.only_here():
+        services = AppServices(workspace, JobQueue(workspace), Desk())
+        _run_server(services, AccessRules(host, port, password), show)
+
+
+def _run_server(services: AppServices, rules: AccessRules, show: bool) -> None:
+    """Serve pages until Ctrl-C."""
     _add_pages(services)
     _add_routes(services)
     core.sio.eio.cors_allowed_origins = rules.origins if rules.is_local else None  # None: the host of the request
@@ -60,7 +65,9 @@ def serve(folder: Path, *, host: str, port: int, password: str | None, show: boo
     def begin() -> None:
         services.desk.warm_up()
         loop = asyncio.get_running_loop()
-        watching.extend((loop.create_task(services.watch()), loop.create_task(_announce(workspace, rules, show))))
+        watching.extend(
+            (loop.create_task(services.watch()), loop.create_task(_announce(services.workspace, rules, show)))
+        )
 
     def end() -> None:
         for task in watching:
@@ -72,8 +79,8 @@ def serve(folder: Path, *, host: str, port: int, password: str | None, show: boo
     app.on_shutdown(end)
     app.add_middleware(Gate, rules=rules)
     ui.run(
-        host=host,
-        port=port,
+        host=rules.host,
+        port=rules.port,
         title="Brightgrey",
         favicon=STATIC / "icon.svg",
         language="en-US",

@@ -102,7 +102,7 @@ class AppServices:
         self.ticks += 1
         return run.name
 
-    def pause_search(self, name: str, run: str) -> None:
+    def stop_search(self, name: str, run: str) -> None:
         """End a search as Ctrl-C does: it keeps the best so far, and can go on."""
         self.workspace.change(name, lambda d: d.with_run(run, wanted="paused"))
         self.queue.interrupt((name, run, "identify"))

@@ -138,6 +138,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     except OSError as error:
         return _fail(f"{error.strerror or error}" + (f": '{error.filename}'" if error.filename else ""))
+    except MemoryError:
+        return _fail(
+            "the memory does not suffice; use fewer samples: --decimate N, --window A:B, or a file cut out of it"
+        )
     except (KeyboardInterrupt, typer.Abort):  # before a command has begun
         return 130
     if not given:

@@ -65,7 +65,9 @@ def open_table(
     except OSError as error:
         raise RecordingError(f"{file.name}: the file cannot be read ({error.strerror})") from error
     except MemoryError as error:
-        raise RecordingError(f"{file.name}: the file does not fit into the memory; read a part of it") from error
+        raise RecordingError(
+            f"{file.name}: the file does not fit into the memory; cut out the seconds that matter"
+        ) from error
 
 
 def _named(table: Table) -> Table:

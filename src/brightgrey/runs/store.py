@@ -1,8 +1,7 @@
 """Store of a run: one SQLite file per output folder with the request, every evaluation and the results.
 
 Each row carries the hash of its content. The file is checked as a whole when it is opened, so a damaged file is named
-and never read as a result. A second file, always empty, carries the lock. It is SQLite's own lock, which ends with its
-process, however that dies.
+and never read as a result. A second file, always empty, carries the lock, which ends with its process.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from brightgrey.errors import BrightgreyError
+from brightgrey.file_lock import hold_lock
 from brightgrey.runs.serialisation import canonical, digest
 
 __all__ = ["FILE", "LOCK", "RunError", "Store", "checked_facts", "connect", "damaged", "exclusive_folder"]
@@ -249,16 +249,9 @@ def exclusive_folder(folder: Path) -> Iterator[None]:
 
 def _acquire_lock(folder: Path) -> sqlite3.Connection:
     """Lock of the folder, held until the connection is closed or the process ends."""
-    lock = sqlite3.connect(folder / LOCK, timeout=_LOCK_TIMEOUT, isolation_level=None, check_same_thread=False)
-    try:
-        lock.execute("BEGIN EXCLUSIVE")
-    except sqlite3.OperationalError as error:
-        lock.close()
-        if "locked" in str(error):
-            raise RunError(
-                f"another process is at work in '{folder}'; wait for its end, or use another folder"
-            ) from None
-        raise
+    lock = hold_lock(folder / LOCK, timeout=_LOCK_TIMEOUT)
+    if lock is None:
+        raise RunError(f"another process is at work in '{folder}'; wait for its end, or use another folder")
     return lock
 
 

@@ -1,5 +1,8 @@
 """Projects on the disk."""
 
+import subprocess
+import sys
+
 import pytest
 
 from brightgrey.app.workspace.folder import Workspace, recording_file_name, slug
@@ -77,3 +80,20 @@ def test_usable_limits__leave_out_what_is_no_number_above_zero():
 def test_slug__of_any_title__is_a_name():
     assert slug("  X axis / 2 ") == "x-axis-2"
     assert slug("日本") == "project"
+
+
+def test_workspace__held_by_another_process__is_refused_until_that_is_killed(tmp_path):
+    held = "import sys, time; from brightgrey.app.workspace.folder import Workspace\n"
+    held += "with Workspace(sys.argv[1]).only_here(): print('held', flush=True); time.sleep(60)"
+    command = [sys.executable, "-c", held, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "held\n"
+        with (
+            pytest.raises(SettingsError, match=r"open in .* already; go on in its page"),
+            Workspace(tmp_path).only_here(),
+        ):
+            pass
+        other.kill()
+        other.wait()
+        with Workspace(tmp_path).only_here():  # a lock ends with its process
+            assert Workspace(tmp_path).names() == []

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from brightgrey.app.security.memory import bound_memory, memory_allowed, memory_sentence
 from brightgrey.errors import RecordingError
 
 __all__ = ["TASKS", "Desk"]
@@ -38,13 +39,14 @@ DESK = _DeskPolicy()
 class Desk:
     """One process that does one thing after the other."""
 
-    def __init__(self) -> None:
+    def __init__(self, memory: int | None = None) -> None:
+        self.memory = memory  #: Bytes that the process may take; a part of what is free by default.
         self._pool = self._new_pool()
 
-    @staticmethod
-    def _new_pool() -> ProcessPoolExecutor:
+    def _new_pool(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(1, mp_context=context, initializer=_prepare)
+        most = memory_allowed() if self.memory is None else self.memory
+        return ProcessPoolExecutor(1, mp_context=context, initializer=_prepare, initargs=(most,))
 
     async def call(self, task: str, *args: Any) -> Any:
         """Do one of the tasks, with plain data, in the process.
@@ -52,7 +54,7 @@ class Desk:
         Raises
         ------
         BrightgreyError
-            As the task; RecordingError if the process was ended by what it read.
+            As the task; RecordingError if what it read does not fit into the memory, or has ended the process.
         """
         loop = asyncio.get_running_loop()
         try:
@@ -79,7 +81,10 @@ class Desk:
 
 
 def _do(task: str, args: tuple[Any, ...]) -> Any:
-    return getattr(import_module(f"brightgrey.app.desk.{TASKS[task]}"), task)(*args)
+    try:
+        return getattr(import_module(f"brightgrey.app.desk.{TASKS[task]}"), task)(*args)
+    except MemoryError:
+        raise RecordingError(memory_sentence()) from None
 
 
 def _load_tasks() -> None:
@@ -87,8 +92,9 @@ def _load_tasks() -> None:
         import_module(f"brightgrey.app.desk.{module}")
 
 
-def _prepare() -> None:
-    """Leave Ctrl-C to the server, and end with it even if it is killed."""
+def _prepare(most: int | None) -> None:
+    """Bound the memory, leave Ctrl-C to the server, and end with it even if it is killed."""
+    bound_memory(0, most)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 

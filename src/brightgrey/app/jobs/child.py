@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from brightgrey.app.security.memory import bound_memory, memory_allowed
+
 __all__ = ["interrupt_process", "is_process_of", "start_process"]
 
 _WINDOWS = sys.platform == "win32"
@@ -43,6 +45,7 @@ def start_process(arguments: Sequence[str], folder: Path, log: Path) -> subproce
         )
     with contextlib.suppress(OSError):  # it may be over already
         os.setpriority(os.PRIO_PROCESS, child.pid, PROCESSES.niceness)
+    bound_memory(child.pid, memory_allowed())
     return child
 
 

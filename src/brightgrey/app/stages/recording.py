@@ -196,12 +196,14 @@ async def add_file(services: AppServices, project: str, content: Any, label: str
         import hashlib
 
         sha256 = hashlib.sha256(content.read_bytes()).hexdigest()
+    size = content.stat().st_size
     try:
         found = await services.desk.call("inspect_file", str(content))
     except BrightgreyError:
         content.unlink(missing_ok=True)
         raise
-    size = content.stat().st_size
+    finally:
+        services.desk.recycle(size)
     options = dict(found["options"])
     names = {channel["name"] for channel in found["channels"]}
     if document.recordings:  # the same drive: what was said of the first one's channels holds, if it has them
@@ -210,7 +212,6 @@ async def add_file(services: AppServices, project: str, content: Any, label: str
         options = first if all(name in names for name in wanted) else options
     file = services.workspace.add_recording(project, content, label, sha256, options)
     services.inspections[project, file] = found
-    services.desk.recycle(size)
     return file
 
 

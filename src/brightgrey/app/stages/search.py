@@ -44,7 +44,7 @@ PHASES = {
 
 
 class SearchStage(Stage):
-    """Start, pause, go on, stop with the best so far; what is decided is shown while it runs."""
+    """Start, stop with the best so far, go on; what is decided is shown while it runs."""
 
     name = "search"
     title = "Search for the structure"
@@ -190,9 +190,9 @@ class SearchStage(Stage):
         elif kind in ("queued", "running"):
             assert self.run is not None
             run = self.run
-            with tag("div", "", "row"):
-                action("Pause", lambda: self.pause(run), key="pause")
-                action("Stop with the best so far", lambda: self.pause(run), key="stop")
+            with tag("div", "", "row middle"):
+                action("Stop with the best so far", lambda: self.stop(run), key="stop")
+                paragraph("Nothing is lost: “Go on” continues where it was stopped.", "soft")
         elif kind == "finished":
             alert("The search is finished: everything is decided.", "good")
         elif kind == "failed":
@@ -201,7 +201,9 @@ class SearchStage(Stage):
             alert(job.output.splitlines()[-1].removeprefix("brightgrey: ") if job else "It has failed.")
             self.start_panel("Try again")
         elif kind == "stopped":
-            said = "The search was stopped. Its best structure so far is a result without verdicts; it can go on."
+            said = (
+                "The search was stopped. Its best structure so far is the result, without verdicts. “Go on” continues."
+            )
             alert(said, "note")
             self.start_panel("Go on")
         else:
@@ -225,10 +227,10 @@ class SearchStage(Stage):
         paragraph("It waits until another command has ended." if kind == "queued" else f"Running: {said} …")
         tag("progress", aria_label="Share of the border that is decided", **_share(stage))
 
-    def pause(self, run: RunEntry) -> None:
-        """Pause: the command ends as with Ctrl-C, with the best so far, and can go on."""
-        self.services.pause_search(self.page.name, run.name)
-        ui.notify("The search ends with what it has; “Go on” continues it.")
+    def stop(self, run: RunEntry) -> None:
+        """Stop: the command ends as with Ctrl-C, with the best so far, and can go on."""
+        self.services.stop_search(self.page.name, run.name)
+        ui.notify("The search writes the best structure so far, and ends.")
         self.show()
 
     def figures(self, stage: dict[str, Any], status: dict[str, Any]) -> None:

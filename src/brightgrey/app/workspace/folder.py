@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 import secrets
 import shutil
+import sqlite3
 import tomllib
 import unicodedata
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from pydantic import ValidationError
 
 from brightgrey.app.workspace.project import ProjectDocument, RecordingUse, StoredRecording
 from brightgrey.errors import SettingsError, printable
+from brightgrey.file_lock import hold_lock
 from brightgrey.model.files import write_file
 
 __all__ = ["KNOWN_SUFFIXES", "Workspace", "recording_file_name", "slug"]
@@ -49,6 +52,27 @@ class Workspace:
         except OSError as error:
             raise SettingsError(f"cannot make a workspace in '{folder}': {error.strerror}") from None
         self.changes: dict[str, int] = {}  # how often each project was written; pages look at it
+
+    @contextmanager
+    def only_here(self) -> Iterator[None]:
+        """Keep other servers from this workspace; the lock of one that was killed has ended with it.
+
+        Raises
+        ------
+        SettingsError
+            If another server works here, or the folder cannot be written to.
+        """
+        try:
+            lock = hold_lock(self.root / "app.lock", timeout=0.0)
+        except sqlite3.Error as error:
+            raise SettingsError(f"cannot write into the workspace '{self.root}': {error}") from None
+        if lock is None:
+            raise SettingsError(
+                f"the app is open in '{self.root}' already; go on in its page, end it there by Ctrl-C, or name "
+                "another folder"
+            )
+        with closing(lock):
+            yield
 
     def path(self, name: str) -> Path:
         """Folder of a project.
