@@ -181,9 +181,11 @@ def test_next_steps__model_with_a_parameter_at_its_bound__is_told_first():
     parts = dict(model.parameters)
     parts["M_C"] = parts["M_C"].model_copy(update={"at_bound": "high"})
     model = model.model_copy(update={"parameters": parts})
-    titles = [step.title for step in next_steps(Content(model, [trace_of(model)], correlation=independent(model)))]
-    assert titles[0] == "Give Coulomb friction (M_C) room, or drop the effect"
-    assert titles[-1] == "Use the model"
+    steps = next_steps(Content(model, [trace_of(model)], correlation=independent(model)))
+    assert steps[0].title == "Give Coulomb friction (M_C) room, or drop the effect"
+    assert steps[-1].title == "Use the model"
+    assert all(bool(step.task) == bool(step.commands) for step in steps)
+    assert not any("--" in step.text for step in steps)  # a page without a command line shows the text alone
 
 
 def test_with_meanings__parameters_in_a_finding__are_called_by_what_they_are():

@@ -5,22 +5,20 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from brightgrey.api.result import Result
-from brightgrey.api.to_si import check_alike, identification_task
+from brightgrey.api.to_si import check_alike
+from brightgrey.api.written_run import recording_of_run, task_of_run
 from brightgrey.arguments import checked_arguments
 from brightgrey.errors import RecordingError, SettingsError
-from brightgrey.estimation import settings_for
 from brightgrey.kit import Structure, grammar_named
 from brightgrey.model.files import write_files
 from brightgrey.model.model import Model, load_model
-from brightgrey.model.run_record import RecordingPart, RunRecord, load_run_record
+from brightgrey.model.run_record import RunRecord, load_run_record
 from brightgrey.recordings import Recording
-from brightgrey.recordings.read import read_again
-from brightgrey.recordings.recording import Source
 from brightgrey.report.self_test import with_section
 from brightgrey.runs import RunError, Stop
 from brightgrey.runs.blas_threads import one_blas_thread
@@ -168,7 +166,7 @@ def _tested(run: Result | str | Path, recordings: Sequence[Recording]) -> _Teste
     else:
         folder, record = Path(run), load_run_record(run)
         model = load_model(folder / "model.json")
-        recordings = recordings or [_read(part, folder) for part in record.recordings]
+        recordings = recordings or [recording_of_run(part, folder) for part in record.recordings]
     if record.search == "genetic":
         raise SettingsError("a genetic search gives no verdicts to test; identify with --search auto")
     if record.search is not None and model.evidence is None:
@@ -177,19 +175,6 @@ def _tested(run: Result | str | Path, recordings: Sequence[Recording]) -> _Teste
         raise RecordingError(f"{len(recordings)} recordings came; the run has {len(record.recordings)}")
     check_alike(recordings, None)
     return _Tested(record, model, tuple(recordings), folder)
-
-
-def _read(part: RecordingPart, folder: Path) -> Recording:
-    """Recording of a run, from where it was or from the folder of the run."""
-    if part.path is None or part.sha256 is None:
-        raise RecordingError(f"recording '{part.name}' of '{folder}' was an array in memory; give it with the call")
-    places = [Path(part.path), folder / Path(part.path).name]
-    place = next((p for p in places if p.is_file()), None)
-    if place is None:
-        raise RecordingError(
-            f"recording '{part.path}' of the run '{folder}' is not there; put it back, or copy it into '{folder}'"
-        )
-    return read_again(Source(part.path, part.sha256, part.options), place)
 
 
 def _minimal(tested: _Tested) -> list[tuple[Structure, Mapping[str, float]]]:
@@ -205,13 +190,8 @@ def _minimal(tested: _Tested) -> list[tuple[Structure, Mapping[str, float]]]:
 def _request(tested: _Tested, *, fast: bool) -> Request:
     """Identification as it was asked for, on the recordings."""
     record = tested.record
-    task = identification_task(tested.recordings, None, {}, {}, None)
-    if record.f_tanh is not None:
-        settings = settings_for(tested.recordings, task.scales, record.f_tanh)
-        task = replace(task, settings=settings, friction_width=None)
-    task = replace(task, bounds=dict(record.bounds), fixed=dict(record.fixed), per_recording=record.per_recording)
     return Request(
-        task,
+        task_of_run(record, tested.recordings),
         None if record.grammar is None else grammar_named(record.grammar),
         record.require,
         record.exclude,

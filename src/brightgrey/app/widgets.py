@@ -44,11 +44,45 @@ class Figure(ui.element, component="static/figure.js"):
 
 
 class Parts(ui.element, component="static/parts.js"):
-    """Sections of a report, with their figures."""
+    """Sections of a report, with their figures, and with buttons in place of the commands that do the same.
 
-    def __init__(self, content: str, plots: Mapping[str, Any], prefix: str = "") -> None:
+    Parameters
+    ----------
+    content : str
+        HTML.
+    plots : mapping of str to object
+        All figures of the report; those of the content are sent.
+    prefix : str
+        Of the ids in the content, so that a page may show two reports.
+    on_zoom : callable, optional
+        ``on_zoom(parts, plot, span)`` is called where a part of a figure's time is chosen, None for all of it.
+    tasks : mapping of str to str, optional
+        Label of the button for each task of an advice; empty for an advice that is left out.
+    on_task : callable, optional
+        ``on_task(task)`` is called by such a button.
+    """
+
+    def __init__(
+        self,
+        content: str,
+        plots: Mapping[str, Any],
+        prefix: str = "",
+        *,
+        on_zoom: Callable[[Parts, str, Any], Any] | None = None,
+        tasks: Mapping[str, str] | None = None,
+        on_task: Callable[[str], Any] | None = None,
+    ) -> None:
         super().__init__()
-        self._props.update({"content": content, "plots": plots, "prefix": prefix})
+        own = {name: plot for name, plot in plots.items() if f'data-plot="{name}"' in content}
+        self._props.update({"content": content, "plots": own, "prefix": prefix, "tasks": tasks})
+        if on_zoom is not None:
+            self.on("zoom", lambda event: on_zoom(self, event.args["plot"], event.args["span"]))
+        if on_task is not None:
+            self.on("task", lambda event: on_task(str(event.args)))
+
+    def show(self, plot: str, figure: Mapping[str, Any]) -> None:
+        """Replace a figure."""
+        self.run_method("show", plot, figure)
 
 
 def tag(name: str, text: str = "", style: str = "", /, **attributes: Any) -> ui.element:

@@ -30,7 +30,7 @@ class RunStatus:
     stage : mapping
         Progress of the search: `name`, `done`, `total`, `best`; empty before it has begun. Of a search for the border
         also `fit_percent` and `values` (SI) of the best structure, and once there is a border its `decided` and `left`
-        parts, the `minimal` structures so far and the `refuted` ones, see
+        parts, the `minimal` structures so far, the `refuted` ones and its budget `most`, see
         :class:`~brightgrey.search.progress.BorderProgress`.
     """
 

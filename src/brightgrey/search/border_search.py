@@ -42,6 +42,7 @@ class BorderSearch(OfferingSearch):
         self.restarts: dict[Structure, int] = {}
         self.flipped: set[int] = set()
         self.thorough = False
+        self.most_fits = self.policy.max_fits
         self.border: Border | None = None
 
     def run(self, *, everything: bool = False) -> Border:
@@ -195,8 +196,11 @@ class BorderSearch(OfferingSearch):
         while True:
             border = self.border = assess(self.deviances(), self.round)
             self.progress("border", len(self.fits.done), self.fits.best().structure)
-            most = self.policy.max_fits_with_model_error if self.has_model_error() else self.policy.max_fits
-            spent = len(self.fits.done) > most
+            if self.has_model_error():
+                self.most_fits = self.policy.max_fits_with_model_error
+            else:
+                self.most_fits = self.policy.max_fits
+            spent = len(self.fits.done) > self.most_fits
             wanted = self.simpler(border) or ([] if spent else self.wanted(border))
             if wanted:
                 self.fit(wanted)

@@ -198,7 +198,7 @@ def _progress_of(search: BorderSearch, step: SearchProgress) -> SearchProgress:
     )
     minimal = tuple(str(lattice.structure(m)) for m in border.minimal)
     left = len(border.undecided)
-    return replace(known, border=BorderProgress(len(minimal) + len(refuted), left, minimal, refuted))
+    return replace(known, border=BorderProgress(len(minimal) + len(refuted), left, minimal, refuted, search.most_fits))
 
 
 def _lacking(lattice: Lattice, mask: int) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ class BorderProgress:
     minimal: tuple[str, ...]  #: The simplest structures that explain the recordings.
     #: Effects that each largest refuted structure lacks, with the RMS of its residual over the least one.
     refuted: tuple[tuple[tuple[str, ...], float], ...]
+    most: int  #: Structures that are fitted at most before the search has to end.
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ TASKS = {
     **dict.fromkeys(("apply_remedy", "check_files", "inspect_file", "recording_course"), "recordings"),
     **dict.fromkeys(("check_drive", "drive_picture", "effect_choices"), "drives"),
     **dict.fromkeys(("gains", "live_fit", "result_parts", "run_status"), "results"),
+    **dict.fromkeys(("beside_course", "beside_tables", "result_course", "run_structures"), "structures"),
 }
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from brightgrey.app.stages.option_places import in_app_words
 from brightgrey.app.widgets import alert, choice, entry, heading, hint, paragraph, raw, tag
 
 __all__ = ["ChannelTable", "reading_options"]
@@ -69,7 +70,7 @@ class ChannelTable:
         heading("Channels", 2)
         paragraph(f"{label}: {found['format']}, {found['samples']:,} samples. What is chosen here holds for all files.")
         for text in (*found["questions"],):
-            alert(f"{text[:1].upper()}{text[1:].replace('--unit', 'the column “Unit”')}.", "note")
+            alert(in_app_words(f"{text[:1].upper()}{text[1:]}."), "note")
         if found["problem"]:
             said = found["problem"].partition(": name it by")[0]
             alert(f"{said[:1].upper()}{said[1:]}. Choose its role below.", "note")

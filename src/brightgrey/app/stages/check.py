@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from brightgrey.app.stages.option_places import in_app_words
 from brightgrey.app.stages.stage import Stage
 from brightgrey.app.widgets import action, alert, heading, paragraph, tag, tick
 from brightgrey.app.workspace.project import ProjectDocument
@@ -89,7 +90,7 @@ class CheckStage(Stage):
                         tag("td", result["recording"])
                         figure = result["figure"] + (f" ({result['threshold']})" if result["threshold"] else "")
                         tag("td", figure, "text")
-                        tag("td", _as_sentence(result["sentence"]), "text")
+                        tag("td", _as_sentence(in_app_words(result["sentence"])), "text")
                         with tag("td"):
                             if result["remedy"]:
                                 action(

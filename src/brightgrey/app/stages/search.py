@@ -7,8 +7,9 @@ from typing import Any
 
 from nicegui import ui
 
-from brightgrey.app.jobs.arguments import identify_arguments, shown_command
+from brightgrey.app.jobs.arguments import free_cores, identify_arguments, shown_command
 from brightgrey.app.stages.stage import Stage
+from brightgrey.app.stages.time_left import time_left
 from brightgrey.app.widgets import (
     Figure,
     action,
@@ -226,6 +227,8 @@ class SearchStage(Stage):
         said = PHASES.get(stage.get("name", ""), "preparing, which takes a minute the first time")
         paragraph("It waits until another command has ended." if kind == "queued" else f"Running: {said} …")
         tag("progress", aria_label="Share of the border that is decided", **_share(stage))
+        if kind == "running":
+            paragraph(time_left(stage, float(self.status().get("seconds", 0.0)), free_cores()), "soft")
 
     def stop(self, run: RunEntry) -> None:
         """Stop: the command ends as with Ctrl-C, with the best so far, and can go on."""

@@ -34,6 +34,19 @@ window.brightgrey = (function () {
     await window.Plotly.react(element, data, layout, config);
   }
 
+  // Tells which part of the axis of time is chosen, whichever panel it was chosen in; null for all of it.
+  function onZoom(element, tell) {
+    if (!element.on || element.tellsZoom) return;
+    element.tellsZoom = true;
+    element.on("plotly_relayout", (event) => {
+      for (const [key, value] of Object.entries(event)) {
+        if (/^xaxis\d*\.autorange$/.test(key) && value) return tell(null);
+        if (/^xaxis\d*\.range$/.test(key)) return tell(value);
+        if (/^xaxis\d*\.range\[0\]$/.test(key)) return tell([value, event[key.replace("[0]", "[1]")]]);
+      }
+    });
+  }
+
   function forget(element) {
     if (window.Plotly) window.Plotly.purge(element);
   }
@@ -162,5 +175,5 @@ window.brightgrey = (function () {
   }
   addEventListener("popstate", () => location.reload());
 
-  return { arrive, draw, forget, plotly };
+  return { arrive, draw, forget, onZoom, plotly };
 })();

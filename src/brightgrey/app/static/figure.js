@@ -8,13 +8,7 @@ export default {
     this.redraw = () => this.draw();
     this.scheme.addEventListener("change", this.redraw);
     await this.draw();
-    if (!this.$el.on) return;
-    this.$el.on("plotly_relayout", (event) => {
-      if (event["xaxis.autorange"]) this.$emit("zoom", null);
-      const low = event["xaxis.range[0]"], high = event["xaxis.range[1]"];
-      if (low !== undefined && high !== undefined) this.$emit("zoom", [low, high]);
-      if (event["xaxis.range"]) this.$emit("zoom", event["xaxis.range"]);
-    });
+    window.brightgrey.onZoom(this.$el, (span) => this.$emit("zoom", span));
   },
   updated() { this.draw(); },
   unmounted() {

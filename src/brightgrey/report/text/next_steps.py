@@ -21,6 +21,13 @@ class NextStep:
 
     title: str  #: A few words without a full stop.
     text: str  #: What was seen, then what to do; whole sentences, with what is typed between “ and ”.
+    commands: tuple[str, ...] = ()  #: Commands, or options of ``brightgrey identify``, that do it.
+    task: str = ""  #: Name of what is done, for pages that have a button for it; empty if there is none.
+
+    @property
+    def typed(self) -> str:
+        """Sentence on what is typed; empty if there is nothing."""
+        return f"On the command line: {', '.join(f'“{c}”' for c in self.commands)}." if self.commands else ""
 
 
 def next_steps(content: Content) -> tuple[NextStep, ...]:
@@ -66,14 +73,17 @@ def _of_parameters(content: Content) -> Iterator[NextStep]:
     if at:
         yield NextStep(
             f"Give {_few(at)} room, or drop the effect",
-            "Widen the range by “--bound NAME=LOW:HIGH”. If the value runs on, the effect stands for something else.",
+            "Widen the range. If the value runs on, the effect stands for something else.",
+            ("--bound NAME=LOW:HIGH",),
+            "known-value",
         )
     vague = [with_meanings(row.name, structure) for row in rows if row.note in (NOT_IDENTIFIABLE, UNKNOWN)]
     if vague:
         yield NextStep(
             f"Do not use {_few(vague)}",
-            "This recording does not show the size. Fix what you know by “--fix NAME=VALUE”, or record a motion that"
-            " shows it.",
+            "This recording does not show the size. Fix what you know, or record a motion that shows it.",
+            ("--fix NAME=VALUE",),
+            "known-value",
         )
 
 
@@ -112,25 +122,32 @@ def _of_verdicts(content: Content) -> Iterator[NextStep]:
             " ".join(
                 [
                     *([listing("Open:", effects_in_words(undecided), "and")] if undecided else []),
-                    "The command “brightgrey plan DIR”, with the folder of this result, designs a motion and says what"
-                    " it would decide.",
+                    "A motion can be designed for it, with a forecast of what it would decide.",
                 ]
             ),
+            ("brightgrey plan DIR",),
+            "plan",
         )
 
 
 def _of_use(content: Content) -> Iterator[NextStep]:
     if content.traces and not any(trace.test for trace in content.traces):
         yield NextStep(
-            "Check the model on data that it has not seen", "Repeat the command with “--test-recording FILE”."
+            "Check the model on data that it has not seen",
+            "Repeat the identification with a test recording.",
+            ("--test-recording FILE",),
+            "test-recording",
         )
     if content.evidence:
         yield NextStep(
             "Ask whether the recording would find this model again",
-            "“brightgrey selftest DIR --fast” identifies simulated recordings of it.",
+            "The self-test identifies simulated recordings of it.",
+            ("brightgrey selftest DIR --fast",),
+            "selftest",
         )
     yield NextStep(
         "Use the model",
-        "“brightgrey control model.json” designs a controller; “brightgrey export model.json --to fmu” writes it for"
-        " other tools.",
+        "Design a controller, or write the model for other tools.",
+        ("brightgrey control model.json", "brightgrey export model.json --to fmu"),
+        "hand-over",
     )
