@@ -196,10 +196,7 @@ class BorderSearch(OfferingSearch):
         while True:
             border = self.border = assess(self.deviances(), self.round)
             self.progress("border", len(self.fits.done), self.fits.best().structure)
-            if self.has_model_error():
-                self.most_fits = self.policy.max_fits_with_model_error
-            else:
-                self.most_fits = self.policy.max_fits
+            self.most_fits = self.policy.max_fits_with_model_error if self.has_model_error() else self.policy.max_fits
             spent = len(self.fits.done) > self.most_fits
             wanted = self.simpler(border) or ([] if spent else self.wanted(border))
             if wanted:
