@@ -2,10 +2,10 @@
 
     python bench/app.py stopwatch [--files demo twincat emps] [--save]
     python bench/app.py reaction [--clicks 60] [--save]
-    python bench/app.py pictures docs/how-to
+    python bench/app.py pictures docs/tutorial
 
 The first does what a new user does: project, file, what has to be said of its channels, check, search, report, FMU. The
-second clicks between stages while a search runs. The third makes the pictures of docs/how-to/app.md.
+second clicks between stages while a search runs. The third makes the pictures of docs/tutorial/with-the-app.md.
 """
 
 from __future__ import annotations
@@ -229,7 +229,7 @@ def pictures(target: Path) -> None:
 def main() -> None:
     parser = arguments(__doc__)
     parser.add_argument("what", choices=("stopwatch", "reaction", "pictures"))
-    parser.add_argument("folder", nargs="?", type=Path, default=Path("docs/how-to"))
+    parser.add_argument("folder", nargs="?", type=Path, default=Path("docs/tutorial"))
     parser.add_argument("--files", nargs="+", choices=tuple(FILES), default=list(FILES))
     parser.add_argument("--clicks", type=int, default=60)
     options = parser.parse_args()

@@ -224,11 +224,13 @@ class SearchStage(Stage):
 
     def progress(self, kind: str, stage: dict[str, Any]) -> None:
         """Build the line on what is being done, with the share that is decided."""
-        said = PHASES.get(stage.get("name", ""), "preparing, which takes a minute the first time")
+        seconds = float(self.status().get("seconds", 0.0))
+        first = "fitting the largest structures" if seconds else "preparing, which takes a minute the first time"
+        said = PHASES.get(stage.get("name", ""), first)
         paragraph("It waits until another command has ended." if kind == "queued" else f"Running: {said} …")
         tag("progress", aria_label="Share of the border that is decided", **_share(stage))
         if kind == "running":
-            paragraph(time_left(stage, float(self.status().get("seconds", 0.0)), free_cores()), "soft")
+            paragraph(time_left(stage, seconds, free_cores()), "soft")
 
     def stop(self, run: RunEntry) -> None:
         """Stop: the command ends as with Ctrl-C, with the best so far, and can go on."""

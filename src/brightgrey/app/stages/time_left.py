@@ -9,7 +9,7 @@ __all__ = ["rounded_time", "time_left"]
 
 
 def time_left(stage: Mapping[str, Any], seconds: float, workers: int) -> str:
-    """Sentence on the time that is left; empty before the first structure is fitted.
+    """Sentence on the time that is left; empty before anything has been computed.
 
     The estimate takes the parts of the border that are left to be as costly as those that are decided. The bound takes
     every further structure to be as costly as those that are fitted, until the budget ends the search.
@@ -24,7 +24,7 @@ def time_left(stage: Mapping[str, Any], seconds: float, workers: int) -> str:
     """
     done, most, left = stage.get("done", 0), stage.get("most"), stage.get("left")
     if not done or most is None:
-        return "Time left: it can be estimated once the largest structures are fitted." if stage.get("name") else ""
+        return "Time left: it can be estimated once the largest structures are fitted." if seconds else ""
     passed = seconds / workers
     bound = passed * max(most - done, 0) / done
     budget = f"at most {rounded_time(bound)}, when {most} structures are fitted" if bound else "the budget is spent"
