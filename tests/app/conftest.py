@@ -1,11 +1,11 @@
-"""A browser, and a running app with a workspace that a module's tests share."""
+"""A running app with a workspace that all tests share that do not end it."""
 
 import pytest
 
 from support.app import RunningApp
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def running(tmp_path_factory):
     app = RunningApp(tmp_path_factory.mktemp("workspace"))
     yield app

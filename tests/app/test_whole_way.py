@@ -13,6 +13,8 @@ from brightgrey.exports.registry import EXPORTS
 from support.app import FEW_EFFECTS, twincat_text, visiting, write_demo
 from support.small_runs import call, recording_csv
 
+pytestmark = pytest.mark.xdist_group("running app")  # one server, and one search of the demo, for all
+
 
 def few_effects(running, title):
     """Project in which the search takes a second or two, ready for its recordings."""
@@ -86,6 +88,47 @@ def test_whole_way__downloads__are_the_files(browser, finished, running):
         report = opened.value
         report.wait_for_selector(".plot .main-svg")  # its own script draws, without the rights of the app
         assert report.evaluate("window.origin") == "null"
+
+
+def test_results__zoom__shows_the_samples_of_the_part_and_all_again(browser, finished, running):
+    figure = """document.querySelector('[data-plot="comparison-0"]')"""
+    with visiting(browser, running) as visit:
+        open_stage(visit, running, finished, "results")
+        visit.wait('[data-plot="comparison-0"] .main-svg')
+        whole = visit.page.evaluate(f"{figure}.data[0].x.length")
+        visit.page.evaluate(f"Plotly.relayout({figure}, {{'xaxis.range': [0.5, 0.6]}})")
+        visit.page.wait_for_function(f"{figure}.data[0].x.length < {whole} && {figure}.layout.xaxis.range[0] == 0.5")
+        assert visit.page.evaluate(f"{figure}.data[0].x.length") in range(100, 104)  # of 1000 per second
+        visit.page.evaluate(f"Plotly.relayout({figure}, {{'xaxis.autorange': true}})")
+        visit.page.wait_for_function(f"{figure}.data[0].x.length == {whole}")
+
+
+def test_results__structure_without_an_effect__stands_beside_the_found_one(browser, finished, running):
+    with visiting(browser, running, width=400, scheme="dark") as visit:
+        open_stage(visit, running, finished, "results")
+        visit.wait('[data-key="beside"]')
+        offered = visit.page.eval_on_selector_all('[data-key="beside"] option', "all => all.map((o) => o.value)")
+        less = next(name for name in offered if name == "structure:two_mass+coulomb+viscous")
+        visit.page.select_option('[data-key="beside"]', less)
+        visit.wait(".frame .plot .main-svg")
+        shown = visit.page.inner_text("#content")
+        for text in ("Stribeck friction", "M_S", "Change in %", "does not explain the recording"):
+            assert text in shown
+        assert visit.violations() == []
+        assert not visit.sticks_out()
+        visit.page.select_option('[data-key="beside"]', "")
+        visit.wait(".parts .plot .main-svg")
+
+
+def test_results__advice__has_the_app_s_own_actions(browser, finished, running):
+    with visiting(browser, running) as visit:
+        open_stage(visit, running, finished, "results")
+        visit.wait('[data-key="step-selftest"]')
+        advice = visit.page.inner_text(".parts ul")
+        assert "brightgrey" not in advice
+        assert "--" not in advice
+        visit.click("step-hand-over")
+        visit.wait('[data-key="gains"]')
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 
 from brightgrey.app.security.access import AccessRules, Gate
 
+pytestmark = pytest.mark.xdist_group("running app")  # one server for all
 RULES = AccessRules("127.0.0.1", 8420)
 SOCKET = "/_nicegui_ws/socket.io/?EIO=4&transport=polling"
 OPEN = AccessRules("0.0.0.0", 8420, password="öffne dich")

@@ -5,6 +5,7 @@ import gzip
 import hashlib
 import http.client
 import json
+from functools import cache
 
 import pytest
 
@@ -13,6 +14,7 @@ from brightgrey.app.workspace.folder import Workspace
 from brightgrey.errors import RecordingError
 from support.small_runs import recording_csv
 
+pytestmark = pytest.mark.xdist_group("running app")  # one server for all
 SMALL = UploadPolicy(most_bytes=1 << 20, spare_bytes=0)
 
 
@@ -24,6 +26,7 @@ def received(folder, chunks, announced=None, policy=SMALL):
     return asyncio.run(receive_file(stream(), folder, announced, policy))
 
 
+@cache
 def bomb(megabytes=300):
     return gzip.compress(bytes(megabytes << 20), 6)
 

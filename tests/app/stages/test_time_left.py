@@ -1,4 +1,4 @@
-"""Time that is left is an estimate while something is left to decide, and a bound where the budget ends a search."""
+"""Time that is left is an estimate where something is left to decide, and called unknown where nothing is."""
 
 import pytest
 
@@ -9,26 +9,22 @@ def stage(**more):
     return {"name": "border", "done": 20, "most": 400, "decided": 4, "left": 2, **more}
 
 
-def test_time_left__parts_are_left__estimates_and_bounds():
+def test_time_left__parts_are_left__are_as_costly_as_those_that_are_decided():
     said = time_left(stage(), 40.0, 1)
-    assert (
-        said == "Time left: about 20 s for the 2 parts that are left; at most 13 min, when 400 structures are fitted."
-    )
+    assert said.startswith("Time left: about 20 s for the 2 parts that are left. ")
+    assert said.endswith("Budget: 20 of at most 400 structures are fitted.")
     assert "about 10 s" in time_left(stage(), 40.0, 2)
+    assert "the 1 part that is left" in time_left(stage(left=1), 40.0, 1)
 
 
-def test_time_left__budget_is_nearer_than_the_estimate__is_said_alone():
-    assert time_left(stage(most=24, left=8), 40.0, 1) == "Time left: at most 10 s, when 24 structures are fitted."
-
-
-def test_time_left__nothing_is_left__no_estimate_is_made():
-    assert "nothing is left to decide" in time_left(stage(left=0), 40.0, 1)
-    assert "the budget is spent" in time_left(stage(left=0, done=401), 40.0, 1)
+def test_time_left__nothing_is_left__is_unknown():
+    assert time_left(stage(left=0), 40.0, 1).startswith("Time left: unknown. Nothing is left to decide at the moment")
+    assert "the budget of 80 structures is spent" in time_left(stage(left=0, done=82, most=80), 40.0, 1)
 
 
 def test_time_left__before_there_is_a_border__says_when_it_is_known():
     assert time_left({}, 0.0, 1) == ""
-    assert "once the largest structures are fitted" in time_left({"name": "fits", "done": 3}, 5.0, 1)
+    assert "once the largest structures are fitted" in time_left({}, 5.0, 1)
 
 
 @pytest.mark.parametrize(

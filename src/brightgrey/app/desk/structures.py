@@ -191,7 +191,10 @@ def _value_rows(run: _OpenedRun, one: str, other: str) -> list[tuple[str, str, s
         unit, factor = units.of(parameter.dimension)
         shown = [factor * v[name] if name in v else None for v in values]
         known = [value for value in shown if value is not None]
-        change = f"{100.0 * (known[1] / known[0] - 1.0):+.1f}" if len(known) == 2 and known[0] else ""
+        change = ""
+        if len(known) == 2 and known[0]:
+            percent = round(100.0 * (known[1] / known[0] - 1.0), 1)
+            change = f"{percent:+.1f}" if percent else "0"
         texts = ["" if value is None else significant(value) for value in shown]
         rows.append((name, texts[0], texts[1], unit, change))
     return rows

@@ -39,7 +39,7 @@ def beside_figure(one: Trace, other: Trace, row: int, span: tuple[float, float] 
         y_label=f"{quantity(signal.kind)} in {signal.unit}",
         lines=(
             Line(t, measured, "measured", "measured", width=2.6),
-            Line(t, first, "A", "simulated", width=0.9),
+            Line(t, first, "A", "simulated", width=1.6),
             Line(t, second, "B", "second", width=0.9),
         ),
         title=f"{a.name}: {signal.name}",
@@ -47,7 +47,7 @@ def beside_figure(one: Trace, other: Trace, row: int, span: tuple[float, float] 
     below = Panel(
         y_label=f"residual\nin {signal.unit}",
         lines=(
-            Line(t_residual, residual, "", "simulated", width=0.8),
+            Line(t_residual, residual, "", "simulated", width=1.6),
             Line(t_residual, other_residual, "", "second", width=0.8),
         ),
         x_label="time in s",

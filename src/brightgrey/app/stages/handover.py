@@ -173,9 +173,9 @@ class HandoverStage(Stage):
             return
         with self.gains:
             self.show_gains(found)
-            code_to_copy(
-                shown_command(["control", f"runs/{self.run}/model.json", "--torque", f"{torque:g}"]), key="control"
-            )
+            words = ["control", f"runs/{self.run}/model.json", "--torque", f"{torque:g}"]
+            delay = ["--computing", f"{1e-3 * computing:g}"] if computing else []
+            code_to_copy(shown_command([*words, *delay]), key="control")
 
     def show_gains(self, found: dict[str, Any]) -> None:
         """Build the tables and the Bode plot."""

@@ -1,4 +1,4 @@
-"""Time that a search may take yet: an estimate while parts of the border are left, and a bound by its budget."""
+"""Time that a search may take yet, as far as it can be told: for the parts of the border that are left."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ __all__ = ["rounded_time", "time_left"]
 
 
 def time_left(stage: Mapping[str, Any], seconds: float, workers: int) -> str:
-    """Sentence on the time that is left; empty before anything has been computed.
+    """Sentences on the time that is left; empty before anything has been computed.
 
-    The estimate takes the parts of the border that are left to be as costly as those that are decided. The bound takes
-    every further structure to be as costly as those that are fitted, until the budget ends the search.
+    The estimate takes the parts of the border that are left to be as costly as those that are decided. It leaves out
+    parts that open later and the look for missed optima in the end, and says so: on measured axes these take longer
+    than the rest. The budget counts structures, not time.
 
     Parameters
     ----------
@@ -25,15 +26,20 @@ def time_left(stage: Mapping[str, Any], seconds: float, workers: int) -> str:
     done, most, left = stage.get("done", 0), stage.get("most"), stage.get("left")
     if not done or most is None:
         return "Time left: it can be estimated once the largest structures are fitted." if seconds else ""
-    passed = seconds / workers
-    bound = passed * max(most - done, 0) / done
-    budget = f"at most {rounded_time(bound)}, when {most} structures are fitted" if bound else "the budget is spent"
+    budget = f"{done} of at most {most} structures are fitted"
+    if done >= most:
+        budget = f"the budget of {most} structures is spent, so that only simpler ones are still tried"
     if not left:
-        return f"Time left: nothing is left to decide, only missed optima are looked for; {budget}."
-    estimate = passed * left / max(stage.get("decided", 0), 1)
-    if estimate >= bound:
-        return f"Time left: {budget}."
-    return f"Time left: about {rounded_time(estimate)} for the {left} parts that are left; {budget}."
+        return (
+            "Time left: unknown. Nothing is left to decide at the moment; missed optima are looked for, which may open "
+            f"parts again. Budget: {budget}."
+        )
+    estimate = seconds / workers * left / max(stage.get("decided", 0), 1)
+    parts = "1 part that is left" if left == 1 else f"{left} parts that are left"
+    return (
+        f"Time left: about {rounded_time(estimate)} for the {parts}. More may open, and missed optima are looked for "
+        f"in the end. Budget: {budget}."
+    )
 
 
 def rounded_time(seconds: float) -> str:
