@@ -260,7 +260,8 @@ class SearchStage(Stage):
         minimal = stage.get("minimal_words", [])
         if minimal:
             with tag("h2"):
-                hint("Simplest structures so far", "They explain the recording, and nothing can be taken from them.")
+                so_far = "" if self.panel_kind == "finished" else " so far"
+                hint(f"Simplest structures{so_far}", "They explain the recording, and nothing can be taken from them.")
             with tag("ul"):
                 for text in minimal:
                     tag("li", text[:1].upper() + text[1:])
