@@ -21,7 +21,7 @@ $(PACKAGE): pyproject.toml
 	@touch $@
 
 $(WITH_APP): $(PACKAGE)
-	$(PIP) '.[app]'
+	$(PIP) '.[app,control,fmu,formats]'
 	@touch $@
 
 $(FOR_DEVELOPMENT): $(PACKAGE)
