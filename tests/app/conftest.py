@@ -9,4 +9,6 @@ from support.app import RunningApp
 def running(tmp_path_factory):
     app = RunningApp(tmp_path_factory.mktemp("workspace"))
     yield app
-    assert "Traceback" not in app.end()
+    said = app.end()
+    assert "Traceback" not in said
+    assert "deleted" not in said  # NiceGUI's word for a closed page that is still worked on

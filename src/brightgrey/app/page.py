@@ -160,7 +160,8 @@ class _ProjectPage:
     async def read_runs(self, runs: list[str]) -> None:
         """Read what runs have come to, then show the stage that was asked for."""
         await self.services.look(self.name, runs)
-        self.arrive()
+        if not self.main.is_deleted:  # the page may have been closed meanwhile
+            self.arrive()
 
     def arrive(self) -> None:
         """Show the stage that was asked for, or the next one if it is blocked."""

@@ -76,10 +76,10 @@ class Stage:
         Raises
         ------
         StageLeftError
-            If another stage, or this one built anew, is shown meanwhile.
+            If another stage, or this one built anew, is shown meanwhile, or the page was closed.
         """
         found = await work
-        if self.page.shown is not self:
+        if self.page.shown is not self or self.page.main.is_deleted:
             raise StageLeftError
         return found
 
