@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
 import tomli_w
+from nicegui import ui
 
 from brightgrey.app.jobs.arguments import export_arguments, plan_arguments, shown_command
 from brightgrey.app.jobs.queue import QueuedCommand
@@ -50,7 +52,7 @@ class HandoverStage(Stage):
     def content(self) -> None:
         """Build the parts."""
         self.run = shown_run(self)
-        self.told: list[str] = []
+        self.told: dict[str, str] = {}
         base = f"/files/{self.page.name}/runs/{self.run}"
         heading("Report and model", 2)
         with tag("div", "", "row"):
@@ -59,7 +61,9 @@ class HandoverStage(Stage):
             link("model.json", f"{base}/model.json", key="model", style="button", download=True)
             link("ranking.csv", f"{base}/ranking.csv", key="ranking", style="button", download=True)
         heading("Exports", 2)
-        self.exports = tag("div")
+        self.all_exports = tag("div")
+        with tag("div", "", "cards gap"):
+            self.cards = {target: tag("section", "", "card", aria_label=TARGETS[target][0]) for target in TARGETS}
         heading("Gains", 2)
         self.gains_form()
         heading("The next motion", 2)
@@ -77,23 +81,34 @@ class HandoverStage(Stage):
         return None
 
     def show(self) -> None:
-        """Build what depends on commands that run, if one of them has come further."""
-        kinds = [*(f"export-{target}" for target in TARGETS), "plan"]
-        told = [job.state if job else "" for job in map(self.job, kinds)]
-        if told == self.told:
-            return
-        self.told = told
-        self.exports.clear()
-        with self.exports:
-            waiting = [t for t in TARGETS if self.job(f"export-{t}") is None]
-            if waiting:
-                action("Make and verify all", lambda: self.export(*waiting), key="export-all")
-            with tag("div", "", "cards gap"):
-                for target in TARGETS:
-                    self.export_card(target)
-        self.motion.clear()
-        with self.motion:
-            self.motion_panel()
+        """Build anew what depends on commands that have come further, and nothing else: a click would be lost."""
+        waiting = any(self.job(f"export-{target}") is None for target in TARGETS)
+        self.show_part("all", str(waiting), self.all_exports, self.export_all)
+        for target, card in self.cards.items():
+            self.show_part(target, self.state(f"export-{target}"), card, partial(self.export_card, target))
+        self.show_part("plan", self.state("plan"), self.motion, self.motion_panel)
+
+    def show_part(self, name: str, state: str, place: ui.element, build: Callable[[], None]) -> None:
+        """Build one part, if its state is another one than when it was built."""
+        if self.told.get(name) != state:
+            self.told[name] = state
+            place.clear()
+            with place:
+                build()
+
+    def state(self, kind: str) -> str:
+        """State of a command; empty if it was not given."""
+        job = self.job(kind)
+        return job.state if job else ""
+
+    def export_all(self) -> None:
+        """Build the button that makes all exports that are not made, if there are such."""
+        if any(self.job(f"export-{target}") is None for target in TARGETS):
+            action("Make and verify all", self.make_rest, key="export-all")
+
+    def make_rest(self) -> None:
+        """Put all exports that are not made into the queue."""
+        self.export(*(target for target in TARGETS if self.job(f"export-{target}") is None))
 
     def job(self, kind: str) -> QueuedCommand | None:
         """The latest command of a kind for this run."""
@@ -110,26 +125,25 @@ class HandoverStage(Stage):
         """Build one export: button, state, deviation, files."""
         title, about = TARGETS[target]
         job = self.job(f"export-{target}")
-        with tag("section", "", "card", aria_label=title):
-            heading(title, 3)
-            paragraph(about, "soft")
-            if job is None:
-                action("Make and verify", lambda: self.export(target), key=f"export-{target}", label=f"Make {title}")
-                return
-            if job.state != "ended":
-                tag("p", "Being made and compared …", role="status")
-                return
-            done = _exported(job)
-            if done is None:
-                alert(job.output.splitlines()[-1].removeprefix("brightgrey: ") if job.output else "It has failed.")
-                action("Try again", lambda: self.export(target), key=f"export-{target}", label=f"Make {title} again")
-                return
-            tag("p", done["text"], "good" if done["good"] else "warn", data_verified=target)
-            with tag("ul"):
-                for file in done["files"]:
-                    with tag("li"):
-                        name = file.rsplit("/", 1)[-1]
-                        link(name, f"/files/{self.page.name}/{file}?save=1", download=True)
+        heading(title, 3)
+        paragraph(about, "soft")
+        if job is None:
+            action("Make and verify", lambda: self.export(target), key=f"export-{target}", label=f"Make {title}")
+            return
+        if job.state != "ended":
+            tag("p", "Being made and compared …", role="status")
+            return
+        done = _exported(job)
+        if done is None:
+            alert(job.output.splitlines()[-1].removeprefix("brightgrey: ") if job.output else "It has failed.")
+            action("Try again", lambda: self.export(target), key=f"export-{target}", label=f"Make {title} again")
+            return
+        tag("p", done["text"], "good" if done["good"] else "warn", data_verified=target)
+        with tag("ul"):
+            for file in done["files"]:
+                with tag("li"):
+                    name = file.rsplit("/", 1)[-1]
+                    link(name, f"/files/{self.page.name}/{file}?save=1", download=True)
 
     def gains_form(self) -> None:
         """Build the question for the torque, and the place of the gains."""
