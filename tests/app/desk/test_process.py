@@ -10,6 +10,7 @@ from brightgrey.app.desk.process import Desk
 from brightgrey.app.security.memory import MemoryPolicy, memory_allowed
 from brightgrey.errors import RecordingError
 
+pytestmark = pytest.mark.xdist_group("running app")  # before a browser, whose event loop stays
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="only Linux bounds the memory of a process")
 
 

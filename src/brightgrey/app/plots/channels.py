@@ -12,7 +12,7 @@ from brightgrey.recordings import Recording
 from brightgrey.report.charts.chart import Chart, Line, Mark, Panel, thin
 from brightgrey.report.drawing.plotly_figure import plot
 
-__all__ = ["channel_figure"]
+__all__ = ["channel_figure", "shown_over"]
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,12 @@ def channel_figure(
                 height=0.7,
             )
         )
-    figure = plot(Chart("recording", tuple(panels), label))
-    figure["layout"]["xaxis"]["range"] = [low, high]
+    return shown_over(plot(Chart("recording", tuple(panels), label)), (low, high))
+
+
+def shown_over(figure: dict[str, Any], span: tuple[float, float]) -> dict[str, Any]:
+    """Figure of which all panels show a span of time: one that is left out would widen the others."""
+    for name, axis in figure["layout"].items():
+        if name.startswith("xaxis"):
+            axis["range"] = list(span)
     return figure

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from brightgrey.app.plots.channels import shown_over
 from brightgrey.model.trace import Trace
 from brightgrey.report.charts.chart import Chart, Line, Panel, thin
 from brightgrey.report.charts.comparison import comparisons, quantity
@@ -74,5 +75,4 @@ def _within_span(trace: Trace, span: tuple[float, float] | None) -> Trace:
 
 def _over(figure: dict[str, Any], trace: Trace, span: tuple[float, float] | None) -> dict[str, Any]:
     """Figure whose axis of time shows the span."""
-    figure["layout"]["xaxis"]["range"] = list(span or (float(trace.t[0]), float(trace.t[-1])))
-    return figure
+    return shown_over(figure, span or (float(trace.t[0]), float(trace.t[-1])))
