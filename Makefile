@@ -1,6 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
+# Without compilation of all that is installed: what is used is compiled when it is used first.
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable
 # What is installed: the package alone, with the app, or with all that development takes.
 PACKAGE := .venv/.package
 WITH_APP := .venv/.app
@@ -14,19 +15,21 @@ help:  ## list the targets
 
 setup: $(FOR_DEVELOPMENT)  ## create .venv with the command .venv/bin/brightgrey and all that development takes
 
-$(PACKAGE): pyproject.toml
+$(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "brightgrey needs Python 3.11 or newer, this is " + sys.version)'
 	$(PYTHON) -m venv .venv
+
+$(PACKAGE): pyproject.toml | $(BIN)/python
 	$(PIP) .
 	@touch $@
 
-$(WITH_APP): $(PACKAGE)
+$(WITH_APP): pyproject.toml | $(BIN)/python
 	$(PIP) '.[app,control,fmu,formats]'
-	@touch $@
+	@touch $(PACKAGE) $@
 
-$(FOR_DEVELOPMENT): $(PACKAGE)
+$(FOR_DEVELOPMENT): pyproject.toml | $(BIN)/python
 	$(PIP) '.[dev]'
-	@touch $@
+	@touch $(PACKAGE) $(WITH_APP) $@
 
 app: $(WITH_APP)  ## open the app in the browser, with its workspace in brightgrey-workspace/
 	$(BIN)/brightgrey app

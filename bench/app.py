@@ -225,6 +225,7 @@ def clone() -> list[Table]:
         os.killpg(made.pid, signal.SIGINT)
         made.wait()
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(["rm", "-rf", f"{folder}/clone"], check=True)  # in a moment
     computing = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return [
         Table("From git clone to the first page, s", ["time", "computing time"], [[f"{taken:.0f}", f"{computing:.0f}"]])
