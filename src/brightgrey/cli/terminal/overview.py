@@ -74,7 +74,7 @@ def _advice(found: Result) -> list[str]:
     said = outcome.kind in ("converged", "at bound")  # by the fit, and by the remarks
     return [
         *([] if said else [sentence(with_meanings(outcome.text, found.model.structure))]),
-        *(f"{step.title}. {step.text}" for step in urgent_steps(found.content)),
+        *(f"{step.title}. {step.text} {step.typed}".rstrip() for step in urgent_steps(found.content)),
         *remarks(found.model),
         *map(sentence, found.notes),
     ]
