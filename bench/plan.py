@@ -24,7 +24,7 @@ from brightgrey import SettingsError, demo, identify, plan
 from brightgrey.arrays import Array
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.planning.envelope import envelope
+from brightgrey.planning.envelope import Command, envelope
 from brightgrey.recordings import Recording
 from brightgrey.search.detectability import has
 from brightgrey.simulation.reference import reference
@@ -49,10 +49,10 @@ def recorded(drive: RandomDrive, u: Array, name: str, number: int) -> Recording:
     return simulated_recording(u, rounded(y, max(1e-3 * peak, 0.5 * NOISE * peak)) if drive.encoder else y, name=name)
 
 
-def verdicts(recordings: Sequence[Recording]) -> dict[str, str]:
-    """Verdict on every effect."""
-    result = identify(recordings if len(recordings) > 1 else recordings[0], grammar="paper", check=False)
-    return {card.effect: card.verdict for card in result.evidence.cards}
+def verdicts(recordings: Sequence[Recording]) -> dict[str, tuple[str, str]]:
+    """Verdict on every effect, and its reason."""
+    result = identify(recordings, grammar="paper", check=False)
+    return {card.effect: (card.verdict, card.reason) for card in result.evidence.cards}
 
 
 def within_limits(made, u: Array) -> Array:
@@ -61,7 +61,7 @@ def within_limits(made, u: Array) -> Array:
     values = {name: np.array([value]) for name, value in model.values.items()}
     limits = made.limits
     while True:
-        use = envelope(made.drive, model.structure, values, u, limits).use
+        use = envelope(made.drive, model.structure, values, Command(u, None), limits).use
         if all(float(part.max()) <= 1.0 + 1e-6 for name, part in use.items() if name != "jerk"):
             return u
         u = 0.95 * u
@@ -96,13 +96,14 @@ def examine(seed: int, number: int) -> Iterator[dict[str, object]]:
     second = {name: verdicts([first, recorded(drive, u, name, k)]) for k, (name, u) in enumerate(torques.items())}
     for effect in targets:
         power = min(p for q, p in pairs if effect in q.effects)
-        after = {name: found.get(effect, "not needed") for name, found in second.items()}
+        after = {name: found.get(effect, ("not needed", ""))[0] for name, found in second.items()}
         yield {
             **about,
             "effect": effect,
             "power": power,
             "family": made.found.candidate.family.name,
             "s": seconds,
+            "reason": second["plan"].get(effect, ("", "its structures have no such effect"))[1],
         } | after
 
 

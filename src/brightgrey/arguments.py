@@ -86,7 +86,7 @@ RULES: Mapping[str, tuple[Rule, str]] = {
     "structure": (lambda value: isinstance(value, str) or _is_a(value, "Structure"), "a text like 'one_mass+coulomb'"),
     **dict.fromkeys(("path", "folder"), _PATH),
     **dict.fromkeys(("input", "time", "hold", "contact", "to", "torque_constant", "name"), _TEXT),
-    **dict.fromkeys(("delimiter", "decimal", "initial", "level", "estimator", "grammar"), _TEXT),
+    **dict.fromkeys(("delimiter", "decimal", "initial", "level", "estimator", "grammar", "loop"), _TEXT),
     "beside": (
         lambda value: isinstance(value, Collection) and not isinstance(value, str) and all(map(_is_path, value)),
         "several paths, like ['position.csv']",
@@ -102,7 +102,7 @@ RULES: Mapping[str, tuple[Rule, str]] = {
     "columns": (lambda value: hasattr(value, "keys"), "arrays by name, like {'t': ..., 'torque': ...}"),
     **dict.fromkeys(("require", "exclude", "profile", "decide", "per_recording"), _TEXTS),
     "bounds": (lambda value: _maps_to(value, _is_range), "pairs by parameter, like {'J1': (0.001, 0.1)}"),
-    **dict.fromkeys(("fixed", "counts", "gear", "shift", "limits"), _NUMBERS),
+    **dict.fromkeys(("fixed", "counts", "gear", "shift", "limits", "controller"), _NUMBERS),
     **dict.fromkeys(("units", "rated"), _UNITS),
     **dict.fromkeys(("starts", "workers", "decimate", "draws"), _COUNT),
     "seed": (lambda value: isinstance(value, Integral) and _is_whole(value, 0), "a whole number from 0"),

@@ -6,6 +6,7 @@ import numpy as np
 
 from brightgrey import identify, recording_from
 from brightgrey.model.model import load_model
+from brightgrey.planning.design import PlanningEffort
 from brightgrey.planning.drive import PlannedDrive
 from brightgrey.search.undecided.question import UNDECIDED_SCHEMA, Known, OpenQuestions, OutputNoise, Question
 from brightgrey.simulation.reference import reference
@@ -16,6 +17,7 @@ DT = 2e-3
 T = DT * np.arange(400)
 TORQUE = 3.0 * np.sin(2.0 * np.pi * 3.0 * T) * np.minimum(1.0, 10.0 * T)
 FRICTION_SCALE = 2.5  # s/rad
+QUICK = PlanningEffort(samples_log2=3, generations=4, population=8, optimised=2, finalists=4, final_draws=200)
 
 
 def small_recording(seed=0):

@@ -30,6 +30,7 @@ __all__ = [
     "DesignAssumptions",
     "Watch",
     "analyse",
+    "cascade_models",
     "design",
     "innovation_correlation",
     "total_inertia",
@@ -189,9 +190,7 @@ def design(
     settings, values = model.settings_si(), model.values_si()
     largest_torque = torque / model.units.of(TORQUE)[1]
     largest_speed, speed = settings.speed_scale, HALF_SPEED * settings.speed_scale
-    both = assemble(model.structure, values, settings.f_tanh, ("position", "velocity"))
-    contacts = ("forward", "gap") if any(e.limits is not None for e in both.elements) else ("forward",)
-    analyses = tuple(analyse_system(both, speed=speed, contact=contact) for contact in contacts)
+    analyses = cascade_models(model)
     state_feedback = design_state_feedback(
         analyse_system(assemble(model.structure, values, settings.f_tanh, ("velocity",)), speed=speed),
         largest_error=assumptions.largest_error * largest_speed,
@@ -202,6 +201,14 @@ def design(
     gain = kalman_gain(state_feedback.analysis.linear, noise, dt)
     cascade = design_cascade(analyses, total_inertia(analyses[0]), dt, computing_time=computing_time)
     return Design(analyses, cascade, state_feedback, noise, gain, 0.5 * dt + computing_time)
+
+
+def cascade_models(model: Model) -> tuple[Analysis, ...]:
+    """Linear models that a cascade is designed for: in contact, and in the gap if there is one."""
+    settings = model.settings_si()
+    both = assemble(model.structure, model.values_si(), settings.f_tanh, ("position", "velocity"))
+    contacts = ("forward", "gap") if any(e.limits is not None for e in both.elements) else ("forward",)
+    return tuple(analyse_system(both, speed=HALF_SPEED * settings.speed_scale, contact=c) for c in contacts)
 
 
 def _check_range(name: str, value: float, least: float, largest: float) -> None:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -26,7 +26,15 @@ def plan(
             "--limits",
             metavar="FILE",
             help="TOML with torque, rms_torque, speed, acceleration, jerk, travel and twist, in the recording's units. "
-            "Default: what the recordings reached.",
+            "Default: what the recordings reached. A table [controller] has the gains of the drive's controller.",
+        ),
+    ] = None,
+    loop: Annotated[
+        Literal["open", "closed"] | None,
+        typer.Option(
+            "--loop",
+            help="Plan a torque, or a setpoint for the drive's controller of position and speed. Default: closed if "
+            "the limits have a table [controller]; without one, closed takes gains that suit the model.",
         ),
     ] = None,
     decide: Annotated[
@@ -45,8 +53,9 @@ def plan(
 ) -> None:
     """Design the motion that decides what the last recordings left undecided.
 
-    DIR receives plan.csv (time, position, velocity, acceleration, torque), plan.toml and plan.svg. Record the torque
-    of plan.csv at the machine, and identify the old and the new recording together.
+    DIR receives plan.csv (time, position, velocity, acceleration, torque), plan.toml and plan.svg. Command the torque
+    of plan.csv at the machine, or in closed loop its setpoint with the torque as feed-forward. Record it, and identify
+    the old and the new recording together.
     """
     from brightgrey.cli.terminal import results as show
     from brightgrey.model.files import check_folder, write_files
@@ -61,7 +70,7 @@ def plan(
         from brightgrey.report.charts.planned_motion import planned_motion
         from brightgrey.report.drawing.svg_figure import svg_figure
 
-        given = read_limits(limits) if limits else {}
+        given, controller = read_limits(limits) if limits else ({}, None)
 
         def progress(done: int, total: int) -> None:
             if stop.number is not None:
@@ -69,7 +78,15 @@ def plan(
             show_progress(done, total)
 
         found = design(
-            run, limits=given, decide=decide or (), seconds=seconds, seed=seed, workers=workers, progress=progress
+            run,
+            limits=given,
+            loop=loop,
+            controller=controller,
+            decide=decide or (),
+            seconds=seconds,
+            seed=seed,
+            workers=workers,
+            progress=progress,
         )
         files = {
             "plan.csv": found.csv_text().encode(),
@@ -96,6 +113,7 @@ def _as_data(found: Plan) -> dict[str, object]:
         "family": found.found.candidate.family.name,
         "seconds": found.seconds,
         "use_of_limits": {name: found.use(name) for name in found.found.envelope.use},
+        "controller": {name: value for name, (value, _) in found.controller.items()} or None,
         "parameters": found.gains,
         "cautions": found.cautions(),
     }

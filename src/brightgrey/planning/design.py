@@ -12,18 +12,18 @@ from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError
 from brightgrey.numerics.sobol import sobol_points
 from brightgrey.planning.drive import PlannedDrive
-from brightgrey.planning.envelope import Envelope, envelope
+from brightgrey.planning.envelope import Envelope, command_of, envelope, recorded_torque
 from brightgrey.planning.families import families
 from brightgrey.planning.families.family import Family, Setting
 from brightgrey.planning.limits import MachineLimits
 from brightgrey.planning.score import Score, mean_powers, score
 from brightgrey.search.policy import SELECTION
 
-__all__ = ["Designed", "TriedMotion", "design_motion", "torque_of"]
+__all__ = ["PLANNING_EFFORT", "Designed", "PlanningEffort", "TriedMotion", "design_motion", "torque_of"]
 
 
 @dataclass(frozen=True)
-class _Policy:
+class PlanningEffort:
     """Effort of the search for a motion, and its safety."""
 
     samples_log2: int = 6  #: Each family begins with 2 to this power motions.
@@ -43,7 +43,7 @@ class _Policy:
     out_of_limits: float = 1e3  #: Loss of a motion beyond its limits, far above any score.
 
 
-POLICY = _Policy()
+PLANNING_EFFORT = PlanningEffort()
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class TriedMotion:
 
     family: Family
     numbers: tuple[float, ...]
-    torque: Array  #: N m (N), shape (samples,).
+    torque: Array  #: Torque in open loop, feed-forward in closed loop; N m (N), shape (samples,).
     loss: float  #: Less is better.
     excess: float  #: Over the limits; 0 if they are kept.
     tightest: str  #: Limit that is used most.
@@ -93,21 +93,28 @@ def _with_limited_slope(torque: Array, step: float) -> Array:
 class _Search:
     """Motions that have been tried, with their scores."""
 
-    def __init__(self, drive: PlannedDrive, setting: Setting, seed: int, tell: Callable[[int, int], None]) -> None:
-        self.drive, self.setting, self.tell = drive, setting, tell
-        self.draws = drive.draws(POLICY.search_draws, np.random.default_rng([seed, 1]))
+    def __init__(
+        self,
+        drive: PlannedDrive,
+        setting: Setting,
+        seed: int,
+        tell: Callable[[int, int], None],
+        effort: PlanningEffort,
+    ) -> None:
+        self.drive, self.setting, self.tell, self.effort = drive, setting, tell, effort
+        self.draws = drive.draws(effort.search_draws, np.random.default_rng([seed, 1]))
         self.done: list[TriedMotion] = []
-        sampled = len(families()) * 2**POLICY.samples_log2
-        self.total = sampled + POLICY.optimised * POLICY.population * POLICY.generations + POLICY.finalists
+        sampled = len(families()) * 2**effort.samples_log2
+        self.total = sampled + effort.optimised * effort.population * effort.generations + effort.finalists
 
     def loss(self, numbers: Array, family: Family) -> float:
         """Loss of a motion; one beyond the limits is the worse the further it is beyond them."""
         torque, found = self._within_limits(torque_of(self.drive, family, numbers, self.setting))
         excess, value = found.excess(), None
         if excess == 0.0:
-            scored = score(self.drive, torque)
+            scored = score(self.drive, recorded_torque(self.drive, command_of(self.drive, torque)))
             value = None if scored is None else -scored.value
-        loss = POLICY.out_of_limits * (1.0 + min(excess, 1e3)) if value is None else value
+        loss = self.effort.out_of_limits * (1.0 + min(excess, 1e3)) if value is None else value
         entry = TriedMotion(family, tuple(np.asarray(numbers).tolist()), torque, loss, excess, found.tightest())
         self.done.append(entry)
         self.tell(len(self.done), max(self.total, len(self.done)))
@@ -116,12 +123,12 @@ class _Search:
     def _within_limits(self, torque: Array) -> tuple[Array, Envelope]:
         """The torque, scaled down where a limit is exceeded, and what the draws of the drive do with it."""
         structure, limits = self.drive.known.model.structure, self.setting.limits
-        for _ in range(POLICY.scalings):
-            found = envelope(self.drive, structure, self.draws, torque, limits)
+        for _ in range(self.effort.scalings):
+            found = envelope(self.drive, structure, self.draws, command_of(self.drive, torque), limits)
             use = max(float(part.max()) for part in found.use.values())
             if use <= 1.0 or not np.isfinite(use):
                 break
-            torque = torque * (POLICY.below / use)
+            torque = torque * (self.effort.below / use)
         return torque, found
 
     def best_of(self, family: Family) -> TriedMotion:
@@ -130,13 +137,13 @@ class _Search:
 
     def optimise(self, family: Family, rng: np.random.Generator) -> None:
         """Optimise a family from its best motions by differential evolution (Storn and Price 1997)."""
-        own = sorted((c for c in self.done if c.family is family), key=lambda c: c.loss)[: POLICY.population]
+        own = sorted((c for c in self.done if c.family is family), key=lambda c: c.loss)[: self.effort.population]
         differential_evolution(
             self.loss,
             Bounds(np.zeros(family.numbers), np.ones(family.numbers)),
             args=(family,),
             init=np.array([c.numbers for c in own]),
-            maxiter=POLICY.generations - 1,
+            maxiter=self.effort.generations - 1,
             mutation=(0.4, 0.9),
             recombination=0.8,
             polish=False,
@@ -159,6 +166,7 @@ def design_motion(
     seconds: float,
     seed: int,
     tell: Callable[[int, int], None] = lambda done, total: None,
+    effort: PlanningEffort = PLANNING_EFFORT,
 ) -> Designed:
     """Search for the motion within the limits that decides most; what none decides is given up, for the parameters.
 
@@ -167,13 +175,13 @@ def design_motion(
     SettingsError
         If no motion keeps the limits; the message names the one that is in the way.
     """
-    search = _Search(drive, setting_of(drive, limits, seconds), seed, tell)
+    search = _Search(drive, setting_of(drive, limits, seconds), seed, tell, effort)
     rng = np.random.default_rng([seed, 2])
     for family in families():
-        for numbers in sobol_points(family.numbers, POLICY.samples_log2, rng):
+        for numbers in sobol_points(family.numbers, effort.samples_log2, rng):
             search.loss(numbers, family)
     ranked = sorted(families(), key=lambda f: search.best_of(f).loss)
-    for family in ranked[: POLICY.optimised]:
+    for family in ranked[: effort.optimised]:
         search.optimise(family, rng)
     allowed = sorted((c for c in search.done if c.excess == 0.0), key=lambda c: c.loss)
     if not allowed:
@@ -181,28 +189,33 @@ def design_motion(
     found = _final(search, allowed, seed)
     if min(found.powers, default=1.0) >= SELECTION.min_power:
         return found
-    relaxed = tuple(_relaxed(drive, limits, seconds, seed, tell))
-    left = tuple(q for q, p in zip(drive.known.questions, found.powers, strict=True) if p >= POLICY.hopeless)
+    relaxed = tuple(_relaxed(drive, limits, seconds, seed, tell, effort))
+    left = tuple(q for q, p in zip(drive.known.questions, found.powers, strict=True) if p >= effort.hopeless)
     if len(left) < len(found.powers):  # they would take the motion from what it can show
         rest = replace(drive, known=replace(drive.known, questions=left))
-        found = design_motion(rest, limits, seconds, seed, tell)
+        found = design_motion(rest, limits, seconds, seed, tell, effort)
         found = replace(found, powers=tuple(mean_powers(drive, found.candidate.torque, seed)))
     return replace(found, relaxed=relaxed)
 
 
 def _relaxed(
-    drive: PlannedDrive, limits: MachineLimits, seconds: float, seed: int, tell: Callable[[int, int], None]
+    drive: PlannedDrive,
+    limits: MachineLimits,
+    seconds: float,
+    seed: int,
+    tell: Callable[[int, int], None],
+    effort: PlanningEffort,
 ) -> Iterator[tuple[str, float]]:
     """Smallest power with each limit doubled, and with twice the time: by sampling only."""
     finite = [f.name for f in fields(limits) if np.isfinite(getattr(limits, f.name))]
     for name in (*finite, "seconds"):
         wider = limits if name == "seconds" else replace(limits, **{name: 2.0 * getattr(limits, name)})
         time = 2.0 * seconds if name == "seconds" else seconds
-        search = _Search(drive, setting_of(drive, wider, time), seed, tell)
-        search.total = len(families()) * 2**POLICY.relaxed_log2
+        search = _Search(drive, setting_of(drive, wider, time), seed, tell, effort)
+        search.total = len(families()) * 2**effort.relaxed_log2
         rng = np.random.default_rng([seed, 2])
         for family in families():
-            for numbers in sobol_points(family.numbers, POLICY.relaxed_log2, rng):
+            for numbers in sobol_points(family.numbers, effort.relaxed_log2, rng):
                 search.loss(numbers, family)
         best = min(search.done, key=lambda c: c.loss)
         yield name, _smallest_power(drive, best) or 0.0
@@ -218,21 +231,24 @@ def _in_the_way(done: Sequence[TriedMotion]) -> str:
 
 def _final(search: _Search, allowed: Sequence[TriedMotion], seed: int) -> Designed:
     """The finalist with the best score, its rivals refitted, that keeps the limits for nearly all draws."""
-    drive, limits = search.drive, search.setting.limits
-    draws = drive.draws(POLICY.final_draws, np.random.default_rng([seed, 3]))
-    finalists = list({c.torque.tobytes(): c for c in allowed}.values())[: POLICY.finalists]
+    drive, limits, effort = search.drive, search.setting.limits, search.effort
+    draws = drive.draws(effort.final_draws, np.random.default_rng([seed, 3]))
+    finalists = list({c.torque.tobytes(): c for c in allowed}.values())[: effort.finalists]
     scored = []
     for k, finalist in enumerate(finalists):
         search.tell(len(search.done) + k, max(search.total, len(search.done) + k))
-        found = score(drive, finalist.torque, refit=True)
+        found = score(drive, recorded_torque(drive, command_of(drive, finalist.torque)), refit=True)
         scored += [(finalist, found)] if found is not None else []
     scored.sort(key=lambda pair: -pair[1].value)
     powers = tuple((family.name, _smallest_power(drive, search.best_of(family))) for family in families())
     for candidate, _ in scored:
-        for turn in range(POLICY.shrinks):
-            torque = candidate.torque * POLICY.shrink**turn
-            kept = envelope(drive, drive.known.model.structure, draws, torque, limits)
-            final = score(drive, torque, refit=True) if kept.share_kept() >= POLICY.kept else None
+        for turn in range(effort.shrinks):
+            torque = candidate.torque * effort.shrink**turn
+            command = command_of(drive, torque)
+            kept = envelope(drive, drive.known.model.structure, draws, command, limits)
+            final = (
+                score(drive, recorded_torque(drive, command), refit=True) if kept.share_kept() >= effort.kept else None
+            )
             if final is not None:
                 shown = TriedMotion(candidate.family, candidate.numbers, torque, -final.value, 0.0, kept.tightest())
                 means = tuple(mean_powers(drive, torque, seed))
@@ -242,5 +258,5 @@ def _final(search: _Search, allowed: Sequence[TriedMotion], seed: int) -> Design
 
 def _smallest_power(drive: PlannedDrive, motion: TriedMotion) -> float | None:
     """Smallest power of a motion; None if it exceeds a limit or cannot be simulated."""
-    found = score(drive, motion.torque) if motion.excess == 0.0 else None
+    found = score(drive, recorded_torque(drive, command_of(drive, motion.torque))) if motion.excess == 0.0 else None
     return min((a.power for a in found.answers), default=0.0) if found else None

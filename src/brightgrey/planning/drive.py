@@ -19,6 +19,7 @@ from brightgrey.estimation.problem.parameter_space import ParameterSpace, parame
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import StateSpace, Structure, assemble, slowest_resonance
 from brightgrey.model.model import Model
+from brightgrey.planning.position_loop import PositionLoop
 from brightgrey.recordings import Recording
 from brightgrey.search.undecided.question import Known, OpenQuestions
 from brightgrey.simulation import Settings
@@ -67,6 +68,7 @@ class PlannedDrive:
     known: OpenQuestions
     threads: int = 1
     gap: float = 0.0  #: Position of a truth in its gaps at the begin, in widths from the forward side: 0 to -1.
+    loop: PositionLoop | None = None  #: None in open loop.
 
     @cached_property
     def settings(self) -> Settings:
@@ -104,10 +106,14 @@ class PlannedDrive:
             self.problem(Structure.parse(structure), self.recording(torque)),
             self.system(structure, values),
         )
-        limited = [system.state_names[e.limits.state] for e in system.elements if e.limits is not None]
-        all_values = {**values, **{f"{name}(0)/width": self.gap for name in limited}}
+        all_values = {**values, **self.begin_in_gaps(system)}
         found = problem.residuals({n: np.array([v]) for n, v in all_values.items()}, self.settings)
         return self.whiten(found, torque.size)[:, 0]
+
+    def begin_in_gaps(self, system: StateSpace) -> dict[str, float]:
+        """Position in each gap of a system at the begin, as the initial state names it."""
+        limited = [system.state_names[e.limits.state] for e in system.elements if e.limits is not None]
+        return {f"{name}(0)/width": self.gap for name in limited}
 
     def with_values(self, draw: Mapping[str, float], gap: float) -> PlannedDrive:
         """The same drive with other values of its parameters, and another position in its gaps at the begin.

@@ -3,17 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.estimation.problem.initial_state import InitialState
 from brightgrey.kit import Structure
 from brightgrey.planning.drive import PlannedDrive
 from brightgrey.planning.limits import MachineLimits
+from brightgrey.planning.position_loop import Setpoint, setpoint_along
 from brightgrey.simulation import response
 
-__all__ = ["Envelope", "envelope", "motion_of"]
+__all__ = [
+    "Command",
+    "Envelope",
+    "Reaction",
+    "command_of",
+    "envelope",
+    "nominal_reaction",
+    "reaction",
+    "recorded_torque",
+]
+
+
+class Command(NamedTuple):
+    """What the machine is given."""
+
+    torque: Array  #: Torque in open loop, feed-forward in closed loop; N m (N), shape (samples,).
+    setpoint: Setpoint | None  #: In closed loop.
+
+
+class Reaction(NamedTuple):
+    """Motion of K parameter sets; not-a-number from the sample on at which one diverged."""
+
+    torque: Array  #: As the drive commands it, N m (N), shape (samples, K); in open loop (samples, 1).
+    #: Of all masses, shape (masses, samples, K).
+    position: Array
+    velocity: Array
 
 
 @dataclass(frozen=True)
@@ -42,34 +70,71 @@ REST = 0.01
 """Speed at the end, over the limit of speed, below which a drive counts as at rest."""
 
 
-def motion_of(drive: PlannedDrive, structure: str, values: Mapping[str, Array], torque: Array) -> Array:
-    """Positions and velocities of all masses, shape (2 masses, samples, K); not-a-number where diverged."""
-    masses = Structure.parse(structure).masses
+def command_of(drive: PlannedDrive, torque: Array) -> Command:
+    """Command for a torque; in closed loop the setpoint is the motion that the identified drive makes with it."""
+    if drive.loop is None:
+        return Command(torque, None)
+    found = nominal_reaction(replace(drive, loop=None), Command(torque, None))
+    along = setpoint_along(found.position[0, :, 0], found.velocity[0, :, 0], torque, drive.known.sampling_time)
+    return Command(torque, along)
+
+
+def nominal_reaction(drive: PlannedDrive, command: Command) -> Reaction:
+    """Reaction of the drive as identified."""
+    known = drive.known.model
+    values = {name: np.array([value]) for name, value in known.values.items()}
+    return reaction(drive, known.structure, values, command)
+
+
+def recorded_torque(drive: PlannedDrive, command: Command) -> Array:
+    """Torque that the drive as identified is recorded with; in closed loop its controller changes the feed-forward."""
+    return command.torque if drive.loop is None else nominal_reaction(drive, command).torque[:, 0]
+
+
+def reaction(drive: PlannedDrive, structure: str, values: Mapping[str, Array], command: Command) -> Reaction:
+    """Reaction of parameter sets of a structure, which begin at rest at the drive's side of the gap."""
+    masses, dt = Structure.parse(structure).masses, drive.known.sampling_time
     names = [f"{kind}@{k + 1}" if k else kind for kind in ("position", "velocity") for k in range(masses)]
-    system = drive.system(structure, values, names)
-    x0 = np.zeros((len(system.states), np.size(next(iter(values.values())))))
-    return response(system, torque, drive.known.sampling_time, x0, drive.settings, threads=drive.threads).y
+    system, sets = drive.system(structure, values, names), np.size(next(iter(values.values())))
+    begin = InitialState(0.0, 0.0).state(
+        system, 0.0, {name: np.array([share]) for name, share in drive.begin_in_gaps(system).items()}
+    )
+    if drive.loop is None or command.setpoint is None:
+        x0 = np.broadcast_to(begin, (len(begin), sets))
+        y = response(system, command.torque, dt, x0, drive.settings, threads=drive.threads).y
+        return Reaction(command.torque[:, None], y[:masses], y[masses:])
+    closed, reference = drive.loop.around(system), drive.loop.reference_input(command.setpoint, dt)
+    if not np.isfinite(reference).all():  # the setpoint's simulation diverged
+        lost = np.full((masses, reference.size, sets), np.nan)
+        return Reaction(lost[0], lost, lost)
+    x0 = np.zeros((len(closed.states), sets))
+    x0[: len(begin)] = begin
+    settings = replace(drive.settings, hold="linear")
+    y = response(closed, drive.loop.simulated_input(command.setpoint, dt), dt, x0, settings, threads=drive.threads).y
+    q, v = y[:masses], y[masses : 2 * masses]
+    return Reaction(drive.loop.torque(reference, q[0], v[0], y[-1]), q, v)
 
 
 def envelope(
-    drive: PlannedDrive, structure: str, values: Mapping[str, Array], torque: Array, limits: MachineLimits
+    drive: PlannedDrive, structure: str, values: Mapping[str, Array], command: Command, limits: MachineLimits
 ) -> Envelope:
     """Envelope of parameter sets of a structure."""
     dt = drive.known.sampling_time
-    y = motion_of(drive, structure, values, torque)
-    masses = len(y) // 2
-    q, v = y[:masses], y[masses:]
-    sets = y.shape[2]
-    slope = float(np.abs(np.diff(torque, prepend=0.0)).max()) / dt
+    u, q, v = reaction(drive, structure, values, command)
+    slope = np.abs(np.diff(u, axis=0, prepend=0.0)).max(axis=0) / dt
     reached = {
-        "torque": np.full(sets, np.abs(torque).max()),
-        "rms_torque": np.full(sets, np.sqrt(np.mean(torque**2))),
+        "torque": np.abs(u).max(axis=0),
+        "rms_torque": np.sqrt(np.mean(u**2, axis=0)),
         "speed": np.abs(v[0]).max(axis=0),
         "acceleration": np.abs(np.diff(v[0], axis=0)).max(axis=0) / dt,
-        "jerk": np.full(sets, slope / drive.rigid.inertia),
+        "jerk": slope / drive.rigid.inertia,
         "travel": np.ptp(q[0], axis=0),
         "twist": np.abs(np.diff(q, axis=0)).max(axis=(0, 1), initial=0.0),
     }
-    use = {f.name: np.nan_to_num(reached[f.name] / getattr(limits, f.name), nan=np.inf) for f in fields(limits)}
+    shape = v.shape[2:]
+    use = {
+        f.name: np.nan_to_num(np.broadcast_to(reached[f.name], shape) / getattr(limits, f.name), nan=np.inf)
+        for f in fields(limits)
+    }
     end = np.nan_to_num(np.abs(v[:, -1]).max(axis=0) / limits.speed, nan=np.inf)
     return Envelope(use, end)

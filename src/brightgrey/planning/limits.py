@@ -87,8 +87,8 @@ def unit_of(name: str, units: Units) -> str:
     return units.of(_DIMENSIONS[name])[0]
 
 
-def read_limits(path: str | Path) -> dict[str, Any]:
-    """Limits of a TOML file, in the units of the recording.
+def read_limits(path: str | Path) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """Limits of a TOML file, and the gains of its table ``controller`` if there is one, in the recording's units.
 
     Raises
     ------
@@ -96,8 +96,12 @@ def read_limits(path: str | Path) -> dict[str, Any]:
         If it cannot be read.
     """
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        given = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise SettingsError(f"cannot read limits '{path}': {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"limits '{path}' are not TOML: {error}") from None
+    controller = given.pop("controller", None)
+    if controller is not None and not isinstance(controller, dict):
+        raise SettingsError(f"limits '{path}': controller is {controller!r}; a table of gains is wanted")
+    return given, controller

@@ -15,7 +15,7 @@ from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import effect_heading, structure_in_words
 from brightgrey.planning.design import Designed
 from brightgrey.planning.drive import PlannedDrive
-from brightgrey.planning.envelope import motion_of
+from brightgrey.planning.envelope import Command, command_of, nominal_reaction
 from brightgrey.planning.limits import ACCELERATION, MachineLimits
 from brightgrey.planning.score import power_so_far
 from brightgrey.search.policy import SELECTION
@@ -59,6 +59,8 @@ class Plan:
         Limits that were given, in the units of the recording; the others are what the recordings reached.
     found : Designed
     seed : int
+    gains_given : bool
+        The gains of the controller were given; else they are designed for the model.
     """
 
     drive: PlannedDrive
@@ -66,6 +68,7 @@ class Plan:
     given: Mapping[str, float]
     found: Designed
     seed: int
+    gains_given: bool = False
 
     @property
     def t(self) -> Array:
@@ -87,18 +90,32 @@ class Plan:
         )
 
     @cached_property
+    def command(self) -> Command:
+        """Torque of the plan, and in closed loop the setpoint, SI."""
+        return command_of(self.drive, self.found.candidate.torque)
+
+    @property
+    def controller(self) -> dict[str, tuple[float, str]]:
+        """Gains of the controller with their units, as the recording has them; none in open loop."""
+        return {} if self.drive.loop is None else self.drive.loop.shown(self.drive.model.units)
+
+    @cached_property
     def columns(self) -> dict[str, Array]:
-        """Columns of plan.csv in the units of the recording: the motion is that of the simulated first mass."""
-        drive, units = self.drive, self.drive.model.units
-        known, torque = drive.known.model, self.found.candidate.torque
-        values = {n: np.array([v]) for n, v in known.values.items()}
-        y = motion_of(drive, known.structure, values, torque)[:, :, 0]
-        v = y[len(y) // 2]
+        """Columns of plan.csv in the units of the recording: the motion of the first mass, and the torque.
+
+        In closed loop they are the setpoint and the feed-forward.
+        """
+        units, setpoint = self.drive.model.units, self.command.setpoint
+        if setpoint is None:
+            nominal = nominal_reaction(self.drive, self.command)
+            q, v, names = nominal.position[0, :, 0], nominal.velocity[0, :, 0], ("", "torque")
+        else:
+            q, v, names = setpoint.position, setpoint.velocity, ("setpoint ", "feed-forward torque")
         parts = {
-            "position": (y[0], POSITION),
-            "velocity": (v, SPEED),
-            "acceleration": (np.gradient(v, drive.known.sampling_time), ACCELERATION),
-            "torque": (torque, TORQUE),
+            f"{names[0]}position": (q, POSITION),
+            f"{names[0]}velocity": (v, SPEED),
+            f"{names[0]}acceleration": (np.gradient(v, self.drive.known.sampling_time), ACCELERATION),
+            names[1]: (self.command.torque, TORQUE),
         }
         shown = {f"{name} [{units.of(d)[0]}]": x * units.of(d)[1] for name, (x, d) in parts.items()}
         return {"t [s]": self.t, **shown}
@@ -128,6 +145,10 @@ class Plan:
         for name, (value, unit) in self.limits.shown(units).items():
             origin = "given" if name in self.given else "reached by the recordings"
             lines.append(f"{name} = {value:.6g}  # {unit}, {origin}; {100.0 * self.use(name):.0f} % used")
+        if self.controller:
+            lines += ["", "[controller]"]
+            origin = "given" if self.gains_given else "designed for the model"
+            lines += [f"{name} = {value:.6g}  # {unit}, {origin}" for name, (value, unit) in self.controller.items()]
         for d in self.decisions:
             lines += ["", "[[decides]]", f'what = "{d.title}"', f'kind = "{d.kind}"']
             lines += [f"power_before = {d.before:.3f}", f"power_after = {d.after:.3f}"]
@@ -152,7 +173,7 @@ class Plan:
 
     def sentences(self) -> list[str]:
         """The plan in words."""
-        position, unit = next((x, n) for n, x in self.columns.items() if n.startswith("position"))
+        position, unit = next((x, n) for n, x in self.columns.items() if "position [" in n)
         travel = np.ptp(position)
         lines = [f"{d.title}: power {d.before:.2f} → {d.after:.2f}" for d in self.decisions]
         lines.append(
@@ -198,13 +219,24 @@ class Plan:
             f"Limits are kept for {100.0 * kept:.1f} % of {len(found.envelope.end_speed)} draws of the parameters, "
             "with the drive as identified"
         )
-        lines.append(
-            "Without a position controller the end position is uncertain: keep the end switches active, and begin with "
-            "a tenth of the torque"
-        )
+        lines.append(self._caution_of_the_loop())
         if not np.isfinite(self.limits.twist) and self.drive.model.structure.masses > 1:
             lines.append("No limit of the twist was given: the shafts may be rung at their resonance")
         return lines
+
+    def _caution_of_the_loop(self) -> str:
+        """Sentence on what the controller does, or on its absence."""
+        if self.drive.loop is None:
+            return (
+                "Without a position controller the end position is uncertain: keep the end switches active, and begin "
+                "with a tenth of the torque"
+            )
+        gains = ", ".join(f"{name} {value:.3g} {unit}" for name, (value, unit) in self.controller.items())
+        text = (
+            f"The limits hold with the gains {gains} and without noise of the sensor in the loop; the controller and "
+            f"the feed-forward together demand up to {100.0 * self.use('torque'):.0f} % of the torque"
+        )
+        return text if self.gains_given else f"{text}. These gains suit the model: set them in the drive, or give yours"
 
 
 def _title(question: Question) -> str:

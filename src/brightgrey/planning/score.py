@@ -13,6 +13,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 from brightgrey.planning.drive import PlannedDrive
+from brightgrey.planning.envelope import command_of, recorded_torque
 from brightgrey.search.detectability import power
 from brightgrey.search.undecided.question import Question
 
@@ -94,6 +95,8 @@ def score(drive: PlannedDrive, torque: Array, *, refit: bool = False) -> Score |
 
     With `refit` the rivals descend to their optima; else they are taken as linear in their parameters.
     """
+    if not np.isfinite(torque).all():
+        return None
     jacobians: dict[str, tuple[Array, Array]] = {}
     for known in (drive.known.model, *(q.rival for q in drive.known.questions)):
         if known.structure not in jacobians:
@@ -150,11 +153,16 @@ def power_so_far(drive: PlannedDrive, question: Question) -> float:
 
 
 def mean_powers(drive: PlannedDrive, torque: Array, seed: int) -> list[float]:
-    """Power of each question, averaged over draws of the parameters and positions in the gap at the begin."""
+    """Power of each question, averaged over draws of the parameters and positions in the gap at the begin.
+
+    In closed loop `torque` is the feed-forward, and each draw is recorded with the torque of its own reaction.
+    """
+    command = command_of(drive, torque)
     draws = drive.draws(POLICY.draws, np.random.default_rng([seed, 4]))
     found = []
     for k in range(POLICY.draws):
         for gap in POLICY.gaps:
-            one = score(drive.with_values({n: float(v[k]) for n, v in draws.items()}, gap), torque, refit=True)
+            drawn = drive.with_values({n: float(v[k]) for n, v in draws.items()}, gap)
+            one = score(drawn, recorded_torque(drawn, command), refit=True)
             found.append([a.power for a in one.answers] if one else [0.0] * len(drive.known.questions))
     return [float(p) for p in np.mean(found, axis=0)]

@@ -21,7 +21,7 @@ def planned_motion(columns: Mapping[str, Array]) -> Chart:
         Time first, then quantities with their units in brackets, as plan.csv has them.
     """
     (_, t), *rest = columns.items()
-    shown = [(name, x) for name, x in rest if not name.startswith("acceleration")]
+    shown = [(name, x) for name, x in rest if "acceleration [" not in name]
     panels = []
     for k, (name, x) in enumerate(shown):
         quantity, _, unit = name.partition(" [")
