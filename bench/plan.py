@@ -6,7 +6,9 @@
 
 A drive counts if its first recording leaves an effect that is there *not decidable*. The second recording has the same
 length, noise and limits: those that the first one reached. It is the planned motion, a chirp, a multisine, or the first
-motion again. Both recordings are identified jointly; an effect is decided rightly if it is *needed* then.
+motion again. Both recordings are identified jointly; an effect is decided rightly if it is *needed* then. Where a plan
+gives all effects a power below 0.2, no second recording is made. The drives have up to `--masses` masses, and the
+search offers as many.
 """
 
 from __future__ import annotations
@@ -15,15 +17,17 @@ import argparse
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import binomtest
 
-from brightgrey import SettingsError, demo, identify, plan
+from brightgrey import Result, SettingsError, demo, identify, plan
 from brightgrey.arrays import Array
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
+from brightgrey.planning.design import PLANNING_EFFORT
 from brightgrey.planning.envelope import Command, envelope
 from brightgrey.recordings import Recording
 from brightgrey.search.detectability import has
@@ -36,6 +40,9 @@ from support.statistics import share_of
 NOISE = 1e-2
 CONTESTANTS = ("plan", "chirp", "multisine", "repeated")
 DEMO_NOISE, DEMO_STEP = 1e-3, 0.01  # of the peak; rad/s: as the demo's recording
+WORTHWHILE = 0.2  # power from which a second recording is made
+MORE_MASSES = ("two_mass", "three_mass", "four_mass")
+EFFORT = replace(PLANNING_EFFORT, relaxed_log2=0)  # which limit is in the way is not asked here
 PREDICTED = 0.8
 """Power from which a plan says that an effect will be decided."""
 
@@ -49,9 +56,14 @@ def recorded(drive: RandomDrive, u: Array, name: str, number: int) -> Recording:
     return simulated_recording(u, rounded(y, max(1e-3 * peak, 0.5 * NOISE * peak)) if drive.encoder else y, name=name)
 
 
-def verdicts(recordings: Sequence[Recording]) -> dict[str, tuple[str, str]]:
+def identified(recordings: Sequence[Recording], masses: int) -> Result:
+    """Result of a search among structures of up to so many masses."""
+    return identify(recordings, grammar="paper", exclude=MORE_MASSES[masses - 1 :], check=False)
+
+
+def verdicts(recordings: Sequence[Recording], masses: int) -> dict[str, tuple[str, str]]:
     """Verdict on every effect, and its reason."""
-    result = identify(recordings, grammar="paper", check=False)
+    result = identified(recordings, masses)
     return {card.effect: (card.verdict, card.reason) for card in result.evidence.cards}
 
 
@@ -67,16 +79,16 @@ def within_limits(made, u: Array) -> Array:
         u = 0.95 * u
 
 
-def examine(seed: int, number: int) -> Iterator[dict[str, object]]:
+def examine(seed: int, number: int, masses: int) -> Iterator[dict[str, object]]:
     """Rows of one drive: one per effect that is there and not decided."""
-    drive = RandomDrive(seed, number, list(PAPER.structures()))
+    drive = RandomDrive(seed, number, [s for s in PAPER.structures() if s.masses <= masses])
     first = drive.recordings(NOISE)[0]
-    result = identify(first, grammar="paper", check=False)
+    result = identified([first], masses)
     left = {c.effect for c in result.evidence.cards if c.verdict == "not decidable"}
     open_ones = [e for e in left if has(drive.truth, e)]
     asked = {e for q in result.evidence.questions.questions for e in q.effects}
     targets = sorted(set(open_ones) & asked)
-    about = {"seed": seed, "number": number, "truth": str(drive.truth)}
+    about = {"seed": seed, "number": number, "masses": masses, "truth": str(drive.truth)}
     if not targets:
         yield {**about, "effect": None}
         return
@@ -84,24 +96,30 @@ def examine(seed: int, number: int) -> Iterator[dict[str, object]]:
     with tempfile.TemporaryDirectory() as folder:
         result.write(folder)
         try:
-            made = plan(folder, seed=0)
+            made = plan(folder, seed=0, effort=EFFORT)
         except SettingsError as why:
             yield {**about, "effect": None, "refused": str(why)}
             return
     seconds = round(time.perf_counter() - begin, 1)
     pairs = list(zip(made.drive.known.questions, made.found.powers, strict=True))
+    powers = {e: min(p for q, p in pairs if e in q.effects) for e in targets}
+    family = made.found.candidate.family.name
+    if max(powers.values()) < WORTHWHILE:
+        yield from ({**about, "effect": e, "power": p, "family": family, "s": seconds} for e, p in powers.items())
+        return
     rng = np.random.default_rng([seed, number, 7])
     torques = {"plan": made.found.candidate.torque, "repeated": drive.u[0]}
     torques |= {kind: within_limits(made, excitation(kind, rng)) for kind in ("chirp", "multisine")}
-    second = {name: verdicts([first, recorded(drive, u, name, k)]) for k, (name, u) in enumerate(torques.items())}
-    for effect in targets:
-        power = min(p for q, p in pairs if effect in q.effects)
+    second = {
+        name: verdicts([first, recorded(drive, u, name, k)], masses) for k, (name, u) in enumerate(torques.items())
+    }
+    for effect, power in powers.items():
         after = {name: found.get(effect, ("not needed", ""))[0] for name, found in second.items()}
         yield {
             **about,
             "effect": effect,
             "power": power,
-            "family": made.found.candidate.family.name,
+            "family": family,
             "s": seconds,
             "reason": second["plan"].get(effect, ("", "its structures have no such effect"))[1],
         } | after
@@ -110,13 +128,15 @@ def examine(seed: int, number: int) -> Iterator[dict[str, object]]:
 def words(row: Mapping[str, object]) -> str:
     if row["effect"] is None:
         return f"{row['number']:4} nothing open that is there"
+    if "plan" not in row:
+        return f"{row['number']:4} {row['truth']}: {row['effect']} power {row['power']:.2f}; {row['s']} s"
     shown = ", ".join(f"{name}: {row[name]}" for name in CONTESTANTS)
     return f"{row['number']:4} {row['truth']}: {row['effect']} power {row['power']:.2f}; {shown}; {row['s']} s"
 
 
 def table(rows: Sequence[Mapping]) -> str:
     """Shares of effects that are decided rightly, and McNemar's exact test against the plan."""
-    rows = [r for r in rows if r["effect"]]
+    rows = [r for r in rows if "plan" in r]
     lines = ["| second recording | all open effects | predicted with power ≥ 0.8 | McNemar p |", "|---|---|---|---|"]
     sure = [r for r in rows if r["power"] >= PREDICTED]
     for name in CONTESTANTS:
@@ -175,6 +195,7 @@ def main() -> None:
     run.add_argument("last", type=int)
     for command in (run, commands.add_parser("table")):
         command.add_argument("--seed", type=int, default=5)
+    run.add_argument("--masses", type=int, default=4, help="largest number of masses")
     commands.add_parser("demo").add_argument("--save", action="store_true", help="write bench/results/plan.json")
     given = parser.parse_args()
     if given.command == "demo":
@@ -183,7 +204,7 @@ def main() -> None:
     path = Path(RESULTS) / f"plan_seed{given.seed}.jsonl.gz"
     if given.command == "run":
         left = drives_left(path, given.seed, given.first, given.last)
-        add_rows(path, left, lambda number: examine(given.seed, number), words)
+        add_rows(path, left, lambda number: examine(given.seed, number, given.masses), words)
     else:
         print(table(read_rows(path)))
 
