@@ -3,6 +3,8 @@
     python bench/plan.py run 0 20 --seed 5     drives 0 to 19, added to the file of the seed
     python bench/plan.py table --seed 5
     python bench/plan.py demo --save           the demo's drive: information, and intervals identified anew
+    python bench/plan.py limits 0 20           two plans for each of drives 0 to 19, in open and in closed loop
+    python bench/plan.py limits-table --save   share of fresh draws of the parameters that keep the limits
 
 A drive counts if its first recording leaves an effect that is there *not decidable*. The second recording has the same
 length, noise and limits: those that the first one reached. It is the planned motion, a chirp, a multisine, or the first
@@ -27,15 +29,15 @@ from brightgrey import Result, SettingsError, demo, identify, plan
 from brightgrey.arrays import Array
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER
-from brightgrey.planning.design import PLANNING_EFFORT
-from brightgrey.planning.envelope import Command, envelope
+from brightgrey.planning.design import PLANNING_EFFORT, PlanningEffort
+from brightgrey.planning.envelope import MotionCommand, envelope
 from brightgrey.recordings import Recording
 from brightgrey.search.detectability import has
 from brightgrey.simulation.reference import reference
 from support.drives import RandomDrive, coloured_noise, excitation, rounded, simulated_recording
 from support.results import RESULTS, Table, publish
 from support.rows import add_rows, drives_left, read_rows
-from support.statistics import share_of
+from support.statistics import share, share_of
 
 NOISE = 1e-2
 CONTESTANTS = ("plan", "chirp", "multisine", "repeated")
@@ -43,6 +45,8 @@ DEMO_NOISE, DEMO_STEP = 1e-3, 0.01  # of the peak; rad/s: as the demo's recordin
 WORTHWHILE = 0.2  # power from which a second recording is made
 MORE_MASSES = ("two_mass", "three_mass", "four_mass")
 EFFORT = replace(PLANNING_EFFORT, relaxed_log2=0)  # which limit is in the way is not asked here
+FRESH_DRAWS = 500
+CHEAP = PlanningEffort(samples_log2=3, generations=4, population=8, optimised=2, finalists=4, relaxed_log2=0)
 PREDICTED = 0.8
 """Power from which a plan says that an effect will be decided."""
 
@@ -73,7 +77,7 @@ def within_limits(made, u: Array) -> Array:
     values = {name: np.array([value]) for name, value in model.values.items()}
     limits = made.limits
     while True:
-        use = envelope(made.drive, model.structure, values, Command(u, None), limits).use
+        use = envelope(made.drive, model.structure, values, MotionCommand(u, None), limits).use
         if all(float(part.max()) <= 1.0 + 1e-6 for name, part in use.items() if name != "jerk"):
             return u
         u = 0.95 * u
@@ -125,6 +129,67 @@ def examine(seed: int, number: int, masses: int) -> Iterator[dict[str, object]]:
         } | after
 
 
+def kept_limits(seed: int, number: int) -> Iterator[dict[str, object]]:
+    """Rows of one drive of known structure: what fresh draws of its parameters do with a plan in each loop."""
+    drive = RandomDrive(seed, number, [s for s in PAPER.structures() if s.masses <= 2])
+    own = [str(p) for p in drive.truth.placed]
+    others = [str(p) for p in PAPER.whole.placed if str(p) not in own and p.effect.masses != 1]
+    result = identify(drive.recordings(NOISE)[0], grammar="paper", require=own, exclude=others, check=False)
+    about = {"seed": seed, "number": number, "truth": str(drive.truth), "draws": FRESH_DRAWS}
+    with tempfile.TemporaryDirectory() as folder:
+        result.write(folder)
+        for loop in ("open", "closed"):
+            begin = time.perf_counter()
+            try:
+                made = plan(folder, loop=loop, seed=0, effort=CHEAP)
+            except SettingsError as why:
+                yield {**about, "loop": loop, "refused": str(why)}
+                continue
+            draws = made.drive.draws(FRESH_DRAWS, np.random.default_rng([seed, number, 11]))
+            seen = envelope(made.drive, made.drive.known.model.structure, draws, made.command, made.limits)
+            use = {name: float(np.quantile(part, 0.99)) for name, part in seen.use.items()}
+            yield {
+                **about,
+                "loop": loop,
+                "family": made.found.candidate.family.name,
+                "own": made.found.envelope.share_kept(),
+                "kept": round(seen.share_kept() * FRESH_DRAWS),
+                "use": use,
+                "s": round(time.perf_counter() - begin, 1),
+            }
+
+
+def limits_words(row: Mapping[str, object]) -> str:
+    about = f"{row['number']:4} {row['truth']}, {row['loop']} loop"
+    return f"{about}: {row.get('refused') or '{kept} of {draws} kept, {family}, {s} s'.format(**row)}"
+
+
+def limits_table(rows: Sequence[Mapping]) -> Table:
+    """Plans and fresh draws that keep the limits, by loop."""
+    lines = []
+    for loop in ("open", "closed"):
+        some = [r for r in rows if r["loop"] == loop and "kept" in r]
+        refused = sum(r["loop"] == loop and "refused" in r for r in rows)
+        shares = [r["kept"] / r["draws"] for r in some]
+        below = sum(binomtest(r["kept"], r["draws"], 0.99, "less").pvalue < 0.05 for r in some)
+        lines.append(
+            [
+                f"{loop} loop",
+                str(len(some)),
+                str(refused),
+                share(sum(r["kept"] for r in some), sum(r["draws"] for r in some)),
+                f"{100.0 * min(shares, default=np.nan):.1f} %",
+                str(sum(s >= 0.99 for s in shares)),
+                str(below),
+            ]
+        )
+    head = [
+        "", "plans", "refused", "fresh draws that keep all limits", "least of a plan", "plans with ≥ 99 %",
+        "plans below 99 % beyond chance",
+    ]  # fmt: skip
+    return Table("Limits and fresh draws of the parameters", head, lines)
+
+
 def words(row: Mapping[str, object]) -> str:
     if row["effect"] is None:
         return f"{row['number']:4} nothing open that is there"
@@ -134,22 +199,34 @@ def words(row: Mapping[str, object]) -> str:
     return f"{row['number']:4} {row['truth']}: {row['effect']} power {row['power']:.2f}; {shown}; {row['s']} s"
 
 
-def table(rows: Sequence[Mapping]) -> str:
-    """Shares of effects that are decided rightly, and McNemar's exact test against the plan."""
-    rows = [r for r in rows if "plan" in r]
-    lines = ["| second recording | all open effects | predicted with power ≥ 0.8 | McNemar p |", "|---|---|---|---|"]
-    sure = [r for r in rows if r["power"] >= PREDICTED]
+def tables(rows: Sequence[Mapping]) -> list[Table]:
+    """Shares of effects that are decided rightly with McNemar's exact test against the plan, and of predictions."""
+    found = [r for r in rows if "plan" in r]
+    sure = [r for r in found if r["power"] >= PREDICTED]
+    lines = []
     for name in CONTESTANTS:
-        shares = [share_of([r[name] == "needed" for r in some]) if some else "–" for some in (rows, sure)]
-        gained = sum(r["plan"] == "needed" != r[name] for r in rows)
-        lost = sum(r[name] == "needed" != r["plan"] for r in rows)
+        shares = [share_of([r[name] == "needed" for r in some]) if some else "–" for some in (found, sure)]
+        gained = sum(r["plan"] == "needed" != r[name] for r in found)
+        lost = sum(r[name] == "needed" != r["plan"] for r in found)
         p = f"{binomtest(gained, gained + lost).pvalue:.2g}" if name != "plan" and gained + lost else "–"
-        lines.append(f"| {name} | {shares[0]} | {shares[1]} | {p} |")
-    lines += ["", "| predicted power | effects | decided rightly |", "|---|---|---|"]
+        lines.append([name, *shares, f"{gained} / {lost}" if name != "plan" else "–", p])
+    bins = []
     for low, high in ((0.0, 0.2), (0.2, 0.5), (0.5, 0.8), (0.8, 1.01)):
-        some = [r["plan"] == "needed" for r in rows if low <= r["power"] < high]
-        lines.append(f"| {low:.1f} to {min(high, 1.0):.1f} | {len(some)} | {share_of(some) if some else '–'} |")
-    return "\n".join(lines)
+        some = [r["plan"] == "needed" for r in found if low <= r["power"] < high]
+        untried = sum(r["effect"] is not None and "plan" not in r and low <= r.get("power", -1.0) < high for r in rows)
+        bins.append(
+            [f"{low:.1f} to {min(high, 1.0):.1f}", str(len(some)), share_of(some) if some else "–", str(untried)]
+        )
+    drives = len({r["number"] for r in rows})
+    head = ["second recording", "all open effects", "predicted with power ≥ 0.8", "plan alone / it alone", "McNemar p"]
+    return [
+        Table(f"Effects that are decided rightly, {drives} drives", head, lines),
+        Table(
+            "Predicted power and what happened",
+            ["predicted power", "effects", "decided rightly", "without a second recording"],
+            bins,
+        ),
+    ]
 
 
 def demo_tables() -> list[Table]:
@@ -190,23 +267,30 @@ def demo_tables() -> list[Table]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
-    run = commands.add_parser("run")
-    run.add_argument("first", type=int)
-    run.add_argument("last", type=int)
-    for command in (run, commands.add_parser("table")):
-        command.add_argument("--seed", type=int, default=5)
-    run.add_argument("--masses", type=int, default=4, help="largest number of masses")
-    commands.add_parser("demo").add_argument("--save", action="store_true", help="write bench/results/plan.json")
+    for name in ("run", "limits"):
+        one = commands.add_parser(name)
+        one.add_argument("first", type=int)
+        one.add_argument("last", type=int)
+    commands.choices["run"].add_argument("--masses", type=int, default=4, help="largest number of masses")
+    for name in ("table", "limits-table", "demo"):
+        commands.add_parser(name).add_argument("--save", action="store_true", help="write bench/results/plan.json")
+    for one in commands.choices.values():
+        one.add_argument("--seed", type=int, default=5)
     given = parser.parse_args()
+    path = Path(RESULTS) / f"plan_seed{given.seed}.jsonl.gz"
+    limits_path = Path(RESULTS) / f"plan_limits_seed{given.seed}.jsonl.gz"
     if given.command == "demo":
         publish("plan", demo_tables(), to_file=given.save)
-        return
-    path = Path(RESULTS) / f"plan_seed{given.seed}.jsonl.gz"
-    if given.command == "run":
+    elif given.command == "run":
         left = drives_left(path, given.seed, given.first, given.last)
         add_rows(path, left, lambda number: examine(given.seed, number, given.masses), words)
+    elif given.command == "limits":
+        left = drives_left(limits_path, given.seed, given.first, given.last)
+        add_rows(limits_path, left, lambda number: kept_limits(given.seed, number), limits_words)
+    elif given.command == "limits-table":
+        publish("plan", [limits_table(read_rows(limits_path))], to_file=given.save)
     else:
-        print(table(read_rows(path)))
+        publish("plan", tables(read_rows(path)), to_file=given.save)
 
 
 if __name__ == "__main__":

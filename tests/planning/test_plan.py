@@ -7,17 +7,18 @@ import sys
 import time
 import tomllib
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from brightgrey import SettingsError, plan
-from brightgrey.planning.envelope import envelope
+from brightgrey.planning.envelope import MotionCommand, envelope
 from brightgrey.planning.families import families
 from brightgrey.planning.limits import MachineLimits
 from brightgrey.recordings.units.signals import Units
 from brightgrey.search.undecided.question import UNDECIDED_FILE, OpenQuestions
-from support.planning import questions, small_run
+from support.planning import QUICK, questions, small_run
 from support.small_runs import call, start
 
 
@@ -28,7 +29,7 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def made(run):
-    return plan(run, limits={"torque": 2.5, "travel": 3.0})
+    return plan(run, limits={"torque": 2.5, "travel": 3.0}, effort=QUICK)
 
 
 def test_questions__as_text__read_back_alike():
@@ -49,7 +50,7 @@ def test_limits__in_units_of_the_recording__become_si_and_back():
 def test_plan__keeps_its_limits_for_fresh_draws_and_ends_at_rest(made):
     drive, torque = made.drive, made.found.candidate.torque
     draws = drive.draws(500, np.random.default_rng(99))
-    seen = envelope(drive, drive.known.model.structure, draws, torque, made.limits)
+    seen = envelope(drive, drive.known.model.structure, draws, MotionCommand(torque, None), made.limits)
     assert seen.share_kept() >= 0.985  # 99 % of other draws; three standard deviations of a share of 500 are 1.3 %
     assert np.abs(torque).max() <= 2.5
     assert torque[0] == torque[-1] == 0.0
@@ -70,28 +71,25 @@ def test_plan__what_it_decides_is_written_in_words_and_in_files(made):
     assert all(0.0 < ratio <= 1.0 + 1e-9 for ratio in made.gains.values())
 
 
-@pytest.mark.long
 def test_plan__same_seed__same_bytes_for_any_number_of_threads(run, made):
-    again = plan(run, limits={"torque": 2.5, "travel": 3.0}, workers=2)
+    again = plan(run, limits={"torque": 2.5, "travel": 3.0}, workers=2, effort=QUICK)
     assert again.csv_text() == made.csv_text()
     assert again.toml_text() == made.toml_text()
 
 
-@pytest.mark.long
 def test_plan__limits_too_tight_to_decide__names_the_one_in_the_way(run):
-    made = plan(run, limits={"speed": 0.02})
+    made = plan(run, limits={"speed": 0.02}, effort=QUICK)
     assert made.decisions[0].after < 0.5
     assert "Nothing within the limits decides everything" in made.cautions()[0]
 
 
-@pytest.mark.long
 def test_plan__question_that_no_motion_decides__motion_of_a_plan_without_it(run, tmp_path):
     known = questions()
     made = []
     for name, asked in (("hopeless", (replace(known.questions[0], critical=1e9),)), ("none", ())):
         folder = shutil.copytree(run, tmp_path / name)
         (folder / UNDECIDED_FILE).write_text(replace(known, questions=asked).text(), encoding="utf-8")
-        made.append(plan(folder))
+        made.append(plan(folder, effort=QUICK))
     np.testing.assert_array_equal(made[0].found.candidate.torque, made[1].found.candidate.torque)
     assert made[0].decisions[0].after < 0.01
     assert any("are given up" in text for text in made[0].cautions())
@@ -133,7 +131,8 @@ def test_plan__folder_without_a_search__says_what_to_do(run, tmp_path):
         plan(tmp_path)
 
 
-def test_command__writes_the_files_and_says_so(run, tmp_path):
+def test_command__writes_the_files_and_says_so(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("brightgrey.api.planning.plan", partial(plan, effort=QUICK))
     limits = tmp_path / "limits.toml"
     limits.write_text("torque = 2.5  # N m\ntravel = 3.0  # rad\n")
     done = call("plan", run, "--limits", limits, "--out", tmp_path / "next")

@@ -11,7 +11,7 @@ from brightgrey.control.design.cascade import Cascade
 from brightgrey.control.design.closed_loop import Reference, closed_loop
 from brightgrey.control.design.controllers import CascadeController
 from brightgrey.kit import Structure, assemble
-from brightgrey.planning.envelope import Command, command_of, envelope, nominal_reaction, reaction
+from brightgrey.planning.envelope import MotionCommand, command_of, envelope, nominal_reaction, reaction
 from brightgrey.planning.limits import read_limits
 from brightgrey.planning.position_loop import PositionLoop, setpoint_along
 from brightgrey.recordings.units.signals import Units
@@ -113,7 +113,7 @@ def test_plan__closed_loop__limits_hold_for_the_torque_that_the_controller_deman
 
 def _both_loops(made):
     free = replace(made.drive, loop=None)
-    return (free, Command(made.command.torque, None)), (made.drive, made.command)
+    return (free, MotionCommand(made.command.torque, None)), (made.drive, made.command)
 
 
 def test_plan__closed_loop__files_hold_the_setpoint_and_the_gains(made):

@@ -83,7 +83,7 @@ def torque_of(drive: PlannedDrive, family: Family, numbers: Array, setting: Sett
 
 def _with_limited_slope(torque: Array, step: float) -> Array:
     """Torque that changes by no more than `step` per sample: it follows the wanted one, as a drive's own limiter."""
-    out, now = np.empty_like(torque), 0.0
+    out, now = np.empty_like(torque), float(torque[0])
     for k, wanted in enumerate(torque.tolist()):
         now = min(max(wanted, now - step), now + step)
         out[k] = now
@@ -223,6 +223,11 @@ def _relaxed(
 
 def _in_the_way(done: Sequence[TriedMotion]) -> str:
     nearest = min(done, key=lambda c: c.excess)
+    if nearest.tightest == "rest":
+        return (
+            f"no motion keeps the limits; the drive does not come to rest after the nearest one, "
+            f"{nearest.family.name}: give more time, or plan in closed loop"
+        )
     return (
         f"no motion keeps the limits; the nearest one, {nearest.family.name}, exceeds one by "
         f"{100.0 * nearest.excess:.0f} %: raise the limit of {nearest.tightest}"
@@ -241,6 +246,7 @@ def _final(search: _Search, allowed: Sequence[TriedMotion], seed: int) -> Design
         scored += [(finalist, found)] if found is not None else []
     scored.sort(key=lambda pair: -pair[1].value)
     powers = tuple((family.name, _smallest_power(drive, search.best_of(family))) for family in families())
+    kept = None
     for candidate, _ in scored:
         for turn in range(effort.shrinks):
             torque = candidate.torque * effort.shrink**turn
@@ -253,7 +259,9 @@ def _final(search: _Search, allowed: Sequence[TriedMotion], seed: int) -> Design
                 shown = TriedMotion(candidate.family, candidate.numbers, torque, -final.value, 0.0, kept.tightest())
                 means = tuple(mean_powers(drive, torque, seed))
                 return Designed(shown, final, kept, powers, len(search.done), means, ())
-    raise SettingsError("no motion keeps the limits for 99 % of the draws of the parameters: raise the limits")
+    name = kept.tightest() if kept is not None else "torque"
+    remedy = "give more time" if name == "rest" else f"raise the limit of {name}"
+    raise SettingsError(f"no motion keeps the limits for 99 % of the draws of the parameters: {remedy}")
 
 
 def _smallest_power(drive: PlannedDrive, motion: TriedMotion) -> float | None:

@@ -49,15 +49,24 @@ class RigidDrive:
         return cls(float(masses.sum()), speeds, np.array(torque))
 
     def torque(self, velocity: Array, acceleration: Array, compensation: float) -> Array:
-        """Torque in N m (N) for a motion, with a part of the friction compensated."""
-        friction = np.interp(velocity, self.speeds, self.friction)
-        return np.asarray(self.inertia * acceleration + compensation * np.where(velocity == 0.0, 0.0, friction))
+        """Torque in N m (N) for a motion, with a part of the friction compensated, and all of a load that falls."""
+        friction = np.interp(velocity, self.speeds, self.friction) - self.hold
+        moved = compensation * np.where(velocity == 0.0, 0.0, friction)
+        return np.asarray(self.inertia * acceleration + moved + self.hold)
+
+    @cached_property
+    def hold(self) -> float:
+        """Torque in N m (N) that holds the drive at standstill; 0 where friction does so, with half of it to spare."""
+        near = np.abs(self.speeds) < 0.2 * self.speeds[-1]
+        high, low = (float(part(self.friction[near])) for part in (np.max, np.min))
+        load = 0.5 * (high + low)
+        return load if abs(load) > 0.25 * (high - low) else 0.0
 
     @property
     def breakaway(self) -> float:
         """Largest friction near standstill in N m (N)."""
         near = np.abs(self.speeds) < 0.2 * self.speeds[-1]
-        return float(np.abs(self.friction[near]).max())
+        return float(np.abs(self.friction[near] - self.hold).max())
 
 
 @dataclass(frozen=True)

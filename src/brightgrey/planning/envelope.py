@@ -17,8 +17,8 @@ from brightgrey.planning.position_loop import Setpoint, setpoint_along
 from brightgrey.simulation import response
 
 __all__ = [
-    "Command",
     "Envelope",
+    "MotionCommand",
     "Reaction",
     "command_of",
     "envelope",
@@ -28,8 +28,8 @@ __all__ = [
 ]
 
 
-class Command(NamedTuple):
-    """What the machine is given."""
+class MotionCommand(NamedTuple):
+    """Input of the machine: a torque, or a setpoint with its feed-forward."""
 
     torque: Array  #: Torque in open loop, feed-forward in closed loop; N m (N), shape (samples,).
     setpoint: Setpoint | None  #: In closed loop.
@@ -62,36 +62,38 @@ class Envelope:
         return max(0.0, *worst, float(self.end_speed.max()) - REST)
 
     def tightest(self) -> str:
-        """Limit that is used most."""
-        return max(self.use, key=lambda name: float(self.use[name].max()))
+        """Limit that is used most, or ``rest`` if the drive does not come to rest."""
+        name = max(self.use, key=lambda name: float(np.quantile(self.use[name], 0.99)))
+        moves = float(np.quantile(self.end_speed, 0.99)) > REST
+        return "rest" if moves and float(np.quantile(self.use[name], 0.99)) <= 1.0 else name
 
 
 REST = 0.01
 """Speed at the end, over the limit of speed, below which a drive counts as at rest."""
 
 
-def command_of(drive: PlannedDrive, torque: Array) -> Command:
-    """Command for a torque; in closed loop the setpoint is the motion that the identified drive makes with it."""
+def command_of(drive: PlannedDrive, torque: Array) -> MotionCommand:
+    """MotionCommand for a torque; in closed loop the setpoint is the motion that the identified drive makes with it."""
     if drive.loop is None:
-        return Command(torque, None)
-    found = nominal_reaction(replace(drive, loop=None), Command(torque, None))
+        return MotionCommand(torque, None)
+    found = nominal_reaction(replace(drive, loop=None), MotionCommand(torque, None))
     along = setpoint_along(found.position[0, :, 0], found.velocity[0, :, 0], torque, drive.known.sampling_time)
-    return Command(torque, along)
+    return MotionCommand(torque, along)
 
 
-def nominal_reaction(drive: PlannedDrive, command: Command) -> Reaction:
+def nominal_reaction(drive: PlannedDrive, command: MotionCommand) -> Reaction:
     """Reaction of the drive as identified."""
     known = drive.known.model
     values = {name: np.array([value]) for name, value in known.values.items()}
     return reaction(drive, known.structure, values, command)
 
 
-def recorded_torque(drive: PlannedDrive, command: Command) -> Array:
+def recorded_torque(drive: PlannedDrive, command: MotionCommand) -> Array:
     """Torque that the drive as identified is recorded with; in closed loop its controller changes the feed-forward."""
     return command.torque if drive.loop is None else nominal_reaction(drive, command).torque[:, 0]
 
 
-def reaction(drive: PlannedDrive, structure: str, values: Mapping[str, Array], command: Command) -> Reaction:
+def reaction(drive: PlannedDrive, structure: str, values: Mapping[str, Array], command: MotionCommand) -> Reaction:
     """Reaction of parameter sets of a structure, which begin at rest at the drive's side of the gap."""
     masses, dt = Structure.parse(structure).masses, drive.known.sampling_time
     names = [f"{kind}@{k + 1}" if k else kind for kind in ("position", "velocity") for k in range(masses)]
@@ -116,12 +118,12 @@ def reaction(drive: PlannedDrive, structure: str, values: Mapping[str, Array], c
 
 
 def envelope(
-    drive: PlannedDrive, structure: str, values: Mapping[str, Array], command: Command, limits: MachineLimits
+    drive: PlannedDrive, structure: str, values: Mapping[str, Array], command: MotionCommand, limits: MachineLimits
 ) -> Envelope:
     """Envelope of parameter sets of a structure."""
     dt = drive.known.sampling_time
     u, q, v = reaction(drive, structure, values, command)
-    slope = np.abs(np.diff(u, axis=0, prepend=0.0)).max(axis=0) / dt
+    slope = np.abs(np.diff(u, axis=0)).max(axis=0) / dt
     reached = {
         "torque": np.abs(u).max(axis=0),
         "rms_torque": np.sqrt(np.mean(u**2, axis=0)),

@@ -15,7 +15,7 @@ from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import effect_heading, structure_in_words
 from brightgrey.planning.design import Designed
 from brightgrey.planning.drive import PlannedDrive
-from brightgrey.planning.envelope import Command, command_of, nominal_reaction
+from brightgrey.planning.envelope import MotionCommand, command_of, nominal_reaction
 from brightgrey.planning.limits import ACCELERATION, MachineLimits
 from brightgrey.planning.score import power_so_far
 from brightgrey.search.policy import SELECTION
@@ -90,7 +90,7 @@ class Plan:
         )
 
     @cached_property
-    def command(self) -> Command:
+    def command(self) -> MotionCommand:
         """Torque of the plan, and in closed loop the setpoint, SI."""
         return command_of(self.drive, self.found.candidate.torque)
 

@@ -98,7 +98,7 @@ class PositionLoop:
     def reference_input(self, setpoint: Setpoint, dt: float) -> Array:
         """Input of the closed loop for a setpoint, shape (samples,)."""
         speed = self.position_gain * setpoint.position + setpoint.velocity
-        return np.asarray(setpoint.torque + self.speed_gain * (speed + _integral(speed, dt) / self.reset_time))
+        return np.asarray(setpoint.torque + self.speed_gain * (speed + _trapezoidal(speed, dt) / self.reset_time))
 
     def simulated_input(self, setpoint: Setpoint, dt: float) -> Array:
         """Input whose linear interpolation has the mean between samples that the smooth setpoint has, (samples,)."""
@@ -117,11 +117,11 @@ def setpoint_along(position: Array, velocity: Array, torque: Array, dt: float) -
     """Setpoint along a motion that is coming to rest: in the last tenth the speed fades to zero."""
     share = np.clip((np.arange(velocity.size) / velocity.size - 0.9) / 0.09, 0.0, 1.0)
     speed = (velocity - velocity[0]) * (1.0 - share**2 * (3.0 - 2.0 * share))
-    still = position - _integral(velocity, dt)  # rounding of the integral, which the fading does not change
-    return Setpoint(_integral(speed, dt) + still - still[0], speed, torque)
+    still = position - _trapezoidal(velocity, dt)  # rounding of the integral, which the fading does not change
+    return Setpoint(_trapezoidal(speed, dt) + still - still[0], speed, torque)
 
 
-def _integral(x: Array, dt: float) -> Array:
+def _trapezoidal(x: Array, dt: float) -> Array:
     """Integral by the trapezoidal rule, 0 at the first sample."""
     return np.concatenate([[0.0], np.cumsum(0.5 * dt * (x[1:] + x[:-1]))])
 

@@ -137,7 +137,7 @@ def frequency_grid(roots: Sequence[complex], top: float | None = None) -> Array:
     for r in roots:
         center, width = abs(r.imag), max(abs(r.real), 1e-6 * abs(r.imag))
         if center > 0.0:
-            around = center + width * np.linspace(-6.0, 6.0, 121)
+            around = center + width * np.linspace(-6.0, 6.0, 120)  # without the centre, at which there may be a pole
             grid.append(around[(around > low) & (around < high)])
     return np.unique(np.concatenate(grid))
 
