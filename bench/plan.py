@@ -147,7 +147,7 @@ def kept_limits(seed: int, number: int) -> Iterator[dict[str, object]]:
                 continue
             draws = made.drive.draws(FRESH_DRAWS, np.random.default_rng([seed, number, 11]))
             seen = envelope(made.drive, made.drive.known.model.structure, draws, made.command, made.limits)
-            use = {name: float(np.quantile(part, 0.99)) for name, part in seen.use.items()}
+            use = {name: seen.of_most(part) for name, part in seen.use.items()}
             yield {
                 **about,
                 "loop": loop,

@@ -23,6 +23,7 @@ from brightgrey.report.self_test import with_section
 from brightgrey.runs import RunError, Stop
 from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.runs.serialisation import canonical, digest, source_hash
+from brightgrey.search import IdentificationTask
 from brightgrey.search.parallel import Stopped
 from brightgrey.self_test.repetition import Repetition, Request, repeat
 from brightgrey.self_test.schema import SELF_TEST_FILE, SelfTest
@@ -98,8 +99,11 @@ def selftest(
     if draws < 1:
         raise SettingsError(f"draws is {draws}; at least 1 is needed")
     tested = _tested(run, recordings)
-    request = _request(tested, fast=fast)
-    minimal = _minimal(tested)
+    request = _request(tested)
+    minimal = _minimal(tested, request.task)
+    if fast:
+        optima = {Structure.parse(f.structure): f.values for f in tested.record.fits}
+        request = replace(request, optima={**optima, **dict(minimal[:1])})
     verdicts = dict(tested.model.evidence or {})
     not_needed = [effect for effect, verdict in verdicts.items() if verdict == "not needed"]
     drives = simulated_drives(request.task, minimal, not_needed)
@@ -177,17 +181,33 @@ def _tested(run: Result | str | Path, recordings: Sequence[Recording]) -> _Teste
     return _Tested(record, model, tuple(recordings), folder)
 
 
-def _minimal(tested: _Tested) -> list[tuple[Structure, Mapping[str, float]]]:
-    """Minimal structures with their optima, the found one first."""
+def _minimal(tested: _Tested, task: IdentificationTask) -> list[tuple[Structure, Mapping[str, float]]]:
+    """Minimal structures with their values, the found one first: it is simulated as the model has it.
+
+    A search of a long recording decides on every k-th sample, with a drift and an initial state of its own. Its optimum
+    leaves another residual on all samples than the model that is reported.
+    """
     own = str(tested.model.structure)
     optima = {fitted.structure: fitted.values for fitted in tested.record.fits}
     names = tested.model.ties.minimal if tested.model.ties else (own,)
     if tested.record.fits[0].structure != own or not optima.keys() >= set(names):
         raise SettingsError("run.json and model.json are of different runs; identify again")
-    return [(Structure.parse(name), optima[name]) for name in names]
+    found = _as_reported(tested.model, task, optima[own])
+    return [(tested.model.structure, found), *((Structure.parse(n), optima[n]) for n in names if n != own)]
 
 
-def _request(tested: _Tested, *, fast: bool) -> Request:
+def _as_reported(model: Model, task: IdentificationTask, optimum: Mapping[str, float]) -> dict[str, float]:
+    """Values of the model, SI, with the nuisances of an optimum that are the drive's or its initial state's."""
+    problem = task.problem(model.structure)
+    kept = (part.name for part in problem.nuisances if part not in problem.drifts and part.name in optimum)
+    values = {**{name: optimum[name] for name in kept}, **model.values_si()}
+    if problem.friction_width is not None:
+        width = problem.friction_width
+        values[width.name] = min(max(1.0 / model.settings_si().f_tanh, width.low), width.high)
+    return values
+
+
+def _request(tested: _Tested) -> Request:
     """Identification as it was asked for, on the recordings."""
     record = tested.record
     return Request(
@@ -199,7 +219,6 @@ def _request(tested: _Tested, *, fast: bool) -> Request:
         record.initial,
         record.level,
         record.seed,
-        {Structure.parse(f.structure): f.values for f in record.fits} if fast else None,
     )
 
 

@@ -158,11 +158,19 @@ class PlannedDrive:
         return whiten(x, models, [samples] * len(noise))
 
     def draws(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
-        """Draws of the parameters of the best structure by the covariance of its estimates, each of shape (count,)."""
+        """Draws of the parameters of the best structure by the covariance of its estimates, each of shape (count,).
+
+        Far along a direction that the recordings hardly know, a logarithm is no longer linear in the motion: a lag at
+        its lower bound would be drawn ten thousand times as large. A small lag acts in proportion to itself, a stiff
+        shaft to its inverse. So a step s of a logarithm becomes log(1 + s).
+        """
         known, space = self.known.model, self.space(self.known.model)
         size, axes = np.linalg.eigh(np.array(known.information))
         spread = axes / np.sqrt(np.maximum(size, 1e-12 * size.max(initial=1e-300)))
-        theta = self.theta(known)[:, None] + spread @ rng.standard_normal((len(size), count))
+        steps = rng.standard_normal((len(size), count))
+        longest = np.abs(spread[space.log]).max(axis=0, initial=0.0)[:, None] * np.abs(steps)
+        steps *= np.where(longest > 1e-6, np.log1p(longest) / np.maximum(longest, 1e-6), 1.0)
+        theta = self.theta(known)[:, None] + spread @ steps
         low, high = space.box
         return space.named(space.from_scaled(np.clip(theta, low[:, None], high[:, None])))
 

@@ -62,10 +62,15 @@ class Envelope:
         return max(0.0, *worst, float(self.end_speed.max()) - REST)
 
     def tightest(self) -> str:
-        """Limit that is used most, or ``rest`` if the drive does not come to rest."""
-        name = max(self.use, key=lambda name: float(np.quantile(self.use[name], 0.99)))
-        moves = float(np.quantile(self.end_speed, 0.99)) > REST
-        return "rest" if moves and float(np.quantile(self.use[name], 0.99)) <= 1.0 else name
+        """Limit that 99 % of the sets use most, or ``rest`` if they do not come to rest."""
+        use = {name: self.of_most(part) for name, part in self.use.items()}
+        name = max(use, key=lambda name: use[name])
+        return "rest" if use[name] <= 1.0 and self.of_most(self.end_speed) > REST else name
+
+    @staticmethod
+    def of_most(part: Array) -> float:
+        """Value that 99 % of the sets do not exceed; infinite if more than 1 % diverge."""
+        return float(np.quantile(part, 0.99, method="inverted_cdf"))
 
 
 REST = 0.01

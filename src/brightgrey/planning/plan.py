@@ -156,7 +156,7 @@ class Plan:
 
     def use(self, name: str) -> float:
         """Part of a limit that 99 % of the draws of the parameters keep below."""
-        return float(np.quantile(self.found.envelope.use[name], 0.99))
+        return self.found.envelope.of_most(self.found.envelope.use[name])
 
     @property
     def gains(self) -> dict[str, float]:

@@ -127,17 +127,18 @@ class Margins:
 def frequency_grid(roots: Sequence[complex], top: float | None = None) -> Array:
     """Grid in rad/s that is denser around the given poles and zeros.
 
-    It begins three decades below the slowest of them and ends at `top`, or two decades above the fastest.
+    It begins three decades below the slowest of them and ends at `top`, or two decades above the fastest. A root more
+    than nine decades below the fastest one is taken for the rounding error of a multiple one at 0.
     """
     sizes = [abs(r) for r in roots if abs(r) > 1e-9]
-    low, high = (min(sizes) * 1e-3, max(sizes) * 1e2) if sizes else (1e-2, 1e4)
+    low, high = (max(min(sizes) * 1e-3, 1e-9 * max(sizes)), max(sizes) * 1e2) if sizes else (1e-2, 1e4)
     high = top or high
     low = min(low, high * 1e-4)
     grid = [np.geomspace(low, high, int(POINTS_PER_DECADE * math.log10(high / low)))]
     for r in roots:
         center, width = abs(r.imag), max(abs(r.real), 1e-6 * abs(r.imag))
         if center > 0.0:
-            around = center + width * np.linspace(-6.0, 6.0, 120)  # without the centre, at which there may be a pole
+            around = center + width * np.linspace(-6.0, 6.0, 121)
             grid.append(around[(around > low) & (around < high)])
     return np.unique(np.concatenate(grid))
 
