@@ -1,6 +1,7 @@
 """Self-test of small identifications."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,15 @@ def test_selftest__easy_drive__intervals_hold_the_simulated_values(tested):
     assert hits >= 13  # of 18 at 95 %; independent ones have fewer with a probability of 1e-4
     for part in tested.found.parameters.values():
         assert abs(part.mean_error) < 5.0 / 6.0**0.5  # mean of six errors in standard deviations
+
+
+def test_selftest__optimum_of_the_search_differs_from_the_model__simulates_the_model(run, tested, tmp_path):
+    # as that of a long recording does, of which a search takes every k-th sample with an initial state of its own
+    folder = shutil.copytree(run, tmp_path / "run")
+    record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    record["fits"][0]["values"] |= {"J1": 1.5 * record["fits"][0]["values"]["J1"], "speed(0)": 0.3}
+    (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    assert selftest(folder, draws=6, fast=True).text() == tested.text()
 
 
 def test_selftest__whole_identifications__say_the_same_of_an_easy_drive(result, tested):
