@@ -218,9 +218,9 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
             [f"{low:.1f} to {min(high, 1.0):.1f}", str(len(some)), share_of(some) if some else "–", str(untried)]
         )
     drives = len({r["number"] for r in rows})
-    head = ["second recording", "all open effects", "predicted with power ≥ 0.8", "plan alone / it alone", "McNemar p"]
+    head = ["all open effects", "predicted with power ≥ 0.8", "plan alone / it alone", "McNemar p"]
     return [
-        Table(f"Effects that are decided rightly, {drives} drives", head, lines),
+        Table("Effects that are decided rightly", [f"second recording ({drives} drives)", *head], lines),
         Table(
             "Predicted power and what happened",
             ["predicted power", "effects", "decided rightly", "without a second recording"],

@@ -17,7 +17,7 @@ DT = 2e-3
 T = DT * np.arange(400)
 TORQUE = 3.0 * np.sin(2.0 * np.pi * 3.0 * T) * np.minimum(1.0, 10.0 * T)
 FRICTION_SCALE = 2.5  # s/rad
-QUICK = PlanningEffort(3, 2, 4, 8, finalists=4, final_draws=200, relaxed_log2=1)
+QUICK = PlanningEffort(3, 2, 4, 8, finalists=4, relaxed_log2=1)
 
 
 def small_recording(seed=0):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -10,9 +10,10 @@ from scipy.optimize import Bounds, differential_evolution
 
 from brightgrey.arrays import Array
 from brightgrey.errors import SettingsError
+from brightgrey.numerics.proportions import wilson_interval
 from brightgrey.numerics.sobol import sobol_points
 from brightgrey.planning.drive import PlannedDrive
-from brightgrey.planning.envelope import Envelope, command_of, envelope, recorded_torque
+from brightgrey.planning.envelope import Envelope, MotionCommand, command_of, envelope, recorded_torque
 from brightgrey.planning.families import families
 from brightgrey.planning.families.family import Family, Setting
 from brightgrey.planning.limits import MachineLimits
@@ -34,8 +35,8 @@ class PlanningEffort:
     search_draws: int = 8  #: Parameter sets whose limits are watched in the search.
     scalings: int = 4  #: Times that a torque is tried, scaled down between them where it exceeds a limit,
     below: float = 0.985  #: to this part of the limit: friction makes the reaction uneven.
-    final_draws: int = 500  #: Parameter sets whose limits are watched in the end,
-    kept: float = 0.99  #: and share of them that has to keep the limits.
+    final_draws: int = 1000  #: Parameter sets whose limits are watched in the end,
+    kept: float = 0.99  #: and share of them that has to keep the limits, at the lower end of its interval.
     shrink: float = 0.97  #: Factor of the torque where the final check fails,
     shrinks: int = 6  #: and how often it is tried.
     relaxed_log2: int = 4  #: Motions of each family that are sampled where a limit is doubled, as a power of two.
@@ -128,7 +129,7 @@ class _Search:
             use = max(float(part.max()) for part in found.use.values())
             if use <= 1.0 or not np.isfinite(use):
                 break
-            torque = torque * (self.effort.below / use)
+            torque = self.drive.rigid.scaled(torque, self.effort.below / use)
         return torque, found
 
     def best_of(self, family: Family) -> TriedMotion:
@@ -249,12 +250,10 @@ def _final(search: _Search, allowed: Sequence[TriedMotion], seed: int) -> Design
     kept = None
     for candidate, _ in scored:
         for turn in range(effort.shrinks):
-            torque = candidate.torque * effort.shrink**turn
+            torque = drive.rigid.scaled(candidate.torque, effort.shrink**turn)
             command = command_of(drive, torque)
-            kept = envelope(drive, drive.known.model.structure, draws, command, limits)
-            final = (
-                score(drive, recorded_torque(drive, command), refit=True) if kept.share_kept() >= effort.kept else None
-            )
+            kept, surely = _limits_kept(drive, draws, command, limits, effort)
+            final = score(drive, recorded_torque(drive, command), refit=True) if surely else None
             if final is not None:
                 shown = TriedMotion(candidate.family, candidate.numbers, torque, -final.value, 0.0, kept.tightest())
                 means = tuple(mean_powers(drive, torque, seed))
@@ -262,6 +261,27 @@ def _final(search: _Search, allowed: Sequence[TriedMotion], seed: int) -> Design
     name = kept.tightest() if kept is not None else "torque"
     remedy = "give more time" if name == "rest" else f"raise the limit of {name}"
     raise SettingsError(f"no motion keeps the limits for 99 % of the draws of the parameters: {remedy}")
+
+
+def _limits_kept(
+    drive: PlannedDrive,
+    draws: Mapping[str, Array],
+    command: MotionCommand,
+    limits: MachineLimits,
+    effort: PlanningEffort,
+) -> tuple[Envelope, bool]:
+    """Envelope of all draws, or of the first ones if they fail already; and if the limits are surely kept.
+
+    The first motion that passes is taken. So the share has to be above that wanted by its confidence interval: of
+    several motions that are tried with the same draws, the luckiest would pass else.
+    """
+    structure = drive.known.model.structure
+    for count in (effort.final_draws // 10, effort.final_draws):
+        seen = envelope(drive, structure, {name: values[:count] for name, values in draws.items()}, command, limits)
+        failed = round((1.0 - seen.share_kept()) * count)
+        if wilson_interval(effort.final_draws - failed, effort.final_draws)[0] < effort.kept:
+            return seen, False
+    return seen, True
 
 
 def _smallest_power(drive: PlannedDrive, motion: TriedMotion) -> float | None:

@@ -54,6 +54,10 @@ class RigidDrive:
         moved = compensation * np.where(velocity == 0.0, 0.0, friction)
         return np.asarray(self.inertia * acceleration + moved + self.hold)
 
+    def scaled(self, torque: Array, factor: float) -> Array:
+        """Torque of a smaller motion; a load is held all the same."""
+        return np.asarray(self.hold + factor * (torque - self.hold))
+
     @cached_property
     def hold(self) -> float:
         """Torque in N m (N) that holds the drive at standstill; 0 where friction does so, with half of it to spare."""
