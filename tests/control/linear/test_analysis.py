@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from brightgrey.control.linear.analysis import analyse_system, invariant_zeros
 from brightgrey.control.linear.controllability import controllability, minimal_realisation, observability
-from brightgrey.control.linear.margins import Compensator, frequency_response, stability_margins
+from brightgrey.control.linear.margins import Compensator, frequency_grid, frequency_response, stability_margins
 from brightgrey.control.linear.operating_point import CONTACTS, contact_mode, trim_point
 from brightgrey.control.linear.twist_coordinates import to_twist_coordinates
 from brightgrey.errors import SettingsError
@@ -152,3 +152,8 @@ def test_analysis__wrong_contact_or_controller__is_refused():
         analyse_system(system_of("two_mass+backlash"), contact="forwards")
     with pytest.raises(SettingsError, match="degree"):
         Compensator.of([1.0, 0.0], [1.0])
+
+
+def test_frequency_grid__rounding_of_a_multiple_root_at_zero__does_not_reach_where_matrices_are_singular():
+    assert frequency_grid([3e-8, -3e-8, -1e4]).min() >= 1e-5
+    assert frequency_grid([-1e-2, -1e4]).min() == pytest.approx(1e-5)
