@@ -110,27 +110,28 @@ class _Search:
 
     def loss(self, numbers: Array, family: Family) -> float:
         """Loss of a motion; one beyond the limits is the worse the further it is beyond them."""
-        torque, found = self._within_limits(torque_of(self.drive, family, numbers, self.setting))
+        command, found = self._within_limits(torque_of(self.drive, family, numbers, self.setting))
         excess, value = found.excess(), None
         if excess == 0.0:
-            scored = score(self.drive, recorded_torque(self.drive, command_of(self.drive, torque)))
+            scored = score(self.drive, recorded_torque(self.drive, command))
             value = None if scored is None else -scored.value
         loss = self.effort.out_of_limits * (1.0 + min(excess, 1e3)) if value is None else value
-        entry = TriedMotion(family, tuple(np.asarray(numbers).tolist()), torque, loss, excess, found.tightest())
+        entry = TriedMotion(family, tuple(np.asarray(numbers).tolist()), command.torque, loss, excess, found.tightest())
         self.done.append(entry)
         self.tell(len(self.done), max(self.total, len(self.done)))
         return loss
 
-    def _within_limits(self, torque: Array) -> tuple[Array, Envelope]:
-        """The torque, scaled down where a limit is exceeded, and what the draws of the drive do with it."""
+    def _within_limits(self, torque: Array) -> tuple[MotionCommand, Envelope]:
+        """Command of a torque, scaled down where a limit is exceeded, and what the draws of the drive do with it."""
         structure, limits = self.drive.known.model.structure, self.setting.limits
         for _ in range(self.effort.scalings):
-            found = envelope(self.drive, structure, self.draws, command_of(self.drive, torque), limits)
+            command = command_of(self.drive, torque)
+            found = envelope(self.drive, structure, self.draws, command, limits)
             use = max(float(part.max()) for part in found.use.values())
             if use <= 1.0 or not np.isfinite(use):
                 break
             torque = self.drive.rigid.scaled(torque, self.effort.below / use)
-        return torque, found
+        return command, found
 
     def best_of(self, family: Family) -> TriedMotion:
         """Best motion of a family."""
