@@ -1,12 +1,15 @@
 """Power by whitened projection: known optimal designs, the reference solver, and determinism."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from brightgrey.kit import PAPER
 from brightgrey.planning.score import remaining, score
+from brightgrey.search.undecided.question import Question
 from brightgrey.simulation.reference import reference
-from support.planning import TORQUE, known_drive
+from support.planning import STRUCTURE, TORQUE, VALUES, known, known_drive
 
 
 def discriminating(points, weights, n):
@@ -87,3 +90,25 @@ def test_score__more_torque_decides_more_and_the_same_call_gives_the_same():
     assert again.noncentrality == large.noncentrality
     (refitted,) = score(drive, TORQUE, refit=True).answers
     assert refitted.noncentrality <= large.noncentrality
+
+
+def test_score__two_open_effects_that_do_the_same__neither_is_promised():
+    # A dead time of 4 ms and a lag of 4 ms delay a slow torque alike.
+    base = known()
+    sizes = {
+        "delay": (f"{STRUCTURE}+delay", {**VALUES, "T_d": 0.004}),
+        "current_control": (f"{STRUCTURE}+current_control", {**VALUES, "T_1": 0.004}),
+    }
+    both = tuple(
+        Question((effect,), "size", truth, values, base, (0.0, 0.0, 0.0), 0.0, 2, 7.8)
+        for effect, (truth, values) in sizes.items()
+    )
+    drive, ranges = known_drive(), {"T_d": (0.0, 0.1), "T_1": (1e-5, 0.1)}
+
+    def powers(asked, **options):
+        wider = replace(drive.known, questions=asked, ranges={**drive.known.ranges, **ranges})
+        return [a.power for a in score(replace(drive, known=wider), TORQUE, refit=True, **options).answers]
+
+    assert min(powers(both)) > 0.95
+    assert powers(both[:1], confounders=True) == powers(both[:1])
+    assert max(powers(both, confounders=True)) < 0.5

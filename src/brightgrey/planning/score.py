@@ -7,7 +7,7 @@ T-criterion of Atkinson and Fedorov (1975, doi:10.1093/biomet/62.1.57), here for
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from brightgrey.arrays import Array
 from brightgrey.planning.drive import PlannedDrive
 from brightgrey.planning.envelope import command_of, recorded_torque
 from brightgrey.search.detectability import power
-from brightgrey.search.undecided.question import Question
+from brightgrey.search.undecided.question import Known, Question
 
 __all__ = ["Answer", "Score", "mean_powers", "power_so_far", "remaining", "score"]
 
@@ -30,6 +30,7 @@ class _Policy:
     draws: int = 4  #: Draws of the parameters that powers are averaged over,
     gaps: tuple[float, ...] = (0.0, -0.5, -1.0)  #: and positions in a gap at the begin, in widths.
     negligible: float = 0.01  #: Relative decrease that is not worth another step.
+    confusable: float = 0.2  #: Power from which an effect is also told from the other open ones.
 
 
 POLICY = _Policy()
@@ -90,10 +91,11 @@ def _least_norm(H: Array, g: Array) -> Array:
     return np.asarray(np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-12, hermitian=True) @ (g / scale) / scale)
 
 
-def score(drive: PlannedDrive, torque: Array, *, refit: bool = False) -> Score | None:
+def score(drive: PlannedDrive, torque: Array, *, refit: bool = False, confounders: bool = False) -> Score | None:
     """Score of a torque, shape (samples,); None if a simulation diverges.
 
-    With `refit` the rivals descend to their optima; else they are taken as linear in their parameters.
+    With `refit` the rivals descend to their optima; else they are taken as linear in their parameters. With
+    `confounders` an absent effect also has to be told from the other open ones, which may do the same.
     """
     if not np.isfinite(torque).all():
         return None
@@ -110,7 +112,10 @@ def score(drive: PlannedDrive, torque: Array, *, refit: bool = False) -> Score |
         found = remaining(np.array(q.rival.information), np.array(q.gradient), q.deviance, y - truth, J)
         if refit:
             found = min(found, _refitted(drive, q, torque, truth)) if found > 0.0 else found
-        answers.append(Answer(q, found, critical(drive, q, torque.size)))
+        answer = Answer(q, found, critical(drive, q, torque.size))
+        if confounders and answer.power >= POLICY.confusable:
+            answer = replace(answer, noncentrality=min(found, _confounded(drive, q, torque, truth)))
+        answers.append(answer)
     old, J = np.array(drive.known.model.information), jacobians[drive.known.model.structure][1]
     new = old + J.T @ J
     scale = np.sqrt(np.maximum(np.diag(old), 1e-300))
@@ -144,6 +149,28 @@ def _refitted(drive: PlannedDrive, q: Question, torque: Array, truth: Array) -> 
     return max(best, 0.0)
 
 
+def _confounded(drive: PlannedDrive, q: Question, torque: Array, truth: Array) -> float:
+    """Sum of squares that remains when another open effect takes the part of the one that is asked for."""
+    rivals = (_with_effect_of(q, other) for other in drive.known.questions if q.kind == other.kind == "size")
+    return min((_refitted(drive, rival, torque, truth) for rival in rivals if rival is not None), default=np.inf)
+
+
+def _with_effect_of(q: Question, other: Question) -> Question | None:
+    """Question whose rival has the effect of another one; None if it is the same, or more than an effect beside it.
+
+    The recordings so far count as saying nothing of that effect.
+    """
+    base = q.rival
+    beside = all(np.isclose(other.values.get(name, np.nan), value, atol=0.0) for name, value in base.values.items())
+    if set(other.effects) & set(q.effects) or other.rival.structure != base.structure or not beside:
+        return None
+    more = tuple(name for name in other.values if name not in base.values)
+    wide = np.zeros((len(base.names) + len(more),) * 2)
+    wide[: len(base.names), : len(base.names)] = base.information
+    known = Known(other.truth, other.values, (*base.names, *more), tuple(map(tuple, wide.tolist())))
+    return replace(q, rival=known, gradient=(*q.gradient, *[0.0] * len(more)))
+
+
 def power_so_far(drive: PlannedDrive, question: Question) -> float:
     """Power of the recordings so far to decide a question."""
     none = np.zeros((0, len(question.gradient)))
@@ -163,6 +190,6 @@ def mean_powers(drive: PlannedDrive, torque: Array, seed: int) -> list[float]:
     for k in range(POLICY.draws):
         for gap in POLICY.gaps:
             drawn = drive.with_values({n: float(v[k]) for n, v in draws.items()}, gap)
-            one = score(drawn, recorded_torque(drawn, command), refit=True)
+            one = score(drawn, recorded_torque(drawn, command), refit=True, confounders=True)
             found.append([a.power for a in one.answers] if one else [0.0] * len(drive.known.questions))
     return [float(p) for p in np.mean(found, axis=0)]
