@@ -69,7 +69,8 @@ class BorderSearch(OfferingSearch):
         while True:
             masses = min(self.lattice.structure(m).masses for m in border.minimal)
             found = [self.lattice.structure(m) for m in border.minimal]
-            if not (self.offer_further(masses) or self.offer_mass(masses) or self.offer_places(found)):
+            more = self.offer_further(masses) or self.offer_mass(masses)
+            if not (more or (not self.is_spent and self.offer_places(found))):
                 return border
             border = self.in_rounds()
 
@@ -197,13 +198,18 @@ class BorderSearch(OfferingSearch):
             border = self.border = assess(self.deviances(), self.round)
             self.progress("border", len(self.fits.done), self.fits.best().structure)
             self.most_fits = self.policy.max_fits_with_model_error if self.has_model_error() else self.policy.max_fits
-            spent = len(self.fits.done) > self.most_fits
+            spent = self.is_spent
             wanted = self.simpler(border) or ([] if spent else self.wanted(border))
             if wanted:
                 self.fit(wanted)
                 self.fits.continue_to_submodels(self.executor)
             elif spent or not self.restart(border):
                 return border
+
+    @property
+    def is_spent(self) -> bool:
+        """True if as many structures have been fitted as the budget allows."""
+        return len(self.fits.done) > self.most_fits
 
     def wanted(self, border: Border) -> list[Structure]:
         """The largest structures that are undecided, or else those on which refutations are tried."""

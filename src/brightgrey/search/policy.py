@@ -115,7 +115,7 @@ class FurtherEffectsPolicy:
     notable_gain: float = 0.04
     alike: float = 0.5  #: Ratio of scores from which the effect with fewer parameters is taken.
     #: Least part of what a structure leaves beyond the best one that further effects have to explain when fitted.
-    rescued_share: float = 0.5
+    rescued_share: float = 1.0 / 3.0
     at_once: int = 4  #: Effects that are offered at a time; more follow if these leave something.
     most: int = 6  #: Effects that are offered in all.
     draws: int = 15  #: Values that are tried for the further parameters of an effect.

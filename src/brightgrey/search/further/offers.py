@@ -132,8 +132,8 @@ class OfferingSearch:
         """Fit a structure with further effects, one after the other; those that explain enough of what it leaves.
 
         Each explains a notable part of what those before it leave: at first order more seem to. Together they explain
-        half of what the best structure explains better, and more than all structures with an effect that they exclude.
-        None otherwise.
+        a third of what the best structure explains better, and more than all structures with an effect that they
+        exclude. None otherwise.
         """
         taken: list[FurtherEffect] = []
         reached = own
