@@ -90,7 +90,7 @@ def test_signal__during_search__best_so_far(small, tmp_path, number):
     process.send_signal(number)
     out, err = process.communicate(timeout=MOST)
     assert process.returncode == 128 + number, err
-    assert "stopped:" in out
+    assert "Stopped: " in out
     assert "goes on from here" in out
     assert (tmp_path / "model.json").exists()
     assert read_status(tmp_path).state == "unfinished"
@@ -104,7 +104,7 @@ def test_budget_of_evaluations__any_workers__same_bytes(small, tmp_path):
         folder = tmp_path / str(workers)
         done = call(*small.searches["exhaustive"], "--max-evaluations", 9, "--workers", workers, "--out", folder)
         assert done.code == 0, done.err
-        assert "stopped:" in done.out
+        assert "Stopped: " in done.out
         assert read_status(folder).evaluations == 9
         stopped.append(results(folder))
     assert stopped[0] == stopped[1]
