@@ -65,7 +65,7 @@ def print_overview(console: Console, found: Result) -> list[str]:
 
 
 def _advice(found: Result) -> list[str]:
-    """What to do and to mind, the most important first."""
+    """Steps to take and remarks to mind, the most important first."""
     from brightgrey.report.text.next_steps import urgent_steps
     from brightgrey.report.text.prose import sentence, with_meanings
     from brightgrey.report.text.tables import remarks
