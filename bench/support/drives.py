@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations
 
 import numpy as np
 from scipy.signal import lfilter
@@ -23,6 +24,7 @@ __all__ = [
     "drawn_structure",
     "excitation",
     "largest_within",
+    "lumped",
     "rounded",
     "simulated_recording",
 ]
@@ -98,6 +100,23 @@ def drawn_structure(rng: np.random.Generator) -> Structure:
         structure = Structure((chain, *dict.fromkeys(chosen)))
         if 2 <= len(structure.beside) <= 6 and not grammar.broken_rule(structure):
             return structure
+
+
+def lumped(structure: Structure, masses: int) -> Iterator[Structure]:
+    """Structures with fewer masses that a structure may look like where some of its shafts are stiff.
+
+    Neighbouring masses become one, which has the effects of all of them. The shafts between them vanish, with their
+    gaps and hardening springs.
+    """
+    chain = next(p for p in function_set().whole.placed if p.effect.masses == masses)
+    for cuts in combinations(range(1, structure.masses), masses - 1):  # shafts that stay
+        group = {mass: 1 + sum(cut < mass for cut in cuts) for mass in range(1, structure.masses + 1)}
+        shafts = {cut: 1 + i for i, cut in enumerate(cuts)}
+        moved = []
+        for p in structure.beside:
+            place = {"drive": {1: 1}, "mass": group, "shaft": shafts}[p.effect.where].get(p.place)
+            moved += [] if place is None else [Placed(p.name, place)]
+        yield Structure((chain, *dict.fromkeys(moved)))
 
 
 def largest_within(structure: Structure) -> list[Structure]:

@@ -200,6 +200,7 @@ class CertificatePart(Part):
     undecided: tuple[str, ...]
     unexplained: tuple[str, ...]
     offered: tuple[str, ...] = ()
+    held_back: Mapping[str, str] = {}
 
 
 class FindingPart(Part):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import effect_in_words, enumerated, structure_in_words
+from brightgrey.kit.structure import Verdict
 
 __all__ = ["Certificate", "RefutedStructure"]
 
@@ -36,6 +38,8 @@ class Certificate:
     unexplained: tuple[str, ...]  #: Signs in the residual of the best structure that none of the structures explains.
     #: Effects that the function set holds back, and that were offered since its first ones left a notable residual.
     offered: tuple[str, ...] = ()
+    #: Verdicts on effects that were not offered, at first order beside the minimal structures.
+    held_back: Mapping[str, Verdict] = field(default_factory=dict)
 
     def without(self, effect: str) -> RefutedStructure | None:
         """The refuted structure with the least residual that lacks `effect`."""
@@ -60,11 +64,24 @@ class Certificate:
         if self.offered:
             names = enumerated([effect_in_words(Placed.parse(e)) for e in self.offered])
             out.append(f"The first effects left a notable part of the residual. So these were offered, too: {names}.")
+        out += self._held_back()
         out.append(
             f"{self.fitted} fits decide all {self.structures:,} structures of the function set '{self.grammar}',"
             " conditional on these optima."
         )
         return tuple(out)
+
+    def _held_back(self) -> list[str]:
+        """Sentences on the effects that were not offered."""
+        needless, unknown = (
+            enumerated([effect_in_words(Placed.parse(e)) for e, said in self.held_back.items() if said == verdict])
+            for verdict in ("not needed", "not decidable")
+        )
+        kinds = (
+            ("Not fitted, and not needed, since at first order they would have shown", needless),
+            ("Not fitted, and not decidable from this recording", unknown),
+        )
+        return [f"{said}: {names}." for said, names in kinds if names]
 
 
 def _refutation(refuted: RefutedStructure) -> str:

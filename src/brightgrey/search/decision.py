@@ -30,6 +30,8 @@ from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.task import IdentificationTask
+from brightgrey.search.undecided.exclusive import exclusive_rivals
+from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
 
 __all__ = ["Decision", "Ranked", "decide_structures"]
@@ -174,7 +176,7 @@ def decide_structures(
         evidence = None
         try:
             border = search.run(everything=how == "exhaustive")
-            evidence = _evidence(search, border, grammar)
+            evidence = _evidence(search, border, grammar, exclude)
         except (KeyboardInterrupt, Stopped):
             if not search.fits.done:
                 raise
@@ -217,14 +219,20 @@ def _masses_with_sensors(task: IdentificationTask, grammar: Grammar) -> tuple[st
     return found if last > 1 else ()
 
 
-def _evidence(search: BorderSearch, border: Border, grammar: Grammar) -> Evidence:
+def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str]) -> Evidence:
     """Verdicts and certificate of a border."""
     lattice, circumstances = search.lattice, search.round
     found = _in_order(search, [lattice.structure(m) for m in border.minimal])
     certificate = _certificate(search, border, grammar, found)
     unsteady = _unsteady_effects(search, border, found[0]) if certificate.unexplained else frozenset[str]()
     detectability = Detectability(search.refined, circumstances, search.executor)
-    optional, cards = assess_effects(detectability, border, found, certificate, unsteady)
+    every = [p for p in (*grammar.placed, *grammar.further) if str(p) not in exclude]
+    rivals = exclusive_rivals(detectability, found[0], every, search.seed)
+    optional, cards = assess_effects(detectability, border, found, certificate, unsteady, rivals)
+    held_back = (
+        *verdicts_on_masses(grammar, exclude, cards),
+        *first_order_verdicts(detectability, found, search.more),
+    )
     whitening = search.refined.whitening
     refined = search.refined.all(circumstances.largest_threshold)
     n = whitening.samples
@@ -241,9 +249,10 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar) -> Evidenc
         refined,
         {s: bic(positive(r.deviance), n, r.free) for s, r in refined.items()},
         status,
-        replace(certificate, fitted=len(search.fits.done)),
+        replace(certificate, fitted=len(search.fits.done), held_back={c.effect: c.verdict for c in held_back}),
         whitening.effective_samples,
         open_questions(detectability, found, optional, [c.effect for c in cards if c.verdict == "not decidable"]),
+        held_back,
     )
 
 

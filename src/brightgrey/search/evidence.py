@@ -10,18 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import effect_in_words, structure_in_words
 from brightgrey.kit.structure import Verdict
 from brightgrey.numerics.distributions import f
+from brightgrey.recordings.units.signals import Units
 from brightgrey.search.border import Border
 from brightgrey.search.certificate import Certificate
 from brightgrey.search.detectability import Detectability, Obstacle, has
 from brightgrey.search.fitting.refined_fit import Refined
 from brightgrey.search.policy import SELECTION
+from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.question import OpenQuestions
-from brightgrey.search.verdicts import EffectVerdict, Reason, Size, decisive
+from brightgrey.search.verdicts import EffectVerdict, Reason, Size, decisive, size_in_units
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
 
@@ -43,6 +46,7 @@ class Evidence:
     certificate: Certificate
     independent: float  #: Independent samples that the residuals are worth.
     questions: OpenQuestions | None = None  #: What is left open, for the design of the next motion.
+    held_back: tuple[EffectVerdict, ...] = ()  #: On effects that were not offered, at first order.
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,17 @@ class _Case:
     found: Sequence[Structure]  #: Minimal structures, the best first.
     certificate: Certificate
     unsteady: frozenset[str]  #: Effects whose gain is not there in most parts of the recordings.
+    rivals: Mapping[str, Structure]  #: By effect, a structure that has what it excludes in its place, and fits as well.
+
+    @property
+    def task(self) -> IdentificationTask:
+        """The task of the search."""
+        return self.detectability.refined.task
+
+    @property
+    def units(self) -> Units:
+        """Units in which sizes are shown."""
+        return self.task.recordings[0].units
 
 
 def assess_effects(
@@ -62,6 +77,7 @@ def assess_effects(
     found: Sequence[Structure],
     certificate: Certificate,
     unsteady: frozenset[str],
+    rivals: Mapping[str, Structure] = MappingProxyType({}),
 ) -> tuple[tuple[str, ...], tuple[EffectVerdict, ...]]:
     """Optional effects, and the verdict on every effect that some structures have and others lack.
 
@@ -74,8 +90,10 @@ def assess_effects(
     certificate : Certificate
     unsteady : frozenset of str
         Effects whose gain is not there in most parts of the recordings.
+    rivals : mapping of str to Structure
+        By effect, a structure that has what it excludes in its place, and fits as well.
     """
-    case = _Case(detectability, border, found, certificate, unsteady)
+    case = _Case(detectability, border, found, certificate, unsteady, rivals)
     lattice = detectability.circumstances.lattice
     effects = [str(p) for i, p in enumerate(lattice.atoms) if lattice.optional >> i & 1]
     beside = {s: [e for e in effects if not has(s, e)] for s in found}
@@ -99,11 +117,14 @@ def _doubt(case: _Case, structure: Structure, effect: str, test: Obstacle | Call
         return Reason("small gain")
     if isinstance(test, Obstacle):
         names = (effect_in_words(Placed.parse(test.other)),) if test.other else ()
-        return Reason(test.kind, size=_size(case, effect, [test.size]), names=names)
+        return Reason(test.kind, size=size_in_units(case.units, effect, [test.size]), names=names)
     return (
         None
         if refuted
-        else Reason("fits with fixed size", size=_size(case, effect, d.relevant_sizes(structure, effect)))
+        else Reason(
+            "fits with fixed size",
+            size=size_in_units(case.units, effect, d.relevant_sizes(structure, effect)),
+        )
     )
 
 
@@ -138,6 +159,9 @@ def _reservation(case: _Case, effect: str) -> Reason | None:
     bit = next(1 << i for i, p in enumerate(lattice.atoms) if str(p) == effect)
     if any(not m & bit for m in case.border.undecided):
         return Reason("undecided")
+    if effect in case.rivals:
+        names = (structure_in_words(case.found[0]), structure_in_words(case.rivals[effect]))
+        return Reason("equivalent", names=names)
     late = _below_sampling(case, case.found[0], effect)
     if late:
         return late
@@ -190,14 +214,14 @@ def _refuted(case: _Case, effect: str, gain: float) -> Reason:
     """Largest of the sizes that would have shown beside the minimal structures, and the estimate beside the best."""
     d, found = case.detectability, case.found
     sizes = [d.relevant_sizes(s, effect) for s in found]
-    size = _size(case, effect, max(sizes, key=lambda some: [abs(value) for value in some[0].values()]))
+    size = size_in_units(case.units, effect, max(sizes, key=lambda some: [abs(value) for value in some[0].values()]))
     big, numbers = d.with_effect(found[0], effect), {"gain": 100.0 * gain}
     if not size or big is None:
         return Reason("refuted without size", numbers)
     if size[0].name in d.refined.task.fixed:
         return Reason("refuted as fixed", size=size)
     values = d.refined.of(big).values
-    (estimate, *_) = _size(case, effect, [{size[0].name: values[size[0].name]}])
+    (estimate, *_) = size_in_units(case.units, effect, [{size[0].name: values[size[0].name]}])
     if abs(estimate.value) < SELECTION.zero_share * size[0].value:
         estimate = replace(estimate, value=0.0)
     return Reason("refuted", numbers, size=size, estimate=(estimate,))
@@ -211,21 +235,7 @@ def _detection_limit(case: _Case, effect: str, structures: Sequence[Structure]) 
     sizes = [{name: abs(value) for name, value in size.items()} for size in found if size]
     if len(sizes) < len(found):
         return ()
-    return _size(case, effect, [max(sizes, key=lambda size: list(size.values()))])
-
-
-def _size(case: _Case, effect: str, sizes: Sequence[Mapping[str, float]]) -> tuple[Size, ...]:
-    """Size of `effect` in the recording's units, for both signs if there are two; empty if no number is its size."""
-    placed, out = Placed.parse(effect), []
-    if not any(p.size for p in placed.effect.parameters):
-        return ()
-    for parameter in placed.effect.parameters:
-        name = placed.parameter(parameter.symbol)
-        values = {size[name] for size in sizes if name in size}
-        if values:
-            unit, factor = case.detectability.refined.task.recordings[0].units.of(parameter.dimension)
-            out.append(Size(name, factor * max(values), unit, parameter.half or len(values) > 1))
-    return tuple(out)
+    return size_in_units(case.units, effect, [max(sizes, key=lambda size: list(size.values()))])
 
 
 def _below_sampling(case: _Case, structure: Structure, effect: str) -> Reason | None:
@@ -237,5 +247,5 @@ def _below_sampling(case: _Case, structure: Structure, effect: str) -> Reason | 
         return None
     values = case.detectability.refined.of(structure).values
     lag = sum(values[placed.parameter(p.symbol)] for p in placed.effect.parameters)
-    interval = case.detectability.refined.task.scales.interval
+    interval = case.task.scales.interval
     return Reason("sampling", {"lag": lag, "interval": interval}) if lag < interval else None

@@ -111,9 +111,9 @@ class BorderPolicy:
 class FurtherEffectsPolicy:
     """Offer of effects that a function set holds back until they are called for."""
 
-    #: Least part of a structure's sum of squared residuals that a further effect explains, at first order at first.
-    notable_gain: float = 0.04
-    alike: float = 0.5  #: Ratio of scores from which the effect with fewer parameters is taken.
+    notable_gain: float = 0.04  #: Least part of a structure's sum of squared residuals that a further effect explains.
+    side_by_side: int = 6  #: Effects that are fitted beside a structure, those with the largest scores.
+    alike: float = 0.5  #: Ratio of gains from which the effect with fewer parameters is taken.
     #: Least part of what a structure leaves beyond the best one that further effects have to explain when fitted.
     rescued_share: float = 1.0 / 3.0
     at_once: int = 4  #: Effects that are offered at a time; more follow if these leave something.

@@ -11,8 +11,9 @@ from brightgrey.kit import Placed
 from brightgrey.kit.in_words import effect_heading, enumerated
 from brightgrey.kit.structure import Verdict
 from brightgrey.recordings.units.amounts import amount, rounded
+from brightgrey.recordings.units.signals import Units
 
-__all__ = ["EffectVerdict", "Reason", "ReasonKind", "Size", "Verdict", "decisive"]
+__all__ = ["EffectVerdict", "Reason", "ReasonKind", "Size", "Verdict", "decisive", "size_in_units"]
 
 
 ReasonKind = Literal[
@@ -35,9 +36,11 @@ ReasonKind = Literal[
     "fits with fixed size",
     "needs further effects",
     "no relevant size",
+    "not offered",
     "refuted",
     "refuted as fixed",
     "refuted without size",
+    "refuted at first order",
 ]
 
 SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
@@ -72,11 +75,15 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "needs further effects": (
             "It was not tested: it cannot be added to the best structure alone, only together with another effect."
         ),
+        "not offered": "It was not tested, because {names} is not called for.",
         "refuted": (
             "From {size} on it would have shown. The fit has {estimate}, which explains {gain} % of the residual."
         ),
         "refuted as fixed": "Its fixed size, {size}, makes the fit worse.",
         "refuted without size": "At a size that matters it would have shown, but it explains {gain} % of the residual.",
+        "refuted at first order": (
+            "From {size} on it would have shown. At first order it explains {gain} % of the residual."
+        ),
     }
 )
 """Sentences by the kind of reason. The order of the kinds decides which of several reasons is given."""
@@ -151,3 +158,25 @@ def decisive(reasons: Sequence[Reason]) -> Reason:
     """The reason that comes first in the table of sentences; of several of one kind that with the largest gain."""
     order = list(SENTENCES)
     return min(reasons, key=lambda r: (order.index(r.kind), -r.numbers.get("gain", 0.0)))
+
+
+def size_in_units(units: Units, effect: str, sizes: Sequence[Mapping[str, float]]) -> tuple[Size, ...]:
+    """Size of `effect` in the recording's units, for both signs if there are two; empty if no number is its size.
+
+    Parameters
+    ----------
+    units : Units
+    effect : str
+    sizes : sequence of mapping of str to float
+        Sizes by parameter, SI; the largest is shown.
+    """
+    placed, out = Placed.parse(effect), []
+    if not any(p.size for p in placed.effect.parameters):
+        return ()
+    for parameter in placed.effect.parameters:
+        name = placed.parameter(parameter.symbol)
+        values = {size[name] for size in sizes if name in size}
+        if values and (parameter.size or any(values)):  # a phase of zero says nothing
+            unit, factor = units.of(parameter.dimension)
+            out.append(Size(name, factor * max(values), unit, parameter.half or len(values) > 1))
+    return tuple(out)

@@ -8,20 +8,20 @@ from brightgrey.search.decision import decide_structures
 from support.searches import minimal, simulated_task, verdicts
 
 F_TANH = 200.0
-VALUES = {"J1": 0.008, "J2": 0.006, "c1": 300.0, "d1": 0.05, "f_v": 0.004, "M_C": 0.3}
+VALUES = {"J1": 0.008, "J2": 0.006, "c1": 60.0, "d1": 0.05, "f_v": 0.004, "M_C": 0.3}
 SPRING = {"c_g@2": 0.08}
 FRICTION = {"M_C@2": 0.25}
 
 
-def decision(structure, values, require=()):
+def decision(structure, values):
     task = simulated_task(structure, values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH, step=1e-3)
     excluded = ("three_mass", "stribeck", "current_control", "delay", "backlash", "gravity")
-    return decide_structures(task, grammar_named("drive"), require=require, exclude=excluded)
+    return decide_structures(task, grammar_named("drive"), exclude=excluded)
 
 
 @pytest.fixture(scope="module")
 def on_stiff_shaft():
-    return decision("two_mass+coulomb+viscous+ground_spring@2", VALUES | SPRING, ("two_mass",))
+    return decision("two_mass+coulomb+viscous+ground_spring@2", VALUES | SPRING)
 
 
 def test_ground_spring_on_a_stiff_shaft__both_masses_are_offered(on_stiff_shaft):
@@ -38,3 +38,18 @@ def test_friction_at_the_second_mass__its_place_shows__needed_there():
     found = decision("two_mass+coulomb+viscous+coulomb@2", {**VALUES, "c1": 30.0} | FRICTION)
     assert verdicts(found)["coulomb@2"] == "needed"
     assert minimal(found)[0] == "two_mass+coulomb+coulomb@2+viscous"
+
+
+def test_friction_beside_a_gap__is_offered_beside_the_gap():
+    task = simulated_task(
+        "two_mass+coulomb+viscous+backlash+coulomb@2",
+        {**VALUES, "c1": 40.0, "alpha": 0.05} | FRICTION,
+        E.torque(),
+        0.005 * E.speed,
+        dt=E.dt,
+        f_tanh=F_TANH,
+        step=1e-3,
+    )
+    excluded = ("three_mass", "stribeck", "current_control", "delay", "gravity")
+    found = decide_structures(task, grammar_named("drive"), exclude=excluded)
+    assert verdicts(found)["coulomb@2"] == verdicts(found)["backlash"] == "needed"

@@ -6,7 +6,7 @@ import numpy as np
 
 from brightgrey.arrays import Array
 
-__all__ = ["BASIS_RANK_TOLERANCE", "orthonormal_basis"]
+__all__ = ["BASIS_RANK_TOLERANCE", "beyond", "orthonormal_basis"]
 
 BASIS_RANK_TOLERANCE = 1e-9
 """Singular values of normed columns below this part of the largest count as zero."""
@@ -28,3 +28,8 @@ def orthonormal_basis(columns: Array, rank_tolerance: float = BASIS_RANK_TOLERAN
         return np.zeros((len(columns), 0))
     U, s, _ = np.linalg.svd(columns[:, nonzero] / size[nonzero], full_matrices=False)
     return np.asarray(U[:, s > rank_tolerance * s[0]])
+
+
+def beyond(basis: Array, x: Array) -> Array:
+    """Part of `x`, shape (rows, ...), that is orthogonal to an orthonormal `basis`, shape (rows, rank)."""
+    return np.asarray(x - basis @ (basis.T @ x))

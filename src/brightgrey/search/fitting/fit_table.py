@@ -107,13 +107,22 @@ class FitTable:
 
     def fit_from(self, structure: Structure, values: Mapping[str, float], workers: Executor) -> StructureFit:
         """Fit a structure that is new from values of its parameters, SI."""
-        space = self.task.space(structure, nuisances=True)
-        own = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **values}
-        start = StructureFit(structure, own, np.inf, len(space.names))
-        ((fitted, _),) = in_order(workers, refit_from_supermodel, [(self.task, start, [start], self._how, True)])
-        self.done[structure] = start if fitted is None else fitted
-        self._noted(False, self.done[structure])
+        (self.done[structure],) = self.tried([(structure, values)], workers)
         return self.done[structure]
+
+    def tried(self, starts: Sequence[tuple[Structure, Mapping[str, float]]], workers: Executor) -> list[StructureFit]:
+        """Fits of structures from values of their parameters, SI, that are not taken into the table."""
+        begun = []
+        for structure, values in starts:
+            space = self.task.space(structure, nuisances=True)
+            own = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **values}
+            begun.append(StructureFit(structure, own, np.inf, len(space.names)))
+        calls = [(self.task, start, [start], self._how, True) for start in begun]
+        ends = in_order(workers, refit_from_supermodel, calls)
+        fits = [start if end is None else end for start, (end, _) in zip(begun, ends, strict=True)]
+        for fitted in fits:
+            self._noted(False, fitted)
+        return fits
 
     def restart(self, structure: Structure, workers: Executor) -> set[Structure]:
         """Fit a structure by multistart, once, refit its submodels from its optimum, and then its other neighbours.

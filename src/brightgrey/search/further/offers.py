@@ -17,10 +17,16 @@ from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.search.fitting.anchors import anchors
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import Options, StructureFit
-from brightgrey.search.further.proposals import FurtherEffect, follows_further_effect, least_rival_cost, proposals
+from brightgrey.search.further.proposals import (
+    FurtherEffect,
+    detuning_effect,
+    follows_further_effect,
+    further_effects,
+    least_rival_cost,
+)
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.model_error import optimum_of, signs_of_model_error
-from brightgrey.search.policy import FURTHER
+from brightgrey.search.policy import FURTHER, REFIT
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["OfferingSearch"]
@@ -56,17 +62,25 @@ class OfferingSearch:
         if self.with_effects is None or len(self.offered) >= FURTHER.most or not self.has_model_error():
             return False
         for masses in range(1, most_masses + 1):
-            fitted = [f for s, f in self.fits.done.items() if s.masses == masses and not f.redundant_effects]
-            if not fitted:
-                continue
-            own, best = min(fitted, key=lambda f: (f.structure.has_hard_limit, f.cost)), self.fits.best()
-            for found in proposals(self.task, own, self.more, self.lattice.atoms, self.seed):
-                taken = self.worth_offering(own, found, best)
-                if taken:
-                    self.offered += tuple(f.placed for f in taken)
-                    self.limit_masses(masses + 1)
-                    return True
+            extended = [fit for own in self.best_with(masses) if (fit := self.extended(own)) is not None]
+            if extended:
+                found = min(extended, key=lambda f: f.cost)
+                self.offered += tuple(p for p in found.structure.placed if p in self.more)
+                self.fits.done[found.structure] = found
+                self.limit_masses(masses + 1)
+                self.fits.propagate({found.structure} & self.fits.done.keys(), self.executor)
+                return True
         return False
+
+    def best_with(self, masses: int) -> list[StructureFit]:
+        """Best fits with so many masses: without a hard limit, and with one where that tells."""
+        best: dict[bool, StructureFit] = {}
+        fitted = [f for s, f in self.fits.done.items() if s.masses == masses and not f.redundant_effects]
+        for f in sorted(fitted, key=lambda f: f.cost):
+            best.setdefault(f.structure.has_hard_limit, f)
+        if len(best) > 1 and best[True].cost >= REFIT.clear_gain * best[False].cost:
+            del best[True]
+        return list(best.values())
 
     def offer_mass(self, masses: int) -> bool:
         """Offer one mass more if all that are offered with the further effects are called for."""
@@ -104,9 +118,8 @@ class OfferingSearch:
             return False
         self.moved.add(moved)
         there = {placed.parameter(q.symbol): own.values[gone.parameter(q.symbol)] for q in gone.effect.parameters}
-        cost = self.fits.fit_from(moved, {**own.values, **there}, self.executor).cost
-        del self.fits.done[moved]  # the lattice has no place for it yet
-        return cost <= (1.0 + FURTHER.notable_gain) * own.cost
+        (fitted,) = self.fits.tried([(moved, {**own.values, **there})], self.executor)
+        return fitted.cost <= (1.0 + FURTHER.notable_gain) * own.cost
 
     @property
     def most_masses(self) -> int:
@@ -126,30 +139,40 @@ class OfferingSearch:
         self.anchors = anchors(self.lattice)
         self.fit(self.anchors)
 
-    def worth_offering(
-        self, own: StructureFit, found: Sequence[FurtherEffect], best: StructureFit
-    ) -> list[FurtherEffect]:
-        """Fit a structure with further effects, one after the other; those that explain enough of what it leaves.
+    def extended(self, own: StructureFit) -> StructureFit | None:
+        """A fit with further effects that explain enough of what a structure leaves; None without any.
 
-        Each explains a notable part of what those before it leave: at first order more seem to. Together they explain
-        a third of what the best structure explains better, and more than all structures with an effect that they
-        exclude. None otherwise.
+        Each explains a notable part of what those before it leave. Together they explain a third of what the best
+        structure explains better, and more than all structures with an effect that they exclude.
         """
-        taken: list[FurtherEffect] = []
-        reached = own
-        for effect in found:
-            extended = Structure((*reached.structure.placed, effect.placed))
-            fitted = self.fits.fit_from(extended, {**reached.values, **effect.start}, self.executor)
-            del self.fits.done[extended]  # the lattice has no place for it yet
-            if reached.cost - fitted.cost >= FURTHER.notable_gain * reached.cost:
-                taken.append(effect)
-                reached = fitted
+        best, reached = self.fits.best(), own
+        for _ in range(min(FURTHER.at_once, FURTHER.most - len(self.offered))):
+            larger = self.with_one_more(reached)
+            if larger is None:
+                break
+            reached = larger
+        if reached is own:
+            found = detuning_effect(self.task, own, self.more, self.seed)
+            if found is None:
+                return None
+            (reached,) = self.fits.tried([_with_effect(own, found)], self.executor)
+        taken = [p for p in reached.structure.placed if p not in own.structure.placed]
         enough = own.cost - reached.cost >= FURTHER.rescued_share * (own.cost - best.cost)
-        if not (taken and enough and reached.cost < least_rival_cost(taken, self.fits.done)):
-            return []
-        self.fits.done[reached.structure] = reached
-        self.fits.propagate({reached.structure}, self.executor)
-        return taken
+        return reached if enough and reached.cost < least_rival_cost(taken, self.fits.done) else None
+
+    def with_one_more(self, own: StructureFit) -> StructureFit | None:
+        """A fit with the further effect that explains most of what a structure leaves; None if none is notable.
+
+        First-order scores choose which are fitted. Of those that explain alike the one with fewest parameters is taken.
+        """
+        found = further_effects(self.task, own, self.more, self.seed)
+        fits = self.fits.tried([_with_effect(own, f) for f in found], self.executor)
+        parameters = {f.structure: len(e.placed.effect.parameters) for e, f in zip(found, fits, strict=True)}
+        most = max((own.cost - f.cost for f in fits), default=0.0)
+        alike = [f for f in fits if own.cost - f.cost >= FURTHER.alike * most]
+        if not most >= FURTHER.notable_gain * own.cost:
+            return None
+        return min(alike, key=lambda f: (parameters[f.structure], f.cost))
 
     def fit(self, structures: Sequence[Structure]) -> None:
         """Fit structures from their neighbours' optima, and their neighbours anew where that helps."""
@@ -189,3 +212,8 @@ class OfferingSearch:
 def _at_other_place(structure: Structure, gone: Placed, placed: Placed) -> Structure:
     """Structure with an effect at another place."""
     return Structure((*(p for p in structure.placed if p != gone), placed))
+
+
+def _with_effect(own: StructureFit, found: FurtherEffect) -> tuple[Structure, dict[str, float]]:
+    """A structure with a further effect, and the values from which it is fitted."""
+    return Structure((*own.structure.placed, found.placed)), {**own.values, **found.start}

@@ -1,10 +1,9 @@
-"""Further effects: which of those that a grammar holds back are worth offering, by scores at the fits so far.
+"""Further effects: which of those that a grammar holds back are worth a fit, by scores at the fits so far.
 
 A large function set is out of reach of one fit of everything. So a search begins with a small one. Where that leaves
-model error, each further effect is simulated once, at the least size that matters, beside a structure that
-lacks it. What its change shares with the residual, beyond what the structure's own parameters explain, is its score
-(Rao 1948, doi:10.1017/S0305004100023987). Effects are taken one by one, the largest score first, each beside those that
-were taken before (orthogonal matching pursuit, Pati, Rezaiifar, Krishnaprasad 1993, doi:10.1109/ACSSC.1993.342465).
+model error, each further effect is simulated once, at the least size that matters, beside a structure that lacks it.
+What its change shares with the residual, beyond what the structure's own parameters explain, is its score
+(Rao 1948, doi:10.1017/S0305004100023987).
 
 First-order changes say little of an effect that detunes a resonance: the structure without it has fitted another
 frequency. Such effects are fitted beside the structure by multistart.
@@ -12,7 +11,7 @@ frequency. Such effects are fitted beside the structure by multistart.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,15 +19,14 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS
 from brightgrey.estimation.diagnostics.residual_tests import Candidate, detect_regressors
-from brightgrey.estimation.noise.orthonormal_basis import orthonormal_basis
+from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
 from brightgrey.kit import Placed, Structure, function_set
-from brightgrey.numerics.distributions import chi2
 from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart
-from brightgrey.search.policy import FURTHER, SELECTION
+from brightgrey.search.policy import FURTHER
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["FurtherEffect", "follows_further_effect", "further_effects", "least_rival_cost", "proposals"]
+__all__ = ["FurtherEffect", "detuning_effect", "follows_further_effect", "further_effects", "least_rival_cost"]
 
 
 FURTHER_STARTS = Options(fresh=2, patience=0)
@@ -47,7 +45,7 @@ class _Candidate:
 
 @dataclass(frozen=True)
 class FurtherEffect:
-    """A further effect that explains a notable part of a residual."""
+    """A further effect that may explain a part of a residual."""
 
     placed: Placed
     #: Its parameters by name, SI, as far as a first step says, and others of the structure if it was fitted with them.
@@ -57,7 +55,7 @@ class FurtherEffect:
 def further_effects(
     task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int
 ) -> tuple[FurtherEffect, ...]:
-    """Effects of `more` that explain a material part of the residual of a fit, the most important first.
+    """Effects of `more` that share most with the residual of a fit, the largest score first.
 
     The residual is taken as it is. Beside a structure that misfits badly, its own misfit would pass for slow noise.
 
@@ -74,61 +72,32 @@ def further_effects(
     task = accurate(task)
     residual, jacobian, inside = residual_and_jacobian(task, fitted.structure, fitted.values)
     basis = orthonormal_basis(jacobian[:, list(inside)])
-    left = _beyond(basis, residual)
-    candidates = [
-        replace(c, changes=_beyond(basis, c.changes)) for c in _candidates(task, fitted, residual, more, seed)
-    ]
-    cost, chance = float(residual @ residual), float(chi2.isf(SELECTION.false_alarm_level / max(len(more), 1), 1))
-    enough = max(FURTHER.notable_gain, chance / len(residual)) * cost
-    chosen: list[FurtherEffect] = []
-    while candidates and len(chosen) < FURTHER.at_once:
-        scores = [_scores(c, left) for c in candidates]
-        best = np.array([s.max(initial=0.0) for s in scores])
-        if not best.max() >= enough:
-            break
-        alike = np.flatnonzero(best >= max(enough, FURTHER.alike * best.max()))
-        first = min(alike.tolist(), key=lambda i: (len(candidates[i].placed.effect.parameters), -best[i]))
-        taken = candidates.pop(first)
-        chosen.append(_start(taken, left, int(np.argmax(scores[first]))))
-        for _ in taken.placed.effect.parameters:  # an effect of several parameters has as many directions
-            found = _scores(taken, left)
-            direction = taken.changes[:, int(np.argmax(found))]
-            if not found.max(initial=0.0) > 0.0:
-                break
-            unit = (direction / np.linalg.norm(direction))[:, None]
-            left = _beyond(unit, left)
-            taken = replace(taken, changes=_beyond(unit, taken.changes))
-            candidates = [replace(c, changes=_beyond(unit, c.changes)) for c in candidates]
-    return tuple(chosen)
+    left = beyond(basis, residual)
+    candidates = [replace(c, changes=beyond(basis, c.changes)) for c in _candidates(task, fitted, residual, more, seed)]
+    scored = [(scores, c) for c in candidates if (scores := _scores(c, left)).max() > 0.0]
+    scored.sort(key=lambda pair: -float(pair[0].max()))
+    return tuple(_start(c, left, int(np.argmax(scores))) for scores, c in scored[: FURTHER.side_by_side])
 
 
-def proposals(
-    task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], offered: Sequence[Placed], seed: int
-) -> Iterator[tuple[FurtherEffect, ...]]:
-    """Further effects to try beside a structure, the next ones if those before are not worth it; see `further_effects`.
-
-    Effects that exclude one of those `offered` may be chosen at first, and then not. In the end comes the one that
-    detunes resonances and explains most, if it explains a notable part.
-    """
-    beside = [p for p in more if not any(p.excludes(other) for other in offered)]
-    for some in [more] if len(beside) == len(more) else [more, beside]:
-        found = further_effects(task, fitted, some, seed)
-        if found:
-            yield found
+def detuning_effect(
+    task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int
+) -> FurtherEffect | None:
+    """The effect that detunes resonances and explains most by multistart, if that is a notable part."""
     detuning = [p for p in _possible(fitted, more) if p.effect.detunes_resonances]
     fits = [(p, fit_multistart(task, _with(fitted, p), FURTHER_STARTS, seed)) for p in detuning]
     for placed, fit in sorted(fits, key=lambda pair: pair[1].cost)[:1]:
         if fitted.cost - fit.cost >= FURTHER.notable_gain * fitted.cost:
-            yield (FurtherEffect(placed, fit.values),)
+            return FurtherEffect(placed, fit.values)
+    return None
 
 
-def least_rival_cost(found: Sequence[FurtherEffect], done: Mapping[Structure, StructureFit]) -> float:
+def least_rival_cost(found: Sequence[Placed], done: Mapping[Structure, StructureFit]) -> float:
     """Least cost of all fits of structures with an effect that one of `found` excludes; infinite without any.
 
     Where a hardening spring and a gap compete for a shaft, the gap has every other effect beside it, and so the
     benefit of doubt.
     """
-    excluded = [f.cost for s, f in done.items() if any(e.placed.excludes(p) for e in found for p in s.placed)]
+    excluded = [f.cost for s, f in done.items() if any(e.excludes(p) for e in found for p in s.placed)]
     return min(excluded, default=float("inf"))
 
 
@@ -200,21 +169,20 @@ def _changes(task: IdentificationTask, fitted: StructureFit, residual: Array, pl
 
 
 def _start(candidate: _Candidate, left: Array, draw: int) -> FurtherEffect:
-    """The effect with the values of a draw, of the size that a first-order step gives."""
+    """The effect with the values of a draw: of the size that a first-order step gives, or of the size that matters.
+
+    A first-order step may have the wrong sign where the structure without the effect has fitted something else.
+    """
     change = candidate.changes[:, draw]
     start = {name: float(values[draw]) for name, values in candidate.values.items()}
-    start[candidate.size] *= -float(left @ change) / float(change @ change)
+    step = -float(left @ change) / float(change @ change)
+    if candidate.either_sign or step > 0.0:
+        start[candidate.size] *= step
     return FurtherEffect(candidate.placed, start)
 
 
-def _beyond(basis: Array, x: Array) -> Array:
-    """Part of `x`, shape (residuals, ...), beyond an orthonormal `basis`."""
-    return np.asarray(x - basis @ (basis.T @ x))
-
-
 def _scores(candidate: _Candidate, left: Array) -> Array:
-    """Decrease of the sum of squares by a step along each change, shape (draws,); 0 for a size of the wrong sign."""
+    """Decrease of the sum of squares by a step along each change, shape (draws,)."""
     along = left @ candidate.changes
     length = np.square(candidate.changes).sum(axis=0)
-    allowed = (length > 0.0) & (candidate.either_sign | (along < 0.0))
-    return np.asarray(np.divide(np.square(along), length, out=np.zeros_like(length), where=allowed))
+    return np.asarray(np.divide(np.square(along), length, out=np.zeros_like(length), where=length > 0.0))

@@ -1,0 +1,157 @@
+"""Effects that a search has not offered: a verdict on each at first order, beside the minimal structures.
+
+They were not fitted. The part of an effect's change that neither the parameters of the structure nor another effect can
+make, at the least size that matters, says whether the recording would have shown it. What that part shares with the
+residual says whether it is there (Rao 1948, doi:10.1017/S0305004100023987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.estimation.noise.orthonormal_basis import beyond
+from brightgrey.kit import Grammar, Placed, Structure, function_set
+from brightgrey.kit.in_words import effect_in_words
+from brightgrey.kit.structure import Verdict
+from brightgrey.search.detectability import Detectability, has, power, relevant_sizes
+from brightgrey.search.fitting.refined_fit import accurate
+from brightgrey.search.policy import SELECTION
+from brightgrey.search.verdicts import EffectVerdict, Reason, decisive, size_in_units
+
+__all__ = ["first_order_verdicts", "verdicts_on_masses"]
+
+
+def first_order_verdicts(
+    detectability: Detectability, structures: Sequence[Structure], more: Sequence[Placed]
+) -> tuple[EffectVerdict, ...]:
+    """Verdicts on effects that the lattice lacks: *not needed*, or *not decidable*.
+
+    An effect is *not needed* if, beside each of the structures, it would have shown at the least size that matters, and
+    the residual does not ask for it. What stands at a mass that no structure has gets no verdict: it depends on that
+    mass.
+
+    Parameters
+    ----------
+    detectability : Detectability
+        Of the round.
+    structures : sequence of Structure
+        The minimal ones.
+    more : sequence of Placed
+        Effects that the lattice lacks.
+    """
+    beside = [_Beside.of(detectability, s, more) for s in structures]
+    found = []
+    for placed in more:
+        tests = [b.test(placed) for b in beside if placed in b.changes]
+        if tests:
+            doubts = [reason for needless, reason in tests if not needless]
+            reason = decisive(doubts or [reason for _, reason in tests])
+            found.append(EffectVerdict(str(placed), "not decidable" if doubts else "not needed", None, None, reason))
+    return tuple(found)
+
+
+def verdicts_on_masses(
+    grammar: Grammar, exclude: Sequence[str], known: Sequence[EffectVerdict]
+) -> tuple[EffectVerdict, ...]:
+    """Verdicts on multiple-mass systems that were not offered: that on the largest one which was.
+
+    Parameters
+    ----------
+    grammar : Grammar
+    exclude : sequence of str
+        Effects that were excluded; masses count cumulatively.
+    known : sequence of EffectVerdict
+        On the effects that were offered.
+    """
+    offered = {Placed.parse(c.effect).effect.masses: c for c in known if Placed.parse(c.effect).effect.masses}
+    if not offered:
+        return ()
+    last = offered[max(offered)]
+    most = min((Placed.parse(e).effect.masses for e in exclude if Placed.parse(e).effect.masses), default=np.inf)
+    beyond = sorted(p.effect.masses for p in grammar.placed if max(offered) < p.effect.masses < most)
+    reason = Reason("not offered", names=(effect_in_words(Placed.parse(last.effect)),))
+    verdict: Verdict = "not needed" if last.verdict == "not needed" else "not decidable"
+    names = {p.effect.masses: str(p) for p in grammar.placed}
+    return tuple(EffectVerdict(names[m], verdict, None, None, reason) for m in beyond)
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """Changes by effects at the least sizes that matter, beside one structure, whitened."""
+
+    detectability: Detectability
+    structure: Structure
+    residual: Array  #: Beyond what the structure's parameters explain, shape (residuals,).
+    sizes: Mapping[Placed, Sequence[Mapping[str, float]]]  #: Two of opposite sign for effects that have both.
+    changes: Mapping[Placed, Array]  #: Of the first of the sizes, beyond the structure's parameters.
+    others: Mapping[Placed, Array]  #: Orthonormal basis of what the structure with another effect can explain.
+
+    @classmethod
+    def of(cls, detectability: Detectability, structure: Structure, more: Sequence[Placed]) -> _Beside:
+        """Simulate all effects that may stand beside a structure."""
+        refined, kit = detectability.refined, function_set()
+        task, own, whitening = refined.task, refined.of(structure), refined.whitening
+        residual, jacobian, _ = refined.jacobian(structure)
+        basis = whitening.basis(jacobian)
+        sizes, changes = {}, {}
+        for placed in more:
+            larger = Structure((*structure.placed, placed))
+            found = [] if kit.broken_rule(larger) else relevant_sizes(task, own.values, str(placed))
+            if found:
+                problem, space = task.problem_and_space(larger)
+                start = dict(zip(space.names, space.start.tolist(), strict=True)) | dict(space.fixed)
+                values = {**start, **own.values, **found[0]}
+                moved = problem.residuals({n: np.array([v]) for n, v in values.items()}, accurate(task).settings)[:, 0]
+                sizes[placed] = found
+                changes[placed] = beyond(basis, whitening.whiten(moved - residual))
+        others = {}
+        for placed in detectability.circumstances.lattice.atoms:
+            beside = None if has(structure, str(placed)) else detectability.with_effect(structure, str(placed))
+            if beside is not None:
+                others[placed] = whitening.basis(refined.jacobian(beside)[1])
+        return cls(detectability, structure, beyond(basis, whitening.whiten(residual)), sizes, changes, others)
+
+    def test(self, placed: Placed) -> tuple[bool, Reason]:
+        """True if an effect is needless beside the structure, and why it is, or why it cannot be called so."""
+        task = self.detectability.refined.task
+        change, sizes = self.changes[placed], self.sizes[placed]
+        size = size_in_units(task.recordings[0].units, str(placed), sizes)
+        if not self.shows(placed, change):
+            return False, Reason("not detectable", size=size)
+        for other, basis in self.others.items():
+            if not self.shows(placed, beyond(basis, change)):
+                return False, Reason("masked", size=size, names=(effect_in_words(other),))
+        for other, beside in self.changes.items():
+            unit = beside / max(float(np.linalg.norm(beside)), np.finfo(float).tiny)
+            allowed = len(self.sizes[other]) > 1 or len(sizes) > 1 or float(unit @ change) < 0.0
+            if other != placed and allowed and not self.shows(placed, beyond(unit[:, None], change)):
+                return False, Reason("masked", size=size, names=(effect_in_words(other),))
+        along, length = float(self.residual @ change), float(change @ change)
+        step = -along / length if len(sizes) > 1 or along < 0.0 else 0.0
+        explained, deviance = step * step * length, self.detectability.refined.of(self.structure).deviance
+        gain = 1.0 - float(np.sqrt(max(1.0 - explained / deviance, 0.0)))
+        if gain > SELECTION.notable_gain:
+            return False, Reason("gain below threshold", {"gain": 100.0 * gain})
+        if explained > self.detectability.chance(self.parameters(placed)):
+            return False, Reason("small gain")
+        signs = (1.0, -1.0)[: len(sizes)]
+        enough = max(self.detectability.chance(1), self.detectability.circumstances.error_floor)
+        if not all(length + 2.0 * sign * along > enough for sign in signs):
+            return False, Reason("fits with fixed size", size=size)
+        return True, Reason("refuted at first order", {"gain": 100.0 * gain}, size=size)
+
+    def shows(self, placed: Placed, change: Array) -> bool:
+        """True if a whitened change would have been detected."""
+        d, free = self.detectability, self.parameters(placed)
+        growth = d.circumstances.material_growth * d.refined.of(self.structure).deviance
+        critical = max(d.chance(free), growth, d.circumstances.error_floor)
+        return power(float(change @ change), free, critical) >= SELECTION.min_power
+
+    def parameters(self, placed: Placed) -> int:
+        """Number of parameters of an effect that are estimated."""
+        fixed = self.detectability.refined.task.fixed
+        return sum(placed.parameter(q.symbol) not in fixed for q in placed.effect.parameters)
