@@ -68,9 +68,7 @@ class BorderSearch(OfferingSearch):
         border = self.in_rounds()
         while True:
             masses = min(self.lattice.structure(m).masses for m in border.minimal)
-            found = [self.lattice.structure(m) for m in border.minimal]
-            more = self.offer_further(masses) or self.offer_mass(masses)
-            if not (more or (not self.is_spent and self.offer_places(found))):
+            if not (self.offer_further(masses) or self.offer_mass(masses)):
                 return border
             border = self.in_rounds()
 

@@ -30,9 +30,9 @@ from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.task import IdentificationTask
-from brightgrey.search.undecided.exclusive import exclusive_rivals
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
+from brightgrey.search.undecided.rivals import rivals_beyond
 
 __all__ = ["Decision", "Ranked", "decide_structures"]
 
@@ -226,9 +226,10 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
     certificate = _certificate(search, border, grammar, found)
     unsteady = _unsteady_effects(search, border, found[0]) if certificate.unexplained else frozenset[str]()
     detectability = Detectability(search.refined, circumstances, search.executor)
-    every = [p for p in (*grammar.placed, *grammar.further) if str(p) not in exclude]
-    rivals = exclusive_rivals(detectability, found[0], every, search.seed)
-    optional, cards = assess_effects(detectability, border, found, certificate, unsteady, rivals)
+    beyond = [p for p in (*grammar.placed, *grammar.further) if str(p) not in exclude and p not in lattice.atoms]
+    rivals = rivals_beyond(detectability, found[0], beyond, search.offered, search.seed)
+    instead = {effect: rival.structure for effect, rival in rivals.items()}
+    optional, cards = assess_effects(detectability, border, found, certificate, unsteady, instead)
     held_back = (
         *verdicts_on_masses(grammar, exclude, cards),
         *first_order_verdicts(detectability, found, search.more),
@@ -243,13 +244,18 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
         kind = "minimal" if mask in border.minimal else "adequate" if adequate else "refuted"
         status[s] = "undecided" if mask in search.flipped else kind
     return Evidence(
-        tuple(refined[s] for s in found),
+        (*(refined[s] for s in found), *rivals.values()),
         optional,
         cards,
         refined,
         {s: bic(positive(r.deviance), n, r.free) for s, r in refined.items()},
         status,
-        replace(certificate, fitted=len(search.fits.done), held_back={c.effect: c.verdict for c in held_back}),
+        replace(
+            certificate,
+            fitted=len(search.fits.done),
+            minimal=(*certificate.minimal, *map(str, instead.values())),
+            held_back={c.effect: c.verdict for c in held_back},
+        ),
         whitening.effective_samples,
         open_questions(detectability, found, optional, [c.effect for c in cards if c.verdict == "not decidable"]),
         held_back,

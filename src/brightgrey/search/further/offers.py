@@ -1,7 +1,6 @@
 """Search that offers effects which a function set holds back, where those that it has leave model error.
 
-The lattice grows by what explains a notable part of the residual. An effect that stands at one mass may also be offered
-at the others: where it does is decided, and not taken for granted.
+The lattice grows by what explains a notable part of the residual.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from brightgrey.estimation.noise.residual_analysis import is_white
-from brightgrey.kit import Placed, Structure, function_set
+from brightgrey.kit import Placed, Structure
 from brightgrey.search.fitting.anchors import anchors
 from brightgrey.search.fitting.fit_table import FitTable
 from brightgrey.search.fitting.structure_fit import Options, StructureFit
@@ -50,7 +49,6 @@ class OfferingSearch:
         self.anchors = anchors(self.lattice)
         self.fits = FitTable(self.task, (), options=self.options, seed=self.seed, anchors=self.anchors)
         self.offered: tuple[Placed, ...] = ()
-        self.moved: set[Structure] = set()  # structures with an effect at another place that have been tried
         self._model_error: dict[tuple[Structure, float], bool] = {}
 
     def offer_further(self, most_masses: int) -> bool:
@@ -88,38 +86,6 @@ class OfferingSearch:
             return False
         self.limit_masses(masses + 1)
         return self.most_masses > masses
-
-    def offer_places(self, minimal: Sequence[Structure]) -> bool:
-        """Offer the effects that were offered at other places, too, where they explain as much there.
-
-        Then the recording does not show where such an effect is, and no place of it is called for.
-        """
-        if len(self.offered) >= FURTHER.most:
-            return False
-        found: list[Placed] = []
-        for own in (self.fits.done[s] for s in minimal):
-            for gone in sorted(own.structure.beside & set(self.offered), key=str):
-                found += [p for p in self.other_places(own.structure, gone) if self.fits_as_well(own, gone, p)]
-        self.offered += tuple(dict.fromkeys(found))
-        if found:
-            self.limit_masses(self.most_masses)
-        return bool(found)
-
-    def other_places(self, structure: Structure, placed: Placed) -> list[Placed]:
-        """Other places of an effect in a structure that are not offered, and at which it may stand instead."""
-        alike = [p for p in self.more if p.name == placed.name]
-        kit = function_set()
-        return [p for p in alike if not kit.broken_rule(_at_other_place(structure, placed, p))]
-
-    def fits_as_well(self, own: StructureFit, gone: Placed, placed: Placed) -> bool:
-        """Fit a structure with an effect at another place; True if that loses less than a notable part."""
-        moved = _at_other_place(own.structure, gone, placed)
-        if moved in self.moved:
-            return False
-        self.moved.add(moved)
-        there = {placed.parameter(q.symbol): own.values[gone.parameter(q.symbol)] for q in gone.effect.parameters}
-        (fitted,) = self.fits.tried([(moved, {**own.values, **there})], self.executor)
-        return fitted.cost <= (1.0 + FURTHER.notable_gain) * own.cost
 
     @property
     def most_masses(self) -> int:
@@ -207,11 +173,6 @@ class OfferingSearch:
     def more(self) -> list[Placed]:
         """Further effects that have not been offered."""
         return [p for p in self.further if p not in self.lattice.atoms]
-
-
-def _at_other_place(structure: Structure, gone: Placed, placed: Placed) -> Structure:
-    """Structure with an effect at another place."""
-    return Structure((*(p for p in structure.placed if p != gone), placed))
 
 
 def _with_effect(own: StructureFit, found: FurtherEffect) -> tuple[Structure, dict[str, float]]:

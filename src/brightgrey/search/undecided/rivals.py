@@ -1,0 +1,66 @@
+"""Rivals of a minimal structure that its lattice has no place for, and that fit as well.
+
+Two kinds are tried. An effect that was offered at one mass may stand at another: a spring on a stiff shaft is an
+example. And what excludes an effect may take its place: a gap and a hardening spring of one shaft never stand in one
+structure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+from brightgrey.kit import Placed, Structure, function_set
+from brightgrey.search.detectability import Detectability
+from brightgrey.search.fitting.refined_fit import Refined, refine
+from brightgrey.search.fitting.structure_fit import fit_multistart
+from brightgrey.search.further.proposals import FURTHER_STARTS
+
+__all__ = ["rivals_beyond"]
+
+
+def rivals_beyond(
+    detectability: Detectability,
+    structure: Structure,
+    effects: Iterable[Placed],
+    offered: Collection[Placed],
+    seed: int,
+) -> dict[str, Refined]:
+    """Refined fits with another effect in the place of one, no worse than those without; by the one that is replaced.
+
+    Parameters
+    ----------
+    detectability : Detectability
+        Of the round.
+    structure : Structure
+        A minimal one.
+    effects : iterable of Placed
+        Those that the lattice lacks, which may take the place of others.
+    offered : collection of Placed
+        Effects whose place is in question.
+    seed : int
+        Of the multistarts of effects that exclude each other.
+    """
+    refined, kit = detectability.refined, function_set()
+    own, found = refined.of(structure), dict[str, Refined]()
+    enough = max(
+        detectability.chance(1),
+        detectability.circumstances.material_growth * own.deviance,
+        detectability.circumstances.error_floor,
+    )
+    for other in effects:
+        alike = [p for p in structure.placed if p in offered and p.name == other.name]
+        for gone in [p for p in structure.placed if p.excludes(other)] + alike:
+            rival = Structure((*(p for p in structure.placed if p != gone), other))
+            if kit.broken_rule(rival):
+                continue
+            if gone in alike:
+                there = {
+                    other.parameter(q.symbol): own.values[gone.parameter(q.symbol)] for q in gone.effect.parameters
+                }
+                (fitted,) = refined.fits.tried([(rival, {**own.values, **there})], detectability.executor)
+            else:
+                fitted = fit_multistart(refined.task, rival, FURTHER_STARTS, seed)
+            end = refine(refined.task, rival, fitted.values, refined.whitening, float("inf"))
+            if end.deviance <= own.deviance + enough:
+                found[str(gone)] = end
+    return found
