@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from brightgrey.kit import Placed, Structure
-from brightgrey.kit.in_words import effect_in_words, enumerated, structure_in_words
+from brightgrey.kit.in_words import effect_in_words, effects_in_words, enumerated, structure_in_words
 from brightgrey.kit.structure import Verdict
 
 __all__ = ["Certificate", "RefutedStructure"]
@@ -72,16 +72,16 @@ class Certificate:
         return tuple(out)
 
     def _held_back(self) -> list[str]:
-        """Sentences on the effects that were not offered."""
-        needless, unknown = (
-            enumerated([effect_in_words(Placed.parse(e)) for e, said in self.held_back.items() if said == verdict])
-            for verdict in ("not needed", "not decidable")
-        )
-        kinds = (
-            ("Not fitted, and not needed, since at first order they would have shown", needless),
-            ("Not fitted, and not decidable from this recording", unknown),
-        )
-        return [f"{said}: {names}." for said, names in kinds if names]
+        """Sentences on the effects that were not offered, three to a sentence."""
+        out = []
+        for verdict, said in (
+            ("not needed", "Not fitted, and not needed, since at first order they would have shown"),
+            ("not decidable", "Not fitted, and not decidable from this recording"),
+        ):
+            names = effects_in_words(Placed.parse(e) for e, known in self.held_back.items() if known == verdict)
+            parts = [enumerated(names[i : i + 3]) for i in range(0, len(names), 3)]
+            out += [f"{said}: {part}." if i == 0 else f"The same holds for {part}." for i, part in enumerate(parts)]
+        return [" ".join(out)] if out else []
 
 
 def _refutation(refuted: RefutedStructure) -> str:

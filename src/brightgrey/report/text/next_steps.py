@@ -55,7 +55,7 @@ def why_not_richer(content: Content) -> tuple[str, ...]:
     needless = [Placed.parse(card.effect) for card in evidence.cards if card.verdict == "not needed"]
     words = [effect_in_words(placed, article=False) for placed in needless]
     sentences = (
-        "Every other effect of the function set was offered: all of them together explain no more than chance does.",
+        "All other effects that were offered explain together no more than chance does.",
         listing("So the model needs no", words, "or"),
     )
     return tuple(text for text in sentences if text)

@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable
 from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.search.detectability import Detectability
 from brightgrey.search.fitting.refined_fit import Refined, refine
-from brightgrey.search.fitting.structure_fit import fit_multistart
+from brightgrey.search.fitting.structure_fit import Options, fit_from_neighbours, fit_multistart
 from brightgrey.search.further.proposals import FURTHER_STARTS
 
 __all__ = ["rivals_beyond"]
@@ -38,7 +38,7 @@ def rivals_beyond(
     offered : collection of Placed
         Effects whose place is in question.
     seed : int
-        Of the multistarts of effects that exclude each other.
+        Of the starts of their parameters.
     """
     refined, kit = detectability.refined, function_set()
     own, found = refined.of(structure), dict[str, Refined]()
@@ -53,13 +53,17 @@ def rivals_beyond(
             rival = Structure((*(p for p in structure.placed if p != gone), other))
             if kit.broken_rule(rival):
                 continue
+            bare = Structure(tuple(p for p in structure.placed if p != gone))
+            starts = [refined.fits.done[bare]] if bare in refined.fits.done else []
+            fits = [fit_from_neighbours(refined.task, rival, starts, [], Options(), (seed,))] if starts else []
             if gone in alike:
                 there = {
                     other.parameter(q.symbol): own.values[gone.parameter(q.symbol)] for q in gone.effect.parameters
                 }
-                (fitted,) = refined.fits.tried([(rival, {**own.values, **there})], detectability.executor)
+                fits += refined.fits.tried([(rival, {**own.values, **there})], detectability.executor)
             else:
-                fitted = fit_multistart(refined.task, rival, FURTHER_STARTS, seed)
+                fits.append(fit_multistart(refined.task, rival, FURTHER_STARTS, seed))
+            fitted = min(fits, key=lambda f: f.cost)
             end = refine(refined.task, rival, fitted.values, refined.whitening, float("inf"))
             if end.deviance <= own.deviance + enough:
                 found[str(gone)] = end
