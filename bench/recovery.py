@@ -4,12 +4,15 @@
     python bench/recovery.py run 0 50 --noise 0.01 --masses 2 --without backlash delay --out small.jsonl.gz
     python bench/recovery.py run 0 50 --seed 41 --noise 0.01 --grammar drive --out drive.jsonl.gz
     python bench/recovery.py run 0 50 --seed 72 --noise 0.01 --grammar drive --truths drive
+    python bench/recovery.py run 0 50 --seed 81 --noise 0.01 --grammar drive --sensors velocity velocity@2
+    python bench/recovery.py run 0 50 --seed 82 --noise 0.01 --grammar drive --sensors speed@2
     python bench/recovery.py table --seed 18
 
 A drive is known by its number: true structure (of the candidates), values over wide ranges
 (`brightgrey.excitation.random_drives`), motion (reversing, chirp, multisine, in turn), sharpness of friction's sign
-(exact, or a gain of 1,000, 100 or 30 over the largest speed, in turn), colour of the noise, encoder or not. Data come
-from the reference solver. `--noise` is the standard deviation over the peak speed.
+(exact, or a gain of 1,000, 100 or 30 over the largest speed, in turn), colour of the noise, encoder or not. Drives with
+a sensor at mass 2 have two masses, and half of them a gap. Data come from the reference solver. `--noise` is the
+standard deviation over the peak speed.
 
 Rows are kept in bench/results/recovery_seed<seed>.jsonl.gz; `run` skips those that the file already holds, so that
 several processes may add to one file. Held-out error is that on another motion of the same drive with the same noise.
@@ -45,6 +48,7 @@ from support.rows import add_rows, read_rows
 from support.statistics import share_of
 
 MATTERS = 1.05
+GAP_ERROR = 0.05
 REACHED = 1.02  # times the RSS at the true values
 FLOOR = 1e-4
 
@@ -126,7 +130,7 @@ def row(
     truth, found = drive.truth, decision.evidence
     undecided = [*found.optional, *(e for e, said in found.certificate.held_back.items() if said == "not decidable")]
     structures = [r.structure for r in found.minimal]
-    smaller = largest_within(truth)
+    smaller = [s for s in largest_within(truth) if s.masses >= max(signal.mass for signal in test.outputs)]
     by_multistart = [truth, *(s for s in smaller if s.masses < truth.masses)]
     fits = FitTable(task, (), seed=drive.seed, anchors=by_multistart)
     fits.done.update(decision.fitted)
@@ -159,6 +163,8 @@ def row(
         "reached": fits.done[truth].cost / max(float(problem.costs(exact, task.settings)[0]), 1e-300),
         "excess": min((found.refined[s].deviance for s in inside), default=np.inf) - best,
         "minimal": [str(s) for s in structures],
+        "estimates": dict(found.minimal[0].values),
+        "sensors": list(drive.sensors),
         "optional": list(found.optional),
         "verdicts": {c.effect: c.verdict for c in found.cards},
         "reasons": {c.effect: c.reason for c in found.cards},
@@ -209,6 +215,9 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
         "CPU seconds, mean (95 %)": lambda some: (
             f"{np.mean(cpu_seconds(some)):.0f} ({np.quantile(cpu_seconds(some), 0.95):.0f})"
         ),
+        "gaps that are found within 5 %": lambda some: share_of(
+            [abs(r["estimates"].get("alpha", 0.0) / r["values"]["alpha"] - 1.0) < GAP_ERROR for r in gaps_in(some)], 1
+        ),
         "truth first by evidence": lambda some: share_of([r["first"]["evidence"] == "truth" for r in some]),
     }
     for name in reversed(rows[0]["first"]):
@@ -231,6 +240,15 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
         shares = [[f"`{e}`", *(share_of(one.get(e, [])) for one in found)] for e in rows[0]["verdicts"]]
         made.append(Table(title + title_of(rows).removeprefix("Structures"), ["", *columns], shares))
     return made
+
+
+def gaps_in(rows: Sequence[Mapping]) -> list[Mapping]:
+    """Rows of drives with a gap that matters and two sensors, one on each of its sides."""
+    return [
+        r
+        for r in rows
+        if len(r.get("sensors", ())) > 1 and "alpha" in r["values"] and r["matters"].get("backlash", 0.0) > MATTERS
+    ]
 
 
 def title_of(rows: Sequence[Mapping]) -> str:
@@ -312,9 +330,9 @@ def by_effect(rows: Sequence[Mapping], what: str) -> dict[str, list[bool]]:
 
 def run(options: argparse.Namespace, path: Path) -> None:
     code_version()  # before anybody changes it while rows are made
-    candidates = [
-        s for s in PAPER.structures() if s.masses <= options.masses and not set(s.names) & set(options.without)
-    ]
+    known = [s for s in PAPER.structures() if not set(s.names) & set(options.without)]
+    behind = any("@2" in sensor for sensor in options.sensors)
+    candidates = [s for s in known if (s.masses == 2 if behind else s.masses <= options.masses)]
     draw = drawn_structure if options.truths == "drive" else None
     done = {(r["seed"], r["number"], r["noise"]) for r in read_rows(path)}
     left = {
@@ -323,7 +341,7 @@ def run(options: argparse.Namespace, path: Path) -> None:
     }
 
     def rows(number: int) -> Iterator[dict[str, object]]:
-        drive = RandomDrive(options.seed, number, candidates, draw=draw)
+        drive = RandomDrive(options.seed, number, candidates, draw=draw, sensors=options.sensors)
         yield from (
             examine(drive, noise, pool, options.search, grammar_named(options.grammar)) for noise in left[number]
         )
@@ -346,6 +364,9 @@ def main() -> None:
     parser.add_argument("--grammar", choices=GRAMMARS, default="paper", help="function set that is searched")
     parser.add_argument(
         "--truths", choices=("paper", "drive"), default="paper", help="448 structures, or 2 to 6 effects of all kinds"
+    )
+    parser.add_argument(
+        "--sensors", nargs="+", default=["velocity"], help="velocity, velocity@2 or speed@2; two masses with the latter"
     )
     parser.add_argument("--workers", type=int, default=1, help="threads")
     parser.add_argument("--out", type=Path, help="file of the rows, instead of that of the seed in bench/results/")

@@ -67,12 +67,21 @@ def rounded(y: Array, step: float) -> Array:
 
 
 def simulated_recording(
-    u: Array, velocity: Array, *, name: str = "simulated", dt: float = PAPER_EXPERIMENT.dt, hold: Hold = "linear"
+    u: Array,
+    y: Array,
+    *,
+    sensors: Sequence[str] = ("velocity",),
+    name: str = "simulated",
+    dt: float = PAPER_EXPERIMENT.dt,
+    hold: Hold = "linear",
 ) -> Recording:
-    """Return a recording of torque in N m and velocity in rad/s."""
-    outputs = (Signal("velocity", "velocity", "rad/s"),)
-    t = dt * np.arange(velocity.size)
-    return Recording(name, t, u, velocity[None], Signal("torque", "input", "N m"), outputs, hold=hold)
+    """Return a recording of torque in N m and speeds in rad/s, `y` of shape (samples,) or (sensors, samples)."""
+    outputs = []
+    for sensor in sensors:
+        kind, _, mass = sensor.partition("@")
+        outputs.append(Signal(sensor.replace("@", ""), kind, "rad/s", mass=int(mass or 1)))
+    t = dt * np.arange(u.size)
+    return Recording(name, t, u, np.atleast_2d(y), Signal("torque", "input", "N m"), tuple(outputs), hold=hold)
 
 
 def last_places(chain: Placed) -> dict[str, int]:
@@ -134,12 +143,13 @@ def largest_within(structure: Structure) -> list[Structure]:
 
 
 class RandomDrive:
-    """One random drive with two motions; `y` are its velocities without noise.
+    """One random drive with two motions; `y` are its speeds without noise, each of shape (sensors, samples).
 
     The structure is drawn from `candidates`, or by `draw`, the values come from
     :func:`brightgrey.excitation.random_drives.random_values`. Half of the drives have noise of an autoregression with
     pole `AR_POLE`, a third of them an encoder. The gain of friction's sign is `f_tanh` in s/rad; by default it is one
-    of `SHARPNESS` over the largest speed, in turn.
+    of `SHARPNESS` over the largest speed, in turn. A sensor is ``velocity``, ``velocity@2`` or ``speed@2``, the last
+    one without sign.
     """
 
     def __init__(
@@ -149,9 +159,10 @@ class RandomDrive:
         candidates: Sequence[Structure] = (),
         f_tanh: float | None = None,
         draw: Callable[[np.random.Generator], Structure] | None = None,
+        sensors: Sequence[str] = ("velocity",),
     ) -> None:
         rng = np.random.default_rng([seed, number])
-        self.seed, self.number = seed, number
+        self.seed, self.number, self.sensors = seed, number, tuple(sensors)
         self.truth = draw(rng) if draw else candidates[int(rng.integers(len(candidates)))]
         self.values = random_values(self.truth.parameters, rng)
         self.motion = MOTIONS[number % 3]
@@ -159,14 +170,18 @@ class RandomDrive:
         self.encoder = bool(rng.random() < 1.0 / 3.0)
         kinds = (self.motion, MOTIONS[(number + 1) % 3])
         self.u = [excitation(kind, rng) for kind in kinds]
-        largest = float(np.abs(self._velocity(self.u[0], f_tanh or PAPER_EXPERIMENT.f_tanh)).max())
+        largest = float(np.abs(self._speeds(self.u[0], f_tanh or PAPER_EXPERIMENT.f_tanh)).max())
         self.f_tanh = f_tanh or SHARPNESS[number % len(SHARPNESS)] / largest
         self.sharpness = self.f_tanh * largest
-        self.y = [self._velocity(u, self.f_tanh) for u in self.u]
+        self.y = [self._speeds(u, self.f_tanh) for u in self.u]
 
-    def _velocity(self, u: Array, f_tanh: float) -> Array:
-        """Velocity without noise."""
-        return reference(str(self.truth), self.values, u, PAPER_EXPERIMENT.dt, f_tanh=f_tanh)[0]
+    def _speeds(self, u: Array, f_tanh: float) -> Array:
+        """Speeds without noise, shape (sensors, samples)."""
+        masses = [sensor.partition("@")[2] or "1" for sensor in self.sensors]
+        states = [f"v{mass}" for mass in masses]
+        y = reference(str(self.truth), self.values, u, PAPER_EXPERIMENT.dt, f_tanh=f_tanh, outputs=states)
+        unsigned = np.array([sensor.startswith("speed") for sensor in self.sensors])
+        return np.where(unsigned[:, None], np.abs(y), y)
 
     def recordings(self, noise: float, draw: int = 0) -> list[Recording]:
         """Return a recording to identify from and one of another motion to test on.
@@ -174,16 +189,19 @@ class RandomDrive:
         Parameters
         ----------
         noise : float
-            Standard deviation of the noise over the peak of the first motion's velocity.
+            Standard deviation of the noise over the peak of each speed in the first motion.
         draw : int
             Number of the noise: others have other noise of the same kind.
         """
-        made, peak = [], float(np.abs(self.y[0]).max())
+        made, peaks = [], np.abs(self.y[0]).max(axis=1)
         rng = np.random.default_rng([self.seed, self.number, round(1e6 * noise), *([draw] if draw else [])])
-        for name, u, v in zip(("train", "test"), self.u, self.y, strict=True):
-            size = noise * peak
-            y = v + size * coloured_noise(v.size, self.pole, rng)
-            if self.encoder:  # a step of a thousandth of the peak, or half of the noise
-                y = rounded(y, max(1e-3 * peak, 0.5 * size))
-            made.append(simulated_recording(u, y, name=name))
+        for name, u, speeds in zip(("train", "test"), self.u, self.y, strict=True):
+            signals = []
+            for v, peak in zip(speeds, peaks, strict=True):
+                size = noise * float(peak)
+                y = v + size * coloured_noise(v.size, self.pole, rng)
+                if self.encoder:  # a step of a thousandth of the peak, or half of the noise
+                    y = rounded(y, max(1e-3 * float(peak), 0.5 * size))
+                signals.append(y)
+            made.append(simulated_recording(u, np.array(signals), sensors=self.sensors, name=name))
         return made

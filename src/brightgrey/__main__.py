@@ -1,7 +1,24 @@
-"""``python -m brightgrey`` is the command ``brightgrey``."""
+"""The command ``brightgrey``, also as ``python -m brightgrey``."""
 
 import sys
 
-from brightgrey.cli import main
+__all__ = ["run"]
 
-sys.exit(main())
+
+def run() -> int:
+    """Load the program and run it; an interruption in the meantime ends with one line and exit code 130."""
+    try:
+        from brightgrey.cli import main
+
+        return main()
+    except KeyboardInterrupt:
+        pass
+    except RuntimeError as error:  # Python 3.11 wraps what interrupts the definition of a class
+        if not isinstance(error.__cause__, KeyboardInterrupt):
+            raise
+    sys.stderr.write("brightgrey: interrupted, nothing written\n")
+    return 130
+
+
+if __name__ == "__main__":
+    sys.exit(run())

@@ -39,6 +39,16 @@ def test_identify__signal_while_a_given_structure_is_fitted__ends_and_leaves_no_
     assert not (tmp_path / "out" / "model.json").exists()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="another signal there")
+def test_program__interrupted_while_it_is_loaded__one_line():
+    loading = "import sys, os, signal, brightgrey.__main__ as m\n"
+    # the first module of the command line that is loaded interrupts the program
+    finder = "type('F', (), {'find_spec': lambda *a: os.kill(os.getpid(), signal.SIGINT) if 'cli' in a[1] else None})"
+    code = f"{loading}sys.meta_path.insert(0, {finder}())\nsys.exit(m.run())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "brightgrey: interrupted, nothing written\n")
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell that closes streams")
 def test_identify__closed_output__ends_well(demo, tmp_path):
     words = [sys.executable, "-m", "brightgrey", "identify", str(demo), *COLUMNS, "--structure", "one_mass"]

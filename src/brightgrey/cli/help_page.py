@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 import signal
 import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import typer
@@ -21,8 +23,28 @@ MOST_USED = "Options"
 NAMES = 26  # characters of the column with the names of options
 
 
+@contextmanager
+def _interruption_told() -> Iterator[None]:
+    """End the program with one line if it is interrupted."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        typer.echo("brightgrey: interrupted, nothing written", err=True)
+        raise typer.Exit(128 + signal.SIGINT) from None
+
+
 class Program(TyperGroup):
     """The program, whose commands are listed with their whole first sentences."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Read the options of a command and run it; an interruption ends with one line."""
+        with _interruption_told():
+            return super().invoke(ctx)
+
+    def make_context(self, *arguments: Any, **options: Any) -> Any:
+        """Read what comes before a command; an interruption ends with one line."""
+        with _interruption_told():
+            return super().make_context(*arguments, **options)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands in the order in which they were added."""
@@ -41,11 +63,7 @@ class Command(TyperCommand):
             value = ctx.params.get(parameter.name or "")
             if isinstance(value, float) and not math.isfinite(value):
                 raise SettingsError(f"{parameter.opts[-1]} {value:g}: a finite number is expected")
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            typer.echo("brightgrey: interrupted, nothing written", err=True)
-            raise typer.Exit(128 + signal.SIGINT) from None
+        return super().invoke(ctx)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments, the options used most, and the others by their headings."""

@@ -143,6 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "the memory does not suffice; use fewer samples: --decimate N, --window A:B, or a file cut out of it"
         )
     except (KeyboardInterrupt, typer.Abort):  # before a command has begun
+        _fail("interrupted, nothing written")
         return 130
     if not given:
         return 2

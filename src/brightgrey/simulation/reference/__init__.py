@@ -1,8 +1,8 @@
-"""Independent solutions of high accuracy for every structure of the paper's grammar.
+"""Independent solutions of high accuracy for every structure.
 
 They use neither the construction kit's assembly nor the effects' stamps and laws, so that they check these too. They
 are computed by two methods that must agree. They serve tests and benchmarks, not estimation: they are hundreds of
-times slower than the kernel and only know the paper's function set.
+times slower than the kernel.
 """
 
 from brightgrey.simulation.reference.solution import (

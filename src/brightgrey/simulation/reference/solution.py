@@ -56,7 +56,7 @@ def reference(
     outputs: Sequence[str] = ("velocity",),
     method: Method = "fixed",
 ) -> Array:
-    """Response of a structure of the paper's grammar, accurate to about 1e-8 of its peak.
+    """Response of a structure, accurate to about 1e-8 of its peak.
 
     Parameters
     ----------
