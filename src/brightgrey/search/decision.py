@@ -232,7 +232,7 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
     optional, cards = assess_effects(detectability, border, found, certificate, unsteady, instead)
     held_back = (
         *verdicts_on_masses(grammar, exclude, cards),
-        *first_order_verdicts(detectability, found, search.more),
+        *first_order_verdicts(detectability, found, search.more, cards),
     )
     whitening = search.refined.whitening
     refined = search.refined.all(circumstances.largest_threshold)

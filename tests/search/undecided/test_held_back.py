@@ -48,6 +48,18 @@ def test_first_order__certificate__names_both_kinds(clean):
     assert any("a spring to the ground" in s and "not needed" in s for s in certificate.sentences())
 
 
+def test_first_order__requires_what_no_structure_has__verdict_of_that():
+    task = simulated_task(
+        "one_mass+coulomb", {"J1": 0.012, "M_C": 0.3}, E.torque(), 0.3 * E.speed, dt=E.dt, f_tanh=200.0
+    )
+    found = decide_structures(
+        task, grammar_named("drive"), exclude=("two_mass", "current_control", "delay", "stribeck")
+    )
+    said = {card.effect: card.verdict for card in (*found.evidence.cards, *found.evidence.held_back)}
+    assert "viscous" not in found.evidence.minimal[0].structure.names
+    assert said["directional_viscous"] == said["viscous"]
+
+
 @pytest.mark.parametrize("verdict", ["not needed", "not decidable"])
 def test_masses__larger_than_those_offered__get_the_verdict_of_the_largest(verdict):
     known = [EffectVerdict("two_mass", verdict, None, None, Reason("small gain"))]

@@ -26,13 +26,16 @@ __all__ = ["first_order_verdicts", "verdicts_on_masses"]
 
 
 def first_order_verdicts(
-    detectability: Detectability, structures: Sequence[Structure], more: Sequence[Placed]
+    detectability: Detectability,
+    structures: Sequence[Structure],
+    more: Sequence[Placed],
+    known: Sequence[EffectVerdict],
 ) -> tuple[EffectVerdict, ...]:
     """Verdicts on effects that the lattice lacks: *not needed*, or *not decidable*.
 
     An effect is *not needed* if, beside each of the structures, it would have shown at the least size that matters, and
     the residual does not ask for it. What stands at a mass that no structure has gets no verdict: it depends on that
-    mass.
+    mass. What requires an effect that the structures lack gets the verdict of that one.
 
     Parameters
     ----------
@@ -42,8 +45,11 @@ def first_order_verdicts(
         The minimal ones.
     more : sequence of Placed
         Effects that the lattice lacks.
+    known : sequence of EffectVerdict
+        On the effects of the lattice.
     """
     beside = [_Beside.of(detectability, s, more) for s in structures]
+    said = {card.effect: card for card in known}
     found = []
     for placed in more:
         tests = [b.test(placed) for b in beside if placed in b.changes]
@@ -51,6 +57,10 @@ def first_order_verdicts(
             doubts = [reason for needless, reason in tests if not needless]
             reason = decisive(doubts or [reason for _, reason in tests])
             found.append(EffectVerdict(str(placed), "not decidable" if doubts else "not needed", None, None, reason))
+        required = [card for name in placed.effect.requires if (card := said.get(str(Placed(name, placed.place))))]
+        if required and not tests:
+            found.append(_as(str(placed), required[0]))
+        said |= {card.effect: card for card in found}
     return tuple(found)
 
 
@@ -73,10 +83,16 @@ def verdicts_on_masses(
     last = offered[max(offered)]
     most = min((Placed.parse(e).effect.masses for e in exclude if Placed.parse(e).effect.masses), default=np.inf)
     beyond = sorted(p.effect.masses for p in grammar.placed if max(offered) < p.effect.masses < most)
-    reason = Reason("not offered", names=(effect_in_words(Placed.parse(last.effect)),))
-    verdict: Verdict = "not needed" if last.verdict == "not needed" else "not decidable"
     names = {p.effect.masses: str(p) for p in grammar.placed}
-    return tuple(EffectVerdict(names[m], verdict, None, None, reason) for m in beyond)
+    return tuple(_as(names[m], last) for m in beyond)
+
+
+def _as(effect: str, card: EffectVerdict) -> EffectVerdict:
+    """Verdict on an effect that was not tested, because another one is not called for."""
+    verdict: Verdict = "not needed" if card.verdict == "not needed" else "not decidable"
+    return EffectVerdict(
+        effect, verdict, None, None, Reason("not offered", names=(effect_in_words(Placed.parse(card.effect)),))
+    )
 
 
 @dataclass(frozen=True)
