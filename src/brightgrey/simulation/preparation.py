@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from threading import Lock, Thread
 from types import MappingProxyType
@@ -53,7 +53,7 @@ _PATIENCE = 600.0  # s; another program that compiles takes a minute on a slow m
 
 def is_kernel_ready() -> bool:
     """Return True if the disk cache holds the whole kernel for this machine."""
-    return _marker().exists()
+    return _marker(cache_folder()).exists()
 
 
 def prepare_kernel(report: Callable[[int, int, str], None] | None = None) -> None:
@@ -92,7 +92,7 @@ def prepare_kernel(report: Callable[[int, int, str], None] | None = None) -> Non
                 code = second.wait()
                 reader.join()
             if code == 0 and len(done) == len(ENTRIES):
-                _marker().touch()
+                _marker(cache_folder()).touch()
 
 
 def compile_unclaimed(folder: str, compiled: Callable[[str], None] = lambda name: print(name, flush=True)) -> None:
@@ -135,7 +135,8 @@ def _read_names(stream: IO[str] | None, compiled: Callable[[str], None]) -> None
         compiled(line.strip())
 
 
-def _marker() -> Path:
+@cache
+def _marker(folder: Path) -> Path:
     """File that says that the kernel is compiled; numba's cache depends on the place of the sources and the CPU."""
     machine = f"{Path(__file__)} {llvm.get_host_cpu_name()}"
-    return cache_folder() / f"ready-{hashlib.sha256(machine.encode()).hexdigest()[:16]}"
+    return folder / f"ready-{hashlib.sha256(machine.encode()).hexdigest()[:16]}"
