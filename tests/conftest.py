@@ -8,10 +8,34 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import scipy.linalg  # noqa: F401  the threads of its BLAS can be limited only when it is loaded
+
+from brightgrey.runs.blas_threads import limit_blas_threads
+
+limit_blas_threads()  # as the searches of the package do; idle threads of small products cost more than the products
 
 pytest_plugins = ["support.small_run_fixtures"]
 
 ROOT = Path(__file__).resolve().parents[1]
+GROUPS = ("extended package", "running app", "small searches")
+"""Groups of tests in several files that share what takes long to make, those that take longest first."""
+LARGE = {"search", "simulation", "estimation"}
+"""Folders with long files."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Let each group of tests, or else each file, run in one process, so that nothing is made in two of them.
+
+    The long ones begin first: begun last, one would leave the other processes idle.
+    """
+    ranks = {}
+    for item in items:
+        mark, file = item.get_closest_marker("xdist_group"), item.path.relative_to(ROOT)
+        if mark is None:
+            item.add_marker(pytest.mark.xdist_group(str(file)))
+        ranks[item] = GROUPS.index(mark.args[0]) if mark else len(GROUPS) + (file.parts[1] not in LARGE)
+    items.sort(key=ranks.__getitem__)
 
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "chrome")

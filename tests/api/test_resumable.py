@@ -10,6 +10,8 @@ from brightgrey import identify_resumable, read_recording
 from brightgrey.runs import Stop, read_status
 from support.small_runs import call, results
 
+pytestmark = pytest.mark.xdist_group("small searches")  # made once
+
 
 def copied(small, tmp_path, name="exhaustive"):
     return shutil.copytree(small.folder / name, tmp_path / "copy")

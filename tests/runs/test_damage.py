@@ -14,6 +14,8 @@ from brightgrey.runs.serialisation import text_of, value_of
 from brightgrey.runs.store import FILE
 from support.small_runs import call
 
+pytestmark = pytest.mark.xdist_group("small searches")  # made once
+
 REQUEST = {"recording": "a", "seed": 0}
 PAGE = 4096
 

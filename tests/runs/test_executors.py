@@ -16,6 +16,8 @@ from brightgrey.runs import RunError, Workforce
 from brightgrey.runs.recording_transfer import RECORDINGS, RecordingTransferExecutor
 from support.small_runs import results
 
+pytestmark = pytest.mark.xdist_group("small searches")  # made once
+
 EXCLUDE = ("two_mass", "current_control")
 
 

@@ -8,6 +8,8 @@ import pytest
 
 from brightgrey.app.desk.structures import beside_course, beside_tables, result_course, run_structures
 
+pytestmark = pytest.mark.xdist_group("small searches")  # made once
+
 FOUND, LESS = "one_mass+coulomb+viscous", "one_mass+viscous"
 
 

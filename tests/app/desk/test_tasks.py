@@ -11,6 +11,8 @@ from brightgrey.app.workspace.project import AxisChoice
 from brightgrey.errors import SettingsError
 from support.small_runs import STRUCTURE, VALUES, recording_csv
 
+pytestmark = pytest.mark.xdist_group("small searches")  # made once
+
 
 @pytest.fixture
 def toml(tmp_path):
