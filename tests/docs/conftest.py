@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import brightgrey
+from brightgrey.file_lock import hold_lock
 
 ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "docs" / "how-to" / "add-effect.md", ROOT / "CONTRIBUTING.md")
@@ -38,10 +39,26 @@ def extend(package):
 
 
 @pytest.fixture(scope="session")
-def extended(tmp_path_factory):
+def kept(request, tmp_path_factory):
+    """Folder for the copy and its compiled kernel, kept in the cache of pytest; a new one where that is in use.
+
+    The kernel takes a minute to compile. The name of its folder is a hash of its sources, so that a changed kernel is
+    compiled anew. Where it lies, the sources have to lie in the same place.
+    """
+    cache = getattr(request.config, "cache", None)
+    folder = cache.mkdir("extended") if cache else tmp_path_factory.mktemp("kept")
+    lock = hold_lock(folder / "lock", timeout=0.0)
+    yield folder if lock else tmp_path_factory.mktemp("kept")
+    if lock:
+        lock.close()
+
+
+@pytest.fixture(scope="session")
+def extended(kept, tmp_path_factory):
     """Function that runs Python with the extended copy of the package, in its attribute `folder`."""
     folder = tmp_path_factory.mktemp("extended")
-    package = folder / "brightgrey"
+    package = kept / "brightgrey"
+    shutil.rmtree(package, ignore_errors=True)
     shutil.copytree(Path(brightgrey.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
     extend(package)
 
@@ -49,7 +66,7 @@ def extended(tmp_path_factory):
         done = subprocess.run(
             [sys.executable, *map(str, arguments)],
             cwd=folder,
-            env={**os.environ, "PYTHONPATH": str(folder), "XDG_CACHE_HOME": str(folder / "cache")},
+            env={**os.environ, "PYTHONPATH": str(kept), "XDG_CACHE_HOME": str(kept / "cache")},
             capture_output=True,
             text=True,
             check=False,
