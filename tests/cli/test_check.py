@@ -44,7 +44,7 @@ def test_check__sign_turned__stops_and_fix_writes_what_mends_it(turned, call):
 
 
 def test_identify__stop__is_refused_unless_told_otherwise(turned, tmp_path, call):
-    fit = ("--structure", "one_mass+coulomb+viscous", "--out", tmp_path / "out")
+    fit = ("--structure", "one_mass", "--out", tmp_path / "out")
     done = call("identify", turned, *COLUMNS, *fit)
     assert done.code == 2
     assert done.err.count("\n") == 1

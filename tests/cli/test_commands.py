@@ -220,7 +220,8 @@ def test_reader_that_stops_early():
 
 
 def test_identify_searches_for_the_structure(drive, tmp_path, call):
-    search = ("--search", "genetic", "--preset", "tuned", "--population", 6, "--generations", 4)
+    few = ("--population", 6, "--generations", 4, "--iterations", 10, "--elite", 1)
+    search = ("--search", "genetic", "--criterion", "bic", *few, "--decimate", 4)
     options = [o for o in drive.options if o not in ("--structure", STRUCTURE)]
     for folder, workers in (("one", 1), ("two", 2)):
         arguments = (drive.folder / "a.csv", *options, *search, "--workers", workers, "--out", tmp_path / folder)

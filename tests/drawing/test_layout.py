@@ -30,17 +30,16 @@ def overlap(a, b):
 def test_layout__of_random_drives__has_no_overlap_and_stays_inside(width):
     for seed in SEEDS:
         layout = lay_out(random_drive(seed)[1], width)
-        kinds = {kind: [i for i in layout.items if isinstance(i, kind)] for kind in (Label, PlacedSymbol, Wire)}
+        boxed = [(item, item.box) for item in layout.items]
+        kinds = {kind: [pair for pair in boxed if isinstance(pair[0], kind)] for kind in (Label, PlacedSymbol, Wire)}
         solid = [*kinds[Label], *kinds[PlacedSymbol]]
-        for a, b in itertools.combinations(solid, 2):
-            assert not overlap(a.box, b.box), (seed, a, b)
-        for text, wire in itertools.product(kinds[Label], kinds[Wire]):
-            assert not overlap(text.box, wire.box), (seed, text, wire)
-        for symbol, wire in itertools.product(kinds[PlacedSymbol], kinds[Wire]):
-            x1, y1, x2, y2 = symbol.box
-            assert not overlap((x1 + 1, y1 + 1, x2 - 1, y2 - 1), wire.box), (seed, symbol, wire)
-        for item in layout.items:
-            left, top, right, bottom = item.box
+        for (a, own), (b, other) in itertools.combinations(solid, 2):
+            assert not overlap(own, other), (seed, a, b)
+        for (text, own), (wire, other) in itertools.product(kinds[Label], kinds[Wire]):
+            assert not overlap(own, other), (seed, text, wire)
+        for (symbol, (x1, y1, x2, y2)), (wire, other) in itertools.product(kinds[PlacedSymbol], kinds[Wire]):
+            assert not overlap((x1 + 1, y1 + 1, x2 - 1, y2 - 1), other), (seed, symbol, wire)
+        for item, (left, top, right, bottom) in boxed:
             assert min(left, top) >= 0.0, (seed, item)
             assert right <= layout.width, (seed, item)
             assert bottom <= layout.height, (seed, item)

@@ -23,7 +23,7 @@ from brightgrey.exports.verification import compare_with_native, deviation, nati
 from brightgrey.model.files import write_files
 from brightgrey.recordings import Recording
 from brightgrey.simulation.plain import plain_response
-from support.models import model_with_values, random_model, random_models, random_structures
+from support.models import first_period, model_with_values, random_model, random_models, random_structures
 
 PROGRAMS = {"c": ("gcc",), "fmu": ("gcc",), "matlab": ("octave-cli",), "latex": ("pdflatex",)}
 PACKAGES = {"fmu": "fmpy", "control": "control", "modelica": "rumoca"}
@@ -43,7 +43,7 @@ def needs(to):
 def deviation_of(to, model, folder):
     """Deviation of an export on the test input, relative to the range."""
     numeric = numeric_model(model)
-    run = verification_of(numeric)
+    run = first_period(verification_of(numeric))
     target = exporter(to)
     write_files(folder, target.files(numeric))
     verified = target.verify(folder, numeric, run)

@@ -13,6 +13,8 @@ from brightgrey.runs import read_status
 from brightgrey.runs.store import FILE
 from support.small_runs import call, results, start
 
+pytestmark = pytest.mark.xdist_group("small searches")  # made once
+
 MOST = 60.0  # s until a test has failed
 
 
@@ -113,8 +115,8 @@ def test_budget_of_evaluations__any_workers__same_bytes(small, tmp_path):
 
 
 def test_budget_of_time__stops__resumable(small, tmp_path):
-    for _ in range(100):
-        done = call(*small.searches["genetic"], "--max-seconds", 1, "--out", tmp_path)
+    for doublings in range(10):
+        done = call(*small.searches["genetic"], "--max-seconds", 0.5 * 2**doublings, "--out", tmp_path)
         if "the same command" not in done.out + done.err:
             break
     assert done.code == 0, done.err

@@ -1,5 +1,7 @@
 """Models made without an identification, of known and of random drives, and traces of them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from brightgrey.excitation import PAPER_EXPERIMENT
@@ -157,3 +159,9 @@ def random_models(count, seed):
     for i, structure in enumerate(random_structures(count, seed)):
         hold = ("linear", "zoh")[i % 2]
         yield random_model(structure, [seed, i], kinds=kinds, hold=hold, linear_axis=i % 3 == 0)
+
+
+def first_period(run):
+    """First of the two periods of a verification run: the drive slides, stops, reverses and rattles in each."""
+    half = run.u.size // 2
+    return replace(run, u=run.u[:half], y=run.y[:, :half], y_fine=run.y_fine[:, :half])

@@ -44,7 +44,8 @@ def test_further_effects__one_is_missing__is_tried_near_its_size(base, more):
 
 def test_decide__friction_at_the_second_mass__is_found():
     task = recorded("two_mass+coulomb+viscous", {"coulomb@2": {"M_C@2": 0.25}})
-    found = decide_structures(task, grammar_named("drive"), exclude=("four_mass", "current_control", "delay"))
+    excluded = ("four_mass", "current_control", "delay", "stribeck", "gravity")
+    found = decide_structures(task, grammar_named("drive"), exclude=excluded)
     truth = function_set().parse("two_mass+coulomb+viscous+coulomb@2")
     assert verdicts(found)["coulomb@2"] == "needed"
     assert verdicts(found).get("three_mass") != "needed"
@@ -55,9 +56,8 @@ def test_decide__friction_at_the_second_mass__is_found():
 
 def test_decide__shaft_that_hardens__takes_the_place_of_a_gap():
     task = recorded("two_mass+coulomb+viscous", {"cubic_spring": {"c_cubic": 800.0}})
-    found = decide_structures(
-        task, grammar_named("drive"), exclude=("three_mass", "four_mass", "current_control", "delay", "stribeck")
-    )
+    excluded = ("three_mass", "four_mass", "current_control", "delay", "stribeck", "gravity")
+    found = decide_structures(task, grammar_named("drive"), exclude=excluded)
     assert verdicts(found)["cubic_spring"] == "needed"
     assert "backlash" not in verdicts(found)
     assert [str(m.structure) for m in found.evidence.minimal] == ["two_mass+coulomb+viscous+cubic_spring"]
@@ -65,9 +65,8 @@ def test_decide__shaft_that_hardens__takes_the_place_of_a_gap():
 
 def test_decide__gap__no_shaft_that_hardens():
     task = recorded("two_mass+coulomb+viscous", {"backlash": {"alpha": 0.02}})
-    found = decide_structures(
-        task, grammar_named("drive"), exclude=("three_mass", "four_mass", "current_control", "delay", "stribeck")
-    )
+    excluded = ("three_mass", "four_mass", "current_control", "delay", "stribeck", "gravity")
+    found = decide_structures(task, grammar_named("drive"), exclude=excluded)
     assert verdicts(found)["backlash"] == "needed"
     assert "cubic_spring" not in verdicts(found)
 

@@ -27,6 +27,8 @@ from brightgrey.simulation import response, squares
 FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})
 ALL = tuple(FEW.structures())
 BRIEF = replace(TUNED_SETTINGS, population=4, generations=3)
+LITTLE = Options(fresh=2, patience=0, rounds=8)
+"""Effort where it matters what is fitted, not how well."""
 
 
 def in_pieces(task, workers=1):
@@ -157,8 +159,8 @@ def test_run_spent__genetic_search__equals_kernel_calls(task, given):
     assert run.passes == run.spent.samples / task.recordings[0].samples < run.simulations
 
 
-def test_restart_leaders__after_genetic_fits__finds_backlash(loose):
-    task, values = loose
+def test_restart_leaders__after_genetic_fits__finds_backlash(briefly_loose):
+    task, values = briefly_loose
     truth = PAPER.parse("two_mass+backlash+delay")
     kept = {"two_mass", "coulomb", "viscous", "backlash", "delay"}
     structures = [s for s in PAPER.structures() if set(s.names) <= kept and s.masses == 2]
@@ -173,8 +175,8 @@ def test_restart_leaders__after_genetic_fits__finds_backlash(loose):
     assert spent.sets > 0
 
 
-def test_restart_leaders__largest_structure_not_bred__is_fitted(loose):
-    task, values = loose
+def test_restart_leaders__largest_structure_not_bred__is_fitted(briefly_loose):
+    task, values = briefly_loose
     grammar = Grammar("loose", dict.fromkeys(("two_mass", "viscous", "backlash", "delay"), (1,)))
     structures = list(grammar.structures())
     top = max(structures, key=complexity)
@@ -190,25 +192,25 @@ def test_restart_leaders__largest_structure_not_bred__is_fitted(loose):
     assert dict(found.values).keys() == set(top.parameters)
 
 
-def test_restart_leaders__larger_structures_not_fitted__ends(loose):
+def test_restart_leaders__larger_structures_not_fitted__ends(briefly_loose):
     """What is found with two masses is offered to those that are there, not to what comes after it."""
-    task, _ = loose
+    task, _ = briefly_loose
     names = ("one_mass", "two_mass", "two_mass+backlash", "three_mass", "three_mass+backlash")
     structures = list(map(PAPER.parse, names))
     with thread_pool(None) as executor:
-        fits = FitTable(task, structures)
+        fits = FitTable(task, structures, options=LITTLE)
         fits.add(structures[:2], executor)
         find_missed_optima(fits, executor)
     assert structures[2] in fits.done
 
 
-def test_restart_leaders__hard_limit__compared_with_largest_without(loose):
+def test_restart_leaders__hard_limit__compared_with_largest_without(briefly_loose):
     """Beside a bare mass whatever was bred with a gap tells something, and is sought for nothing."""
-    task, _ = loose
+    task, _ = briefly_loose
     names = ("one_mass", "two_mass", "two_mass+backlash", "two_mass+viscous", "two_mass+viscous+backlash")
     structures = list(map(PAPER.parse, names))
     with thread_pool(None) as executor:
-        fits = FitTable(task, structures)
+        fits = FitTable(task, structures, options=LITTLE)
         fits.add(structures[:2], executor)
         find_missed_optima(fits, executor)
     assert structures[3] in fits.done
@@ -230,8 +232,8 @@ def test_restart_leaders__generations__early_and_last(task, true_values, monkeyp
     assert sought == after
 
 
-def test_genetic_search__structure_not_bred__has_tree(loose):
-    task, _ = loose
+def test_genetic_search__structure_not_bred__has_tree(briefly_loose):
+    task, _ = briefly_loose
     grammar = Grammar("loose", dict.fromkeys(("two_mass", "viscous", "backlash", "delay"), (1,)))
     settings = replace(TUNED_SETTINGS, population=2, generations=0)
     for seed in range(8):
