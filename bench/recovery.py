@@ -80,17 +80,14 @@ def visible(structure: Structure, truth: Structure, optional: Iterable[str]) -> 
 def visible_if_lumped(structure: Structure, truth: Structure, optional: Iterable[str]) -> bool:
     """The same, where masses of the truth that a stiff shaft joins may be one mass of the structure.
 
-    What stands in such a shaft has to be optional, at any place.
+    What stands in such a shaft does not show either.
     """
     known = set(optional)
-    kinds = {name.partition("@")[0] for name in known}
-    for smaller in lumped(truth, structure.masses) if structure.masses <= truth.masses else ():
-        lost = {p.name for p in truth.beside} - {p.name for p in smaller.beside}
-        masses = {f"{('one', 'two', 'three', 'four')[k]}_mass" for k in range(structure.masses, truth.masses)}
-        missing = {str(p) for p in smaller.beside - structure.beside}
-        if structure.beside <= smaller.beside and missing | masses <= known and lost <= kinds:
-            return True
-    return False
+    masses = {f"{('one', 'two', 'three', 'four')[k]}_mass" for k in range(structure.masses, truth.masses)}
+    return any(
+        structure.beside <= smaller.beside and {str(p) for p in smaller.beside - structure.beside} | masses <= known
+        for smaller in (lumped(truth, structure.masses) if structure.masses <= truth.masses else ())
+    )
 
 
 def is_there(effect: str, row: Mapping) -> bool:
@@ -170,7 +167,6 @@ def row(
         "reasons": {c.effect: c.reason for c in found.cards},
         "matters": matters,
         "covered": any(visible(s, truth, undecided) for s in structures),
-        "covered_if_lumped": any(visible_if_lumped(s, truth, undecided) for s in structures),
         "first": {"evidence": first},
         "unexplained": list(found.certificate.unexplained),
         "refuted": [[list(r.without), r.excess, r.threshold, r.agreeing] for r in found.certificate.refuted],
@@ -182,7 +178,7 @@ def marks(r: Mapping) -> list[str]:
     wrong = [e for e, v in r["verdicts"].items() if v == "needed" and not is_there(e, r)]
     lost = [e for e, v in r["verdicts"].items() if v == "not needed" and r["matters"].get(e, 0.0) > MATTERS]
     trifles = "LACKS WHAT DOES NOT MATTER" if covered_but_for_trifles(r) else "NOT COVERED"
-    missed = [] if r.get("covered_if_lumped", r["covered"]) else [trifles]
+    missed = [] if covered_if_lumped(r) else [trifles]
     return missed + [f"NEEDED BUT ABSENT {e}" for e in wrong] + [f"NOT NEEDED BUT MATTERS {e}" for e in lost]
 
 
@@ -202,7 +198,7 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
     asked: dict[str, Callable[[Sequence[Mapping]], str]] = {
         "a minimal structure ⊆ truth ⊆ it ∪ optional": lambda some: share_of([r["covered"] for r in some], 1),
         "... or so if masses on stiff shafts count as one": lambda some: share_of(
-            [r.get("covered_if_lumped", r["covered"]) for r in some], 1
+            [covered_if_lumped(r) for r in some], 1
         ),
         "... or all it lacks does not matter": lambda some: share_of([covered_but_for_trifles(r) for r in some], 1),
         "minimal structures, median (most)": lambda some: sizes([len(r["minimal"]) for r in some]),
@@ -307,12 +303,16 @@ def recalled(rows: Sequence[Mapping]) -> dict[str, list[bool]]:
     return found
 
 
-def covered_but_for_trifles(r: Mapping) -> bool:
-    """Return True if a minimal structure is within the truth and everything it lacks is optional or does not matter."""
-    held_back = (e for e, said in r.get("held_back", {}).items() if said == "not decidable")
-    known = {*r["optional"], *held_back, *(effect for effect, rise in r["matters"].items() if rise <= MATTERS)}
-    truth = function_set().parse(r["truth"])
+def covered_if_lumped(r: Mapping, trifles: Iterable[str] = ()) -> bool:
+    """Return True if a minimal structure is within the truth and everything it lacks is optional or a trifle."""
+    held_back = (effect for effect, said in r.get("held_back", {}).items() if said == "not decidable")
+    known, truth = {*r["optional"], *held_back, *trifles}, function_set().parse(r["truth"])
     return any(visible_if_lumped(function_set().parse(s), truth, known) for s in r["minimal"])
+
+
+def covered_but_for_trifles(r: Mapping) -> bool:
+    """The same, if what does not matter counts as a trifle."""
+    return covered_if_lumped(r, (effect for effect, rise in r["matters"].items() if rise <= MATTERS))
 
 
 def by_effect(rows: Sequence[Mapping], what: str) -> dict[str, list[bool]]:

@@ -24,6 +24,7 @@ from brightgrey.model.run_record import RUN_FILE, RunRecord
 from brightgrey.model.trace import Trace
 from brightgrey.recordings import Recording
 from brightgrey.recordings.checks.checkup import Checkup
+from brightgrey.runs.blas_threads import one_blas_thread
 from brightgrey.search.evidence import Evidence
 from brightgrey.search.genetic import Run
 
@@ -173,6 +174,7 @@ class Result:
         return result_html(self.content)
 
     @checked_arguments
+    @one_blas_thread()
     def write(self, folder: str | Path) -> None:
         """Write model.json, ranking.csv, report.html, fit.svg and run.json into `folder`, all or none.
 
