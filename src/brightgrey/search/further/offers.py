@@ -49,6 +49,7 @@ class OfferingSearch:
         self.anchors = anchors(self.lattice)
         self.fits = FitTable(self.task, (), options=self.options, seed=self.seed, anchors=self.anchors)
         self.offered: tuple[Placed, ...] = ()
+        self.least_cost = np.inf  # of all fits, those included that have been left out
         self._model_error: dict[tuple[Structure, float], bool] = {}
 
     def offer_further(self, most_masses: int) -> bool:
@@ -81,11 +82,16 @@ class OfferingSearch:
         return list(best.values())
 
     def offer_mass(self, masses: int) -> bool:
-        """Offer one mass more if all that are offered with the further effects are called for."""
-        if not self.offered or masses < self.most_masses:
+        """Offer one mass more if all that are offered with the further effects are called for.
+
+        And where structures that were left out since they have more masses explained notably more.
+        """
+        enough = self.fits.best().cost <= (1.0 + FURTHER.notable_gain) * self.least_cost
+        if not self.offered or (masses < self.most_masses and enough):
             return False
-        self.limit_masses(masses + 1)
-        return self.most_masses > masses
+        before = self.most_masses
+        self.limit_masses(before + 1)
+        return self.most_masses > before
 
     @property
     def most_masses(self) -> int:
@@ -98,6 +104,7 @@ class OfferingSearch:
         If the masses that are there and one more do not call for it, two more do not either.
         """
         assert self.with_effects is not None
+        self.least_cost = min(self.least_cost, self.fits.best().cost)
         self.lattice = self.with_effects(self.offered, most)
         lattice = self.lattice
         for s in [s for s in self.fits.done if s.masses > most or lattice.structure(lattice.mask(s)) != s]:
