@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import compress
 
 import numpy as np
 from scipy.optimize import Bounds, differential_evolution
@@ -101,8 +102,10 @@ class _Search:
         seed: int,
         tell: Callable[[int, int], None],
         effort: PlanningEffort,
+        known: Mapping[bytes, Score] | None = None,
     ) -> None:
         self.drive, self.setting, self.tell, self.effort = drive, setting, tell, effort
+        self.scores: dict[bytes, Score] = dict(known or {})  # by the torque
         self.draws = drive.draws(effort.search_draws, np.random.default_rng([seed, 1]))
         self.done: list[TriedMotion] = []
         sampled = len(families()) * 2**effort.samples_log2
@@ -113,13 +116,34 @@ class _Search:
         command, found = self._within_limits(torque_of(self.drive, family, numbers, self.setting))
         excess, value = found.excess(), None
         if excess == 0.0:
-            scored = score(self.drive, recorded_torque(self.drive, command))
-            value = None if scored is None else -scored.value
+            key = command.torque.tobytes()
+            scored = self.scores.get(key) or score(self.drive, recorded_torque(self.drive, command))
+            if scored is not None:
+                self.scores[key], value = scored, -scored.value
         loss = self.effort.out_of_limits * (1.0 + min(excess, 1e3)) if value is None else value
         entry = TriedMotion(family, tuple(np.asarray(numbers).tolist()), command.torque, loss, excess, found.tightest())
         self.done.append(entry)
         self.tell(len(self.done), max(self.total, len(self.done)))
         return loss
+
+    def run(self, rng: np.random.Generator) -> list[TriedMotion]:
+        """Sample every family and optimise the best ones; the allowed motions, the best first.
+
+        Raises
+        ------
+        SettingsError
+            If none is allowed.
+        """
+        for family in families():
+            for numbers in sobol_points(family.numbers, self.effort.samples_log2, rng):
+                self.loss(numbers, family)
+        ranked = sorted(families(), key=lambda f: self.best_of(f).loss)
+        for family in ranked[: self.effort.optimised]:
+            self.optimise(family, rng)
+        allowed = sorted((c for c in self.done if c.excess == 0.0), key=lambda c: c.loss)
+        if not allowed:
+            raise SettingsError(_in_the_way(self.done))
+        return allowed
 
     def _within_limits(self, torque: Array) -> tuple[MotionCommand, Envelope]:
         """Command of a torque, scaled down where a limit is exceeded, and what the draws of the drive do with it."""
@@ -177,27 +201,21 @@ def design_motion(
     SettingsError
         If no motion keeps the limits; the message names the one that is in the way.
     """
-    search = _Search(drive, setting_of(drive, limits, seconds), seed, tell, effort)
-    rng = np.random.default_rng([seed, 2])
-    for family in families():
-        for numbers in sobol_points(family.numbers, effort.samples_log2, rng):
-            search.loss(numbers, family)
-    ranked = sorted(families(), key=lambda f: search.best_of(f).loss)
-    for family in ranked[: effort.optimised]:
-        search.optimise(family, rng)
-    allowed = sorted((c for c in search.done if c.excess == 0.0), key=lambda c: c.loss)
-    if not allowed:
-        raise SettingsError(_in_the_way(search.done))
-    found = _final(search, allowed, seed)
+    setting, asked, scores = setting_of(drive, limits, seconds), drive, dict[bytes, Score]()
+    while True:
+        search = _Search(asked, setting, seed, tell, effort, scores)
+        found = _final(search, search.run(np.random.default_rng([seed, 2])), seed)
+        found = replace(found, powers=tuple(mean_powers(drive, found.candidate.torque, seed)))
+        powers = dict(zip(map(id, drive.known.questions), found.powers, strict=True))
+        hopeful = [powers[id(q)] >= effort.hopeless for q in asked.known.questions]
+        if all(hopeful):
+            break
+        # the others would take the motion from what it can show
+        asked = replace(asked, known=replace(asked.known, questions=tuple(compress(asked.known.questions, hopeful))))
+        scores = {key: replace(s, answers=tuple(compress(s.answers, hopeful))) for key, s in search.scores.items()}
     if min(found.powers, default=1.0) >= SELECTION.min_power:
         return found
-    relaxed = tuple(_relaxed(drive, limits, seconds, seed, tell, effort))
-    left = tuple(q for q, p in zip(drive.known.questions, found.powers, strict=True) if p >= effort.hopeless)
-    if len(left) < len(found.powers):  # they would take the motion from what it can show
-        rest = replace(drive, known=replace(drive.known, questions=left))
-        found = design_motion(rest, limits, seconds, seed, tell, effort)
-        found = replace(found, powers=tuple(mean_powers(drive, found.candidate.torque, seed)))
-    return replace(found, relaxed=relaxed)
+    return replace(found, relaxed=tuple(_relaxed(drive, limits, seconds, seed, tell, effort)))
 
 
 def _relaxed(
@@ -240,7 +258,9 @@ def _final(search: _Search, allowed: Sequence[TriedMotion], seed: int) -> Design
     """The finalist with the best score, its rivals refitted, that keeps the limits for nearly all draws."""
     drive, limits, effort = search.drive, search.setting.limits, search.effort
     draws = drive.draws(effort.final_draws, np.random.default_rng([seed, 3]))
-    finalists = list({c.torque.tobytes(): c for c in allowed}.values())[: effort.finalists]
+    leaders = [c for k, c in enumerate(allowed) if c.family not in [other.family for other in allowed[:k]]]
+    # what is linear in the search may be far from it: every family has its best motion tried
+    finalists = list({c.torque.tobytes(): c for c in (*leaders, *allowed)}.values())[: effort.finalists]
     scored = []
     for k, finalist in enumerate(finalists):
         search.tell(len(search.done) + k, max(search.total, len(search.done) + k))
@@ -249,16 +269,17 @@ def _final(search: _Search, allowed: Sequence[TriedMotion], seed: int) -> Design
     scored.sort(key=lambda pair: -pair[1].value)
     powers = tuple((family.name, _smallest_power(drive, search.best_of(family))) for family in families())
     kept = None
-    for candidate, _ in scored:
+    for candidate, known in scored:
         for turn in range(effort.shrinks):
-            torque = drive.rigid.scaled(candidate.torque, effort.shrink**turn)
+            torque = drive.rigid.scaled(candidate.torque, effort.shrink**turn) if turn else candidate.torque
             command = command_of(drive, torque)
             kept, surely = _limits_kept(drive, draws, command, limits, effort)
-            final = score(drive, recorded_torque(drive, command), refit=True) if surely else None
+            final: Score | None = known
+            if turn or not surely:
+                final = score(drive, recorded_torque(drive, command), refit=True) if surely else None
             if final is not None:
                 shown = TriedMotion(candidate.family, candidate.numbers, torque, -final.value, 0.0, kept.tightest())
-                means = tuple(mean_powers(drive, torque, seed))
-                return Designed(shown, final, kept, powers, len(search.done), means, ())
+                return Designed(shown, final, kept, powers, len(search.done), (), ())
     name = kept.tightest() if kept is not None else "torque"
     remedy = "give more time" if name == "rest" else f"raise the limit of {name}"
     raise SettingsError(f"no motion keeps the limits for 99 % of the draws of the parameters: {remedy}")

@@ -19,9 +19,10 @@ from brightgrey.estimation.problem.parameter_space import ParameterSpace, parame
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import StateSpace, Structure, assemble, slowest_resonance
 from brightgrey.model.model import Model
+from brightgrey.planning.alternatives import truth_between, with_free_width
 from brightgrey.planning.position_loop import PositionLoop
 from brightgrey.recordings import Recording
-from brightgrey.search.undecided.question import Known, OpenQuestions
+from brightgrey.search.undecided.question import Known, OpenQuestions, Question
 from brightgrey.simulation import Settings
 
 __all__ = ["PlannedDrive", "RigidDrive"]
@@ -82,6 +83,7 @@ class PlannedDrive:
     threads: int = 1
     gap: float = 0.0  #: Position of a truth in its gaps at the begin, in widths from the forward side: 0 to -1.
     loop: PositionLoop | None = None  #: None in open loop.
+    share: float = 0.5  #: Where truths lie between two tied structures: 0 is at the rival, 1 at the truth.
 
     @cached_property
     def settings(self) -> Settings:
@@ -128,8 +130,13 @@ class PlannedDrive:
         limited = [system.state_names[e.limits.state] for e in system.elements if e.limits is not None]
         return {f"{name}(0)/width": self.gap for name in limited}
 
-    def with_values(self, draw: Mapping[str, float], gap: float) -> PlannedDrive:
-        """The same drive with other values of its parameters, and another position in its gaps at the begin.
+    @cached_property
+    def asked(self) -> tuple[Question, ...]:
+        """The open questions; the truths of tied structures lie between both."""
+        return tuple(with_free_width(truth_between(q, self.share)) for q in self.known.questions)
+
+    def with_values(self, draw: Mapping[str, float], gap: float, share: float) -> PlannedDrive:
+        """The same drive with other values, another position in its gaps at the begin, and other truths between ties.
 
         The values are those of the best structure. Tied structures keep theirs: each has an optimum of its own.
         """
@@ -143,7 +150,7 @@ class PlannedDrive:
             else q
             for q in self.known.questions
         ]
-        return replace(self, known=replace(self.known, model=model, questions=tuple(questions)), gap=gap)
+        return replace(self, known=replace(self.known, model=model, questions=tuple(questions)), gap=gap, share=share)
 
     def outputs_and_jacobian(self, known: Known, theta: Array, torque: Array) -> tuple[Array, Array]:
         """Whitened outputs, shape (residuals,), and their Jacobian, shape (residuals, P), at scaled parameters."""
@@ -154,6 +161,11 @@ class PlannedDrive:
     def theta(self, known: Known) -> Array:
         """Estimates in the scaled space, shape (P,)."""
         return self.space(known).to_scaled(np.array([known.values[n] for n in known.names]))
+
+    def steps_to_bounds(self, known: Known) -> tuple[Array, Array]:
+        """Least and largest step of each parameter from its estimate to its bounds, scaled, shape (P,) each."""
+        theta, (low, high) = self.theta(known), self.space(known).box
+        return np.minimum(low - theta, 0.0), np.maximum(high - theta, 0.0)
 
     def whiten(self, x: Array, samples: int) -> Array:
         """Whiten outputs by the noise of the recordings."""

@@ -211,6 +211,11 @@ class Plan:
             f"{effect_heading(Placed.parse(effect))}: not asked, because {why}"
             for effect, why in self.drive.known.not_asked.items()
         ]
+        if any(q.kind == "tied" for q in self.drive.known.questions):
+            lines.append(
+                "Where structures explain the recordings alike, the power is a mean over truths that have a part of "
+                "the effects of either"
+            )
         assumed = [_LIMIT_NAMES[f.name] for f in fields(self.limits) if f.name not in self.given and f.name != "twist"]
         if assumed:
             lines.append(f"Limits of {', '.join(assumed)} are what the recordings reached; --limits sets others")

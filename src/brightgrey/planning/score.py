@@ -7,11 +7,13 @@ T-criterion of Atkinson and Fedorov (1975, doi:10.1093/biomet/62.1.57), here for
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.planning.alternatives import rivals_with_open_effects, truth_between
 from brightgrey.planning.drive import PlannedDrive
 from brightgrey.planning.envelope import command_of, recorded_torque
 from brightgrey.search.detectability import power
@@ -26,10 +28,13 @@ class _Policy:
 
     enough: float = 1.3  #: Multiple of the critical deviance beyond which more noncentrality is worth little.
     information_share: float = 0.02  #: Weight of the parameters' information: it decides among equals.
-    refits: int = 6  #: Gauss-Newton steps of a rival that is refitted.
+    refits: int = 12  #: Levenberg-Marquardt steps of a rival that is refitted, the first without damping.
+    first_damping: float = 0.01  #: Of a step that is tried again, over the diagonal of the normal equations.
+    most_damping: float = 10.0  #: Damping above which a rival counts as fitted.
     draws: int = 4  #: Draws of the parameters that powers are averaged over,
     gaps: tuple[float, ...] = (0.0, -0.5, -1.0)  #: and positions in a gap at the begin, in widths.
-    negligible: float = 0.01  #: Relative decrease that is not worth another step.
+    negligible: float = 0.01  #: Relative decrease that is not worth another step,
+    irrelevant: float = 0.1  #: and decrease of a deviance that changes no power.
     confusable: float = 0.2  #: Power from which an effect is also told from the other open ones.
 
 
@@ -66,7 +71,14 @@ class Score:
         return float(np.mean(decided) if decided else 0.0) + POLICY.information_share * self.gain
 
 
-def remaining(information: Array, gradient: Array, deviance: float, change: Array, jacobian: Array) -> float:
+def remaining(
+    information: Array,
+    gradient: Array,
+    deviance: float,
+    change: Array,
+    jacobian: Array,
+    box: tuple[Array, Array] | None = None,
+) -> float:
     """Sum of squares that remains when a rival is fitted to old recordings and a new motion, at first order.
 
     Parameters
@@ -80,15 +92,28 @@ def remaining(information: Array, gradient: Array, deviance: float, change: Arra
     change : ndarray, shape (residuals,)
         Whitened outputs of the rival minus those of the truth in the new motion.
     jacobian : ndarray, shape (residuals, P)
+    box : pair of ndarray, shape (P,), optional
+        Least and largest step of the rival's parameters to their bounds.
     """
     H, g = information + jacobian.T @ jacobian, gradient + jacobian.T @ change
-    return max(float(deviance + change @ change - g @ _least_norm(H, g)), 0.0)
+    d = _least_squares_step(H, g, box)
+    return max(float(deviance + change @ change + 2.0 * d @ g + d @ H @ d), 0.0)
 
 
-def _least_norm(H: Array, g: Array) -> Array:
-    """Least-norm solution of H x = g in units of the diagonal."""
+def _least_squares_step(H: Array, g: Array, box: tuple[Array, Array] | None = None) -> Array:
+    """Least-norm step d in units of the diagonal that minimises d H d + 2 d g; what leaves the box is held at it."""
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    return np.asarray(np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-12, hermitian=True) @ (g / scale) / scale)
+    low, high = box if box is not None else (np.full(len(g), -np.inf), np.full(len(g), np.inf))
+    d, free = np.zeros(len(g)), np.ones(len(g), bool)
+    while free.any():
+        left = (g + H @ np.where(free, 0.0, d))[free] / scale[free]
+        part = (H / np.outer(scale, scale))[np.ix_(free, free)]
+        d[free] = -np.linalg.pinv(part, rcond=1e-12, hermitian=True) @ left / scale[free]
+        beyond = free & ((d < low) | (d > high))
+        if not beyond.any():
+            break
+        d, free = np.where(beyond, np.clip(d, low, high), d), free & ~beyond
+    return d
 
 
 def score(drive: PlannedDrive, torque: Array, *, refit: bool = False, confounders: bool = False) -> Score | None:
@@ -99,28 +124,37 @@ def score(drive: PlannedDrive, torque: Array, *, refit: bool = False, confounder
     """
     if not np.isfinite(torque).all():
         return None
-    jacobians: dict[str, tuple[Array, Array]] = {}
-    for known in (drive.known.model, *(q.rival for q in drive.known.questions)):
-        if known.structure not in jacobians:
-            jacobians[known.structure] = drive.outputs_and_jacobian(known, drive.theta(known), torque)
+    jacobians: dict[tuple[object, ...], tuple[Array, Array]] = {}
+    for known in (drive.known.model, *(q.rival for q in drive.asked)):
+        if _key(known) not in jacobians:
+            jacobians[_key(known)] = drive.outputs_and_jacobian(known, drive.theta(known), torque)
     if not all(np.isfinite(part).all() for pair in jacobians.values() for part in pair):
         return None
+    truths: dict[tuple[object, ...], Array] = {}
     answers = []
-    for q in drive.known.questions:
-        truth = drive.truth(q.truth, q.values, torque)
-        y, J = jacobians[q.rival.structure]
-        found = remaining(np.array(q.rival.information), np.array(q.gradient), q.deviance, y - truth, J)
+    for q in drive.asked:
+        same = (q.truth, *q.values.items())
+        if same not in truths:
+            truths[same] = drive.truth(q.truth, q.values, torque)
+        truth, (y, J) = truths[same], jacobians[_key(q.rival)]
+        H, g = np.array(q.rival.information), np.array(q.gradient)
+        found = remaining(H, g, q.deviance, y - truth, J, drive.steps_to_bounds(q.rival))
         if refit:
             found = min(found, _refitted(drive, q, torque, truth)) if found > 0.0 else found
         answer = Answer(q, found, critical(drive, q, torque.size))
         if confounders and answer.power >= POLICY.confusable:
-            answer = replace(answer, noncentrality=min(found, _confounded(drive, q, torque, truth)))
+            answer = min((answer, *_confounded(drive, q, torque, truth)), key=lambda a: a.power)
         answers.append(answer)
-    old, J = np.array(drive.known.model.information), jacobians[drive.known.model.structure][1]
+    old, J = np.array(drive.known.model.information), jacobians[_key(drive.known.model)][1]
     new = old + J.T @ J
     scale = np.sqrt(np.maximum(np.diag(old), 1e-300))
     grown = [float(np.linalg.slogdet(H / np.outer(scale, scale) + 1e-12 * np.eye(len(H)))[1]) for H in (old, new)]
     return Score(tuple(answers), new, (grown[1] - grown[0]) / max(len(old), 1))
+
+
+def _key(known: Known) -> tuple[object, ...]:
+    """What the outputs of a structure depend on."""
+    return known.structure, known.names, *known.values.items()
 
 
 def critical(drive: PlannedDrive, question: Question, samples: int) -> float:
@@ -132,64 +166,108 @@ def critical(drive: PlannedDrive, question: Question, samples: int) -> float:
 
 
 def _refitted(drive: PlannedDrive, q: Question, torque: Array, truth: Array) -> float:
-    """Sum of squares that remains when the rival is fitted by damped Gauss-Newton steps, its outputs simulated anew."""
-    begin = drive.theta(q.rival)
-    H0, g0, low, high = np.array(q.rival.information), np.array(q.gradient), *drive.space(q.rival).box
-    theta, best = begin, np.inf
-    for _ in range(POLICY.refits):
-        y, J = drive.outputs_and_jacobian(q.rival, theta, torque)
-        e, d = y - truth, theta - begin
-        cost = q.deviance + 2.0 * d @ g0 + d @ H0 @ d + e @ e
-        if not np.isfinite(cost) or cost > best * (1.0 - POLICY.negligible):
-            best = min(best, float(cost)) if np.isfinite(cost) else best
-            break
-        best = float(cost)
-        step = _least_norm(H0 + J.T @ J, g0 + H0 @ d + J.T @ e)
-        theta = np.clip(theta - step, low, high)
-    return max(best, 0.0)
+    """Sum of squares that remains when the rival is fitted to the recordings so far and the new one, simulated anew.
 
-
-def _confounded(drive: PlannedDrive, q: Question, torque: Array, truth: Array) -> float:
-    """Sum of squares that remains when another open effect takes the part of the one that is asked for."""
-    rivals = (_with_effect_of(q, other) for other in drive.known.questions if q.kind == other.kind == "size")
-    return min((_refitted(drive, rival, torque, truth) for rival in rivals if rival is not None), default=np.inf)
-
-
-def _with_effect_of(q: Question, other: Question) -> Question | None:
-    """Question whose rival has the effect of another one; None if it is the same, or more than an effect beside it.
-
-    The recordings so far count as saying nothing of that effect.
+    It begins where the recordings so far have left it, and with the truth's values of the parameters that both have:
+    where friction sticks and slips, a motion may be far from linear in them.
     """
-    base = q.rival
-    beside = all(np.isclose(other.values.get(name, np.nan), value, atol=0.0) for name, value in base.values.items())
-    if set(other.effects) & set(q.effects) or other.rival.structure != base.structure or not beside:
-        return None
-    more = tuple(name for name in other.values if name not in base.values)
-    wide = np.zeros((len(base.names) + len(more),) * 2)
-    wide[: len(base.names), : len(base.names)] = base.information
-    known = Known(other.truth, other.values, (*base.names, *more), tuple(map(tuple, wide.tolist())))
-    return replace(q, rival=known, gradient=(*q.gradient, *[0.0] * len(more)))
+    shared = {name: q.values.get(name, value) for name, value in q.rival.values.items()}
+    found, smooth = _descended(drive, q, torque, truth, drive.theta(q.rival))
+    if smooth:
+        return found
+    return min(found, _descended(drive, q, torque, truth, drive.theta(replace(q.rival, values=shared)))[0])
+
+
+def _descended(drive: PlannedDrive, q: Question, torque: Array, truth: Array, begin: Array) -> tuple[float, bool]:
+    """Sum of squares that remains after Levenberg-Marquardt steps of the rival, and if they came to an end.
+
+    What one more step would take off at first order counts as taken off: where the descent gets stuck, nobody knows.
+    """
+    H0, g0, known = np.array(q.rival.information), np.array(q.gradient), drive.theta(q.rival)
+    low, high = drive.space(q.rival).box
+
+    def at(theta: Array) -> tuple[float, Array, Array]:
+        y, J = drive.outputs_and_jacobian(q.rival, theta, torque)
+        e, d = y - truth, theta - known
+        cost = float(q.deviance + 2.0 * d @ g0 + d @ H0 @ d + e @ e)
+        finite = np.isfinite(cost) and np.isfinite(J).all()
+        return (cost if finite else np.inf), H0 + J.T @ J, g0 + H0 @ d + J.T @ e
+
+    theta, damping, smooth = np.clip(begin, low, high), 0.0, False
+    best, H, g = at(theta)
+    for _ in range(POLICY.refits):
+        if not np.isfinite(best):
+            return 0.0, False
+        d = _least_squares_step(H + damping * np.diag(np.diag(H)), g, (low - theta, high - theta))
+        smooth = damping == 0.0 and -float(2.0 * d @ g + d @ H @ d) <= max(POLICY.negligible * best, POLICY.irrelevant)
+        if smooth or damping > POLICY.most_damping:
+            break
+        cost, H_tried, g_tried = at(theta + d)
+        if cost < best:
+            theta, best, H, g = theta + d, cost, H_tried, g_tried
+            damping = 0.1 * damping if damping > POLICY.first_damping else 0.0
+        else:
+            damping = max(10.0 * damping, POLICY.first_damping)
+    d = _least_squares_step(H, g, (low - theta, high - theta))
+    return max(best + min(float(2.0 * d @ g + d @ H @ d), 0.0), 0.0), smooth
+
+
+def _confounded(drive: PlannedDrive, q: Question, torque: Array, truth: Array) -> Iterator[Answer]:
+    """Answers where the rival also has other open effects, which may take the part of the one that is asked for."""
+    for wide in rivals_with_open_effects(q, drive.known.questions):
+        yield Answer(wide, _refitted(drive, wide, torque, truth), critical(drive, wide, torque.size))
 
 
 def power_so_far(drive: PlannedDrive, question: Question) -> float:
     """Power of the recordings so far to decide a question."""
-    none = np.zeros((0, len(question.gradient)))
-    H, g = np.array(question.rival.information), np.array(question.gradient)
-    left = remaining(H, g, question.deviance, none[:, :0].sum(axis=1), none)
-    return power(left, question.parameters, critical(drive, question, 0))
+    found = []
+    for q in (truth_between(question, share) for share in _shares()):
+        none, H, g = np.zeros((0, len(q.gradient))), np.array(q.rival.information), np.array(q.gradient)
+        left = remaining(H, g, q.deviance, np.zeros(0), none, drive.steps_to_bounds(q.rival))
+        found.append(power(left, q.parameters, critical(drive, q, 0)))
+    return float(np.mean(found))
 
 
 def mean_powers(drive: PlannedDrive, torque: Array, seed: int) -> list[float]:
-    """Power of each question, averaged over draws of the parameters and positions in the gap at the begin.
+    """Power of each question, averaged over draws of the parameters, positions in the gap at the begin, and truths.
 
-    In closed loop `torque` is the feed-forward, and each draw is recorded with the torque of its own reaction.
+    The truths of tied structures lie between both, evenly. In closed loop `torque` is the feed-forward, and each draw
+    is recorded with the torque of its own reaction.
     """
     command = command_of(drive, torque)
     draws = drive.draws(POLICY.draws, np.random.default_rng([seed, 4]))
+    shares = np.random.default_rng([seed, 5]).permutation(_shares()).reshape(len(POLICY.gaps), POLICY.draws)
     found = []
-    for k in range(POLICY.draws):
-        for gap in POLICY.gaps:
-            drawn = drive.with_values({n: float(v[k]) for n, v in draws.items()}, gap)
-            one = score(drawn, recorded_torque(drawn, command), refit=True, confounders=True)
-            found.append([a.power for a in one.answers] if one else [0.0] * len(drive.known.questions))
-    return [float(p) for p in np.mean(found, axis=0)]
+    for gap, within in zip(POLICY.gaps, shares.tolist(), strict=True):
+        scored = []
+        for k, share in enumerate(within):
+            drawn = drive.with_values({n: float(v[k]) for n, v in draws.items()}, gap, share)
+            scored.append(score(drawn, recorded_torque(drawn, command), refit=True, confounders=True))
+        pairs = [(one.answers, share) for one, share in zip(scored, within, strict=True) if one is not None]
+        kept = len(pairs) / len(scored)  # the others diverge
+        asked = range(len(drive.known.questions) if pairs else 0)
+        found.append([kept * _mean_power([(answers[k], share) for answers, share in pairs]) for k in asked])
+    return [float(p) for p in np.sum([f or [0.0] * len(drive.known.questions) for f in found], axis=0) / len(found)]
+
+
+def _mean_power(answers: Sequence[tuple[Answer, float]]) -> float:
+    """Power of answers with truths at several shares of the way from a rival.
+
+    A rival that fits a truth fits those nearer to it as well. What remains counts as falling with the square of the
+    share at least, as it does where all is linear: else a fit may have got stuck.
+    """
+    if answers[0][0].question.kind != "tied":
+        return float(np.mean([a.power for a, _ in answers]))
+    nearest_last = sorted(answers, key=lambda pair: -pair[1])
+    powers, (least, at) = [], nearest_last[0]
+    for answer, share in nearest_last:
+        if answer.noncentrality <= least.noncentrality * (share / at) ** 2:
+            least, at = answer, share
+        powers.append(replace(least, noncentrality=least.noncentrality * (share / at) ** 2).power)
+    return float(np.mean(powers))
+
+
+def _shares() -> Array:
+    """Parts of the way from a rival to the truth, evenly, as many as truths that powers are averaged over."""
+    count = POLICY.draws * len(POLICY.gaps)
+    return np.asarray((np.arange(count) + 0.5) / count)
