@@ -41,7 +41,9 @@ def test_identify__signal_while_a_given_structure_is_fitted__ends_and_leaves_no_
 
 @pytest.mark.skipif(sys.platform == "win32", reason="another signal there")
 def test_program__interrupted_while_it_is_loaded__one_line():
-    loading = "import sys, os, signal, brightgrey.__main__ as m\n"
+    loading = (
+        "import sys, os, signal, brightgrey.__main__ as m\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    )
     # the first module of the command line that is loaded interrupts the program
     finder = "type('F', (), {'find_spec': lambda *a: os.kill(os.getpid(), signal.SIGINT) if 'cli' in a[1] else None})"
     code = f"{loading}sys.meta_path.insert(0, {finder}())\nsys.exit(m.run())"
