@@ -37,9 +37,8 @@ app: $(WITH_APP)  ## open the app in the browser, with its workspace in brightgr
 demo: $(PACKAGE)  ## identify the drive of the recording that ships with the package, results in demo/
 	$(BIN)/brightgrey demo --out demo
 
-# Three processes on two cores: some tests wait for a browser or a server.
 test: setup  ## all tests that take less than minutes
-	$(BIN)/python -m pytest -q -n 3 --dist loadgroup
+	$(BIN)/python -m pytest -q -n 2 --dist loadgroup
 
 test-long: setup  ## the tests that take minutes
 	$(BIN)/python -m pytest -q -n 2 -m long
