@@ -236,7 +236,8 @@ def _fitted_parts(fit: Fit, found: SearchResult | None) -> tuple[FittedPart, ...
         values = {name: estimate.value for name, estimate in fit.estimates.items()} | dict(fit.deviations) | width
         return (FittedPart(structure=str(fit.structure), status="given", values=values),)
     first = [str(m.structure) for m in found.evidence.minimal]
-    optima = {str(s): values for s, values in found.optima.items()}
+    optima = {str(m.structure): m.values for m in found.evidence.minimal}
+    optima |= {str(s): values for s, values in found.optima.items()}
     status = {str(s): text for s, text in found.evidence.status.items()}
     names = [*first, *(name for name in optima if name not in first)]
     return tuple(FittedPart(structure=n, status=status[n], values=optima[n]) for n in names)

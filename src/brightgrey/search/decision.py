@@ -173,6 +173,7 @@ def decide_structures(
             with_effects if further else None,
             progress=lambda stage, done, best: tell(_progress_of(search, SearchProgress(stage, done, total, best))),
         )
+        search.offered = tuple(offered)
         evidence = None
         try:
             border = search.run(everything=how == "exhaustive")
@@ -243,6 +244,7 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
         adequate = any(not m & ~mask for m in border.minimal)  # also where it was fitted for a verdict only
         kind = "minimal" if mask in border.minimal else "adequate" if adequate else "refuted"
         status[s] = "undecided" if mask in search.flipped else kind
+    status |= dict.fromkeys(instead.values(), "rival")
     return Evidence(
         (*(refined[s] for s in found), *rivals.values()),
         optional,

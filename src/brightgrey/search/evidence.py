@@ -35,14 +35,15 @@ _PARAMETERS_OF_A_MASS = 3  # an inertia, a spring and a damper
 class Evidence:
     """Result of :func:`assess_effects`."""
 
-    minimal: tuple[Refined, ...]  #: The best first.
+    minimal: tuple[Refined, ...]  #: The best first; rivals, with an effect that the lattice has no place for, last.
     #: Effects that beside one of the minimal structures would not have shown at a size that matters, or that explain
     #: too little to matter but more than chance.
     optional: tuple[str, ...]
     cards: tuple[EffectVerdict, ...]
     refined: Mapping[Structure, Refined]  #: Refined fits of all structures of the table.
     criterion: Mapping[Structure, float]  #: Bayesian information criterion by the deviance; less is better.
-    status: Mapping[Structure, str]  #: 'minimal', 'adequate', 'refuted' or 'undecided'.
+    #: 'minimal', 'adequate', 'refuted', 'undecided', or 'rival': as good, with an effect in the place of another.
+    status: Mapping[Structure, str]
     certificate: Certificate
     independent: float  #: Independent samples that the residuals are worth.
     questions: OpenQuestions | None = None  #: What is left open, for the design of the next motion.

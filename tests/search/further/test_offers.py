@@ -2,8 +2,10 @@
 
 import pytest
 
+from brightgrey import identify, load_model
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import grammar_named
+from brightgrey.model.run_record import load_run_record
 from brightgrey.search.decision import decide_structures
 from support.searches import minimal, simulated_task, verdicts
 
@@ -30,6 +32,27 @@ def test_ground_spring_on_a_stiff_shaft__neither_place_is_needed(on_stiff_shaft)
     assert said["ground_spring"] == said["ground_spring@2"] == "not decidable"
     places = {"two_mass+coulomb+viscous+ground_spring", "two_mass+coulomb+viscous+ground_spring@2"}
     assert places <= set(minimal(on_stiff_shaft)) == set(certificate.minimal)
+
+
+def test_ground_spring_on_a_stiff_shaft__identified__the_rival_is_in_every_file(tmp_path):
+    task = simulated_task(
+        "two_mass+coulomb+ground_spring@2",
+        {n: v for n, v in VALUES.items() if n != "f_v"} | SPRING,
+        E.torque(),
+        0.005 * E.speed,
+        dt=E.dt,
+        f_tanh=F_TANH,
+        step=1e-3,
+    )
+    excluded = ("three_mass", "viscous", "stribeck", "current_control", "delay", "backlash", "gravity")
+    found = identify(task.recordings[0], exclude=excluded, workers=1)
+    found.write(tmp_path)
+    ties = load_model(tmp_path / "model.json").ties.minimal
+    assert len(ties) == 2
+    assert [(f.structure, f.status) for f in load_run_record(tmp_path).fits[:2]] == [
+        (ties[0], "minimal"),
+        (ties[1], "rival"),
+    ]
 
 
 def test_friction_at_the_second_mass__its_place_shows__needed_there():

@@ -42,6 +42,7 @@ STATUS_WORDS = {
     "adequate": "explains the recording, with more than it needs",
     "refuted": "does not explain the recording",
     "undecided": "not decided",
+    "rival": "fits as well, with an effect in the place of another",
 }
 
 
