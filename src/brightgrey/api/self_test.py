@@ -102,7 +102,7 @@ def selftest(
     request = _request(tested)
     minimal = _minimal(tested, request.task)
     if fast:
-        optima = {Structure.parse(f.structure): f.values for f in tested.record.fits if f.status != "rival"}
+        optima = {Structure.parse(f.structure): f.values for f in tested.record.fits}
         request = replace(request, optima={**optima, **dict(minimal[:1])})
     verdicts = dict(tested.model.evidence or {})
     not_needed = [effect for effect, verdict in verdicts.items() if verdict == "not needed"]

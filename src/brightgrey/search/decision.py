@@ -89,7 +89,9 @@ class _BorderRefit(BorderSearch):
 
     def run(self, *, everything: bool = False) -> Border:
         """Border of all structures, from the known optima."""
-        for structure, values in self.optima.items():
+        # a rival with an effect that excludes one of the others has no place in the lattice
+        known = {s: v for s, v in self.optima.items() if self.lattice.structure(self.lattice.mask(s)) == s}
+        for structure, values in known.items():
             self.fits.fit_from(structure, values, self.executor)
             self.progress("fits", len(self.fits.done), self.fits.best().structure)
         if not np.isfinite(self.fits.best().cost):
@@ -124,7 +126,7 @@ def decide_structures(
     how : {'border', 'exhaustive'}
         Fit what the decision rests on, or all structures, and decide by the same rules.
     optima : mapping of Structure to mapping of str to float, optional
-        Values of structures, SI, that a search on a like recording has found. They are refitted from there, other
+        Values of structures, SI, that a search on a like recording has found, the best first. They are refitted, other
         structures are fitted only where the decision rests on them, and nothing is tried by multistart.
     seed : int
     executor : concurrent.futures.Executor, optional
@@ -159,7 +161,9 @@ def decide_structures(
         left_out = [*exclude, *beyond]
         return Lattice.of(offered, require, [e for e in left_out if e in map(str, offered.placed)])
 
-    offered = [p for p in further if any(p in s.placed for s in optima or ())]
+    best = next(iter(optima or ()), None)
+    apart = [p for p in further if best and any(p.excludes(other) for other in best.placed)]
+    offered = [p for p in further if p not in apart and any(p in s.placed for s in optima or ())]
     lattice = with_effects(offered, max(s.masses for s in optima) if optima and offered else None)
     tell = progress or (lambda step: None)
     with thread_pool(executor) as workers:
@@ -222,7 +226,7 @@ def _masses_with_sensors(task: IdentificationTask, grammar: Grammar) -> tuple[st
 
 def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str]) -> Evidence:
     """Verdicts and certificate of a border."""
-    lattice, circumstances = search.lattice, search.round
+    lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
     found = _in_order(search, [lattice.structure(m) for m in border.minimal])
     certificate = _certificate(search, border, grammar, found)
     unsteady = _unsteady_effects(search, border, found[0]) if certificate.unexplained else frozenset[str]()
@@ -231,13 +235,9 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
     rivals = rivals_beyond(detectability, found[0], beyond, search.offered, search.seed)
     instead = {effect: rival.structure for effect, rival in rivals.items()}
     optional, cards = assess_effects(detectability, border, found, certificate, unsteady, instead)
-    held_back = (
-        *verdicts_on_masses(grammar, exclude, cards),
-        *first_order_verdicts(detectability, found, search.more, cards),
-    )
-    whitening = search.refined.whitening
+    held_back = verdicts_on_masses(grammar, exclude, cards)
+    held_back += first_order_verdicts(detectability, found, search.more, cards)
     refined = search.refined.all(circumstances.largest_threshold)
-    n = whitening.samples
     status = {}
     for s in search.fits.done:
         mask = lattice.mask(s)
@@ -250,7 +250,7 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
         optional,
         cards,
         refined,
-        {s: bic(positive(r.deviance), n, r.free) for s, r in refined.items()},
+        {s: bic(positive(r.deviance), whitening.samples, r.free) for s, r in refined.items()},
         status,
         replace(
             certificate,
