@@ -73,8 +73,12 @@ def visible(structure: Structure, truth: Structure, optional: Iterable[str]) -> 
     if not contains(truth, structure):
         return False
     missing = {str(p) for p in truth.placed if not p.effect.masses} - set(structure.names)
-    masses = {f"{('one', 'two', 'three', 'four')[k]}_mass" for k in range(structure.masses, truth.masses)}
-    return missing | masses <= set(optional)
+    return missing | masses_beyond(structure, truth) <= set(optional)
+
+
+def masses_beyond(structure: Structure, truth: Structure) -> set[str]:
+    """Names of the multiple-mass systems from one mass more than a structure has up to those of the truth."""
+    return {str(p) for p in PAPER.placed if structure.masses < p.effect.masses <= truth.masses}
 
 
 def visible_if_lumped(structure: Structure, truth: Structure, optional: Iterable[str]) -> bool:
@@ -83,7 +87,7 @@ def visible_if_lumped(structure: Structure, truth: Structure, optional: Iterable
     What stands in such a shaft does not show either.
     """
     known = set(optional)
-    masses = {f"{('one', 'two', 'three', 'four')[k]}_mass" for k in range(structure.masses, truth.masses)}
+    masses = masses_beyond(structure, truth)
     return any(
         structure.beside <= smaller.beside and {str(p) for p in smaller.beside - structure.beside} | masses <= known
         for smaller in (lumped(truth, structure.masses) if structure.masses <= truth.masses else ())

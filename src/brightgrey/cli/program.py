@@ -142,9 +142,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(
             "the memory does not suffice; use fewer samples: --decimate N, --window A:B, or a file cut out of it"
         )
-    except (KeyboardInterrupt, typer.Abort):  # before a command has begun
-        _fail("interrupted, nothing written")
-        return 130
     if not given:
         return 2
     return code if isinstance(code, int) else 0

@@ -153,7 +153,7 @@ def score(drive: PlannedDrive, torque: Array, *, refit: bool = False, confounder
 
 
 def _key(known: Known) -> tuple[object, ...]:
-    """What the outputs of a structure depend on."""
+    """Structure, estimated names and values: all that its outputs depend on."""
     return known.structure, known.names, *known.values.items()
 
 

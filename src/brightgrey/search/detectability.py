@@ -96,9 +96,12 @@ class Detectability:
     def critical(self, structure: Structure, big: Structure) -> float:
         """Deviance by which `big` has to be better than `structure` to be called for."""
         free = [len(self.refined.task.space(s, nuisances=True).names) for s in (structure, big)]
-        chance = self.chance(free[1] - free[0])
-        least = self.refined.of(structure).deviance
-        return max(chance, self.circumstances.material_growth * least, self.circumstances.error_floor)
+        return self.threshold(structure, free[1] - free[0])
+
+    def threshold(self, structure: Structure, parameters: int) -> float:
+        """Deviance by which a fit with so many further parameters has to be better than `structure`."""
+        material = self.circumstances.material_growth * self.refined.of(structure).deviance
+        return max(self.chance(parameters), material, self.circumstances.error_floor)
 
     def gain(self, structure: Structure, effect: str) -> float:
         """Part of the whitened residual's RMS that `effect` explains beside `structure`."""

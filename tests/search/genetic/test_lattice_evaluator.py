@@ -27,8 +27,7 @@ from brightgrey.simulation import response, squares
 FEW = Grammar("few", {"one_mass": (1,), "two_mass": (1,), "coulomb": (1,), "viscous": (1,), "gravity": (1,)})
 ALL = tuple(FEW.structures())
 BRIEF = replace(TUNED_SETTINGS, population=4, generations=3)
-LITTLE = Options(fresh=2, patience=0, rounds=8)
-"""Effort where it matters what is fitted, not how well."""
+LITTLE = Options(fresh=2, patience=0, rounds=8)  # where it matters what is fitted, not how well
 
 
 def in_pieces(task, workers=1):

@@ -162,9 +162,8 @@ class _Beside:
 
     def shows(self, placed: Placed, change: Array) -> bool:
         """True if a whitened change would have been detected."""
-        d, free = self.detectability, self.parameters(placed)
-        growth = d.circumstances.material_growth * d.refined.of(self.structure).deviance
-        critical = max(d.chance(free), growth, d.circumstances.error_floor)
+        free = self.parameters(placed)
+        critical = self.detectability.threshold(self.structure, free)
         return power(float(change @ change), free, critical) >= SELECTION.min_power
 
     def parameters(self, placed: Placed) -> int:

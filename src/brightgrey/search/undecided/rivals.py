@@ -42,11 +42,7 @@ def rivals_beyond(
     """
     refined, kit = detectability.refined, function_set()
     own, found = refined.of(structure), dict[str, Refined]()
-    enough = max(
-        detectability.chance(1),
-        detectability.circumstances.material_growth * own.deviance,
-        detectability.circumstances.error_floor,
-    )
+    enough = detectability.threshold(structure, 1)
     for other in effects:
         alike = [p for p in structure.placed if p in offered and p.name == other.name]
         for gone in [p for p in structure.placed if p.excludes(other)] + alike:
