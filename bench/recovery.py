@@ -33,7 +33,7 @@ import numpy as np
 
 from brightgrey.api.to_si import identification_task
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
-from brightgrey.kit import GRAMMARS, PAPER, Grammar, Structure, function_set, grammar_named
+from brightgrey.kit import GRAMMARS, PAPER, Grammar, Placed, Structure, function_set, grammar_named
 from brightgrey.recordings import Recording
 from brightgrey.runs.blas_threads import limit_blas_threads
 from brightgrey.search.decision import Decision, decide_structures
@@ -95,10 +95,11 @@ def visible_if_lumped(structure: Structure, truth: Structure, optional: Iterable
 
 
 def is_there(effect: str, row: Mapping) -> bool:
-    """Return True if the truth has an effect, or may have it where some of its masses are one mass of the structure."""
+    """Return True if the truth has an effect, or what contains it, or may have it where some of its masses are one."""
     truth, masses = function_set().parse(row["truth"]), function_set().parse(row["minimal"][0]).masses
     alike = lumped(truth, masses) if masses < truth.masses else ()
-    return any(has(s, effect) for s in (truth, *alike))
+    asked = Placed.parse(effect).name
+    return any(has(s, effect) or any(asked in p.effect.contains for p in s.placed) for s in (truth, *alike))
 
 
 def examine(
@@ -169,6 +170,7 @@ def row(
         "optional": list(found.optional),
         "verdicts": {c.effect: c.verdict for c in found.cards},
         "reasons": {c.effect: c.reason for c in found.cards},
+        "one_of_several": [c.effect for c in (*found.cards, *found.held_back) if c.why.kind == "one of several"],
         "matters": matters,
         "covered": any(visible(s, truth, undecided) for s in structures),
         "first": {"evidence": first},
@@ -209,6 +211,9 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
         "optimum of the truth reached": lambda some: share_of([r["reached"] <= REACHED for r in some]),
         "effects called *needed* that are there": lambda some: share_of(flat(by_effect(some, "needed")), 1),
         "effects that matter called *needed*": lambda some: share_of(flat(by_effect(some, "matters")), 1),
+        "... or said to be one of several of which one is needed": lambda some: share_of(
+            flat(by_effect(some, "one of several")), 1
+        ),
         "effects that matter called *not needed*": lambda some: share_of(flat(by_effect(some, "not needed")), 1),
         "minimal structures, mean": lambda some: f"{np.mean([len(r['minimal']) for r in some]):.1f}",
         "optional effects, mean": lambda some: f"{np.mean([len(r['optional']) for r in some]):.1f}",
@@ -328,7 +333,8 @@ def by_effect(rows: Sequence[Mapping], what: str) -> dict[str, list[bool]]:
                 found.setdefault(effect, []).append(is_there(effect, r))
             elif what != "needed" and r["matters"].get(effect, 0.0) > MATTERS:
                 wanted = "not needed" if what == "not needed" else "needed"
-                found.setdefault(effect, []).append(verdict == wanted)
+                one_of = what == "one of several" and effect in r.get("one_of_several", ())
+                found.setdefault(effect, []).append(verdict == wanted or one_of)
     return found
 
 

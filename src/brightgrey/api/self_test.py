@@ -103,7 +103,9 @@ def selftest(
     minimal = _minimal(tested, request.task)
     if fast:
         optima = {Structure.parse(f.structure): f.values for f in tested.record.fits}
-        request = replace(request, optima={**optima, **dict(minimal[:1])})
+        certificate = tested.model.certificate
+        offered = certificate.offered if certificate else ()
+        request = replace(request, optima={**optima, **dict(minimal[:1])}, offered=offered)
     verdicts = dict(tested.model.evidence or {})
     not_needed = [effect for effect, verdict in verdicts.items() if verdict == "not needed"]
     drives = simulated_drives(request.task, minimal, not_needed)
@@ -184,6 +186,7 @@ def _tested(run: Result | str | Path, recordings: Sequence[Recording]) -> _Teste
 def _minimal(tested: _Tested, task: IdentificationTask) -> list[tuple[Structure, Mapping[str, float]]]:
     """Minimal structures with their values, the found one first: it is simulated as the model has it.
 
+    Those with effects that were not offered are left out: they move as these do.
     A search of a long recording decides on every k-th sample, with a drift and an initial state of its own. Its optimum
     leaves another residual on all samples than the model that is reported.
     """
@@ -193,7 +196,9 @@ def _minimal(tested: _Tested, task: IdentificationTask) -> list[tuple[Structure,
     if tested.record.fits[0].structure != own or not optima.keys() >= set(names):
         raise SettingsError("run.json and model.json are of different runs; identify again")
     found = _as_reported(tested.model, task, optima[own])
-    return [(tested.model.structure, found), *((Structure.parse(n), optima[n]) for n in names if n != own)]
+    rivals = {fitted.structure for fitted in tested.record.fits if fitted.status == "rival"}
+    others = [n for n in names if n != own and n not in rivals]
+    return [(tested.model.structure, found), *((Structure.parse(n), optima[n]) for n in others)]
 
 
 def _as_reported(model: Model, task: IdentificationTask, optimum: Mapping[str, float]) -> dict[str, float]:

@@ -195,6 +195,8 @@ class Effect:
         Effects that have to stand at the same place.
     excludes : tuple of str
         Effects that never stand at the same place.
+    contains : tuple of str
+        Effects that it comes to for some values: a position-dependent load over a short way is a constant one.
     masses : int
         Number of masses that it brings. Every structure has exactly one effect that brings any.
     relevant_size : callable or None
@@ -228,6 +230,7 @@ class Effect:
     law: Law | None = None
     requires: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()
+    contains: tuple[str, ...] = ()
     masses: int = 0
     relevant_size: Callable[[Scales, Values, int], Mapping[str, float]] | None = None
     residual_signature: str = ""

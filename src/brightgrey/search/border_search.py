@@ -7,8 +7,8 @@ So the effort goes there in the end: multistart until independent starts agree.
 
 from __future__ import annotations
 
-from collections.abc import Set
-from dataclasses import dataclass
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field
 from functools import reduce
 from operator import and_
 
@@ -26,7 +26,7 @@ from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.further.offers import OfferingSearch
 from brightgrey.search.policy import BORDER, REFIT, BorderPolicy
 
-__all__ = ["BorderSearch"]
+__all__ = ["BorderRefit", "BorderSearch"]
 
 
 @dataclass
@@ -65,6 +65,10 @@ class BorderSearch(OfferingSearch):
             self.thorough = True
             self.restarts = {s: n for s, n in self.restarts.items() if not s.has_hard_limit}
             self.find_best()
+        return self.settled()
+
+    def settled(self) -> Border:
+        """Border of the lattice when nothing is left to offer."""
         border = self.in_rounds()
         while True:
             masses = min(self.lattice.structure(m).masses for m in border.minimal)
@@ -291,3 +295,41 @@ class BorderSearch(OfferingSearch):
         """Mask of the atoms with a hard limit that are not required."""
         atoms = enumerate(self.lattice.atoms)
         return sum(1 << i for i, p in atoms if p.effect.has_hard_limit) & ~self.lattice.required
+
+
+@dataclass
+class BorderRefit(BorderSearch):
+    """Search that refits known structures, and fits others only where the decision rests on them.
+
+    It shows what noise does to a decision. It does not show that a search may miss an optimum.
+    """
+
+    #: Values of structures, SI, as a search on a like recording has found them.
+    optima: Mapping[Structure, Mapping[str, float]] = field(default_factory=dict)
+
+    def run(self, *, everything: bool = False) -> Border:
+        """Border of all structures, from the known optima.
+
+        Raises
+        ------
+        SettingsError
+            If none of them could be simulated.
+        """
+        for structure, values in ((s, v) for s, v in self.optima.items() if self.is_in_lattice(s)):
+            self.fits.fit_from(structure, values, self.executor)
+            self.progress("fits", len(self.fits.done), self.fits.best().structure)
+        if not np.isfinite(self.fits.best().cost):
+            raise SettingsError("no known structure gave a finite simulation; check units, bounds and --input-gain")
+        return self.in_rounds()
+
+    def restart(self, border: Border) -> bool:
+        """Return False: no multistart is made."""
+        return False
+
+    def beyond_lattice(self) -> list[tuple[Structure, Mapping[str, float]]]:
+        """Known structures with an effect that was not offered, with their values."""
+        return [(s, v) for s, v in self.optima.items() if not self.is_in_lattice(s)]
+
+    def is_in_lattice(self, structure: Structure) -> bool:
+        """True if the lattice has a structure."""
+        return self.lattice.structure(self.lattice.mask(structure)) == structure

@@ -57,7 +57,7 @@ class Certificate:
         if self.unexplained:
             signs = " ".join(f"{sign[:1].upper()}{sign[1:]}." for sign in self.unexplained)
             out.append(f"This recording holds something that none of the structures offered explains. {signs}")
-        out += [_refutation(refuted) for refuted in self.refuted]
+        out += [_refutation(refuted, self._is_rivalled(refuted)) for refuted in self.refuted]
         if self.undecided:
             left = (structure_in_words(Structure.parse(name)) for name in self.undecided)
             out.append(" ".join(["The budget ended before these were decided.", *(f"Open: {one}." for one in left)]))
@@ -71,23 +71,39 @@ class Certificate:
         )
         return tuple(out)
 
+    def _is_rivalled(self, refuted: RefutedStructure) -> bool:
+        """True if a structure with effects that were not offered makes up for those that a refuted one lacks."""
+        wanted = [Placed.parse(e) for e in refuted.without]
+        structures = [Structure.parse(name) for name in self.minimal]
+        return any(
+            all(s.masses < p.effect.masses if p.effect.masses else p not in s.placed for p in wanted)
+            for s in structures
+            if self.held_back.keys() & set(s.names)
+        )
+
     def _held_back(self) -> list[str]:
         """Sentences on the effects that were not offered, three to a sentence."""
         out = []
+        fitted = {str(p) for s in self.minimal for p in Structure.parse(s).placed}
+        instead = effects_in_words(Placed.parse(e) for e in self.held_back if e in fitted)
+        if instead:
+            out.append(f"Not offered, and as good in the place of others: {enumerated(instead)}.")
         for verdict, said in (
             ("not needed", "Not fitted, and not needed, since at first order they would have shown"),
             ("not decidable", "Not fitted, and not decidable from this recording"),
         ):
-            names = effects_in_words(Placed.parse(e) for e, known in self.held_back.items() if known == verdict)
+            of_kind = [e for e, known in self.held_back.items() if known == verdict and e not in fitted]
+            names = effects_in_words(map(Placed.parse, of_kind))
             parts = [enumerated(names[i : i + 3]) for i in range(0, len(names), 3)]
             out += [f"{said}: {part}." if i == 0 else f"The same holds for {part}." for i, part in enumerate(parts)]
         return [" ".join(out)] if out else []
 
 
-def _refutation(refuted: RefutedStructure) -> str:
+def _refutation(refuted: RefutedStructure, rivalled: bool) -> str:
     lacking = enumerated([effect_in_words(Placed.parse(e)) for e in refuted.without])
+    among = "whatever else of the effects offered is allowed" if rivalled else "whatever else is allowed"
     return (
-        f"Without {lacking} the residual is {refuted.ratio:.3g} times as large, whatever else is allowed. (Whitened sum"
+        f"Without {lacking} the residual is {refuted.ratio:.3g} times as large, {among}. (Whitened sum"
         f" of squares: {_three_digits(refuted.excess)} above the least one, of which chance explains"
         f" {_three_digits(refuted.threshold)}; {_starts(refuted.agreeing)}.)"
     )

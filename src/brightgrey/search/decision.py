@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
@@ -16,7 +16,7 @@ from brightgrey.estimation.optimisation.least_squares import polish
 from brightgrey.estimation.uncertainty.estimates import estimates_of
 from brightgrey.kit import Grammar, Placed, Structure
 from brightgrey.search.border import Border, Refutation
-from brightgrey.search.border_search import BorderSearch
+from brightgrey.search.border_search import BorderRefit, BorderSearch
 from brightgrey.search.certificate import Certificate, RefutedStructure
 from brightgrey.search.criteria import Misfit, bic
 from brightgrey.search.detectability import Detectability, has
@@ -32,7 +32,7 @@ from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
-from brightgrey.search.undecided.rivals import rivals_beyond
+from brightgrey.search.undecided.rivals import rivals_among, rivals_beyond
 
 __all__ = ["Decision", "Ranked", "decide_structures"]
 
@@ -77,32 +77,6 @@ class Decision:
         return self.evidence.minimal[0] if self.evidence else self.fitted[self.ranking[0].structure]
 
 
-@dataclass
-class _BorderRefit(BorderSearch):
-    """Search that refits known structures, and fits others only where the decision rests on them.
-
-    It shows what noise does to a decision. It does not show that a search may miss an optimum.
-    """
-
-    #: Values of structures, SI, as a search on a like recording has found them.
-    optima: Mapping[Structure, Mapping[str, float]] = field(default_factory=dict)
-
-    def run(self, *, everything: bool = False) -> Border:
-        """Border of all structures, from the known optima."""
-        # a rival with an effect that excludes one of the others has no place in the lattice
-        known = {s: v for s, v in self.optima.items() if self.lattice.structure(self.lattice.mask(s)) == s}
-        for structure, values in known.items():
-            self.fits.fit_from(structure, values, self.executor)
-            self.progress("fits", len(self.fits.done), self.fits.best().structure)
-        if not np.isfinite(self.fits.best().cost):
-            raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
-        return self.in_rounds()
-
-    def restart(self, border: Border) -> bool:
-        """Return False: no multistart is made."""
-        return False
-
-
 def decide_structures(
     task: IdentificationTask,
     grammar: Grammar,
@@ -111,6 +85,7 @@ def decide_structures(
     exclude: Sequence[str] = (),
     how: Literal["border", "exhaustive"] = "border",
     optima: Mapping[Structure, Mapping[str, float]] | None = None,
+    offered: Collection[str] = (),
     seed: int = 0,
     executor: Executor | None = None,
     progress: Callable[[SearchProgress], None] | None = None,
@@ -126,8 +101,10 @@ def decide_structures(
     how : {'border', 'exhaustive'}
         Fit what the decision rests on, or all structures, and decide by the same rules.
     optima : mapping of Structure to mapping of str to float, optional
-        Values of structures, SI, that a search on a like recording has found, the best first. They are refitted, other
-        structures are fitted only where the decision rests on them, and nothing is tried by multistart.
+        Values of structures, SI, that a search on a like recording has found. They are refitted, other structures are
+        fitted only where the decision rests on them, and nothing is tried by multistart.
+    offered : collection of str
+        Effects beyond the first ones of the grammar that it has offered.
     seed : int
     executor : concurrent.futures.Executor, optional
         The result does not depend on it. One thread by default.
@@ -145,9 +122,9 @@ def decide_structures(
     KeyboardInterrupt, Stopped
         If it is stopped before the first fit.
     """
-    known = [str(p) for p in grammar.whole.placed]
+    names = [str(p) for p in grammar.whole.placed]
     for name in (*require, *exclude):
-        one_of("effect", name, known)
+        one_of("effect", name, names)
     require = (*require, *_masses_with_sensors(task, grammar))
     Lattice.of(grammar.whole, require)  # says so if two of them exclude each other
     kept = [Placed.parse(name) for name in require]
@@ -155,20 +132,18 @@ def decide_structures(
     wanted = [p for p in further if str(p) in require]
 
     def with_effects(more: Sequence[Placed], most_masses: int | None = None) -> Lattice:
-        offered = grammar.offering([*wanted, *more])
+        larger = grammar.offering([*wanted, *more])
         most = max(most_masses or np.inf, *(Placed.parse(e).effect.masses for e in require), 0)
-        beyond = [p.name for p in offered.placed if p.effect.masses > most]
+        beyond = [p.name for p in larger.placed if p.effect.masses > most]
         left_out = [*exclude, *beyond]
-        return Lattice.of(offered, require, [e for e in left_out if e in map(str, offered.placed)])
+        return Lattice.of(larger, require, [e for e in left_out if e in map(str, larger.placed)])
 
-    best = next(iter(optima or ()), None)
-    apart = [p for p in further if best and any(p.excludes(other) for other in best.placed)]
-    offered = [p for p in further if p not in apart and any(p in s.placed for s in optima or ())]
-    lattice = with_effects(offered, max(s.masses for s in optima) if optima and offered else None)
+    known = [p for p in further if str(p) in offered]
+    lattice = with_effects(known, max(s.masses for s in optima) if optima and known else None)
     tell = progress or (lambda step: None)
     with thread_pool(executor) as workers:
         total = lattice.size if how == "exhaustive" else None
-        search: BorderSearch = (partial(_BorderRefit, optima=optima) if optima else BorderSearch)(
+        search: BorderSearch = (partial(BorderRefit, optima=optima) if optima else BorderSearch)(
             coarse_task(task),
             lattice,
             workers,
@@ -177,7 +152,7 @@ def decide_structures(
             with_effects if further else None,
             progress=lambda stage, done, best: tell(_progress_of(search, SearchProgress(stage, done, total, best))),
         )
-        search.offered = tuple(offered)
+        search.offered = tuple(known)
         evidence = None
         try:
             border = search.run(everything=how == "exhaustive")
@@ -226,17 +201,15 @@ def _masses_with_sensors(task: IdentificationTask, grammar: Grammar) -> tuple[st
 
 def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str]) -> Evidence:
     """Verdicts and certificate of a border."""
+    border, found, rivals = _rivalled(search, border, grammar, exclude)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
-    found = _in_order(search, [lattice.structure(m) for m in border.minimal])
     certificate = _certificate(search, border, grammar, found)
     unsteady = _unsteady_effects(search, border, found[0]) if certificate.unexplained else frozenset[str]()
     detectability = Detectability(search.refined, circumstances, search.executor)
-    beyond = [p for p in (*grammar.placed, *grammar.further) if str(p) not in exclude and p not in lattice.atoms]
-    rivals = rivals_beyond(detectability, found[0], beyond, search.offered, search.seed)
-    instead = {effect: rival.structure for effect, rival in rivals.items()}
+    instead = [rival.structure for rival in rivals]
     optional, cards = assess_effects(detectability, border, found, certificate, unsteady, instead)
     held_back = verdicts_on_masses(grammar, exclude, cards)
-    held_back += first_order_verdicts(detectability, found, search.more, cards)
+    held_back += first_order_verdicts(detectability, found, search.more, cards, instead)
     refined = search.refined.all(circumstances.largest_threshold)
     status = {}
     for s in search.fits.done:
@@ -244,9 +217,9 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
         adequate = any(not m & ~mask for m in border.minimal)  # also where it was fitted for a verdict only
         kind = "minimal" if mask in border.minimal else "adequate" if adequate else "refuted"
         status[s] = "undecided" if mask in search.flipped else kind
-    status |= dict.fromkeys(instead.values(), "rival")
+    status |= dict.fromkeys(instead, "rival")
     return Evidence(
-        (*(refined[s] for s in found), *rivals.values()),
+        (*(refined[s] for s in found), *rivals),
         optional,
         cards,
         refined,
@@ -255,13 +228,37 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
         replace(
             certificate,
             fitted=len(search.fits.done),
-            minimal=(*certificate.minimal, *map(str, instead.values())),
+            minimal=(*certificate.minimal, *map(str, instead)),
             held_back={c.effect: c.verdict for c in held_back},
         ),
         whitening.effective_samples,
         open_questions(detectability, found, optional, [c.effect for c in cards if c.verdict == "not decidable"]),
         held_back,
     )
+
+
+def _rivalled(
+    search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str]
+) -> tuple[Border, list[Structure], tuple[Refined, ...]]:
+    """Border, its minimal structures in order, and their rivals.
+
+    A rival that leaves less than the minimal structures by more than chance refutes them: its effects are offered.
+    """
+    while True:
+        found = _in_order(search, [search.lattice.structure(m) for m in border.minimal])
+        detectability = Detectability(search.refined, search.round, search.executor)
+        if isinstance(search, BorderRefit):
+            return border, found, rivals_among(detectability, found[0], search.beyond_lattice())
+        known = {*map(Placed.parse, exclude), *search.lattice.atoms}
+        beyond = [p for p in (*grammar.placed, *grammar.further) if p not in known]
+        noise = not search.has_model_error()
+        rivals = rivals_beyond(detectability, found, beyond, search.seed, fewer_masses=noise)
+        best = min(rivals, key=lambda r: r.deviance, default=None)
+        own = min(search.refined.of_all(found), key=lambda r: r.deviance)
+        refutes = best and best.deviance < own.deviance - detectability.threshold(own.structure, 1)
+        if not (best and refutes and search.offer_rival(best.structure, best.values)):
+            return border, found, rivals
+        border = search.settled()
 
 
 def _in_order(search: BorderSearch, minimal: Sequence[Structure]) -> list[Structure]:

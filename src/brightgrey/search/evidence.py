@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 from brightgrey.kit import Placed, Structure
-from brightgrey.kit.in_words import effect_in_words, structure_in_words
+from brightgrey.kit.in_words import effect_in_words
 from brightgrey.kit.structure import Verdict
 from brightgrey.numerics.distributions import f
 from brightgrey.recordings.units.signals import Units
@@ -24,6 +23,7 @@ from brightgrey.search.fitting.refined_fit import Refined
 from brightgrey.search.policy import SELECTION
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.question import OpenQuestions
+from brightgrey.search.undecided.rivals import open_choice
 from brightgrey.search.verdicts import EffectVerdict, Reason, Size, decisive, size_in_units
 
 __all__ = ["EffectVerdict", "Evidence", "assess_effects", "has"]
@@ -59,12 +59,31 @@ class _Case:
     found: Sequence[Structure]  #: Minimal structures, the best first.
     certificate: Certificate
     unsteady: frozenset[str]  #: Effects whose gain is not there in most parts of the recordings.
-    rivals: Mapping[str, Structure]  #: By effect, a structure that has what it excludes in its place, and fits as well.
+    rivals: Sequence[Structure]  #: Structures beyond the lattice that fit as well.
 
     @property
     def task(self) -> IdentificationTask:
         """The task of the search."""
         return self.detectability.refined.task
+
+    @property
+    def minimal(self) -> tuple[Structure, ...]:
+        """The minimal structures and their rivals."""
+        return (*self.found, *self.rivals)
+
+    def with_effect(self, effect: str) -> list[Structure]:
+        """Those of them that have an effect; of the rivals also those with another that contains it."""
+        having = [s for s in self.minimal if has(s, effect)]
+        return [s for s in self.minimal if s in having or (having and self.containing(s, effect))]
+
+    def containing(self, rival: Structure, effect: str) -> list[Placed]:
+        """Effects of a rival that contain one which it lacks."""
+        name = Placed.parse(effect).name
+        return [] if has(rival, effect) else [p for p in rival.placed if name in p.effect.contains]
+
+    def is_open(self, effect: str) -> bool:
+        """True if some of them have an effect and others lack it."""
+        return 0 < len(self.with_effect(effect)) < len(self.minimal)
 
     @property
     def units(self) -> Units:
@@ -78,7 +97,7 @@ def assess_effects(
     found: Sequence[Structure],
     certificate: Certificate,
     unsteady: frozenset[str],
-    rivals: Mapping[str, Structure] = MappingProxyType({}),
+    rivals: Sequence[Structure] = (),
 ) -> tuple[tuple[str, ...], tuple[EffectVerdict, ...]]:
     """Optional effects, and the verdict on every effect that some structures have and others lack.
 
@@ -91,8 +110,8 @@ def assess_effects(
     certificate : Certificate
     unsteady : frozenset of str
         Effects whose gain is not there in most parts of the recordings.
-    rivals : mapping of str to Structure
-        By effect, a structure that has what it excludes in its place, and fits as well.
+    rivals : sequence of Structure
+        Structures beyond the lattice that fit as well.
     """
     case = _Case(detectability, border, found, certificate, unsteady, rivals)
     lattice = detectability.circumstances.lattice
@@ -103,7 +122,7 @@ def assess_effects(
     tests = {s: {e: detectability.refutation(s, e) for e in some} for s, some in beside.items()}  # side by side
     doubts = {s: {e: _doubt(case, s, e, test) for e, test in of.items()} for s, of in tests.items()}
     against = {e: {s: d for s in found if (d := doubts[s].get(e)) is not None} for e in effects}
-    optional = tuple(e for e in effects if against[e])
+    optional = tuple(e for e in effects if against[e] or (rivals and case.is_open(e)))
     return optional, tuple(_verdict(case, e, against[e]) for e in effects)
 
 
@@ -132,19 +151,18 @@ def _doubt(case: _Case, structure: Structure, effect: str, test: Obstacle | Call
 def _verdict(case: _Case, effect: str, against: Mapping[Structure, Reason]) -> EffectVerdict:
     """Verdict on one effect, by the minimal structures and the reasons `against` calling it needless."""
     found, d = case.found, case.detectability
-    having = [s for s in found if has(s, effect)]
+    having = case.with_effect(effect)
     loss = case.certificate.loss(effect)
     gain = None if has(found[0], effect) else d.gain(found[0], effect)
     verdict: Verdict = "not decidable"
-    if len(having) == len(found):
+    if len(having) == len(case.minimal):
         reservation = _reservation(case, effect)
-        why = replace(_needed(loss), further=(reservation,)) if reservation else _needed(loss)
+        remarks = [reservation] if reservation else _alike(case, effect)
+        why = replace(_needed(loss), further=tuple(remarks))
         verdict = verdict if reservation else "needed"
     elif having:
-        late = _below_sampling(case, having[0], effect)
-        others = next(s for s in found if s not in having)
-        names = (structure_in_words(having[0]), structure_in_words(others))
-        why = Reason("equivalent", names=names, further=(late,) if late else ())
+        late = _below_sampling(case, having[0], effect) if having[0] in found else None
+        why = replace(open_choice(case.minimal, effect), further=(late,) if late else ())
     elif against:
         why = decisive(list(against.values()))
         if why.kind == "not detectable":
@@ -154,15 +172,18 @@ def _verdict(case: _Case, effect: str, against: Mapping[Structure, Reason]) -> E
     return EffectVerdict(effect, verdict, loss, gain, why)
 
 
+def _alike(case: _Case, effect: str) -> list[Reason]:
+    """Remark that effects which contain this one explain as well."""
+    larger = dict.fromkeys(effect_in_words(p) for s in case.rivals for p in case.containing(s, effect))
+    return [Reason("contained", names=tuple(larger))] if larger else []
+
+
 def _reservation(case: _Case, effect: str) -> Reason | None:
     """Reason not to call an effect needed although all minimal structures have it."""
     lattice = case.detectability.circumstances.lattice
     bit = next(1 << i for i, p in enumerate(lattice.atoms) if str(p) == effect)
     if any(not m & bit for m in case.border.undecided):
         return Reason("undecided")
-    if effect in case.rivals:
-        names = (structure_in_words(case.found[0]), structure_in_words(case.rivals[effect]))
-        return Reason("equivalent", names=names)
     late = _below_sampling(case, case.found[0], effect)
     if late:
         return late

@@ -51,6 +51,7 @@ class Request:
     seed: int
     #: Optima at which a fast repetition begins, without a search for others; None for a whole identification.
     optima: Mapping[Structure, Mapping[str, float]] | None = None
+    offered: tuple[str, ...] = ()  #: Effects beyond the first ones of the grammar that were offered when it found them.
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ def repeat(
 def _between(request: Request, drive: SimulatedDrive, without: Structure) -> Request:
     """Request that decides only between a structure with an effect and that without it."""
     assert request.grammar is not None
-    present = {str(p) for p in (*without.placed, *drive.structure.placed)}
+    present = dict.fromkeys(str(p) for p in (*without.placed, *drive.structure.placed))
     most = drive.structure.masses
     left_out = [p for p in request.grammar.whole.placed if str(p) not in present and not p.effect.masses]
     beyond = [p for p in request.grammar.whole.placed if p.effect.masses > most]
@@ -121,6 +122,7 @@ def _between(request: Request, drive: SimulatedDrive, without: Structure) -> Req
             structure: {name: drive.values[name] for name in drive.values if name in structure.parameters}
             for structure in (without, drive.structure)
         },
+        offered=tuple(present),
     )
 
 
@@ -140,6 +142,7 @@ def _identified(
             exclude=request.exclude,
             how=request.how,
             optima=request.optima,
+            offered=request.offered,
             seed=request.seed,
             executor=InlineExecutor(stopped),
         )

@@ -63,6 +63,7 @@ EFFECT = Effect(
     source="Wiebe et al. 2022, doi:10.21105/joss.03884 (torque-limited simple pendulum)",
     stage="gravity",
     where="mass",
+    contains=("gravity",),
     parameters=(
         Parameter(
             "G",

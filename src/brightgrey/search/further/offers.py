@@ -5,7 +5,7 @@ The lattice grows by what explains a notable part of the residual.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
@@ -70,6 +70,17 @@ class OfferingSearch:
                 self.fits.propagate({found.structure} & self.fits.done.keys(), self.executor)
                 return True
         return False
+
+    def offer_rival(self, structure: Structure, values: Mapping[str, float]) -> bool:
+        """Extend the lattice by the effects of a structure beyond it; returns False if that is more than is offered."""
+        found = tuple(p for p in structure.placed if p in self.more)
+        if self.with_effects is None or len(self.offered) + len(found) > FURTHER.most:
+            return False
+        self.offered += found
+        self.fits.fit_from(structure, values, self.executor)
+        self.limit_masses(structure.masses + 1)
+        self.fits.propagate({structure}, self.executor)
+        return True
 
     def best_with(self, masses: int) -> list[StructureFit]:
         """Best fits with so many masses: without a hard limit, and with one where that tells."""

@@ -21,19 +21,28 @@ from brightgrey.estimation.diagnostics.options import DIAGNOSTIC_DEFAULTS
 from brightgrey.estimation.diagnostics.residual_tests import Candidate, detect_regressors
 from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
 from brightgrey.kit import Placed, Structure, function_set
-from brightgrey.search.fitting.refined_fit import accurate, residual_and_jacobian
+from brightgrey.search.fitting.refined_fit import Refined, accurate, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart
 from brightgrey.search.policy import FURTHER
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["FurtherEffect", "detuning_effect", "follows_further_effect", "further_effects", "least_rival_cost"]
+__all__ = [
+    "EffectChanges",
+    "FurtherEffect",
+    "by_score",
+    "changes_beside",
+    "detuning_effect",
+    "follows_further_effect",
+    "further_effects",
+    "least_rival_cost",
+]
 
 
 FURTHER_STARTS = Options(fresh=2, patience=0)
 
 
 @dataclass(frozen=True)
-class _Candidate:
+class EffectChanges:
     """A further effect beside a structure, with the changes of the residuals that it makes at several values."""
 
     placed: Placed
@@ -73,10 +82,24 @@ def further_effects(
     residual, jacobian, inside = residual_and_jacobian(task, fitted.structure, fitted.values)
     basis = orthonormal_basis(jacobian[:, list(inside)])
     left = beyond(basis, residual)
-    candidates = [replace(c, changes=beyond(basis, c.changes)) for c in _candidates(task, fitted, residual, more, seed)]
-    scored = [(scores, c) for c in candidates if (scores := _scores(c, left)).max() > 0.0]
+    changes = changes_beside(task, fitted, residual, more, seed)
+    scored = by_score([replace(c, changes=beyond(basis, c.changes)) for c in changes], left)
+    return tuple(found for _, found in scored[: FURTHER.side_by_side])
+
+
+def by_score(changes: Sequence[EffectChanges], left: Array) -> list[tuple[float, FurtherEffect]]:
+    """Effects that share something with a residual, each with its score, the largest first.
+
+    Parameters
+    ----------
+    changes : sequence of EffectChanges
+        Beyond what the parameters of a structure explain.
+    left : ndarray, shape (residuals,)
+        The residual, beyond the same.
+    """
+    scored = [(scores, c) for c in changes if (scores := _scores(c, left)).max() > 0.0]
     scored.sort(key=lambda pair: -float(pair[0].max()))
-    return tuple(_start(c, left, int(np.argmax(scores))) for scores, c in scored[: FURTHER.side_by_side])
+    return [(float(scores.max()), _start(c, left, int(np.argmax(scores)))) for scores, c in scored]
 
 
 def detuning_effect(
@@ -117,7 +140,7 @@ def follows_further_effect(task: IdentificationTask, fitted: StructureFit, more:
     residual, jacobian, inside = residual_and_jacobian(task, fitted.structure, fitted.values)
     candidates = [
         Candidate(change[:, None], str(c.placed))
-        for c in _candidates(task, fitted, residual, more, seed)
+        for c in changes_beside(task, fitted, residual, more, seed)
         for change in c.changes.T
         if change.any()
     ]
@@ -127,24 +150,26 @@ def follows_further_effect(task: IdentificationTask, fitted: StructureFit, more:
     return any(f.share >= FURTHER.notable_gain for f in found)
 
 
-def _candidates(
-    task: IdentificationTask, fitted: StructureFit, residual: Array, more: Sequence[Placed], seed: int
-) -> list[_Candidate]:
-    """The effects of `more` that a structure lacks and may have, each beside it."""
+def changes_beside(
+    task: IdentificationTask, fitted: StructureFit | Refined, residual: Array, more: Sequence[Placed], seed: int
+) -> list[EffectChanges]:
+    """Changes of the weighted `residual` of a fit by the effects of `more` that it lacks and may have, each alone."""
     return [_changes(task, fitted, residual, placed, seed) for placed in _possible(fitted, more)]
 
 
-def _with(fitted: StructureFit, placed: Placed) -> Structure:
+def _with(fitted: StructureFit | Refined, placed: Placed) -> Structure:
     return Structure((*fitted.structure.placed, placed))
 
 
-def _possible(fitted: StructureFit, more: Sequence[Placed]) -> list[Placed]:
+def _possible(fitted: StructureFit | Refined, more: Sequence[Placed]) -> list[Placed]:
     """The effects of `more` that a structure lacks and may have."""
     kit = function_set()
     return [p for p in more if p not in fitted.structure.placed and not kit.broken_rule(_with(fitted, p))]
 
 
-def _changes(task: IdentificationTask, fitted: StructureFit, residual: Array, placed: Placed, seed: int) -> _Candidate:
+def _changes(
+    task: IdentificationTask, fitted: StructureFit | Refined, residual: Array, placed: Placed, seed: int
+) -> EffectChanges:
     """Changes of the residuals by an effect of the size that matters."""
     problem, space = task.problem_and_space(_with(fitted, placed))
     base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **fitted.values}
@@ -159,7 +184,7 @@ def _changes(task: IdentificationTask, fitted: StructureFit, residual: Array, pl
         values[name][1:] = drawn[space.names.index(name), 1:]
     moved = problem.residuals(values, task.settings)
     names = [placed.parameter(q.symbol) for q in placed.effect.parameters]
-    return _Candidate(
+    return EffectChanges(
         placed,
         {name: values[name] for name in names},
         placed.parameter(vanishing.symbol),
@@ -168,7 +193,7 @@ def _changes(task: IdentificationTask, fitted: StructureFit, residual: Array, pl
     )
 
 
-def _start(candidate: _Candidate, left: Array, draw: int) -> FurtherEffect:
+def _start(candidate: EffectChanges, left: Array, draw: int) -> FurtherEffect:
     """The effect with the values of a draw: of the size that a first-order step gives, or of the size that matters.
 
     A first-order step may have the wrong sign where the structure without the effect has fitted something else.
@@ -181,7 +206,7 @@ def _start(candidate: _Candidate, left: Array, draw: int) -> FurtherEffect:
     return FurtherEffect(candidate.placed, start)
 
 
-def _scores(candidate: _Candidate, left: Array) -> Array:
+def _scores(candidate: EffectChanges, left: Array) -> Array:
     """Decrease of the sum of squares by a step along each change, shape (draws,)."""
     along = left @ candidate.changes
     length = np.square(candidate.changes).sum(axis=0)

@@ -20,6 +20,7 @@ from brightgrey.kit.structure import Verdict
 from brightgrey.search.detectability import Detectability, has, power, relevant_sizes
 from brightgrey.search.fitting.refined_fit import accurate
 from brightgrey.search.policy import SELECTION
+from brightgrey.search.undecided.rivals import open_choice
 from brightgrey.search.verdicts import EffectVerdict, Reason, decisive, size_in_units
 
 __all__ = ["first_order_verdicts", "verdicts_on_masses"]
@@ -30,12 +31,14 @@ def first_order_verdicts(
     structures: Sequence[Structure],
     more: Sequence[Placed],
     known: Sequence[EffectVerdict],
+    rivals: Sequence[Structure] = (),
 ) -> tuple[EffectVerdict, ...]:
     """Verdicts on effects that the lattice lacks: *not needed*, or *not decidable*.
 
-    An effect is *not needed* if, beside each of the structures, it would have shown at the least size that matters, and
-    the residual does not ask for it. What stands at a mass that no structure has gets no verdict: it depends on that
-    mass. What requires an effect that the structures lack gets the verdict of that one.
+    An effect that a rival has is *not decidable*. Another one is *not needed* if, beside each of the structures, it
+    would have shown at the least size that matters, and the residual does not ask for it. What stands at a mass that no
+    structure has gets no verdict: it depends on that mass. What requires an effect that the structures lack gets the
+    verdict of that one.
 
     Parameters
     ----------
@@ -47,11 +50,18 @@ def first_order_verdicts(
         Effects that the lattice lacks.
     known : sequence of EffectVerdict
         On the effects of the lattice.
+    rivals : sequence of Structure
+        Structures with some of these effects that explain as well as the minimal ones.
     """
     beside = [_Beside.of(detectability, s, more) for s in structures]
     said = {card.effect: card for card in known}
     found = []
     for placed in more:
+        if any(placed in s.placed for s in rivals):
+            why = open_choice((*structures, *rivals), str(placed))
+            said[str(placed)] = EffectVerdict(str(placed), "not decidable", None, None, why)
+            found.append(said[str(placed)])
+            continue
         tests = [b.test(placed) for b in beside if placed in b.changes]
         if tests:
             doubts = [reason for needless, reason in tests if not needless]

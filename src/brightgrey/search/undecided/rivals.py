@@ -1,66 +1,278 @@
-"""Rivals of a minimal structure that its lattice has no place for, and that fit as well.
+"""Rivals: structures with effects that the lattice lacks, which explain as well as a minimal one.
 
-Two kinds are tried. An effect that was offered at one mass may stand at another: a spring on a stiff shaft is an
-example. And what excludes an effect may take its place: a gap and a hardening spring of one shaft never stand in one
-structure.
+Friction at one mass may pass for friction at another, a pendulum for gravity, a hardening spring for a gap. So each
+effect of a minimal structure is exchanged for others. The Jacobian at its optimum and one simulation of each other
+effect predict what an exchange would leave; what may explain as well is fitted. A rival loses what it does not need,
+and is exchanged in turn.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
 from brightgrey.kit import Placed, Structure, function_set
-from brightgrey.search.detectability import Detectability
-from brightgrey.search.fitting.refined_fit import Refined, refine
-from brightgrey.search.fitting.structure_fit import Options, fit_from_neighbours, fit_multistart
-from brightgrey.search.further.proposals import FURTHER_STARTS
+from brightgrey.kit.in_words import effect_in_words, structure_in_words
+from brightgrey.search.detectability import Detectability, has
+from brightgrey.search.fitting.refined_fit import Refined, accurate, refine, residual_and_jacobian
+from brightgrey.search.fitting.structure_fit import fit_multistart
+from brightgrey.search.further.proposals import (
+    FURTHER_STARTS,
+    EffectChanges,
+    by_score,
+    changes_beside,
+    further_effects,
+)
+from brightgrey.search.lattice import contains, mass_chain_of
+from brightgrey.search.parallel import in_order
+from brightgrey.search.policy import BORDER, FURTHER
+from brightgrey.search.verdicts import Reason
 
-__all__ = ["rivals_beyond"]
+__all__ = ["open_choice", "rivals_among", "rivals_beyond"]
 
 
 def rivals_beyond(
     detectability: Detectability,
-    structure: Structure,
-    effects: Iterable[Placed],
-    offered: Collection[Placed],
+    found: Sequence[Structure],
+    effects: Sequence[Placed],
     seed: int,
-) -> dict[str, Refined]:
-    """Refined fits with another effect in the place of one, no worse than those without; by the one that is replaced.
+    *,
+    fewer_masses: bool,
+) -> tuple[Refined, ...]:
+    """Refined fits with other effects in the place of some, no worse than those without; none contains another.
 
     Parameters
     ----------
     detectability : Detectability
         Of the round.
-    structure : Structure
-        A minimal one.
-    effects : iterable of Placed
+    found : sequence of Structure
+        The minimal ones, the best first.
+    effects : sequence of Placed
         Those that the lattice lacks, which may take the place of others.
-    offered : collection of Placed
-        Effects whose place is in question.
     seed : int
         Of the starts of their parameters.
+    fewer_masses : bool
+        Let them take the place of the last mass or a gap, too. Where the residual holds more than noise, that was tried
+        before more masses were gone into.
     """
-    refined, kit = detectability.refined, function_set()
-    own, found = refined.of(structure), dict[str, Refined]()
-    enough = detectability.threshold(structure, 1)
-    for other in effects:
-        alike = [p for p in structure.placed if p in offered and p.name == other.name]
-        for gone in [p for p in structure.placed if p.excludes(other)] + alike:
-            rival = Structure((*(p for p in structure.placed if p != gone), other))
-            if kit.broken_rule(rival):
-                continue
-            bare = Structure(tuple(p for p in structure.placed if p != gone))
-            starts = [refined.fits.done[bare]] if bare in refined.fits.done else []
-            fits = [fit_from_neighbours(refined.task, rival, starts, [], Options(), (seed,))] if starts else []
-            if gone in alike:
-                there = {
-                    other.parameter(q.symbol): own.values[gone.parameter(q.symbol)] for q in gone.effect.parameters
-                }
-                fits += refined.fits.tried([(rival, {**own.values, **there})], detectability.executor)
-            else:
-                fits.append(fit_multistart(refined.task, rival, FURTHER_STARTS, seed))
-            fitted = min(fits, key=lambda f: f.cost)
-            end = refine(refined.task, rival, fitted.values, refined.whitening, float("inf"))
-            if end.deviance <= own.deviance + enough:
-                found[str(gone)] = end
-    return found
+    exchange = _Exchange(detectability, tuple(effects), seed, list(found))
+    queue = [(refined := detectability.refined.of(s), refined.deviance + detectability.threshold(s, 1)) for s in found]
+    rivals, hard = list[Refined](), fewer_masses
+    while queue and len(rivals) < FURTHER.most_rivals:
+        own, enough = queue.pop(0)
+        more = exchange.of(own, enough) + (exchange.of_hard(own, enough) if hard else [])
+        hard = False  # beside the best one only
+        rivals += more
+        queue += [(rival, enough) for rival in more]
+    structures = [*found, *(r.structure for r in rivals)]
+    least = [r for r in rivals if not any(contains(r.structure, s) for s in structures if s != r.structure)]
+    return tuple(least[: FURTHER.most_rivals])
+
+
+def rivals_among(
+    detectability: Detectability, best: Structure, known: Sequence[tuple[Structure, Mapping[str, float]]]
+) -> tuple[Refined, ...]:
+    """Those of known structures beyond the lattice that still explain as well as the best minimal one.
+
+    Parameters
+    ----------
+    detectability : Detectability
+        Of the round.
+    best : Structure
+    known : sequence of (Structure, mapping of str to float)
+        With the values, SI, from which they are fitted.
+    """
+    enough = detectability.refined.of(best).deviance + detectability.threshold(best, 1)
+    ends = _Exchange(detectability, (), 0, []).ends(known)
+    return tuple(end for end in ends if end.deviance <= enough)
+
+
+def open_choice(minimal: Sequence[Structure], effect: str) -> Reason:
+    """Reason why an effect is not decidable that some minimal structures have, and others lack.
+
+    Where all that lack it have others in its place, it is one of several, and these are named.
+
+    Parameters
+    ----------
+    minimal : sequence of Structure
+    effect : str
+    """
+    having = [s for s in minimal if has(s, effect)]
+    lacking = [s for s in minimal if s not in having]
+    beside = frozenset[Placed]().union(*(s.beside for s in having))
+    others = [s.beside - beside for s in lacking]
+    if all(others):
+        instead = sorted(frozenset[Placed]().union(*others), key=lambda p: (p.effect.number, p.place))
+        named = [effect_in_words(p) for p in (Placed.parse(effect), *instead)]
+        return Reason("one of several", names=tuple(named[: FURTHER.named]))
+    return Reason("equivalent", names=(structure_in_words(having[0]), structure_in_words(lacking[0])))
+
+
+@dataclass(frozen=True)
+class _Exchange:
+    """Exchange of one effect for another."""
+
+    detectability: Detectability
+    effects: tuple[Placed, ...]
+    seed: int
+    minimal: list[Structure]  #: Structures that are known to explain as well; what contains one is not fitted.
+    fitted: dict[Structure, Refined] = field(default_factory=dict)
+
+    def of(self, own: Refined, enough: float) -> list[Refined]:
+        """Fits with an effect of a structure exchanged that leave no more than `enough`, and lack what they can."""
+        at, found = self.at(own), list[Refined]()
+        changes = self.changes(at)
+        for gone in (p for p in self.removable(own.structure) if not p.effect.has_hard_limit):
+            without = at.without(gone)
+            scored = by_score([without.beyond(c) for c in changes], without.left)
+            worth = [f for score, f in scored if without.deviance - score <= self.far(own, enough)]
+            starts = {f.placed: f.start for f in worth[: FURTHER.exchanged]} | self.moved(own, gone)
+            found += self.rivals(own, without.structure, starts, enough)
+        return found + self.of_excluded(own, enough)
+
+    def removable(self, structure: Structure) -> list[Placed]:
+        """Effects beside the masses that are not required."""
+        lattice = self.detectability.circumstances.lattice
+        required = {p for i, p in enumerate(lattice.atoms) if lattice.required >> i & 1}
+        return [p for p in structure.placed if not p.effect.masses and p not in required]
+
+    def is_new(self, structure: Structure) -> bool:
+        """True for a legal structure that has not been fitted, and contains none that explains as well."""
+        known = structure in self.fitted or any(contains(structure, s) for s in self.minimal)
+        return not (known or function_set().broken_rule(structure))
+
+    def moved(self, own: Refined, gone: Placed) -> dict[Placed, dict[str, float]]:
+        """The same effect at other masses or shafts, with the values that it has."""
+        return {
+            p: {p.parameter(q.symbol): own.values[gone.parameter(q.symbol)] for q in gone.effect.parameters}
+            for p in self.effects
+            if p.name == gone.name and p not in own.structure.placed
+        }
+
+    def of_excluded(self, own: Refined, enough: float) -> list[Refined]:
+        """Fits with what excludes an effect of a structure in its place, by multistart: the two are never beside."""
+        task, found = self.detectability.refined.task, list[Refined]()
+        for other in self.effects:
+            for gone in (p for p in self.removable(own.structure) if p.excludes(other)):
+                bare = _without(own.structure, gone)
+                rival = Structure((*bare.placed, other))
+                if self.is_new(rival):
+                    values = fit_multistart(task, rival, FURTHER_STARTS, self.seed).values
+                    found += self.rivals(own, bare, {other: values}, enough)
+        return found
+
+    def of_hard(self, own: Refined, enough: float) -> list[Refined]:
+        """Fits with a further effect in the place of the last mass, or of a gap.
+
+        No derivative tells what these leave: the structure without them is fitted, and then with each of the effects.
+        """
+        refined, found = self.detectability.refined, list[Refined]()
+        lattice = self.detectability.circumstances.lattice
+        mask = lattice.mask(own.structure)
+        for bit in lattice.bits(mask & ~lattice.required):
+            atom = lattice.atoms[bit.bit_length() - 1]
+            if atom.effect.has_hard_limit or atom == mass_chain_of(own.structure):
+                bare = refined.of(lattice.structure(lattice.without(mask, bit)))
+                some = further_effects(refined.task, refined.fits.done[bare.structure], self.effects, self.seed)
+                found += self.rivals(bare, bare.structure, {f.placed: f.start for f in some}, enough)
+        return found
+
+    def rivals(
+        self, own: Refined, bare: Structure, starts: Mapping[Placed, Mapping[str, float]], enough: float
+    ) -> list[Refined]:
+        """Fits of `bare` with each of some effects, from the values of `own`, that leave no more than `enough`."""
+        larger = {p: Structure((*bare.placed, p)) for p in starts}
+        new = {p: s for p, s in larger.items() if self.is_new(s)}
+        ends = self.ends([(s, {**own.values, **starts[p]}) for p, s in new.items()])
+        found = [self.reduced(end, p, enough) for p, end in zip(new, ends, strict=True) if end.deviance <= enough]
+        least = {end.structure: end for end in found if not any(contains(end.structure, s) for s in self.minimal)}
+        self.minimal.extend(least)
+        return list(least.values())
+
+    def reduced(self, own: Refined, kept: Placed, enough: float) -> Refined:
+        """A rival without the effects that it does not need beside the one that it was given."""
+        while True:
+            at = self.at(own)
+            removed = [at.without(p) for p in self.removable(own.structure) if p != kept]
+            smaller = [w.structure for w in removed if w.deviance <= self.far(own, enough)]
+            ends = self.ends([(s, own.values) for s in smaller if kept in s.placed])
+            best = min(ends, key=lambda end: end.deviance, default=own)
+            if best is own or best.deviance > enough:
+                return own
+            own = best
+
+    def ends(self, starts: Sequence[tuple[Structure, Mapping[str, float]]]) -> list[Refined]:
+        """Refined fits from some values, each structure once."""
+        refined, workers = self.detectability.refined, self.detectability.executor
+        fits = refined.fits.tried([(s, values) for s, values in starts if s not in self.fitted], workers)
+        calls = [(refined.task, f.structure, f.values, refined.whitening, np.inf) for f in fits]
+        self.fitted.update({end.structure: end for end in in_order(workers, refine, calls)})
+        return [self.fitted[s] for s, _ in starts]
+
+    def far(self, own: Refined, enough: float) -> float:
+        """Predicted deviance above which an exchange is not worth a fit."""
+        return own.deviance + BORDER.far * max(enough - own.deviance, self.detectability.chance(1))
+
+    def at(self, own: Refined) -> _Linearised:
+        """Residual and derivatives at the optimum of a structure."""
+        task, whitening = accurate(self.detectability.refined.task), self.detectability.refined.whitening
+        residual, jacobian, inside = residual_and_jacobian(task, own.structure, own.values)
+        names = task.problem_and_space(own.structure)[1].names
+        slopes = whitening.whiten(jacobian[:, list(inside)]).T
+        return _Linearised(
+            self.detectability, own, residual, dict(zip((names[i] for i in inside), slopes, strict=True))
+        )
+
+    def changes(self, at: _Linearised) -> list[EffectChanges]:
+        """Whitened changes by each of the effects at an optimum."""
+        task, whitening = accurate(self.detectability.refined.task), self.detectability.refined.whitening
+        found = changes_beside(task, at.own, at.residual, self.effects, self.seed)
+        return [replace(c, changes=whitening.whiten(c.changes)) for c in found]
+
+
+@dataclass(frozen=True)
+class _Linearised:
+    """Optimum of a structure with its whitened derivatives."""
+
+    detectability: Detectability
+    own: Refined
+    residual: Array  #: Not whitened.
+    slopes: Mapping[str, Array]  #: By the parameters that are not at a bound, shape (residuals,) each.
+
+    def without(self, gone: Placed) -> _Without:
+        """The structure without an effect, where the other parameters follow as far as their derivatives say."""
+        task, whitening = accurate(self.detectability.refined.task), self.detectability.refined.whitening
+        structure = _without(self.own.structure, gone)
+        problem, space = task.problem_and_space(structure)
+        base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **self.own.values}
+        names = (*space.names, *space.fixed)
+        residual = problem.residuals({n: np.array([base[n]]) for n in names}, task.settings)[:, 0]
+        columns = [slope for name, slope in self.slopes.items() if name in space.names]
+        white = whitening.whiten(residual)
+        basis = orthonormal_basis(np.column_stack(columns)) if columns else np.zeros((len(white), 0))
+        left = beyond(basis, white)
+        return _Without(structure, left, basis, float(left @ left) + whitening.floor_deviance)
+
+
+@dataclass(frozen=True)
+class _Without:
+    """A structure without an effect, at first order."""
+
+    structure: Structure
+    left: Array  #: Whitened residual, beyond what its parameters explain.
+    basis: Array  #: Of what they explain.
+    deviance: float
+
+    def beyond(self, change: EffectChanges) -> EffectChanges:
+        """Changes by another effect beyond what the parameters explain."""
+        return replace(change, changes=beyond(self.basis, change.changes))
+
+
+def _without(structure: Structure, gone: Placed) -> Structure:
+    """The structure without an effect, and without what requires it."""
+    dependent = [p for p in structure.placed if p.place == gone.place and gone.name in p.effect.requires]
+    return Structure(tuple(p for p in structure.placed if p != gone and p not in dependent))

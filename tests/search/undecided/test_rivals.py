@@ -1,0 +1,85 @@
+"""Rivals: other effects that explain as well in the place of one, and what is said of both."""
+
+import pytest
+
+from brightgrey.excitation import PAPER_EXPERIMENT as E
+from brightgrey.kit import Structure, grammar_named
+from brightgrey.search.decision import decide_structures
+from brightgrey.search.undecided.rivals import open_choice
+from support.searches import minimal, simulated_task, verdicts
+
+VALUES = {"J1": 0.008, "J2": 0.006, "c1": 60.0, "d1": 0.05, "f_v@2": 0.006}
+REST = ("three_mass", "stribeck", "current_control", "delay", "backlash", "gravity")
+
+
+def decision(structure, values, optima=None):
+    own = {name: values[name] for name in Structure.parse(structure).parameters}
+    task = simulated_task(structure, own, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=200.0, step=1e-3)
+    return decide_structures(task, grammar_named("drive"), exclude=REST, optima=optima)
+
+
+@pytest.fixture(scope="module")
+def at_second_mass():
+    return decision("two_mass+viscous@2", VALUES)
+
+
+def test_viscous_friction_on_a_stiff_shaft__explained_at_mass_1_too__needed_at_none(at_second_mass):
+    certificate = at_second_mass.evidence.certificate
+    said = {**verdicts(at_second_mass), **certificate.held_back}
+    assert said["viscous"] == said["viscous@2"] == "not decidable"
+    assert {"two_mass+viscous", "two_mass+viscous@2"} <= set(minimal(at_second_mass))
+
+
+def test_viscous_friction_on_a_stiff_shaft__reason__names_what_is_needed_in_one_place(at_second_mass):
+    cards = {c.effect: c for c in (*at_second_mass.evidence.cards, *at_second_mass.evidence.held_back)}
+    for effect in ("viscous", "viscous@2"):
+        reason = cards[effect].reason
+        assert reason.startswith("One of these is needed, and this recording does not say which: ")
+        assert "viscous friction" in reason
+        assert "viscous friction at mass 2" in reason
+
+
+def test_rivals__no_two_contain_each_other(at_second_mass):
+    found = [Structure.parse(s) for s in minimal(at_second_mass)]
+    assert len(set(found)) == len(found)
+    assert not any(a != b and a.masses <= b.masses and a.beside <= b.beside for a in found for b in found)
+
+
+def test_certificate__effect_with_a_rival__says_among_what_the_residual_grows(at_second_mass):
+    said = " ".join(at_second_mass.evidence.certificate.sentences())
+    assert "Without viscous friction the residual is" in said
+    assert "whatever else of the effects offered is allowed" in said
+    assert "Not offered, and as good in the place of others: " in said
+
+
+def test_refit__known_rivals__are_fitted_and_no_others_sought(at_second_mass):
+    optima = {r.structure: r.values for r in at_second_mass.evidence.minimal}
+    again = decision("two_mass+viscous@2", VALUES, optima)
+    assert set(minimal(again)) == set(minimal(at_second_mass))
+
+
+def test_viscous_friction_on_a_soft_shaft__its_place_shows__the_other_is_no_rival():
+    found = decision("two_mass+viscous@2", {**VALUES, "c1": 4.0, "d1": 0.004})
+    assert not any("viscous" in s.split("+") for s in minimal(found))
+
+
+@pytest.mark.parametrize(
+    ("structures", "names"),
+    [
+        (
+            ("two_mass+viscous", "two_mass+viscous@2", "two_mass+pendulum"),
+            ("viscous friction", "viscous friction at mass 2", "a position-dependent load"),
+        ),
+        (("two_mass+coulomb+viscous", "two_mass+coulomb+gravity"), ("viscous friction", "a constant load")),
+    ],
+)
+def test_open_choice__all_that_lack_it_have_another__all_are_named(structures, names):
+    reason = open_choice([Structure.parse(s) for s in structures], "viscous")
+    assert reason.kind == "one of several"
+    assert reason.names == names
+
+
+def test_open_choice__one_lacks_it_without_another__structures_are_named():
+    reason = open_choice([Structure.parse(s) for s in ("two_mass+viscous", "two_mass")], "viscous")
+    assert reason.kind == "equivalent"
+    assert reason.names == ("two masses with viscous friction", "two masses")
