@@ -207,6 +207,8 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
     unsteady = _unsteady_effects(search, border, found[0]) if certificate.unexplained else frozenset[str]()
     detectability = Detectability(search.refined, circumstances, search.executor)
     instead = [rival.structure for rival in rivals]
+    for rival in rivals:
+        search.refined.adopt(rival)
     optional, cards = assess_effects(detectability, border, found, certificate, unsteady, instead)
     held_back = verdicts_on_masses(grammar, exclude, cards)
     held_back += first_order_verdicts(detectability, found, search.more, cards, instead)
@@ -232,7 +234,9 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
             held_back={c.effect: c.verdict for c in held_back},
         ),
         whitening.effective_samples,
-        open_questions(detectability, found, optional, [c.effect for c in cards if c.verdict == "not decidable"]),
+        open_questions(
+            detectability, [*found, *instead], optional, [c.effect for c in cards if c.verdict == "not decidable"]
+        ),
         held_back,
     )
 
@@ -240,23 +244,20 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
 def _rivalled(
     search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str]
 ) -> tuple[Border, list[Structure], tuple[Refined, ...]]:
-    """Border, its minimal structures in order, and their rivals.
-
-    A rival that leaves less than the minimal structures by more than chance refutes them: its effects are offered.
-    """
+    """Border, its minimal structures in order, and their rivals; rivals that refute them are offered."""
     while True:
         found = _in_order(search, [search.lattice.structure(m) for m in border.minimal])
         detectability = Detectability(search.refined, search.round, search.executor)
         if isinstance(search, BorderRefit):
             return border, found, rivals_among(detectability, found[0], search.beyond_lattice())
         known = {*map(Placed.parse, exclude), *search.lattice.atoms}
-        beyond = [p for p in (*grammar.placed, *grammar.further) if p not in known]
-        noise = not search.has_model_error()
-        rivals = rivals_beyond(detectability, found, beyond, search.seed, fewer_masses=noise)
+        beyond = [p for p in grammar.whole.placed if p not in known and not p.effect.masses]
+        rivals = rivals_beyond(detectability, found, beyond, search.seed, fewer_masses=not search.has_model_error())
         best = min(rivals, key=lambda r: r.deviance, default=None)
         own = min(search.refined.of_all(found), key=lambda r: r.deviance)
-        refutes = best and best.deviance < own.deviance - detectability.threshold(own.structure, 1)
-        if not (best and refutes and search.offer_rival(best.structure, best.values)):
+        more = best.free - own.free if best else 0
+        gain = detectability.threshold(own.structure, more, max(len(beyond), 1))
+        if not (best and best.deviance < own.deviance - gain and search.offer_rival(best.structure, best.values)):
             return border, found, rivals
         border = search.settled()
 

@@ -89,19 +89,19 @@ class Detectability:
         return lattice.structure(big) if big & bit else None
 
     @staticmethod
-    def chance(parameters: int) -> float:
-        """Deviance that so many further parameters gain by chance, at the level of false alarms."""
-        return float(chi2.isf(SELECTION.false_alarm_level, max(parameters, 1)))
+    def chance(parameters: int, among: int = 1) -> float:
+        """Deviance that so many further parameters gain by chance, the best `among` some."""
+        return float(chi2.isf(SELECTION.false_alarm_level / among, max(parameters, 1)))
 
     def critical(self, structure: Structure, big: Structure) -> float:
         """Deviance by which `big` has to be better than `structure` to be called for."""
         free = [len(self.refined.task.space(s, nuisances=True).names) for s in (structure, big)]
         return self.threshold(structure, free[1] - free[0])
 
-    def threshold(self, structure: Structure, parameters: int) -> float:
-        """Deviance by which a fit with so many further parameters has to be better than `structure`."""
+    def threshold(self, structure: Structure, parameters: int, among: int = 1) -> float:
+        """Deviance by which the best `among` some fits with further parameters has to be better than `structure`."""
         material = self.circumstances.material_growth * self.refined.of(structure).deviance
-        return max(self.chance(parameters), material, self.circumstances.error_floor)
+        return max(self.chance(parameters, among), material, self.circumstances.error_floor)
 
     def gain(self, structure: Structure, effect: str) -> float:
         """Part of the whitened residual's RMS that `effect` explains beside `structure`."""

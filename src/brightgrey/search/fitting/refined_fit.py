@@ -185,6 +185,7 @@ class RefinedFits:
     def __init__(self, task: IdentificationTask, fits: FitTable, executor: Executor) -> None:
         self.fits, self.task, self._executor = fits, task, executor
         self._refined: dict[Structure, tuple[float, Refined]] = {}
+        self._beyond: dict[Structure, Refined] = {}
         self._jacobians: dict[Structure, tuple[Refined, tuple[Array, Array, tuple[int, ...]]]] = {}
         self._starts: dict[Structure, Mapping[str, float]] = {}
         self._whitening: Whitening | None = None
@@ -208,7 +209,12 @@ class RefinedFits:
         self._whitening = _whitening(self.task, reference, values)
         starts = {s: r.values for s, (_, r) in self._refined.items()}
         self._refined.clear()
+        self._beyond.clear()
         self._starts = starts
+
+    def adopt(self, refined: Refined) -> None:
+        """Keep a refined fit of a structure that has no place in the table, until the round ends."""
+        self._beyond[refined.structure] = refined
 
     def all(self, largest_threshold: Callable[[float], float]) -> dict[Structure, Refined]:
         """Refined fits of all structures of the table that have no redundant effects.
@@ -228,7 +234,9 @@ class RefinedFits:
         return {s: r for s, (_, r) in self._refined.items()}
 
     def of(self, structure: Structure) -> Refined:
-        """Refined fit of a structure, which is fitted if it is not in the table."""
+        """Refined fit of a structure, which is fitted if it is neither adopted nor in the table."""
+        if structure in self._beyond:
+            return self._beyond[structure]
         if structure not in self.fits.done:
             self.fits.add([structure], self._executor)
         fitted = self.fits.done[structure]

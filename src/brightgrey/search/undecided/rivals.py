@@ -107,9 +107,16 @@ def open_choice(minimal: Sequence[Structure], effect: str) -> Reason:
     others = [s.beside - beside for s in lacking]
     if all(others):
         instead = sorted(frozenset[Placed]().union(*others), key=lambda p: (p.effect.number, p.place))
-        named = [effect_in_words(p) for p in (Placed.parse(effect), *instead)]
+        choice = [Placed.parse(effect), *instead]
+        named = [_in_words(p, at_several_places=sum(p.name == q.name for q in choice) > 1) for p in choice]
         return Reason("one of several", names=tuple(named[: FURTHER.named]))
     return Reason("equivalent", names=(structure_in_words(having[0]), structure_in_words(lacking[0])))
+
+
+def _in_words(placed: Placed, *, at_several_places: bool) -> str:
+    """Name of an effect, with its place also if that is the first of several."""
+    words = effect_in_words(placed)
+    return f"{words} at {placed.effect.where} 1" if at_several_places and placed.place == 1 else words
 
 
 @dataclass(frozen=True)
