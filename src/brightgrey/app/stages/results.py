@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Awaitable
 from typing import Any
 
@@ -17,25 +18,6 @@ from brightgrey.errors import BrightgreyError
 
 __all__ = ["ResultsStage", "shown_run"]
 
-TITLES = {
-    "next": "What to do next",
-    "drawing": "The drive, with values",
-    "motion": "Measured and simulated",
-    "values": "Parameters",
-    "evidence": "What the recording says of each effect",
-    "certificate": "Why not simpler, why not richer",
-    "ties": "Structures that cannot be told apart",
-    "selftest": "Would this recording find the model again?",
-    "commissioning": "Commissioning sheet",
-    "opinion": "Second opinion",
-    "friction": "Friction",
-    "frequency": "Frequency response",
-    "backlash": "Backlash",
-    "residuals": "Residuals",
-    "structures": "Structures tried",
-    "model": "Effects of the model",
-    "recording": "Recording and its checks",
-}
 OPEN = ("next", "drawing", "motion", "values", "evidence", "certificate", "ties", "selftest")
 """Sections that are shown at once."""
 TASK_LABELS = {
@@ -121,7 +103,7 @@ class ResultsStage(Stage):
                             heading(run.replace("-", " "), 2)
                             self.sections(run, parts, COMPARED_SECTIONS)
             else:
-                self.sections(chosen, found[0], tuple(TITLES))
+                self.sections(chosen, found[0], tuple(found[0]["sections"]))
         self.test_place.clear()
         with self.test_place:
             self.self_test("selftest" in found[0]["sections"])
@@ -154,14 +136,14 @@ class ResultsStage(Stage):
             content = parts["sections"].get(name)
             if content is None:
                 continue
-            body = _without_heading(content)
+            title, body = _heading_and_body(content)
             if name in OPEN:
-                heading(TITLES[name], 2)
+                heading(title, 2)
                 self.section(run, name, body, parts)
             else:
                 with tag("details") as folded:
                     with tag("summary"):
-                        heading(TITLES[name], 2)
+                        heading(title, 2)
                     place = tag("div")
                 _fill_when_opened(folded, place, body, parts["plots"], f"{run}-")
         if not self.beside:
@@ -252,12 +234,11 @@ def shown_run(stage: Stage) -> str:
     return next(iter(runs_with_results(stage)), "")
 
 
-def _without_heading(content: str) -> str:
-    """Section without its own heading, and without what folds it up on paper."""
-    _, found, rest = content.partition("</h2>")
-    body = rest if found else content
-    body = body.strip().removeprefix("</summary>")
-    return body.removesuffix("</details>")
+def _heading_and_body(section: str) -> tuple[str, str]:
+    """Heading of a section as text, and the rest as HTML, without what folds it up on paper."""
+    before, _, rest = section.partition("</h2>")
+    body = rest.strip().removeprefix("</summary>").removesuffix("</details>")
+    return html.unescape(before.rpartition("<h2>")[2]), body
 
 
 def _as_second_level(header: str) -> str:
