@@ -98,8 +98,9 @@ def is_there(effect: str, row: Mapping) -> bool:
     """Return True if the truth has an effect, or what contains it, or may have it where some of its masses are one."""
     truth, masses = function_set().parse(row["truth"]), function_set().parse(row["minimal"][0]).masses
     alike = lumped(truth, masses) if masses < truth.masses else ()
-    asked = Placed.parse(effect).name
-    return any(has(s, effect) or any(asked in p.effect.contains for p in s.placed) for s in (truth, *alike))
+    asked, found = Placed.parse(effect).name, function_set().parse(row["minimal"][0])
+    containing = [p for p in truth.placed if asked in p.effect.contains and p not in found.placed]
+    return bool(containing) or any(has(s, effect) for s in (truth, *alike))
 
 
 def examine(

@@ -72,14 +72,15 @@ class _Case:
         return (*self.found, *self.rivals)
 
     def with_effect(self, effect: str) -> list[Structure]:
-        """Those of them that have an effect; of the rivals also those with another that contains it."""
+        """Those of them that have an effect, and rivals that have another one in its place which contains it."""
         having = [s for s in self.minimal if has(s, effect)]
-        return [s for s in self.minimal if s in having or (having and self.containing(s, effect))]
+        return having + [s for s in self.rivals if s not in having and having and self.containing(s, effect)]
 
     def containing(self, rival: Structure, effect: str) -> list[Placed]:
-        """Effects of a rival that contain one which it lacks."""
+        """Effects that a rival has in the place of one which they contain."""
         name = Placed.parse(effect).name
-        return [] if has(rival, effect) else [p for p in rival.placed if name in p.effect.contains]
+        beside = frozenset[Placed]().union(*(s.beside for s in self.found if has(s, effect)))
+        return [] if has(rival, effect) else [p for p in rival.placed if p not in beside and name in p.effect.contains]
 
     def is_open(self, effect: str) -> bool:
         """True if some of them have an effect and others lack it."""

@@ -151,7 +151,7 @@ class OfferingSearch:
         """
         found = further_effects(self.task, own, self.more, self.seed)
         fits = self.fits.tried([_with_effect(own, f) for f in found], self.executor)
-        parameters = {f.structure: len(e.placed.effect.parameters) for e, f in zip(found, fits, strict=True)}
+        parameters = {f.structure: len(f.structure.parameters) for f in fits}
         most = max((own.cost - f.cost for f in fits), default=0.0)
         alike = [f for f in fits if own.cost - f.cost >= FURTHER.alike * most]
         if not most >= FURTHER.notable_gain * own.cost:
@@ -194,5 +194,5 @@ class OfferingSearch:
 
 
 def _with_effect(own: StructureFit, found: FurtherEffect) -> tuple[Structure, dict[str, float]]:
-    """A structure with a further effect, and the values from which it is fitted."""
-    return Structure((*own.structure.placed, found.placed)), {**own.values, **found.start}
+    """A structure with a further effect and what it requires, and the values from which it is fitted."""
+    return Structure((*own.structure.placed, *found.added)), {**own.values, **found.start}

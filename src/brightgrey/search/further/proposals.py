@@ -29,6 +29,7 @@ from brightgrey.search.task import IdentificationTask
 __all__ = [
     "EffectChanges",
     "FurtherEffect",
+    "added_with",
     "by_score",
     "changes_beside",
     "detuning_effect",
@@ -46,7 +47,8 @@ class EffectChanges:
     """A further effect beside a structure, with the changes of the residuals that it makes at several values."""
 
     placed: Placed
-    values: Mapping[str, Array]  #: Of its parameters by name, SI, shape (draws,).
+    added: tuple[Placed, ...]  #: It, and what it requires and the structure lacks.
+    values: Mapping[str, Array]  #: Of their parameters by name, SI, shape (draws,).
     size: str  #: Its parameter at whose zero it vanishes.
     changes: Array  #: Shape (residuals, draws).
     either_sign: bool
@@ -57,7 +59,8 @@ class FurtherEffect:
     """A further effect that may explain a part of a residual."""
 
     placed: Placed
-    #: Its parameters by name, SI, as far as a first step says, and others of the structure if it was fitted with them.
+    added: tuple[Placed, ...]  #: It, and what it requires and the structure lacks.
+    #: Their parameters by name, SI, as far as a first step says, and all of the structure if it was fitted with them.
     start: Mapping[str, float]
 
 
@@ -110,7 +113,7 @@ def detuning_effect(
     fits = [(p, fit_multistart(task, _with(fitted, p), FURTHER_STARTS, seed)) for p in detuning]
     for placed, fit in sorted(fits, key=lambda pair: pair[1].cost)[:1]:
         if fitted.cost - fit.cost >= FURTHER.notable_gain * fitted.cost:
-            return FurtherEffect(placed, fit.values)
+            return FurtherEffect(placed, added_with(placed, fitted.structure), fit.values)
     return None
 
 
@@ -157,8 +160,14 @@ def changes_beside(
     return [_changes(task, fitted, residual, placed, seed) for placed in _possible(fitted, more)]
 
 
+def added_with(placed: Placed, structure: Structure) -> tuple[Placed, ...]:
+    """An effect, after what it requires and a structure lacks."""
+    required = (Placed(name, placed.place) for name in placed.effect.requires)
+    return (*(p for p in required if p not in structure.placed), placed)
+
+
 def _with(fitted: StructureFit | Refined, placed: Placed) -> Structure:
-    return Structure((*fitted.structure.placed, placed))
+    return Structure((*fitted.structure.placed, *added_with(placed, fitted.structure)))
 
 
 def _possible(fitted: StructureFit | Refined, more: Sequence[Placed]) -> list[Placed]:
@@ -175,17 +184,18 @@ def _changes(
     base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **fitted.values}
     size = placed.relevant_size(task.scales, fitted.values)
     (vanishing,) = (q for q in placed.effect.parameters if q.size)
-    others = [n for n in map(placed.parameter, (q.symbol for q in placed.effect.parameters)) if n in space.names]
-    others = [n for n in others if n != placed.parameter(vanishing.symbol)]
+    added = added_with(placed, fitted.structure)
+    names = [p.parameter(q.symbol) for p in added for q in p.effect.parameters]
+    others = [n for n in names if n in space.names and n != placed.parameter(vanishing.symbol)]
     count = 1 + (FURTHER.draws if others else 0)
     values = {name: np.full(count, size.get(name, value)) for name, value in base.items()}
     drawn = space.sample(count, np.random.default_rng(seed))
     for name in others:
         values[name][1:] = drawn[space.names.index(name), 1:]
     moved = problem.residuals(values, task.settings)
-    names = [placed.parameter(q.symbol) for q in placed.effect.parameters]
     return EffectChanges(
         placed,
+        added,
         {name: values[name] for name in names},
         placed.parameter(vanishing.symbol),
         np.asarray(moved - residual[:, None]),
@@ -203,7 +213,7 @@ def _start(candidate: EffectChanges, left: Array, draw: int) -> FurtherEffect:
     step = -float(left @ change) / float(change @ change)
     if candidate.either_sign or step > 0.0:
         start[candidate.size] *= step
-    return FurtherEffect(candidate.placed, start)
+    return FurtherEffect(candidate.placed, candidate.added, start)
 
 
 def _scores(candidate: EffectChanges, left: Array) -> Array:

@@ -23,6 +23,7 @@ from brightgrey.search.fitting.structure_fit import fit_multistart
 from brightgrey.search.further.proposals import (
     FURTHER_STARTS,
     EffectChanges,
+    added_with,
     by_score,
     changes_beside,
     further_effects,
@@ -108,12 +109,12 @@ def open_choice(minimal: Sequence[Structure], effect: str) -> Reason:
     if all(others):
         instead = sorted(frozenset[Placed]().union(*others), key=lambda p: (p.effect.number, p.place))
         choice = [Placed.parse(effect), *instead]
-        named = [_in_words(p, at_several_places=sum(p.name == q.name for q in choice) > 1) for p in choice]
+        named = [_with_place(p, at_several_places=sum(p.name == q.name for q in choice) > 1) for p in choice]
         return Reason("one of several", names=tuple(named[: FURTHER.named]))
     return Reason("equivalent", names=(structure_in_words(having[0]), structure_in_words(lacking[0])))
 
 
-def _in_words(placed: Placed, *, at_several_places: bool) -> str:
+def _with_place(placed: Placed, *, at_several_places: bool) -> str:
     """Name of an effect, with its place also if that is the first of several."""
     words = effect_in_words(placed)
     return f"{words} at {placed.effect.where} 1" if at_several_places and placed.place == 1 else words
@@ -192,7 +193,7 @@ class _Exchange:
         self, own: Refined, bare: Structure, starts: Mapping[Placed, Mapping[str, float]], enough: float
     ) -> list[Refined]:
         """Fits of `bare` with each of some effects, from the values of `own`, that leave no more than `enough`."""
-        larger = {p: Structure((*bare.placed, p)) for p in starts}
+        larger = {p: Structure((*bare.placed, *added_with(p, bare))) for p in starts}
         new = {p: s for p, s in larger.items() if self.is_new(s)}
         ends = self.ends([(s, {**own.values, **starts[p]}) for p, s in new.items()])
         found = [self.reduced(end, p, enough) for p, end in zip(new, ends, strict=True) if end.deviance <= enough]
