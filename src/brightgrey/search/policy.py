@@ -120,7 +120,7 @@ class FurtherEffectsPolicy:
     most: int = 6  #: Effects that are offered in all.
     exchanged: int = 3  #: Effects that are fitted in the place of one, those that promise most.
     named: int = 5  #: Effects that are named where one of several is needed.
-    most_rivals: int = 12  #: Structures beyond the lattice that are looked for.
+    most_rivals: int = 12  #: Structures beyond the lattice after which no more are looked for.
     draws: int = 15  #: Values that are tried for the further parameters of an effect.
 
 

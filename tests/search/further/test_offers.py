@@ -75,3 +75,14 @@ def test_friction_beside_a_gap__is_offered_beside_the_gap():
     excluded = ("three_mass", "stribeck", "current_control", "delay", "gravity")
     found = decide_structures(task, grammar_named("drive"), exclude=excluded)
     assert verdicts(found)["coulomb@2"] == verdicts(found)["backlash"] == "needed"
+
+
+def test_position_dependent_load_that_turns_often__is_found_by_multistart():
+    values = {"J1": 0.012, "M_C": 0.3, "G": 3.5, "k": 0.25, "phi_0": -1.0}
+    task = simulated_task(
+        "one_mass+coulomb+pendulum", values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH, step=1e-3
+    )
+    excluded = ("two_mass", "stribeck", "viscous", "current_control", "delay", "backlash")
+    found = decide_structures(task, grammar_named("drive"), exclude=excluded)
+    assert minimal(found)[0] == "one_mass+coulomb+pendulum"
+    assert found.best.values["k"] == pytest.approx(0.25, rel=0.01)

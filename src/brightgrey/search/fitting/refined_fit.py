@@ -25,7 +25,7 @@ from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, REFINEMENT
 from brightgrey.search.task import IdentificationTask
 
-__all__ = ["Refined", "RefinedFits", "accurate", "refine", "residual_and_jacobian", "stands_for"]
+__all__ = ["Refined", "RefinedFits", "accurate", "refine", "residual_and_jacobian", "stands_for", "whitening_by"]
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def residual_and_jacobian(
     return residual, jacobian, tuple(np.flatnonzero(space.active_bounds(start) == 0).tolist())
 
 
-def _whitening(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> Whitening:
+def whitening_by(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> Whitening:
     """Whitening by the residuals of a fit, with the error floor of simulation and sensor."""
     residual, jacobian, inside = residual_and_jacobian(task, structure, values)
     lengths = segment_lengths(task.recordings)
@@ -206,7 +206,7 @@ class RefinedFits:
         self._material_growth = material_growth
         known = self._refined.get(reference)
         values = known[1].values if known else self.fits.done[reference].values
-        self._whitening = _whitening(self.task, reference, values)
+        self._whitening = whitening_by(self.task, reference, values)
         starts = {s: r.values for s, (_, r) in self._refined.items()}
         self._refined.clear()
         self._beyond.clear()

@@ -11,21 +11,26 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from brightgrey.arrays import positive
 from brightgrey.estimation.noise.residual_analysis import is_white
 from brightgrey.kit import Placed, Structure
+from brightgrey.numerics import distributions
 from brightgrey.search.fitting.anchors import anchors
 from brightgrey.search.fitting.fit_table import FitTable
-from brightgrey.search.fitting.structure_fit import Options, StructureFit
+from brightgrey.search.fitting.refined_fit import whitening_by
+from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart
 from brightgrey.search.further.proposals import (
+    FURTHER_STARTS,
     FurtherEffect,
-    detuning_effect,
+    effect_by_multistart,
     follows_further_effect,
     further_effects,
+    is_bent,
     least_rival_cost,
 )
 from brightgrey.search.lattice import Lattice
 from brightgrey.search.model_error import optimum_of, signs_of_model_error
-from brightgrey.search.policy import FURTHER, REFIT
+from brightgrey.search.policy import FURTHER, REFIT, SELECTION
 from brightgrey.search.task import IdentificationTask
 
 __all__ = ["OfferingSearch"]
@@ -136,10 +141,10 @@ class OfferingSearch:
                 break
             reached = larger
         if reached is own:
-            found = detuning_effect(self.task, own, self.more, self.seed)
-            if found is None:
+            bent = self.with_bent_effect(own)
+            if bent is None:
                 return None
-            (reached,) = self.fits.tried([_with_effect(own, found)], self.executor)
+            reached = bent
         taken = [p for p in reached.structure.placed if p not in own.structure.placed]
         enough = own.cost - reached.cost >= FURTHER.rescued_share * (own.cost - best.cost)
         return reached if enough and reached.cost < least_rival_cost(taken, self.fits.done) else None
@@ -147,7 +152,8 @@ class OfferingSearch:
     def with_one_more(self, own: StructureFit) -> StructureFit | None:
         """A fit with the further effect that explains most of what a structure leaves; None if none is notable.
 
-        First-order scores choose which are fitted. Of those that explain alike the one with fewest parameters is taken.
+        First-order scores choose which are fitted. Of those that explain alike the one with fewest parameters is taken,
+        and fitted by multistart if it is bent.
         """
         found = further_effects(self.task, own, self.more, self.seed)
         fits = self.fits.tried([_with_effect(own, f) for f in found], self.executor)
@@ -156,7 +162,34 @@ class OfferingSearch:
         alike = [f for f in fits if own.cost - f.cost >= FURTHER.alike * most]
         if not most >= FURTHER.notable_gain * own.cost:
             return None
-        return min(alike, key=lambda f: (parameters[f.structure], f.cost))
+        best = min(alike, key=lambda f: (parameters[f.structure], f.cost))
+        if not any(is_bent(p) for p in best.structure.placed if p not in own.structure.placed):
+            return best
+        return min(best, fit_multistart(self.task, best.structure, FURTHER_STARTS, self.seed), key=lambda f: f.cost)
+
+    def with_bent_effect(self, own: StructureFit) -> StructureFit | None:
+        """A fit with the effect that explains most by multistart; None if none is notable."""
+        found = effect_by_multistart(self.task, own, self.more, self.seed)
+        return self.fits.tried([_with_effect(own, found)], self.executor)[0] if found else None
+
+    def is_explained_better(self, own: StructureFit) -> bool:
+        """True if a fit with one more effect explains what noise of the colour that it leaves would not by chance.
+
+        Model error that is large and slow passes for noise of its own colour. It does not beside the effect that
+        explains it.
+        """
+        found = [fit for fit in (self.with_one_more(own), self.with_bent_effect(own)) if fit is not None]
+        if not found:
+            return False
+        larger = min(found, key=lambda fit: fit.cost)
+        whitening = whitening_by(self.task, larger.structure, larger.values)
+        lengths = zip(whitening.models, whitening.lengths, strict=True)
+        left = sum(model.effective_samples_mean(n) for model, n in lengths) - larger.free
+        more = max(larger.free - own.free, 1)
+        ratio = (own.cost / positive(larger.cost) - 1.0) * left / more
+        return left > 0.0 and float(distributions.f.sf(ratio, more, left)) <= SELECTION.false_alarm_level / len(
+            self.more
+        )
 
     def fit(self, structures: Sequence[Structure]) -> None:
         """Fit structures from their neighbours' optima, and their neighbours anew where that helps."""
@@ -184,6 +217,7 @@ class OfferingSearch:
                 or signs_of_model_error(
                     self.task, best.structure, optimum_of(self.task, best), self.fits.error_floor_cost(best)
                 )
+                or (self.more and self.is_explained_better(best))
             )
         return self._model_error[known]
 

@@ -6,7 +6,8 @@ What its change shares with the residual, beyond what the structure's own parame
 (Rao 1948, doi:10.1017/S0305004100023987).
 
 First-order changes say little of an effect that detunes a resonance: the structure without it has fitted another
-frequency. Such effects are fitted beside the structure by multistart.
+frequency. They say as little of a load that turns with the position many times. Such effects are fitted beside the
+structure by multistart.
 """
 
 from __future__ import annotations
@@ -27,14 +28,16 @@ from brightgrey.search.policy import FURTHER
 from brightgrey.search.task import IdentificationTask
 
 __all__ = [
+    "FURTHER_STARTS",
     "EffectChanges",
     "FurtherEffect",
     "added_with",
     "by_score",
     "changes_beside",
-    "detuning_effect",
+    "effect_by_multistart",
     "follows_further_effect",
     "further_effects",
+    "is_bent",
     "least_rival_cost",
 ]
 
@@ -105,12 +108,17 @@ def by_score(changes: Sequence[EffectChanges], left: Array) -> list[tuple[float,
     return [(float(scores.max()), _start(c, left, int(np.argmax(scores)))) for scores, c in scored]
 
 
-def detuning_effect(
+def is_bent(placed: Placed) -> bool:
+    """True if a torque is no straight line over the twist of a shaft or a position: descents end at local optima."""
+    return placed.effect.detunes_resonances or placed.effect.may_be_unstable
+
+
+def effect_by_multistart(
     task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int
 ) -> FurtherEffect | None:
-    """The effect that detunes resonances and explains most by multistart, if that is a notable part."""
-    detuning = [p for p in _possible(fitted, more) if p.effect.detunes_resonances]
-    fits = [(p, fit_multistart(task, _with(fitted, p), FURTHER_STARTS, seed)) for p in detuning]
+    """The effect bent over a twist or a position that explains most by multistart, if that is a notable part."""
+    bent = [p for p in _possible(fitted, more) if is_bent(p)]
+    fits = [(p, fit_multistart(task, _with(fitted, p), FURTHER_STARTS, seed)) for p in bent]
     for placed, fit in sorted(fits, key=lambda pair: pair[1].cost)[:1]:
         if fitted.cost - fit.cost >= FURTHER.notable_gain * fitted.cost:
             return FurtherEffect(placed, added_with(placed, fitted.structure), fit.values)

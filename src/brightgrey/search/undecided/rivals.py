@@ -70,8 +70,7 @@ def rivals_beyond(
         rivals += more
         queue += [(rival, enough) for rival in more]
     structures = [*found, *(r.structure for r in rivals)]
-    least = [r for r in rivals if not any(contains(r.structure, s) for s in structures if s != r.structure)]
-    return tuple(least[: FURTHER.most_rivals])
+    return tuple(r for r in rivals if not any(contains(r.structure, s) for s in structures if s != r.structure))
 
 
 def rivals_among(
