@@ -76,6 +76,19 @@ def _pack(plant: Plant, step: float) -> tuple[Array, Array]:
 
 
 @_compile_cached
+def _copy(source: Array, target: Array) -> None:
+    """Copy in a loop: for ``target[:] = source``, numba compiles an error message with strings, for seconds."""
+    for i in range(len(source)):
+        target[i] = source[i]
+
+
+@_compile_cached
+def _write_sample(k: int, x: Array, mode: int, gap: float, states: Array, modes: Any, gaps: Array) -> None:
+    _copy(x, states[k])
+    modes[k], gaps[k] = mode, gap
+
+
+@_compile_cached
 def _state_rates(x: Array, mode: int, slide: Any, u: float, p: Array, loads: Array, out: Array) -> None:
     """Newton's law for every mass; x = (q, v, T), p and loads as packed by :func:`_pack`.
 
@@ -225,7 +238,7 @@ def _until(
     b = h
     gb = _guard(event, out, mode, _gap_after(x, out, mode, gap, tau, h, p), slide, u + h * du, p, loads, w[0])
     if ga <= 0.0:
-        out[:] = x
+        _copy(x, out)
         return 0.0
     last = 0
     for _ in range(100):
@@ -268,9 +281,11 @@ def _run_pieces(
     w = np.zeros((5, len(x)))
     out, n, k = np.zeros(len(x)), int(p[0]), int(p[3])
     slide = np.full(n, SMOOTH)
-    states[0], modes[0], gaps[0] = x, mode, gap
+    _write_sample(0, x, mode, gap, states, modes, gaps)
     tau = x[k] - x[k + 1] - gap if mode == GAP else 0.0
-    sticks = loads[:, 11].max() >= 0.0
+    sticks = False
+    for i in range(n):
+        sticks |= loads[i, 11] >= 0.0
     for piece in range(len(length)):
         count = max(1, math.ceil(length[piece] / step - 1e-9))
         h = length[piece] / count
@@ -298,7 +313,7 @@ def _run_pieces(
                 gap = moved
                 if mode == GAP:
                     tau *= math.exp(-p[5 + k] / p[8 + k] * t)
-                x[:] = out
+                _copy(out, x)
                 done += t
                 if event == NO_EVENT:
                     break
@@ -312,7 +327,7 @@ def _run_pieces(
                     mode = GAP
                     tau = x[k] - x[k + 1] - gap
         if sample[piece] >= 0:
-            states[sample[piece]], modes[sample[piece]], gaps[sample[piece]] = x, mode, gap
+            _write_sample(sample[piece], x, mode, gap, states, modes, gaps)
 
 
 @_compile_cached
