@@ -6,15 +6,44 @@ import json
 
 import pytest
 
-from brightgrey.api.demo import demo
+import brightgrey.api.demo
+from brightgrey.excitation import PAPER_EXPERIMENT
+from support.small_runs import call
 
-TRUTH = "two_mass+coulomb+viscous+stribeck"
+TRUTH = PAPER_EXPERIMENT.structure
+FILES = {"model.json", "ranking.csv", "report.html", "fit.svg", "run.json", "recording.csv", "undecided.json"}
+demo = brightgrey.api.demo.demo
 
 
 @pytest.fixture(scope="module")
-def found():
-    """The demo on two threads."""
-    return demo(workers=2)
+def command(tmp_path_factory):
+    """Folder of the results of ``brightgrey demo`` on two threads, and what :func:`brightgrey.demo` gave it."""
+    folder, results = tmp_path_factory.mktemp("demo") / "demo", []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(brightgrey.api.demo, "demo", lambda **options: results.append(demo(**options)) or results[0])
+        done = call("demo", "--workers", 2, "--out", folder)
+    assert done.code == 0, done.err
+    return folder, *results
+
+
+@pytest.fixture(scope="module")
+def found(command):
+    return command[1]
+
+
+def test_demo__command__leaves_recording_and_finds_its_drive(command):
+    folder, _ = command
+    assert {p.name for p in folder.iterdir()} == FILES
+    assert (folder / "recording.csv").read_text().startswith("t,torque,velocity\n")
+    model = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+    assert "+".join(model["structure"]) == TRUTH
+    for name, truth in PAPER_EXPERIMENT.values.items():
+        part = model["parameters"][name]
+        # Five standard deviations, doubled: the recording is rounded.
+        assert abs(part["value"] - truth) < 10 * part["std"], name
+    again = call("simulate", folder / "model.json", folder / "recording.csv", "--json")
+    expected = {name: pytest.approx(fit, rel=1e-6) for name, fit in model["fit"]["train"].items()}
+    assert json.loads(again.out) == expected
 
 
 def test_demo__border__truth_alone_by_few_fits(found):

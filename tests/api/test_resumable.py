@@ -13,8 +13,8 @@ from support.small_runs import call, results
 pytestmark = pytest.mark.xdist_group("small searches")  # made once
 
 
-def copied(small, tmp_path, name="exhaustive"):
-    return shutil.copytree(small.folder / name, tmp_path / "copy")
+def copied(small, tmp_path):
+    return shutil.copytree(small.folder / "exhaustive", tmp_path / "copy")
 
 
 def test_a_finished_run_prints_its_result_and_evaluates_nothing(small, tmp_path):
@@ -52,8 +52,8 @@ def test_another_request_is_refused_with_what_differs(small, tmp_path):
 
 
 def test_restart_begins_anew(small, tmp_path):
-    folder = copied(small, tmp_path, "genetic")
-    arguments = (*small.searches["genetic"], "--seed", 1, "--out", folder, "--quiet")
+    folder = copied(small, tmp_path)
+    arguments = (*small.searches["exhaustive"], "--seed", 1, "--out", folder, "--quiet")
     assert call(*arguments).code == 2
     assert call(*arguments, "--restart").code == 0
     assert json.loads((folder / "model.json").read_text())["seed"] == 1

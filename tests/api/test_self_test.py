@@ -31,6 +31,12 @@ def tested(result):
     return selftest(result, draws=6, fast=True)
 
 
+@pytest.fixture(scope="module")
+def brief(result):
+    """Two draws, where the same is compared with the same."""
+    return selftest(result, draws=2, fast=True)
+
+
 def test_selftest__easy_drive__comes_out_again_and_notices_what_is_not_needed(tested):
     assert tested.structure == "one_mass+coulomb+viscous"
     assert tested.found.found_again.hits == 6
@@ -49,13 +55,13 @@ def test_selftest__easy_drive__intervals_hold_the_simulated_values(tested):
         assert abs(part.mean_error) < 5.0 / 6.0**0.5  # mean of six errors in standard deviations
 
 
-def test_selftest__optimum_of_the_search_differs_from_the_model__simulates_the_model(run, tested, tmp_path):
+def test_selftest__optimum_of_the_search_differs_from_the_model__simulates_the_model(run, brief, tmp_path):
     # as that of a long recording does, of which a search takes every k-th sample with an initial state of its own
     folder = shutil.copytree(run, tmp_path / "run")
     record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     record["fits"][0]["values"] |= {"J1": 1.5 * record["fits"][0]["values"]["J1"], "speed(0)": 0.3}
     (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")
-    assert selftest(folder, draws=6, fast=True).text() == tested.text()
+    assert selftest(folder, draws=2, fast=True).text() == brief.text()
 
 
 def test_selftest__whole_identifications__say_the_same_of_an_easy_drive(result, tested):
@@ -79,17 +85,17 @@ def test_selftest__effect_at_the_edge_of_significance__verdict_is_fragile(tmp_pa
     assert any("noise changed" in sentence and "constant load" in sentence for sentence in tested.sentences)
 
 
-def test_selftest__number_of_workers__same_bytes(result, tested):
-    assert selftest(result, draws=6, fast=True, workers=3).text() == tested.text()
+def test_selftest__number_of_workers__same_bytes(result, brief):
+    assert selftest(result, draws=2, fast=True, workers=3).text() == brief.text()
 
 
-def test_selftest__other_seed__other_noise(result, tested):
-    other = selftest(result, draws=6, fast=True, seed=1)
-    assert other.found.parameters["J1"].mean_error != tested.found.parameters["J1"].mean_error
+def test_selftest__other_seed__other_noise(result, brief):
+    other = selftest(result, draws=2, fast=True, seed=1)
+    assert other.found.parameters["J1"].mean_error != brief.found.parameters["J1"].mean_error
 
 
-def test_selftest__folder__same_as_the_result_in_memory(run, tested):
-    assert selftest(run, draws=6, fast=True).text() == tested.text()
+def test_selftest__folder__same_as_the_result_in_memory(run, brief):
+    assert selftest(run, draws=2, fast=True).text() == brief.text()
 
 
 def test_write_selftest__report__has_one_section_however_often(run, tested):
@@ -116,7 +122,7 @@ def test_selftest__fixed_parameter__stays_fixed(result):
     assert "M_C" in tested.found.parameters
 
 
-def test_selftest__stopped__keeps_what_is_done_and_goes_on(result, tested, tmp_path):
+def test_selftest__stopped__keeps_what_is_done_and_goes_on(result, brief, tmp_path):
     result.write(tmp_path)
     stop, seen = Stop(), []
 
@@ -125,15 +131,15 @@ def test_selftest__stopped__keeps_what_is_done_and_goes_on(result, tested, tmp_p
         if done == 3:
             stop.request()
 
-    with pytest.raises(RunError, match=r"stopped after 3 of 12 draws; they are kept in"):
-        selftest(tmp_path, draws=6, fast=True, progress=progress, stop=stop)
+    with pytest.raises(RunError, match=r"stopped after 3 of 4 draws; they are kept in"):
+        selftest(tmp_path, draws=2, fast=True, progress=progress, stop=stop)
     assert len((tmp_path / KEPT).read_text().splitlines()) == 3
     with (tmp_path / KEPT).open("a") as file:
         file.write('{"key": "half a li')  # the process was killed while it wrote
     again = []
-    found = selftest(tmp_path, draws=6, fast=True, progress=lambda done, total: again.append(done))
+    found = selftest(tmp_path, draws=2, fast=True, progress=lambda done, total: again.append(done))
     assert again[0] == 3
-    assert found.text() == tested.text()
+    assert found.text() == brief.text()
     write_selftest(found, tmp_path)
     assert not (tmp_path / KEPT).exists()
 

@@ -154,24 +154,6 @@ def test_simulate_minds_the_units_of_the_header(drive, tmp_path, call):
     assert json.loads(done.out)["speed"] == pytest.approx(fit, rel=1e-6)
 
 
-def test_demo_leaves_recording_and_finds_its_drive(tmp_path, call):
-    from brightgrey.excitation import PAPER_EXPERIMENT
-
-    done = call("demo", "--out", tmp_path / "demo")
-    assert done.code == 0, done.err
-    assert {p.name for p in (tmp_path / "demo").iterdir()} == RESULTS | {"recording.csv", "undecided.json"}
-    assert (tmp_path / "demo" / "recording.csv").read_text().startswith("t,torque,velocity\n")
-    model = model_of(tmp_path / "demo")
-    assert "+".join(model["structure"]) == PAPER_EXPERIMENT.structure
-    for name, truth in PAPER_EXPERIMENT.values.items():
-        part = model["parameters"][name]
-        # Five standard deviations, doubled: the recording is rounded.
-        assert abs(part["value"] - truth) < 10 * part["std"], name
-    again = call("simulate", tmp_path / "demo" / "model.json", tmp_path / "demo" / "recording.csv", "--json")
-    expected = {name: pytest.approx(fit, rel=1e-6) for name, fit in model["fit"]["train"].items()}
-    assert json.loads(again.out) == expected
-
-
 def test_effects_lists_the_registry(call):
     shown = call("effects")
     listed = json.loads(call("effects", "--json").out)

@@ -13,9 +13,13 @@ KEPT = "selftest.partial.jsonl"
 MOST = 60.0  # s until a test has failed
 
 
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    return small_result(tmp_path_factory.mktemp("drive"))
+
+
 @pytest.fixture
-def run(tmp_path):
-    result = small_result(tmp_path)
+def run(result, tmp_path):
     result.write(tmp_path / "out")
     return tmp_path / "out"
 
