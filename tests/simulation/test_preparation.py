@@ -32,6 +32,13 @@ def test_compile_unclaimed__entry_claimed_by_another_process__is_left_to_it(tmp_
     assert compiled == named == ["a", "c"]
 
 
+def test_compile_unclaimed__from_the_end__last_entry_is_first(tmp_path, monkeypatch):
+    named = []
+    monkeypatch.setattr(preparation, "ENTRIES", MappingProxyType(dict.fromkeys("abc", lambda: None)))
+    preparation.compile_unclaimed(str(tmp_path), named.append, from_the_end=True)
+    assert named == ["c", "b", "a"]
+
+
 def test_prepare_kernel__second_process_fails__leaves_compilation_to_the_first_use(monkeypatch, tmp_path):
     compiled = []
     monkeypatch.setattr(preparation, "ENTRIES", MappingProxyType({"a": lambda: compiled.append("a")}))

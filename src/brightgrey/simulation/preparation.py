@@ -2,7 +2,8 @@
 
 numba compiles under a lock, so threads do not help. The entries of the kernel call each other by address, and each is
 compiled and cached on its own. A second process therefore takes some of them, and both write to the same disk cache.
-Programs that start at the same time wait for the one that compiles.
+Each process compiles the functions inside its entries anew. Entries that share many stand side by side, and the two
+processes begin at the two ends. Programs that start at the same time wait for the one that compiles.
 """
 
 from __future__ import annotations
@@ -36,17 +37,19 @@ __all__ = ["is_kernel_ready", "prepare_kernel"]
 ENTRIES: Mapping[str, Callable[[], object]] = MappingProxyType(
     {
         "the loop over samples": partial(compile_for_integers, run_batch, 3),
-        "refinement of steps": refine_lane.address,
-        "matrix exponentials": fill_propagator_tables.address,
-        "location of contacts": locate_events.address,
-        "initial states": set_initial_state.address,
         "refinement of groups": refine_group.address,
-        "input knots": input_knot_weights.address,
         "control of errors": accept_or_refine.address,
+        "matrix exponentials": fill_propagator_tables.address,
+        "input knots": input_knot_weights.address,
+        "initial states": set_initial_state.address,
+        "location of contacts": locate_events.address,
+        "refinement of steps": refine_lane.address,
     }
 )
-"""Functions that compile one entry each, those that take longest first."""
-_PROGRAM = "from brightgrey.simulation.preparation import compile_unclaimed; compile_unclaimed({folder!r})"
+"""Functions that compile one entry each: first those for all lanes at once, last those for one lane."""
+_PROGRAM = (
+    "from brightgrey.simulation.preparation import compile_unclaimed; compile_unclaimed({folder!r}, from_the_end=True)"
+)
 _LOCK = Lock()
 _PATIENCE = 600.0  # s; another program that compiles takes a minute on a slow machine
 
@@ -95,9 +98,12 @@ def prepare_kernel(report: Callable[[int, int, str], None] | None = None) -> Non
                 _marker(cache_folder()).touch()
 
 
-def compile_unclaimed(folder: str, compiled: Callable[[str], None] = lambda name: print(name, flush=True)) -> None:
+def compile_unclaimed(
+    folder: str, compiled: Callable[[str], None] = lambda name: print(name, flush=True), *, from_the_end: bool = False
+) -> None:
     """Compile the entries that no other process has claimed by a file in `folder`; tell the name of each."""
-    for number, (name, compile_entry) in enumerate(ENTRIES.items()):
+    numbered = list(enumerate(ENTRIES.items()))
+    for number, (name, compile_entry) in reversed(numbered) if from_the_end else numbered:
         try:
             (Path(folder) / str(number)).touch(exist_ok=False)
         except FileExistsError:
