@@ -19,12 +19,15 @@ FACTORS = {"friction": 1.5, "load": 1.3, "backlash": 2.0}
 OFF = {"J1": 1.01, "c1": 0.985, "d1": 1.02, "f_v": 0.99}  # what the model does not know of the drive
 
 
-def found_in(text, seed, std=0.01, torque=0.0, **changed):
+def case_of(text, seed, std=0.01, torque=0.0, **changed):
     known = {name: value * OFF.get(name, 1.0) for name, value in values_of(text).items()}
     std_of = {name: std * value for name, value in known.items()}
-    case = FaultCase(known, recorded(text, seed, torque=torque, **changed), Noise(1e-3, np.array([0.02])), std_of)
-    (found,) = detect_faults(Structure.parse(text), SETTINGS, [case])
-    return {finding.subject: finding for finding in found}
+    return FaultCase(known, recorded(text, seed, torque=torque, **changed), Noise(1e-3, np.array([0.02])), std_of)
+
+
+def found_in(text, *cases):
+    results = detect_faults(Structure.parse(text), SETTINGS, cases)
+    return [{finding.subject: finding for finding in found} for found in results]
 
 
 def broken(text, subject):
@@ -41,29 +44,21 @@ def test_fault_groups__of_all_effects__are_the_declared_faults():
 
 
 @pytest.mark.parametrize(
-    ("text", "guilty"),
-    [
-        (PLAIN, None),
-        (PLAIN, "friction"),
-        (PLAIN, "load"),
-        (GAP, None),
-        (GAP, "friction"),
-        (GAP, "load"),
-        (GAP, "backlash"),
-    ],
+    ("text", "faults"), [(PLAIN, (None, "friction", "load")), (GAP, (None, "friction", "load", "backlash"))]
 )
-def test_detect_faults__one_fault__reports_this_fault_only(text, guilty):
-    found = found_in(text, 11, **(broken(text, guilty) if guilty else {}))
-    assert [f.subject for f in found.values() if f.verdict == "changed"] == ([guilty] if guilty else [])
-    for finding in found.values():
-        expected = FACTORS[guilty] if finding.subject == guilty else 1.0
-        assert finding.ci95[0] < expected * 1.02
-        assert finding.ci95[1] > expected * 0.98
+def test_detect_faults__one_fault__reports_this_fault_only(text, faults):
+    cases = [case_of(text, 11, **(broken(text, guilty) if guilty else {})) for guilty in faults]
+    for guilty, found in zip(faults, found_in(text, *cases), strict=True):
+        assert [f.subject for f in found.values() if f.verdict == "changed"] == ([guilty] if guilty else [])
+        for finding in found.values():
+            expected = FACTORS[guilty] if finding.subject == guilty else 1.0
+            assert finding.ci95[0] < expected * 1.02, guilty
+            assert finding.ci95[1] > expected * 0.98, guilty
 
 
 def test_detect_faults__gap_without_effect__is_not_decidable():
     """Its width is a thousandth of the shaft's twist: nothing in the speed tells it."""
-    found = found_in(GAP, 12, alpha=1e-5)
+    (found,) = found_in(GAP, case_of(GAP, 12, alpha=1e-5))
     assert found["backlash"].verdict == "not decidable"
     assert found["load"].verdict == found["friction"].verdict == "as before"
 
@@ -78,7 +73,7 @@ def test_detect_faults__drive_at_rest__is_not_decidable(noise):
 
 
 def test_detect_faults__unrecorded_disturbance__raises_no_alarm():
-    quiet, disturbed = found_in(GAP, 13), found_in(GAP, 13, torque=0.05)
+    quiet, disturbed = found_in(GAP, case_of(GAP, 13), case_of(GAP, 13, torque=0.05))
     width = {name: [np.log(f[name].ci95[1] / f[name].ci95[0]) for f in (quiet, disturbed)] for name in quiet}
     assert width["backlash"][1] > width["backlash"][0]
     assert not [f.text for f in disturbed.values() if f.verdict == "changed"]

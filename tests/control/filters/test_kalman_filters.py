@@ -164,19 +164,19 @@ def test_gaussian_sum__unknown_gap_position__is_consistent():
     text = "two_mass+coulomb+viscous+backlash"
     structure, values = Structure.parse(text), values_of(text, alpha=0.2, c1=700.0, d1=0.1)
     system = assemble(structure, values, E.f_tanh)
-    u, totals = E.torque()[:600], []
+    u, totals = E.torque()[:400], []
     for seed in range(2):
         rng = np.random.default_rng(seed)
         x0 = system.rest()
         x0[system.state_names.index("lambda1")] = at = -0.4 * rng.random()
         x0[system.state_names.index("q2")] = -at
-        pushed = u + 0.05 * rng.normal(size=600)
+        pushed = u + 0.05 * rng.normal(size=len(u))
         y = response(system, pushed, E.dt, x0, replace(SETTINGS, hold="zoh")).y[0, :, 0]
-        y = y + 0.02 * rng.normal(size=600)
+        y = y + 0.02 * rng.normal(size=len(u))
         recording = make_recording(u, y, dt=E.dt, hold="zoh")
         filter_input = prepare(structure, values, recording, SETTINGS).filter_input
         totals.append(float(gaussian_sum_filter(filter_input, Noise(0.05, np.array([0.02]))).nis.sum()))
-    low, high = chi2.ppf([5e-5, 1 - 5e-5], 600)
+    low, high = chi2.ppf([5e-5, 1 - 5e-5], len(u))
     assert all(low < total < high for total in totals)
 
 

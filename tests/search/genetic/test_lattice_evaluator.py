@@ -78,8 +78,14 @@ def genetic(task, workers=1, seed=1):
     return genetic_search(task, BRIEF, seed, grammar=FEW, workers=workers)
 
 
-def test_genetic_search__from_neighbours__each_structure_once(task):
-    run = genetic(task)
+@pytest.fixture(scope="module")
+def bred(task):
+    """A brief search."""
+    return genetic(task)
+
+
+def test_genetic_search__from_neighbours__each_structure_once(task, bred):
+    run = bred
     assert run.best.job.structure == PAPER.parse("two_mass+coulomb")
     assert run == genetic(task, workers=2)
     for e in run.evaluations:
@@ -97,15 +103,14 @@ def test_start_from_neighbours__pattern_search__refused():
         GeneticSettings(start_from="neighbours")
 
 
-def test_share__coloured_residuals__fewer_independent_samples(task):
+def test_share__coloured_residuals__fewer_independent_samples(task, bred):
     (white,) = task.recordings
     rng, noise = np.random.default_rng(4), np.zeros(white.samples)
     for k in range(1, white.samples):
         noise[k] = 0.9 * noise[k - 1] + 0.1 * rng.normal()
     slow = replace(task, recordings=(replace(white, y=white.y + noise),))
     shares = []
-    for recorded in (task, slow):
-        run = genetic_search(recorded, BRIEF, 1, grammar=FEW)
+    for run in (bred, genetic(slow)):
         misfits = {e.result.misfit.share for e in run.evaluations}
         assert len(misfits) == 1  # all are judged alike
         shares += misfits

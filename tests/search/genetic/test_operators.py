@@ -250,7 +250,7 @@ def test_operators__many_operations__only_legal_trees_all_structures(rules, draw
     trees = list(initial_population(40, rules, draw, rng))
     seen = {t.structure for t in trees}
     names = tuple(MUTATIONS)
-    for step in range(100_000):
+    for step in range(30_000):
         i, j = rng.integers(40, size=2)
         if step % 5 == 4:
             new = recombine(trees[i], trees[j], rules, draw, rng)

@@ -272,7 +272,8 @@ class DriveEquations:
 def _dip(stepper: Any, begin: float, guard: Guard) -> float:
     """Time into the last step at which the guard is below zero, 0 if it never is.
 
-    Points between the ends of the step are tested too, as a shaft may leave a side and return within one step.
+    Points between the ends of the step are tested too, as a shaft may leave a side and return within one step. Below
+    the lowest of them a smooth guard falls by less than it rises from there to its neighbours.
     """
     if guard(stepper.y, stepper.t) < 0.0:
         return float(stepper.t) - begin
@@ -280,7 +281,7 @@ def _dip(stepper: Any, begin: float, guard: Guard) -> float:
     times = np.linspace(begin, stepper.t, REFERENCE_TOLERANCES.inner_points)
     depths = [guard(y, t) for t, y in zip(times, inside(times).T, strict=True)]
     k = int(np.argmin(depths[1:])) + 1
-    if k == REFERENCE_TOLERANCES.inner_points - 1:
+    if k == REFERENCE_TOLERANCES.inner_points - 1 or 3.0 * depths[k] > depths[k - 1] + depths[k + 1]:
         return 0.0
     lowest = minimize_scalar(lambda t: guard(inside(t), t), bounds=(times[k - 1], times[k + 1]), method="bounded")
     return float(lowest.x) - begin if lowest.fun < 0.0 else 0.0
