@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from brightgrey.simulation.kernel.dry_friction import solve_dry_stages
-from brightgrey.simulation.kernel.machine.compilation import inlined, inner
+from brightgrey.simulation.kernel.machine.compilation import inner, merged
 from brightgrey.simulation.kernel.machine.memory_layout import column_rows, end_rows, points_of, table_rows
 from brightgrey.simulation.kernel.machine.simd import LANES, get, put, real, set_whole, skip, whole
 from brightgrey.simulation.kernel.radau_step import estimate, solve_stages
@@ -52,7 +52,7 @@ def _copy_step_table(shape: Any, plant: Any, table: Any, points: Any, h: Any, la
             put(target, 0, at + last + k, total)
 
 
-@inlined
+@merged
 def step_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, h: Any, work: Any, lane: Any) -> Any:
     """Step of 2^level ticks from ``work.x`` to ``work.end``: (Newton's method failed, the error is too large), 0 or 1.
 

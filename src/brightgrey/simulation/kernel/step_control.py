@@ -15,7 +15,7 @@ from brightgrey.simulation.kernel.dry_friction import (
     part_in_friction_mode,
     stop_end,
 )
-from brightgrey.simulation.kernel.machine.compilation import Entry, inlined
+from brightgrey.simulation.kernel.machine.compilation import Entry, inlined, merged
 from brightgrey.simulation.kernel.machine.memory_layout import (
     call_of,
     plant_of,
@@ -54,7 +54,7 @@ def _attempt_all_lanes(shape: Any, plant: Any, call: Any, bits: Any, level: Any,
     return out, coarse
 
 
-@inlined
+@merged
 def _attempt_lane(shape: Any, plant: Any, call: Any, bits: Any, level: Any, work: Any, lane: Any) -> Any:
     """As `_attempt_all_lanes`, for one lane."""
     tick = real(call.numbers, 0) / float(shape.base_steps << shape.ticks)

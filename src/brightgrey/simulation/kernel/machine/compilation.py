@@ -23,7 +23,7 @@ import numba
 import numba.core.config
 from numba.core import types
 
-__all__ = ["Entry", "cache_folder", "cached", "compile_for_integers", "inlined", "inner"]
+__all__ = ["Entry", "cache_folder", "cached", "compile_for_integers", "inlined", "inner", "merged"]
 
 _CONFIG: Any = numba.core.config
 _OPTIONS: dict[str, Any] = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
@@ -37,6 +37,9 @@ inner: Callable[[Callable[..., Any]], Any] = numba.njit(**_OPTIONS, **_UNWRAPPED
 inlined: Callable[[Callable[..., Any]], Any] = numba.njit(**_OPTIONS, **_UNWRAPPED, forceinline=True)
 """As `inner`, but merged into its caller. For functions that run at every step, where passing the addresses of all
 tables on the stack would cost as much as the arithmetic."""
+
+merged: Callable[[Callable[..., Any]], Any] = numba.njit(**_OPTIONS, **_UNWRAPPED, inline="always")
+"""As `inlined`, for a large function with one caller: merged before it is compiled, so that it is compiled once."""
 
 
 @cache
