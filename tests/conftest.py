@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 from collections.abc import Callable
@@ -13,6 +14,7 @@ import scipy.linalg  # noqa: F401  the threads of its BLAS can be limited only w
 from brightgrey.runs.blas_threads import limit_blas_threads
 
 limit_blas_threads()  # as the searches of the package do; idle threads of small products cost more than the products
+gc.set_threshold(50_000)  # as the command does; what is imported and collected stays
 
 pytest_plugins = ["support.small_run_fixtures"]
 

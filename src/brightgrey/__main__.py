@@ -1,13 +1,18 @@
 """The command ``brightgrey``, also as ``python -m brightgrey``."""
 
+import gc
 import sys
 
 __all__ = ["run"]
 
 
 def run() -> int:
-    """Load the program and run it; an interruption in the meantime ends with one line and exit code 130."""
+    """Load the program and run it; an interruption in the meantime ends with one line and exit code 130.
+
+    What is imported stays. Looking through it for garbage at every 700 new objects takes a tenth of the start.
+    """
     try:
+        gc.set_threshold(50_000)
         from brightgrey.cli import main
 
         return main()

@@ -202,7 +202,7 @@ def test_reader_that_stops_early():
 
 
 def test_identify_searches_for_the_structure(drive, tmp_path, call):
-    few = ("--population", 6, "--generations", 4, "--iterations", 10, "--elite", 1)
+    few = ("--population", 6, "--generations", 2, "--iterations", 10, "--elite", 1)
     search = ("--search", "genetic", "--criterion", "bic", *few, "--decimate", 4)
     options = [o for o in drive.options if o not in ("--structure", STRUCTURE)]
     for folder, workers in (("one", 1), ("two", 2)):
