@@ -115,10 +115,9 @@ def refine(
     settings = accurate(task).settings
     start = np.clip([values.get(n, v) for n, v in zip(space.names, space.start, strict=True)], space.low, space.high)
     theta, damping = space.to_scaled(start), LM_DEFAULTS.initial_damping
-    simulations, finished, scale, last = 0, True, np.zeros(len(theta)), np.inf
+    residual, jacobian = evaluate(problem, space, settings, theta)
+    simulations, finished, scale, last = 1 + len(theta), True, np.zeros(len(theta)), np.inf
     for turn in range(REFINEMENT.iterations):
-        residual, jacobian = evaluate(problem, space, settings, theta)
-        simulations += 1 + len(theta)
         white, slopes = whitening.whiten(residual), whitening.whiten(jacobian)
         cost = float(white @ white)
         normal = NormalEquations(np.array([cost]), (white @ slopes)[None, :], (slopes.T @ slopes)[None, :, :])
@@ -134,15 +133,21 @@ def refine(
             break
         if turn == REFINEMENT.iterations - 1:
             break
-        tried = space.from_scaled((theta + steps[1:]).T)
-        found = problem.residuals(space.named(tried), settings)
-        simulations += tried.shape[1]
-        costs = np.square(whitening.whiten(found)).sum(axis=0)
-        best = int(np.argmin(costs))
-        if not costs[best] < cost:
-            break
-        last, theta = cost, theta + steps[1 + best]
-        damping = float(np.clip(factors[1 + best], LM_DEFAULTS.min_damping, LM_DEFAULTS.max_damping))
+        best, reached = 1 + REFINEMENT.first_factor, cost
+        if turn and gain[best] <= LM_DEFAULTS.racing.same_cost * cost:  # near the optimum one step will do
+            found, slopes = evaluate(problem, space, settings, theta + steps[best])
+            simulations, reached = simulations + 1 + len(theta), float(np.square(whitening.whiten(found)).sum())
+        if not cost - reached >= REFINEMENT.predicted * gain[best]:
+            tried = space.from_scaled((theta + steps[1:]).T)
+            costs = np.square(whitening.whiten(problem.residuals(space.named(tried), settings))).sum(axis=0)
+            best = 1 + int(np.argmin(costs))
+            simulations += tried.shape[1]
+            if not costs[best - 1] < cost:
+                break
+            found, slopes = evaluate(problem, space, settings, theta + steps[best])
+            simulations += 1 + len(theta)
+        last, theta, residual, jacobian = cost, theta + steps[best], found, slopes
+        damping = float(np.clip(factors[best], LM_DEFAULTS.min_damping, LM_DEFAULTS.max_damping))
     end = space.from_scaled(theta[:, None])[:, 0]
     sides = zip(space.names, space.active_bounds(end), strict=True)
     bound = [n for n, side in sides if side and n in structure.parameters]
