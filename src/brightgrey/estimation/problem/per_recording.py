@@ -17,7 +17,7 @@ from brightgrey.estimation.problem.scales import scales
 from brightgrey.kit import Structure
 from brightgrey.recordings import Recording
 
-__all__ = ["deviation_name", "deviation_shares", "deviations_of", "values_in_recording"]
+__all__ = ["deviation_name", "deviation_shares", "deviations_of", "is_of_another_recording", "values_in_recording"]
 
 _MARK = "#"  # begins the tag of a recording
 
@@ -78,3 +78,9 @@ def deviation_shares(parameter: str, tag: str, names: Collection[str]) -> dict[s
     if own in names:
         return {own: 1.0}
     return {name: -1.0 for name in names if name.startswith(f"{parameter}{_MARK}")}
+
+
+def is_of_another_recording(name: str, tag: str, names: Collection[str]) -> bool:
+    """True for a nuisance, one of `names`, that does not change the motion in the recording with a tag."""
+    parameter, mark, _ = name.partition(_MARK)
+    return bool(mark) and not name.endswith(tag) and name not in deviation_shares(parameter, tag, names)

@@ -8,6 +8,7 @@ from functools import cache, cached_property
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brightgrey.arrays import Array, positive
 from brightgrey.estimation.problem.drift import drift_in, drifts_of, with_drift
@@ -15,7 +16,11 @@ from brightgrey.estimation.problem.initial_state import Initial, InitialState, o
 from brightgrey.estimation.problem.normal_equations import LARGEST, add_products, add_squares
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH, Nuisance
 from brightgrey.estimation.problem.output_feedback import measured_speed, with_output_feedback
-from brightgrey.estimation.problem.per_recording import deviations_of, values_in_recording
+from brightgrey.estimation.problem.per_recording import (
+    deviations_of,
+    is_of_another_recording,
+    values_in_recording,
+)
 from brightgrey.estimation.problem.segments import segment_lengths
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import StateSpace, Structure, assemble
@@ -123,6 +128,26 @@ def _truncated(recording: Recording, share: float) -> Recording:
     return replace(r, t=r.t[:samples], u=r.u[:samples], y=r.y[:, :samples])
 
 
+def _moving_columns(values: Mapping[str, Array], tag: str, group: int) -> NDArray[np.int64]:
+    """Numbers within a group of the first set, and of those that move otherwise in the recording with a tag.
+
+    A drift or an initial state of another recording changes nothing in this one.
+    """
+    apart = np.arange(group) == 0
+    for name, value in values.items():
+        if np.ndim(value) and not is_of_another_recording(name, tag, values):
+            sets = np.reshape(value, (-1, group))
+            apart |= (sets != sets[:, :1]).any(axis=0)
+    return np.flatnonzero(apart)
+
+
+def _columns_of(values: Mapping[str, Array], columns: NDArray[np.int64], group: int) -> Mapping[str, Array]:
+    """Values of some sets of every group."""
+    if len(columns) == group:
+        return values
+    return {name: np.reshape(value, (-1, group))[:, columns].ravel() for name, value in values.items()}
+
+
 @cache
 def _limited_states(structure: Structure) -> tuple[str, ...]:
     """Names of the states with hard limits: positions in gaps."""
@@ -226,7 +251,12 @@ class SimulationErrorProblem:
         """Weighted residuals, simulated minus measured, shape (residuals, K); large but finite if diverged."""
         parts = []
         for r, state, lost in self._parts():
-            error = (self._predicted(values, r, state, settings, group) - r.y[:, :, None]) * self.weights[:, None, None]
+            moving = _moving_columns(values, state.tag, group)
+            y = self._predicted(_columns_of(values, moving, group), r, state, settings, len(moving))
+            if len(moving) < group:  # the others move as the first one
+                own = np.searchsorted(moving, np.arange(group)) * np.isin(np.arange(group), moving)
+                y = y.reshape(*y.shape[:2], -1, len(moving))[..., own].reshape(*y.shape[:2], -1)
+            error = (y - r.y[:, :, None]) * self.weights[:, None, None]
             error = np.where(np.isfinite(error), np.clip(error, -LARGEST, LARGEST), lost[:, None, None])
             parts.append(error.reshape(-1, error.shape[-1]))
         return np.concatenate(parts)
@@ -245,9 +275,12 @@ class SimulationErrorProblem:
         starts, count = per_step.shape
         total = np.zeros((starts, 1 + count, 1 + count))
         for r, state, lost in self._parts():
-            y = self._predicted(values, r, state, settings, 1 + count)
+            moving = _moving_columns(values, state.tag, 1 + count)
+            y = self._predicted(_columns_of(values, moving, 1 + count), r, state, settings, len(moving))
             y = np.ascontiguousarray(y).reshape(*y.shape[:2], starts, -1)
-            add_products(y, r.y, self.weights, lost, per_step, total)
+            products = total[:, moving[:, None], moving]
+            add_products(y, r.y, self.weights, lost, per_step[:, moving[1:] - 1], products)
+            total[:, moving[:, None], moving] = products
         return total
 
     def costs(self, values: Mapping[str, Array], settings: Settings, upper_limits: Array | None = None) -> Array:
