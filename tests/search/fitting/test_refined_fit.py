@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from brightgrey.kit import PAPER
 from brightgrey.search.fitting.fit_table import FitTable
-from brightgrey.search.fitting.refined_fit import Refined, RefinedFits, _whitening, accurate, refine
+from brightgrey.search.fitting.refined_fit import Refined, RefinedFits, accurate, refine, whitening_by
 from brightgrey.search.fitting.structure_fit import StructureFit
 from brightgrey.search.parallel import thread_pool
 from brightgrey.search.policy import REFINEMENT
@@ -32,7 +32,7 @@ def coloured():
         fits = FitTable(task, [TRUTH])
         fits.add([TRUTH], workers)
     fitted = fits.done[TRUTH]
-    return task, fitted, _whitening(task, TRUTH, fitted.values)
+    return task, fitted, whitening_by(task, TRUTH, fitted.values)
 
 
 def residuals(task, whitening):
