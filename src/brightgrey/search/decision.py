@@ -244,8 +244,8 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
 def _rivalled(
     search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str]
 ) -> tuple[Border, list[Structure], tuple[Refined, ...]]:
-    """Border, its minimal structures in order, and their rivals; rivals that refute them are offered."""
-    while True:
+    """Border, its minimal structures in order, and their rivals; one that refutes them is offered, once."""
+    for offering in (True, False):
         found = _in_order(search, [search.lattice.structure(m) for m in border.minimal])
         detectability = Detectability(search.refined, search.round, search.executor)
         if isinstance(search, BorderRefit):
@@ -257,9 +257,11 @@ def _rivalled(
         own = min(search.refined.of_all(found), key=lambda r: r.deviance)
         more = best.free - own.free if best else 0
         gain = detectability.threshold(own.structure, more, max(len(beyond), 1))
-        if not (best and best.deviance < own.deviance - gain and search.offer_rival(best.structure, best.values)):
-            return border, found, rivals
+        refutes = best is not None and best.deviance < own.deviance - gain
+        if not (offering and best and refutes and search.offer_rival(best.structure, best.values)):
+            break
         border = search.settled()
+    return border, found, rivals
 
 
 def _in_order(search: BorderSearch, minimal: Sequence[Structure]) -> list[Structure]:
