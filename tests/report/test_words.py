@@ -21,6 +21,7 @@ from brightgrey.model.schema import TiesPart
 from brightgrey.recordings.units.signals import Units
 from brightgrey.report.content import Content
 from brightgrey.report.page import page
+from brightgrey.report.text import prose
 from brightgrey.report.text.headline import headline
 from brightgrey.report.text.next_steps import next_steps, urgent_steps, why_not_richer
 from brightgrey.report.text.opinion_table import opinion_sentences
@@ -234,3 +235,15 @@ def test_opinion_sentences__the_gravest_first():
         "It contradicts the fit, by the sign of Stribeck friction. It differs from the fit by more than its interval in"
         " viscous friction. It agrees with the fit on total inertia."
     )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("the input has no unit", "The input has no unit."),
+        ("demo.csv: no unit is given.", "demo.csv: no unit is given."),
+        ("a gain of 0.35: it is small", "A gain of 0.35: it is small."),
+    ],
+)
+def test_sentence__begins_with_a_capital__unless_a_file_is_named(text, said):
+    assert prose.sentence(text) == said

@@ -54,7 +54,7 @@ EFFECT = Effect(
         Parameter(
             "M_S",
             TORQUE,
-            "Stribeck friction torque at standstill in excess of Coulomb's",
+            "Stribeck friction torque (or force) at standstill in excess of Coulomb's",
             bounds=lambda s: (1e-4 * s.torque, 2.0 * s.torque),
             start=lambda s: 0.3 * max(s.friction, 3e-2 * s.torque),
             size=True,

@@ -49,9 +49,11 @@ def _sentences(prefix: str, items: Sequence[str], last: str, suffix: str) -> Ite
 
 
 def sentence(text: str) -> str:
-    """`text` with a capital at its beginning and a full stop at its end."""
+    """`text` with a capital at its beginning, unless a file is named there, and a full stop at its end."""
     ended = text.strip().rstrip(".")
-    return f"{ended[:1].upper()}{ended[1:]}."
+    first, colon, _ = ended.partition(":")
+    _, dot, suffix = first.rpartition(".")
+    return f"{ended}." if colon and dot and suffix.isalpha() else f"{ended[:1].upper()}{ended[1:]}."
 
 
 def with_meanings(text: str, structure: Structure) -> str:
