@@ -65,7 +65,9 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
         "undecided": "A structure without it was not decided within the budget, however.",
         "contained": "It is a limit of another effect, which explains as well: {names}.",
         "sampling": "The fit puts it at {lag} s, less than one sample ({interval} s): sampling looks like that.",
-        "one of several": "One of these is needed, and this recording does not say which: {names}.",
+        "one of several": (
+            "One of several effects is needed, and this recording does not say which. Among them are {names}."
+        ),
         "equivalent": "Structures with and without it fit equally well. With it: {first}. Without it: {last}.",
         "gain below threshold": (
             "It explains {gain} % of the residual; effects that mean nothing may explain as much."

@@ -34,7 +34,9 @@ def test_viscous_friction_on_a_stiff_shaft__reason__names_what_is_needed_in_one_
     cards = {c.effect: c for c in (*at_second_mass.evidence.cards, *at_second_mass.evidence.held_back)}
     for effect in ("viscous", "viscous@2"):
         reason = cards[effect].reason
-        assert reason.startswith("One of these is needed, and this recording does not say which: ")
+        assert reason.startswith(
+            "One of several effects is needed, and this recording does not say which. Among them are "
+        )
         assert "viscous friction at mass 1" in reason
         assert "viscous friction at mass 2" in reason
 

@@ -176,7 +176,7 @@ class OfferingSearch:
         """True if a fit with one more effect explains what noise of the colour that it leaves would not by chance.
 
         Model error that is large and slow passes for noise of its own colour. It does not beside the effect that
-        explains it.
+        explains it. Once effects have been offered, none as large is left.
         """
         found = [fit for fit in (self.with_one_more(own), self.with_bent_effect(own)) if fit is not None]
         if not found:
@@ -217,7 +217,7 @@ class OfferingSearch:
                 or signs_of_model_error(
                     self.task, best.structure, optimum_of(self.task, best), self.fits.error_floor_cost(best)
                 )
-                or (self.more and self.is_explained_better(best))
+                or (self.more and not self.offered and self.is_explained_better(best))
             )
         return self._model_error[known]
 
