@@ -176,7 +176,7 @@ class OfferingSearch:
         """True if a fit with one more effect explains what noise of the colour that it leaves would not by chance.
 
         Model error that is large and slow passes for noise of its own colour. It does not beside the effect that
-        explains it. Once effects have been offered, none as large is left.
+        explains it.
         """
         found = [fit for fit in (self.with_one_more(own), self.with_bent_effect(own)) if fit is not None]
         if not found:
@@ -187,9 +187,8 @@ class OfferingSearch:
         left = sum(model.effective_samples_mean(n) for model, n in lengths) - larger.free
         more = max(larger.free - own.free, 1)
         ratio = (own.cost / positive(larger.cost) - 1.0) * left / more
-        return left > 0.0 and float(distributions.f.sf(ratio, more, left)) <= SELECTION.false_alarm_level / len(
-            self.more
-        )
+        level = SELECTION.false_alarm_level / len(self.more)
+        return left > 0.0 and float(distributions.f.sf(ratio, more, left)) <= level
 
     def fit(self, structures: Sequence[Structure]) -> None:
         """Fit structures from their neighbours' optima, and their neighbours anew where that helps."""
@@ -208,7 +207,10 @@ class OfferingSearch:
         return is_white(problem.residuals(values, self.fits.task.settings)[:, 0], problem.segment_lengths)
 
     def has_model_error(self) -> bool:
-        """True if the best residual follows a pattern or a further effect by more than coloured noise explains."""
+        """True if the best residual follows a pattern or a further effect by more than coloured noise explains.
+
+        Until effects have been offered, a fit with one more is asked, too: it is not hidden by large slow model error.
+        """
         best = self.fits.best()
         known = best.structure, best.cost
         if known not in self._model_error:
