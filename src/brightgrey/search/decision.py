@@ -32,7 +32,7 @@ from brightgrey.search.progress import BorderProgress, SearchProgress
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.held_back import first_order_verdicts, verdicts_on_masses
 from brightgrey.search.undecided.open_questions import open_questions
-from brightgrey.search.undecided.rivals import rivals_among, rivals_beyond
+from brightgrey.search.undecided.rivals import rival_to_offer, rivals_among, rivals_beyond
 
 __all__ = ["Decision", "Ranked", "decide_structures"]
 
@@ -244,21 +244,20 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
 def _rivalled(
     search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str]
 ) -> tuple[Border, list[Structure], tuple[Refined, ...]]:
-    """Border, its minimal structures in order, and their rivals; one that refutes them is offered, once."""
+    """Border, its minimal structures in order, and their rivals.
+
+    The effects of a rival that refutes the minimal structures, or that has fewer masses, are offered, once.
+    """
     for offering in (True, False):
         found = _in_order(search, [search.lattice.structure(m) for m in border.minimal])
         detectability = Detectability(search.refined, search.round, search.executor)
         if isinstance(search, BorderRefit):
-            return border, found, rivals_among(detectability, found[0], search.beyond_lattice())
+            return border, found, rivals_among(detectability, search.beyond_lattice())
         known = {*map(Placed.parse, exclude), *search.lattice.atoms}
         beyond = [p for p in grammar.whole.placed if p not in known and not p.effect.masses]
         rivals = rivals_beyond(detectability, found, beyond, search.seed, fewer_masses=not search.has_model_error())
-        best = min(rivals, key=lambda r: r.deviance, default=None)
-        own = min(search.refined.of_all(found), key=lambda r: r.deviance)
-        more = best.free - own.free if best else 0
-        gain = detectability.threshold(own.structure, more, max(len(beyond), 1))
-        refutes = best is not None and best.deviance < own.deviance - gain
-        if not (offering and best and refutes and search.offer_rival(best.structure, best.values)):
+        chosen = rival_to_offer(detectability, found, rivals, len(beyond)) if offering else None
+        if chosen is None or not search.offer_rival(chosen.structure, chosen.values):
             break
         border = search.settled()
     return border, found, rivals

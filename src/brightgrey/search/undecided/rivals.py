@@ -10,22 +10,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
-from brightgrey.arrays import Array
+from brightgrey.arrays import Array, positive
 from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_basis
 from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.kit.in_words import effect_in_words, structure_in_words
+from brightgrey.search.adequacy import Deviance
+from brightgrey.search.criteria import bic
 from brightgrey.search.detectability import Detectability, has
 from brightgrey.search.fitting.refined_fit import Refined, accurate, refine, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import fit_multistart
+from brightgrey.search.fitting.warm_start import handed_down
 from brightgrey.search.further.proposals import (
     FURTHER_STARTS,
     EffectChanges,
     added_with,
     by_score,
     changes_beside,
+    effect_by_multistart,
     further_effects,
 )
 from brightgrey.search.lattice import contains, mass_chain_of
@@ -33,7 +38,7 @@ from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import BORDER, FURTHER
 from brightgrey.search.verdicts import Reason
 
-__all__ = ["open_choice", "rivals_among", "rivals_beyond"]
+__all__ = ["open_choice", "rival_to_offer", "rivals_among", "rivals_beyond"]
 
 
 def rivals_beyond(
@@ -44,7 +49,9 @@ def rivals_beyond(
     *,
     fewer_masses: bool,
 ) -> tuple[Refined, ...]:
-    """Refined fits with other effects in the place of some, no worse than those without; none contains another.
+    """Refined fits with other effects in the place of some that are adequate as those of the lattice are.
+
+    None of them contains another.
 
     Parameters
     ----------
@@ -61,34 +68,56 @@ def rivals_beyond(
         before more masses were gone into.
     """
     exchange = _Exchange(detectability, tuple(effects), seed, list(found))
-    queue = [(refined := detectability.refined.of(s), refined.deviance + detectability.threshold(s, 1)) for s in found]
+    queue = [detectability.refined.of(s) for s in found]
     rivals, hard = list[Refined](), fewer_masses
     while queue and len(rivals) < FURTHER.most_rivals:
-        own, enough = queue.pop(0)
-        more = exchange.of(own, enough) + (exchange.of_hard(own, enough) if hard else [])
+        own = queue.pop(0)
+        more = exchange.of(own) + (exchange.of_hard(own) if hard else [])
         hard = False  # beside the best one only
         rivals += more
-        queue += [(rival, enough) for rival in more]
+        queue += more
     structures = [*found, *(r.structure for r in rivals)]
     return tuple(r for r in rivals if not any(contains(r.structure, s) for s in structures if s != r.structure))
 
 
 def rivals_among(
-    detectability: Detectability, best: Structure, known: Sequence[tuple[Structure, Mapping[str, float]]]
+    detectability: Detectability, known: Sequence[tuple[Structure, Mapping[str, float]]]
 ) -> tuple[Refined, ...]:
-    """Those of known structures beyond the lattice that still explain as well as the best minimal one.
+    """Those of known structures beyond the lattice that are still adequate.
 
     Parameters
     ----------
     detectability : Detectability
         Of the round.
-    best : Structure
     known : sequence of (Structure, mapping of str to float)
         With the values, SI, from which they are fitted.
     """
-    enough = detectability.refined.of(best).deviance + detectability.threshold(best, 1)
-    ends = _Exchange(detectability, (), 0, []).ends(known)
-    return tuple(end for end in ends if end.deviance <= enough)
+    exchange = _Exchange(detectability, (), 0, [])
+    return tuple(end for end in exchange.ends(known) if exchange.is_adequate(end))
+
+
+def rival_to_offer(
+    detectability: Detectability, found: Sequence[Structure], rivals: Sequence[Refined], among: int
+) -> Refined | None:
+    """The rival that refutes the minimal structures; else the simplest one with fewer masses, if there is any.
+
+    Parameters
+    ----------
+    detectability : Detectability
+        Of the round.
+    found : sequence of Structure
+        The minimal ones.
+    rivals : sequence of Refined
+    among : int
+        Number of effects that were tried: the best of many gains more by chance.
+    """
+    own = min(detectability.refined.of_all(found), key=lambda r: r.deviance)
+    best = min(rivals, key=lambda r: r.deviance, default=own)
+    if best.deviance < own.deviance - detectability.threshold(own.structure, best.free - own.free, max(among, 1)):
+        return best
+    fewer = [r for r in rivals if r.structure.masses < min(s.masses for s in found)]
+    samples = detectability.refined.whitening.samples
+    return min(fewer, key=lambda r: (r.structure.masses, bic(positive(r.deviance), samples, r.free)), default=None)
 
 
 def open_choice(minimal: Sequence[Structure], effect: str) -> Reason:
@@ -129,17 +158,23 @@ class _Exchange:
     minimal: list[Structure]  #: Structures that are known to explain as well; what contains one is not fitted.
     fitted: dict[Structure, Refined] = field(default_factory=dict)
 
-    def of(self, own: Refined, enough: float) -> list[Refined]:
-        """Fits with an effect of a structure exchanged that leave no more than `enough`, and lack what they can."""
+    @cached_property
+    def least(self) -> float:
+        """The least deviance of the lattice."""
+        refined = self.detectability.refined.all(self.detectability.circumstances.largest_threshold)
+        return min(r.deviance for r in refined.values())
+
+    def of(self, own: Refined) -> list[Refined]:
+        """Adequate fits with an effect of a structure exchanged, which lack what they can."""
         at, found = self.at(own), list[Refined]()
         changes = self.changes(at)
         for gone in (p for p in self.removable(own.structure) if not p.effect.has_hard_limit):
             without = at.without(gone)
             scored = by_score([without.beyond(c) for c in changes], without.left)
-            worth = [f for score, f in scored if without.deviance - score <= self.far(own, enough)]
+            worth = [f for score, f in scored if without.deviance - score <= self.far(own)]
             starts = {f.placed: f.start for f in worth[: FURTHER.exchanged]} | self.moved(own, gone)
-            found += self.rivals(own, without.structure, starts, enough)
-        return found + self.of_excluded(own, enough)
+            found += self.rivals(own, without.structure, starts)
+        return found + self.of_excluded(own)
 
     def removable(self, structure: Structure) -> list[Placed]:
         """Effects beside the masses that are not required."""
@@ -148,9 +183,8 @@ class _Exchange:
         return [p for p in structure.placed if not p.effect.masses and p not in required]
 
     def is_new(self, structure: Structure) -> bool:
-        """True for a legal structure that has not been fitted, and contains none that explains as well."""
-        known = structure in self.fitted or any(contains(structure, s) for s in self.minimal)
-        return not (known or function_set().broken_rule(structure))
+        """True for a legal structure that contains none that explains as well."""
+        return not (any(contains(structure, s) for s in self.minimal) or function_set().broken_rule(structure))
 
     def moved(self, own: Refined, gone: Placed) -> dict[Placed, dict[str, float]]:
         """The same effect at other masses or shafts, with the values that it has."""
@@ -160,7 +194,7 @@ class _Exchange:
             if p.name == gone.name and p not in own.structure.placed
         }
 
-    def of_excluded(self, own: Refined, enough: float) -> list[Refined]:
+    def of_excluded(self, own: Refined) -> list[Refined]:
         """Fits with what excludes an effect of a structure in its place, by multistart: the two are never beside."""
         task, found = self.detectability.refined.task, list[Refined]()
         for other in self.effects:
@@ -169,13 +203,14 @@ class _Exchange:
                 rival = Structure((*bare.placed, other))
                 if self.is_new(rival):
                     values = fit_multistart(task, rival, FURTHER_STARTS, self.seed).values
-                    found += self.rivals(own, bare, {other: values}, enough)
+                    found += self.rivals(own, bare, {other: values})
         return found
 
-    def of_hard(self, own: Refined, enough: float) -> list[Refined]:
+    def of_hard(self, own: Refined) -> list[Refined]:
         """Fits with a further effect in the place of the last mass, or of a gap.
 
-        No derivative tells what these leave: the structure without them is fitted, and then with each of the effects.
+        No derivative tells what these leave: the structure without them is fitted, and then with each of the effects,
+        of the bent ones with the best by multistart.
         """
         refined, found = self.detectability.refined, list[Refined]()
         lattice = self.detectability.circumstances.lattice
@@ -184,45 +219,93 @@ class _Exchange:
             atom = lattice.atoms[bit.bit_length() - 1]
             if atom.effect.has_hard_limit or atom == mass_chain_of(own.structure):
                 bare = refined.of(lattice.structure(lattice.without(mask, bit)))
-                some = further_effects(refined.task, refined.fits.done[bare.structure], self.effects, self.seed)
-                found += self.rivals(bare, bare.structure, {f.placed: f.start for f in some}, enough)
+                fitted = refined.fits.done[bare.structure]
+                some = further_effects(refined.task, fitted, self.effects, self.seed)
+                bent = effect_by_multistart(refined.task, fitted, self.effects, self.seed)
+                starts = {f.placed: f.start for f in (*some, *([bent] if bent else []))}
+                found += self.rivals(bare, bare.structure, starts)
         return found
 
-    def rivals(
-        self, own: Refined, bare: Structure, starts: Mapping[Placed, Mapping[str, float]], enough: float
-    ) -> list[Refined]:
-        """Fits of `bare` with each of some effects, from the values of `own`, that leave no more than `enough`."""
+    def rivals(self, own: Refined, bare: Structure, starts: Mapping[Placed, Mapping[str, float]]) -> list[Refined]:
+        """Adequate fits of `bare` with each of some effects, from the values of `own`."""
         larger = {p: Structure((*bare.placed, *added_with(p, bare))) for p in starts}
         new = {p: s for p, s in larger.items() if self.is_new(s)}
         ends = self.ends([(s, {**own.values, **starts[p]}) for p, s in new.items()])
-        found = [self.reduced(end, p, enough) for p, end in zip(new, ends, strict=True) if end.deviance <= enough]
+        found = [self.reduced(end, p) for p, end in zip(new, ends, strict=True) if self.is_adequate(end)]
         least = {end.structure: end for end in found if not any(contains(end.structure, s) for s in self.minimal)}
         self.minimal.extend(least)
         return list(least.values())
 
-    def reduced(self, own: Refined, kept: Placed, enough: float) -> Refined:
-        """A rival without the effects that it does not need beside the one that it was given."""
+    def reduced(self, own: Refined, kept: Placed) -> Refined:
+        """A rival without the masses and the effects that it does not need beside the one that it was given."""
+        while (joined := self.last_masses_joined(own, kept)) is not None and self.is_adequate(joined[0]):
+            own, kept = joined
         while True:
             at = self.at(own)
             removed = [at.without(p) for p in self.removable(own.structure) if p != kept]
-            smaller = [w.structure for w in removed if w.deviance <= self.far(own, enough)]
+            smaller = [w.structure for w in removed if w.deviance <= self.far(own)]
             ends = self.ends([(s, own.values) for s in smaller if kept in s.placed])
             best = min(ends, key=lambda end: end.deviance, default=own)
-            if best is own or best.deviance > enough:
+            if best is own or not self.is_adequate(best):
                 return own
             own = best
 
+    def last_masses_joined(self, own: Refined, kept: Placed) -> tuple[Refined, Placed] | None:
+        """Fit with the last two masses as one, which has the effects of both, and the effect that is kept.
+
+        None with as few masses as the sensors ask for, or if what is kept stands in the shaft between the two.
+        """
+        lattice, last = self.detectability.circumstances.lattice, own.structure.masses
+        least = lattice.structure(lattice.required).masses
+        if last == max(least, 1) or (kept.effect.where == "shaft" and kept.place == last - 1):
+            return None
+        chain = next(p for p in function_set().whole.placed if p.effect.masses == last - 1)
+        on_mass = {p: Placed(p.name, last - 1) for p in own.structure.beside if p.effect.where == "mass"}
+        moved = {p: q for p, q in on_mass.items() if p.place == last}
+        beside = [moved.get(p, p) for p in own.structure.placed if not p.effect.masses]
+        beside = [p for p in beside if p.effect.where != "shaft" or p.place < last - 1]
+        structure = Structure((chain, *dict.fromkeys(beside)))
+        if function_set().broken_rule(structure):
+            return None
+        values = dict(own.values)
+        for p, q in moved.items():
+            if q not in own.structure.placed:
+                values |= {q.parameter(s.symbol): own.values[p.parameter(s.symbol)] for s in p.effect.parameters}
+        space = self.detectability.refined.task.space(structure, nuisances=True)
+        start = handed_down(values, None, own.structure, structure, space)[-1]
+        (end,) = self.ends([(structure, start)])
+        return end, moved.get(kept, kept)
+
     def ends(self, starts: Sequence[tuple[Structure, Mapping[str, float]]]) -> list[Refined]:
-        """Refined fits from some values, each structure once."""
+        """Refined fits from some values; once more where these are better than the end of an earlier fit."""
         refined, workers = self.detectability.refined, self.detectability.executor
-        fits = refined.fits.tried([(s, values) for s, values in starts if s not in self.fitted], workers)
+        fits = refined.fits.tried([(s, values) for s, values in starts if self.is_worth_a_fit(s, values)], workers)
         calls = [(refined.task, f.structure, f.values, refined.whitening, np.inf) for f in fits]
         self.fitted.update({end.structure: end for end in in_order(workers, refine, calls)})
         return [self.fitted[s] for s, _ in starts]
 
-    def far(self, own: Refined, enough: float) -> float:
+    def limit(self, free: int) -> float:
+        """Largest deviance with which a structure of so many parameters is adequate."""
+        return self.least + self.detectability.circumstances.threshold(Deviance(self.least, free), self.least)
+
+    def is_adequate(self, end: Refined) -> bool:
+        """True for a structure that would be adequate if it were in the lattice."""
+        return end.deviance <= self.limit(end.free)
+
+    def is_worth_a_fit(self, structure: Structure, values: Mapping[str, float]) -> bool:
+        """True for a structure that has not been fitted, or was no better after its fit than it is at some values."""
+        known = self.fitted.get(structure)
+        if known is None or self.is_adequate(known):
+            return known is None
+        task = self.detectability.refined.task
+        problem, space = task.problem_and_space(structure)
+        base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **values}
+        at = {name: np.array([base[name]]) for name in (*space.names, *space.fixed)}
+        return float(problem.costs(at, accurate(task).settings)[0]) < known.cost
+
+    def far(self, own: Refined) -> float:
         """Predicted deviance above which an exchange is not worth a fit."""
-        return own.deviance + BORDER.far * max(enough - own.deviance, self.detectability.chance(1))
+        return self.limit(own.free) + BORDER.far * self.detectability.chance(1)
 
     def at(self, own: Refined) -> _Linearised:
         """Residual and derivatives at the optimum of a structure."""
