@@ -55,6 +55,8 @@ class BorderSearch(OfferingSearch):
         """
         if everything:
             self.fit_everything()
+        elif self.offer_to_fewest_masses():
+            return self.settled()
         else:
             self.fit_largest()
         if not np.isfinite(self.fits.best().cost):

@@ -23,6 +23,7 @@ from brightgrey.search.further.proposals import (
     FURTHER_STARTS,
     FurtherEffect,
     effect_by_multistart,
+    explains_more_in_place,
     follows_further_effect,
     further_effects,
     is_bent,
@@ -68,13 +69,39 @@ class OfferingSearch:
         for masses in range(1, most_masses + 1):
             extended = [fit for own in self.best_with(masses) if (fit := self.extended(own)) is not None]
             if extended:
-                found = min(extended, key=lambda f: f.cost)
-                self.offered += tuple(p for p in found.structure.placed if p in self.more)
-                self.fits.done[found.structure] = found
-                self.limit_masses(masses + 1)
-                self.fits.propagate({found.structure} & self.fits.done.keys(), self.executor)
+                self.take_offer(min(extended, key=lambda f: f.cost))
                 return True
         return False
+
+    def offer_to_fewest_masses(self) -> bool:
+        """Extend the lattice by effects that explain all beside the fewest masses; returns False without any.
+
+        The residual is white with them, or smaller than with any number of masses without them. Then neither more
+        masses nor gaps have to be gone into.
+        """
+        if self.with_effects is None:
+            return False
+        masses = self.anchors[0].masses
+        self.fit([s for s in self.anchors if s.masses == masses])
+        if self.is_explained():
+            return False
+        extended = [fit for own in self.best_with(masses) if (fit := self.extended(own)) is not None]
+        found = min(extended, key=lambda f: f.cost, default=None)
+        if found is None:
+            return False
+        if not self.is_explained(found):
+            self.fit(self.anchors)
+            if self.is_explained() or found.cost > self.fits.best().cost:
+                return False
+        self.take_offer(found)
+        return True
+
+    def take_offer(self, found: StructureFit) -> None:
+        """Extend the lattice by the further effects of a fit, with one mass more at most."""
+        self.offered += tuple(p for p in found.structure.placed if p in self.more)
+        self.fits.done[found.structure] = found
+        self.limit_masses(found.structure.masses + 1)
+        self.fits.propagate({found.structure} & self.fits.done.keys(), self.executor)
 
     def offer_rival(self, structure: Structure, values: Mapping[str, float]) -> bool:
         """Extend the lattice by the effects of a structure beyond it; returns False if that is more than is offered."""
@@ -136,15 +163,14 @@ class OfferingSearch:
         """
         best, reached = self.fits.best(), own
         for _ in range(min(FURTHER.at_once, FURTHER.most - len(self.offered))):
-            larger = self.with_one_more(reached)
+            if self.is_explained(reached):
+                break
+            larger = self.with_one_more(reached) or self.with_bent_effect(reached)
             if larger is None:
                 break
             reached = larger
         if reached is own:
-            bent = self.with_bent_effect(own)
-            if bent is None:
-                return None
-            reached = bent
+            return None
         taken = [p for p in reached.structure.placed if p not in own.structure.placed]
         enough = own.cost - reached.cost >= FURTHER.rescued_share * (own.cost - best.cost)
         return reached if enough and reached.cost < least_rival_cost(taken, self.fits.done) else None
@@ -175,16 +201,16 @@ class OfferingSearch:
     def is_explained_better(self, own: StructureFit) -> bool:
         """True if a fit with one more effect explains what noise of the colour that it leaves would not by chance.
 
-        Model error that is large and slow passes for noise of its own colour. It does not beside the effect that
-        explains it.
+        Model error that is large and slow passes for noise of its own colour, with few independent samples. It does not
+        beside the effect that explains it.
         """
+        if independent_samples(self.task, own) > SELECTION.few_samples:
+            return False
         found = [fit for fit in (self.with_one_more(own), self.with_bent_effect(own)) if fit is not None]
         if not found:
             return False
         larger = min(found, key=lambda fit: fit.cost)
-        whitening = whitening_by(self.task, larger.structure, larger.values)
-        lengths = zip(whitening.models, whitening.lengths, strict=True)
-        left = sum(model.effective_samples_mean(n) for model, n in lengths) - larger.free
+        left = independent_samples(self.task, larger) - larger.free
         more = max(larger.free - own.free, 1)
         ratio = (own.cost / positive(larger.cost) - 1.0) * left / more
         level = SELECTION.false_alarm_level / len(self.more)
@@ -197,9 +223,9 @@ class OfferingSearch:
             self.fits.add(new, self.executor)
             self.progress("fits", len(self.fits.done), self.fits.best().structure)
 
-    def is_explained(self) -> bool:
-        """True if the residual of the best fit is white, or within the accuracy of the simulation."""
-        best = self.fits.best()
+    def is_explained(self, fitted: StructureFit | None = None) -> bool:
+        """True if the residual of a fit, the best by default, is white or within the accuracy of the simulation."""
+        best = fitted or self.fits.best()
         problem = self.fits.task.problem(best.structure)
         if best.cost <= self.fits.error_floor_cost(best):
             return True
@@ -219,6 +245,7 @@ class OfferingSearch:
                 or signs_of_model_error(
                     self.task, best.structure, optimum_of(self.task, best), self.fits.error_floor_cost(best)
                 )
+                or explains_more_in_place(self.task, best, self.more, self.seed)
                 or (self.more and not self.offered and self.is_explained_better(best))
             )
         return self._model_error[known]
@@ -227,6 +254,13 @@ class OfferingSearch:
     def more(self) -> list[Placed]:
         """Further effects that have not been offered."""
         return [p for p in self.further if p not in self.lattice.atoms]
+
+
+def independent_samples(task: IdentificationTask, fitted: StructureFit) -> float:
+    """Number of independent samples whose mean is as exact as that of the residual of a fit."""
+    whitening = whitening_by(task, fitted.structure, fitted.values)
+    lengths = zip(whitening.models, whitening.lengths, strict=True)
+    return float(sum(model.effective_samples_mean(n) for model, n in lengths))
 
 
 def _with_effect(own: StructureFit, found: FurtherEffect) -> tuple[Structure, dict[str, float]]:

@@ -35,6 +35,7 @@ __all__ = [
     "by_score",
     "changes_beside",
     "effect_by_multistart",
+    "explains_more_in_place",
     "follows_further_effect",
     "further_effects",
     "is_bent",
@@ -139,14 +140,7 @@ def follows_further_effect(task: IdentificationTask, fitted: StructureFit, more:
     """True if the residual of a fit follows a further effect by more than noise of its colour explains.
 
     This asks whether there is anything to offer, where the residual of the best structure is all that speaks of noise.
-    An effect that detunes resonances may also explain more in the place of one that it excludes.
     """
-    for placed in (p for p in more if p.effect.detunes_resonances):
-        others = tuple(p for p in fitted.structure.placed if not placed.excludes(p))
-        if len(others) < len(fitted.structure.placed):
-            instead = fit_multistart(task, Structure((*others, placed)), FURTHER_STARTS, seed)
-            if instead.cost <= (1.0 - FURTHER.notable_gain) * fitted.cost:
-                return True
     task = accurate(task)
     residual, jacobian, inside = residual_and_jacobian(task, fitted.structure, fitted.values)
     candidates = [
@@ -159,6 +153,17 @@ def follows_further_effect(task: IdentificationTask, fitted: StructureFit, more:
     level = DIAGNOSTIC_DEFAULTS.symptom_level
     found = detect_regressors(residual, jacobian[:, list(inside)], lengths, candidates, level) if candidates else []
     return any(f.share >= FURTHER.notable_gain for f in found)
+
+
+def explains_more_in_place(task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int) -> bool:
+    """True if an effect that detunes resonances explains more in the place of one that it excludes, by multistart."""
+    for placed in (p for p in more if p.effect.detunes_resonances):
+        others = tuple(p for p in fitted.structure.placed if not placed.excludes(p))
+        if len(others) < len(fitted.structure.placed):
+            instead = fit_multistart(task, Structure((*others, placed)), FURTHER_STARTS, seed)
+            if instead.cost <= (1.0 - FURTHER.notable_gain) * fitted.cost:
+                return True
+    return False
 
 
 def changes_beside(

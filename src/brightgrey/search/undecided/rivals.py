@@ -209,8 +209,8 @@ class _Exchange:
     def of_hard(self, own: Refined) -> list[Refined]:
         """Fits with a further effect in the place of the last mass, or of a gap.
 
-        No derivative tells what these leave: the structure without them is fitted, and then with each of the effects,
-        of the bent ones with the best by multistart.
+        No derivative tells what these leave: the structure without them is fitted, and then with each of the effects.
+        In the place of a mass, the best of the bent ones is found by multistart.
         """
         refined, found = self.detectability.refined, list[Refined]()
         lattice = self.detectability.circumstances.lattice
@@ -221,8 +221,10 @@ class _Exchange:
                 bare = refined.of(lattice.structure(lattice.without(mask, bit)))
                 fitted = refined.fits.done[bare.structure]
                 some = further_effects(refined.task, fitted, self.effects, self.seed)
-                bent = effect_by_multistart(refined.task, fitted, self.effects, self.seed)
-                starts = {f.placed: f.start for f in (*some, *([bent] if bent else []))}
+                starts = {f.placed: f.start for f in some}
+                if atom.effect.masses:
+                    bent = effect_by_multistart(refined.task, fitted, self.effects, self.seed)
+                    starts |= {bent.placed: bent.start} if bent else {}
                 found += self.rivals(bare, bare.structure, starts)
         return found
 
