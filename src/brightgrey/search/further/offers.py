@@ -204,13 +204,13 @@ class OfferingSearch:
         Model error that is large and slow passes for noise of its own colour, with few independent samples. It does not
         beside the effect that explains it.
         """
-        if independent_samples(self.task, own) > SELECTION.few_samples:
+        if effective_samples_of(self.task, own) > SELECTION.few_samples:
             return False
         found = [fit for fit in (self.with_one_more(own), self.with_bent_effect(own)) if fit is not None]
         if not found:
             return False
         larger = min(found, key=lambda fit: fit.cost)
-        left = independent_samples(self.task, larger) - larger.free
+        left = effective_samples_of(self.task, larger) - larger.free
         more = max(larger.free - own.free, 1)
         ratio = (own.cost / positive(larger.cost) - 1.0) * left / more
         level = SELECTION.false_alarm_level / len(self.more)
@@ -256,7 +256,7 @@ class OfferingSearch:
         return [p for p in self.further if p not in self.lattice.atoms]
 
 
-def independent_samples(task: IdentificationTask, fitted: StructureFit) -> float:
+def effective_samples_of(task: IdentificationTask, fitted: StructureFit) -> float:
     """Number of independent samples whose mean is as exact as that of the residual of a fit."""
     whitening = whitening_by(task, fitted.structure, fitted.values)
     lengths = zip(whitening.models, whitening.lengths, strict=True)
