@@ -62,6 +62,16 @@ def test_friction_at_the_second_mass__its_place_shows__needed_there():
     assert minimal(found)[0] == "two_mass+coulomb+coulomb@2+viscous"
 
 
+def test_effect_explains_all_beside_one_mass__neither_more_masses_nor_gaps_are_gone_into():
+    values = {"J1": 0.014, "f_v": 0.02, "M_C": 0.3, "c_g": 0.08}
+    structure = "one_mass+coulomb+viscous+ground_spring"
+    task = simulated_task(structure, values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH, step=1e-3)
+    excluded = ("stribeck", "current_control", "delay", "gravity")
+    found = decide_structures(task, grammar_named("drive"), exclude=excluded)
+    assert structure in minimal(found)
+    assert max(s.masses for s in found.fitted) == 2
+
+
 def test_friction_beside_a_gap__is_offered_beside_the_gap():
     task = simulated_task(
         "two_mass+coulomb+viscous+backlash+coulomb@2",
