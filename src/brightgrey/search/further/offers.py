@@ -129,12 +129,16 @@ class OfferingSearch:
 
         And where structures that were left out since they have more masses explained notably more.
         """
-        enough = self.fits.best().cost <= (1.0 + FURTHER.notable_gain) * self.least_cost
-        if not self.offered or (masses < self.most_masses and enough):
+        if not self.offered or (masses < self.most_masses and not self.is_behind):
             return False
         before = self.most_masses
         self.limit_masses(before + 1)
         return self.most_masses > before
+
+    @property
+    def is_behind(self) -> bool:
+        """True if structures that were left out have explained notably more than those of the lattice do."""
+        return self.fits.best().cost > (1.0 + FURTHER.notable_gain) * self.least_cost
 
     @property
     def most_masses(self) -> int:
@@ -165,7 +169,9 @@ class OfferingSearch:
         for _ in range(min(FURTHER.at_once, FURTHER.most - len(self.offered))):
             if self.is_explained(reached):
                 break
-            larger = self.with_one_more(reached) or self.with_bent_effect(reached)
+            larger = self.with_one_more(reached)
+            if larger is None and (reached is own or own.structure.masses == self.anchors[0].masses):
+                larger = self.with_bent_effect(reached)  # a multistart, which is cheap with the fewest masses only
             if larger is None:
                 break
             reached = larger
