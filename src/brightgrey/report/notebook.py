@@ -18,7 +18,7 @@ def result_html(content: Content) -> str:
     """Element of HTML without any script."""
     model = content.model
     parameters = [(r.name, r.estimate, r.unit, r.note, r.about) for r in parameter_rows(model)]
-    fits = [(r.output, r.on, r.fit_percent, r.rmse, r.unit) for r in fit_rows(model)]
+    fits = [(r.output, r.recording, r.fit_percent, r.rmse, r.unit) for r in fit_rows(model)]
     first, *rest = headline(content).sentences
     outcome = sentence(with_meanings(model.outcome.text, model.structure))
     parts = [f"<p><b>{html.escape(first)}</b></p><p>{html.escape(' '.join([*rest, outcome]))}</p>"]
