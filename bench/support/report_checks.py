@@ -194,7 +194,7 @@ def terminal_prose(found: Result) -> list[Prose]:
 def screen_prose(found: Result, width: int) -> list[Prose]:
     """Sentences of a terminal of a width, unfolded, its tables apart; and the whole, as it stands there."""
     shown = terminal(found, width)
-    parts = re.split(r"\n\s*\n|\n(?=- )", shown)
+    parts = re.split(r"\n\s*\n|\n(?=- |  and \d+ more|Results are)", shown)
     whole = [Prose("terminal", "prose", " ".join(part.split())) for part in parts if not set(part) & set("─▁▂▃▄▅▆▇█")]
     return [*whole, Prose("terminal", "cell", shown)]
 
