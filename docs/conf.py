@@ -94,4 +94,10 @@ def setup(app):
         if "% command line" in text[0]:
             text[0] = text[0].replace("% command line", command_line())
 
+    def breakable(app, page, template, context, doctree):
+        """Let long names of structures break after a plus, and nowhere else."""
+        code = r'(?<=<span class="pre">)[^<]*\w\+\w[^<]*(?=</span>)'
+        context["body"] = re.sub(code, lambda found: found[0].replace("+", "+<wbr>"), context.get("body", ""))
+
     app.connect("source-read", fill)
+    app.connect("html-page-context", breakable)
