@@ -17,7 +17,7 @@ from brightgrey.simulation.reference import reference
 ROOT = Path(__file__).parents[2]
 RECIPES = ROOT / "docs" / "how-to" / "recipes.md"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("[!v]*/*.md")))
-CHANNELS = ("velocity", "position", "position@2")
+CHANNELS = ("v1", "q1", "q2")
 
 
 def commands(page):
