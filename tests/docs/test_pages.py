@@ -103,7 +103,9 @@ def test_validation_pages__are_those_that_the_data_give():
 
 def test_readme__figures_stand_on_the_page_that_is_linked():
     text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| [^|]+ \| ([^|]+) \| \[[^\]]+\]\((docs/(?:validation|gallery)/[\w-]+\.md)\) \|$", text, re.MULTILINE)
+    rows = re.findall(
+        r"^\| [^|]+ \| ([^|]+) \| \[[^\]]+\]\((docs/(?:validation|gallery)/[\w-]+\.md)\) \|$", text, re.MULTILINE
+    )
     assert len(rows) >= 9
     for answer, page in rows:
         there = set(re.findall(r"[\d.,e-]*\d", (DOCS.parent / page).read_text(encoding="utf-8")))
