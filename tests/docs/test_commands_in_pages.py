@@ -20,16 +20,16 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("[!v]*/*.md")))
 CHANNELS = ("v1", "q1", "q2")
 
 
-def commands(page):
+def commands(text):
     """Lines of indented blocks that call the program, with those that go on after a backslash."""
-    text = re.sub(r"\\\n\s*", "", page.read_text(encoding="utf-8"))
+    text = re.sub(r"\\\n\s*", "", text)
     return [shlex.split(line, comments=True) for line in re.findall(r"^    (brightgrey .*)$", text, re.MULTILINE)]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_page__its_commands__are_understood(page):
     group = typer.main.get_command(app)
-    for _, name, *arguments in (words for words in commands(page) if len(words) > 1):
+    for _, name, *arguments in (words for words in commands(page.read_text(encoding="utf-8")) if len(words) > 1):
         assert name in group.commands, name
         group.commands[name].make_context(name, arguments, resilient_parsing=False).close()
 
@@ -43,13 +43,12 @@ def recorded(folder):
     t = E.dt * np.arange(torque.size)
     channels = {"t [s]": t, "torque [N m]": torque, "velocity [rad/s]": v, "position [rad]": q}
     tables = {
-        "scope": channels | {"torque [N m]": 100.0 * torque / 9.84},
+        "scope": {"t [s]": t, "torque [%]": 100.0 * torque / 9.84, "position [rad]": q},
         "run": channels | {"motor [rad]": q, "load [rad]": load},
         "axis": {"t [s]": t, "force [N]": torque, "position": 10.0 * q},
         "joint": {"t [s]": t, "motor_torque [N m]": torque / 120.0, "position [rad]": q},
         **dict.fromkeys(("before", "after"), channels),
     }
-    tables["scope"] = {name.replace("torque [N m]", "torque"): y for name, y in tables["scope"].items()}
     for name, table in tables.items():
         rows = np.column_stack(list(table.values()))
         np.savetxt(folder / f"{name}.csv", rows, fmt="%.9g", delimiter=",", header=",".join(table), comments="")
@@ -69,10 +68,13 @@ def run(folder, *words):
 
 @pytest.mark.long
 def test_recipes__every_one__runs_as_it_stands(tmp_path):
-    recorded(tmp_path)
-    text = RECIPES.read_text(encoding="utf-8")
-    assert len(re.findall(r"^## ", text, re.MULTILINE)) == 10
-    for words in commands(RECIPES):
-        run(tmp_path, "-m", *words)
-    (python,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    run(tmp_path, "-c", python)
+    _, *recipes = RECIPES.read_text(encoding="utf-8").split("\n## ")
+    assert len(recipes) == 10
+    for number, recipe in enumerate(recipes):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        recorded(folder)
+        for words in commands(recipe):
+            run(folder, "-m", *words)
+        for python in re.findall(r"```python\n(.*?)```", recipe, re.DOTALL):
+            run(folder, "-c", python)
