@@ -59,7 +59,7 @@ class FitRow:
 
     @property
     def recording(self) -> str:
-        """What the recording was for, in words."""
+        """Use of the recording in words."""
         return "identified" if self.on == "train" else self.on
 
 
