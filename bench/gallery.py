@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from brightgrey import Recording, identify
 from support.measured import emps_recording, kuka_recording, pendulum_recordings, two_mass_recordings
-from support.pictures import kept, picture
+from support.pictures import NARROW, kept, picture
 from support.results import RESULTS, code_version
 
 PAGES = Path(__file__).parents[1] / "docs" / "gallery"
@@ -84,19 +84,20 @@ def pages() -> None:
     for name in done:
         found = json.loads((RESULTS / f"gallery_{name}.json").read_text(encoding="utf-8"))
         (PAGES / f"{name}.svg").write_text(picture(found), encoding="utf-8")
+        (PAGES / f"{name}-narrow.svg").write_text(picture(found, NARROW), encoding="utf-8")
         (PAGES / f"{name}.md").write_text(page(name, DRIVES[name], found), encoding="utf-8")
     (PAGES / "index.md").write_text(index(done), encoding="utf-8")
 
 
 def page(name: str, drive: Drive, found: Mapping[str, Any]) -> str:
     """One drive in Markdown."""
-    lines = [f"# {drive.title}", "", *fill(drive.about, 118).splitlines(), "", f"![{drive.title}]({name}.svg)", ""]
+    lines = [f"# {drive.title}", "", *fill(drive.about, 118).splitlines(), "", *_pictures(name, drive), ""]
     for sentence in found["headline"]:
         lines += fill(sentence, 118, initial_indent="- ", subsequent_indent="  ").splitlines()
     lines.append("")
-    lines += ["| parameter | value | unit | meaning |", "|---|---|---|---|"]
+    lines += ["```{table}", ":class: values", "", "| parameter | value | unit | meaning |", "|---|---|---|---|"]
     lines += [f"| `{n}` | {value} | {unit} | {about} |" for n, value, unit, about in found["parameters"]]
-    lines += ["", "| effect | verdict | reason |", "|---|---|---|"]
+    lines += ["```", "", "| effect | verdict | reason |", "|---|---|---|"]
     lines += [f"| {title} | {verdict} | {reason} |" for title, verdict, reason in found["verdicts"]]
     lines += ["", *fill(f"Recording: {drive.source}.", 118).splitlines(), ""]
     lines += [
@@ -106,13 +107,19 @@ def page(name: str, drive: Drive, found: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _pictures(name: str, drive: Drive) -> list[str]:
+    """The picture of a drive, wide and narrow, of which a page shows one."""
+    return [f"![{drive.title}]({name}.svg){{.wide}}", f"![{drive.title}]({name}-narrow.svg){{.narrow}}"]
+
+
 def index(names: Sequence[str]) -> str:
     """Page with all drives."""
     lines = ["# Gallery", "", "Measured drives, identified with nothing given but their recordings.", ""]
     for name in names:
         drive = DRIVES[name]
         lines += [f"## [{drive.title}]({name}.md)", "", *fill(drive.about, 118).splitlines(), ""]
-        lines += [f"[![{drive.title}]({name}.svg)]({name}.md)", ""]
+        lines += [f"[{shown}]({name}.md)" for shown in _pictures(name, drive)]
+        lines.append("")
     lines += ["```{toctree}", ":hidden:", "", *names, "```", ""]
     return "\n".join(lines)
 

@@ -1,12 +1,15 @@
 """Pictures of README and explanations, from the demo: the same code gives the same bytes.
 
-python bench/pictures.py        docs/pictures/*.svg
+python bench/pictures.py        docs/pictures/*.svg and docs/border.svg
 """
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -16,9 +19,10 @@ from brightgrey.estimation.problem.simulation_error import SimulationErrorProble
 from brightgrey.report.charts.chart import Chart, Line, Mark, Panel
 from brightgrey.report.drawing.matplotlib_figure import draw
 from brightgrey.report.drawing.matplotlib_figure import picture as written
-from support.pictures import kept, picture
+from support.pictures import NARROW, kept, picture
 
-PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+ROOT = Path(__file__).parents[1]
+PICTURES = ROOT / "docs" / "pictures"
 BEGINNINGS = (0.1, 0.3, 1.0)
 FACTORS = np.geomspace(0.3, 3.0, 241)
 
@@ -52,6 +56,7 @@ def speed_loop(result: Result) -> Chart:
 
 DRAWN: dict[str, Callable[[Result], str]] = {
     "demo": lambda result: picture(kept(result)),
+    "demo-narrow": lambda result: picture(kept(result), NARROW),
     "local-minima": lambda result: written(draw([local_minima(result)]), "svg").decode(),
     "speed-loop": lambda result: written(draw([speed_loop(result)]), "svg").decode(),
 }
@@ -65,6 +70,9 @@ def main() -> None:
         path = PICTURES / f"{name}.svg"
         path.write_text(drawn(found), encoding="utf-8")
         print(path)
+    with TemporaryDirectory() as folder:
+        found.write(folder)
+        subprocess.run([sys.executable, ROOT / "tools" / "border_picture.py", f"{folder}/model.json"], check=True)
 
 
 if __name__ == "__main__":

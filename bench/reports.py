@@ -27,6 +27,7 @@ from support.report_checks import (
     open_report,
     paper,
     prose,
+    screen_prose,
     terminal,
     terminal_prose,
 )
@@ -39,7 +40,7 @@ DRIVES: Mapping[str, Callable[[], Result]] = {
     "pendulum": lambda: identify([pendulum_recordings()["system_identification"]], workers=2),
 }
 VIEWS = ((400, "light"), (400, "dark"), (1280, "light"), (1280, "dark"))
-COLUMNS = (80, 60)
+COLUMNS = (120, 80, 60)
 
 
 def result_of(name: str, folder: Path) -> Result:
@@ -67,6 +68,7 @@ def checked(browser: Browser, name: str, found: Result, folder: Path) -> tuple[l
     ]
     count, wrong = check_numbers(browser, folder)
     texts = [*prose(browser, report), *terminal_prose(found)]
+    texts += [one for width in COLUMNS for one in screen_prose(found, width)]
     names, long = named_in_code(texts, list(found.model.parameters)), long_sentences(texts)
     for text in (*wrong, *names, *long):
         print(f"{name}: {text}")
@@ -111,7 +113,11 @@ def main() -> None:
                 ["report", "numbers", "not those of model.json", "texts", "code names", "sentences over 30 words"],
                 words,
             ),
-            Table("Lines in the terminal (longest line)", ["result", "80 columns", "60 columns", "pipe"], lines),
+            Table(
+                "Lines in the terminal (longest line)",
+                ["result", *(f"{width} columns" for width in COLUMNS), "pipe"],
+                lines,
+            ),
         ],
         to_file=given.save,
     )

@@ -14,9 +14,12 @@ release = version = __version__
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
 exclude_patterns = ["build"]
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_show_copyright = False
 html_title = f"brightgrey {__version__}"
 
+myst_enable_extensions = ["attrs_inline"]
 myst_heading_anchors = 3
 nb_execution_mode = "force"
 nb_execution_in_temp = True
@@ -91,4 +94,10 @@ def setup(app):
         if "% command line" in text[0]:
             text[0] = text[0].replace("% command line", command_line())
 
+    def breakable(app, page, template, context, doctree):
+        """Let long names of structures break after a plus, and nowhere else."""
+        code = r'(?<=<span class="pre">)[^<]*\w\+\w[^<]*(?=</span>)'
+        context["body"] = re.sub(code, lambda found: found[0].replace("+", "+<wbr>"), context.get("body", ""))
+
     app.connect("source-read", fill)
+    app.connect("html-page-context", breakable)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-from brightgrey.kit import function_set
+from brightgrey.kit import PAPER
 from brightgrey.search.lattice import Lattice
 
 ROOT = Path(__file__).parents[1]
@@ -53,7 +53,7 @@ class Row:
 
 def rows(certificate: dict) -> list[Row]:
     """Return the rows of all structures, the richest first; the refuted ones of the border are numbered from 1."""
-    grammar = function_set()
+    grammar = PAPER  # the stage of the function set that decides the demo
     lattice = Lattice.of(grammar)
     minimal = [lattice.mask(grammar.parse(name)) for name in certificate["minimal"]]
     refuted = [lattice.mask(grammar.parse(r["structure"])) for r in certificate["refuted"]]
@@ -108,7 +108,7 @@ def legend(certificate: dict, y: float) -> list[str]:
     """Return one line of words for each structure of the border."""
     parts = []
     for name in certificate["minimal"]:
-        placed = function_set().parse(name).placed
+        placed = PAPER.parse(name).placed
         parts += mark("✓", MARGIN + 10, y, "adequate")
         parts.append(f'<text class="name" x="{MARGIN + 30}" y="{y + 5}">enough: {escape(WORDS[placed[0].name])}</text>')
         y += LINE - 5

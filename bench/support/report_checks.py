@@ -30,6 +30,7 @@ __all__ = [
     "open_report",
     "paper",
     "prose",
+    "screen_prose",
     "terminal",
     "terminal_prose",
 ]
@@ -187,6 +188,14 @@ def terminal_prose(found: Result) -> list[Prose]:
     head, _, rest = shown.partition("\n\n")
     items = re.findall(r"^- (.*(?:\n  .*)*)", rest, re.MULTILINE)
     whole = [Prose("terminal", "prose", " ".join(part.split())) for part in (*head.split(".\n"), *items)]
+    return [*whole, Prose("terminal", "cell", shown)]
+
+
+def screen_prose(found: Result, width: int) -> list[Prose]:
+    """Sentences of a terminal of a width, unfolded, its tables apart; and the whole, as it stands there."""
+    shown = terminal(found, width)
+    parts = re.split(r"\n\s*\n|\n(?=- |  and \d+ more|Results are)", shown)
+    whole = [Prose("terminal", "prose", " ".join(part.split())) for part in parts if not set(part) & set("─▁▂▃▄▅▆▇█")]
     return [*whole, Prose("terminal", "cell", shown)]
 
 

@@ -13,10 +13,14 @@ __all__ = ["sparkline", "table"]
 WIDTH, HEIGHT = 180.0, 28.0  # pixels
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """HTML table. Every cell is escaped, except the drawings that :func:`sparkline` returns."""
+def table(header: Sequence[str], rows: Iterable[Sequence[object]], unbroken: Sequence[str] = ()) -> str:
+    """HTML table. Every cell is escaped, except the drawings that :func:`sparkline` returns.
+
+    Cells of the columns `unbroken` stay in one line.
+    """
     head = "".join(f'<th style="text-align:left">{html.escape(name)}</th>' for name in header)
-    body = "".join(f"<tr>{''.join(_cell(cell) for cell in row)}</tr>" for row in rows)
+    kept = [name in unbroken for name in header]
+    body = "".join(f"<tr>{''.join(map(_cell, row, kept))}</tr>" for row in rows)
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
@@ -24,8 +28,9 @@ class _Drawing(str):
     """HTML that may stand in a cell."""
 
 
-def _cell(value: object) -> str:
-    return f'<td style="text-align:left">{value if isinstance(value, _Drawing) else html.escape(str(value))}</td>'
+def _cell(value: object, kept: bool) -> str:
+    style = "text-align:left;white-space:nowrap" if kept else "text-align:left"
+    return f'<td style="{style}">{value if isinstance(value, _Drawing) else html.escape(str(value))}</td>'
 
 
 def sparkline(values: ArrayLike) -> str:

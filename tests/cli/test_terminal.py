@@ -94,7 +94,8 @@ def test_the_report_says_the_command_that_was_given(drive, tmp_path, call):
     done = call("identify", drive.folder / "a.csv", *drive.options, "--seed", 5, "--quiet", "--out", tmp_path)
     assert done.code == 0
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
-    (command,) = re.findall(r'<pre id="command">(.*?)</pre>', html, re.DOTALL)
+    (shown,) = re.findall(r'<pre id="command">(.*?)</pre>', html, re.DOTALL)
+    command = re.sub("<.*?>", "", shown)
     assert command.startswith(f"brightgrey identify {drive.folder / 'a.csv'} --input torque --output speed")
     assert command.endswith("--f-tanh 4.0 --seed 5")
     for absent in ("--out", "--quiet", "--workers"):

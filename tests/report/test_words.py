@@ -1,6 +1,7 @@
 """Words of report and terminal: people's names for things, and sentences of at most 30 words."""
 
 import importlib.util
+import io
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -10,11 +11,14 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from brightgrey import Model, Result
 from brightgrey.cli.terminal import results as terminal
+from brightgrey.cli.terminal.overview import print_overview
 from brightgrey.effects import registry
 from brightgrey.estimation.diagnostics.second_opinion import TermOpinion
+from brightgrey.estimation.diagnostics.symptoms import Symptom
 from brightgrey.kit import Placed, Structure, grammar_named
 from brightgrey.model.ranking import Row
 from brightgrey.model.schema import TiesPart
@@ -25,7 +29,7 @@ from brightgrey.report.text import prose
 from brightgrey.report.text.headline import headline
 from brightgrey.report.text.next_steps import next_steps, urgent_steps, why_not_richer
 from brightgrey.report.text.opinion_table import opinion_sentences
-from brightgrey.report.text.prose import listing, with_meanings
+from brightgrey.report.text.prose import listing, with_forces, with_meanings
 from brightgrey.search.evidence import EffectVerdict
 from brightgrey.search.verdicts import Reason, ReasonKind, Size
 from support.evidence import evidence_of
@@ -132,6 +136,22 @@ def test_terminal__no_code_names_and_no_long_sentences(seed, readability):
             assert len(sentence.split()) <= readability.LONGEST, sentence
 
 
+@pytest.mark.parametrize("width", [60, 80, 120])
+@pytest.mark.parametrize("seed", range(3))
+def test_terminal__of_any_width__no_code_names_no_long_sentences_and_no_line_too_long(seed, width, readability):
+    content = searched(seed)
+    fit = SimpleNamespace(correlation={}, symptoms=(), second_opinion=())
+    found = Result(content.model, tuple(content.traces), content.ranking, ("a note",), fit, evidence=content.evidence)
+    out = io.StringIO()
+    print_overview(Console(file=out, width=width, markup=False, emoji=False, highlight=False), found)
+    assert max(map(len, out.getvalue().splitlines())) <= width
+    assert not [name for name in CODE_NAMES if re.search(rf"\b{name}\b", out.getvalue())]
+    for part in re.split(r"\n\s*\n|\n(?=- )", out.getvalue()):
+        if not set(part) & set("─▁▂▃▄▅▆▇█"):
+            for sentence in readability.sentences(" ".join(part.split())):
+                assert len(sentence.split()) <= readability.LONGEST, sentence
+
+
 def test_terminal__result__fits_on_one_screen():
     content = searched(0)
     fit = SimpleNamespace(correlation={}, symptoms=(), second_opinion=())
@@ -187,6 +207,23 @@ def test_next_steps__model_with_a_parameter_at_its_bound__is_told_first():
     assert steps[-1].title == "Use the model"
     assert all(bool(step.task) == bool(step.commands) for step in steps)
     assert not any("--" in step.text for step in steps)  # a page without a command line shows the text alone
+
+
+def test_next_steps__parameter_of_a_negligible_effect__is_not_given_room():
+    model = model_with_intervals("one_mass+coulomb")
+    parts = dict(model.parameters)
+    parts["M_C"] = parts["M_C"].model_copy(update={"at_bound": "low"})
+    model = model.model_copy(update={"parameters": parts})
+    small = Symptom(
+        "Coulomb friction is negligible", "M_C is at its lower bound, below any relevant size", "leave it out"
+    )
+    titles = [step.title for step in next_steps(Content(model, [trace_of(model)], symptoms=(small,)))]
+    assert small.title in titles
+    assert not [title for title in titles if "room" in title]
+
+
+def test_with_forces__sentence_about_a_linear_axis__has_no_torque():
+    assert with_forces("Torque drifts: 'torque' holds a torque or force") == "Force drifts: 'torque' holds a force"
 
 
 def test_with_meanings__parameters_in_a_finding__are_called_by_what_they_are():

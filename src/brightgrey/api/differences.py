@@ -12,6 +12,7 @@ from brightgrey.control.linear.operating_point import HALF_SPEED
 from brightgrey.effects import TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import StateSpace, Structure, assemble
+from brightgrey.numerics.number_format import significant
 from brightgrey.recordings import Recording
 from brightgrey.search.detectability import has
 from brightgrey.search.evidence import Evidence
@@ -121,7 +122,7 @@ def _pole_text(n: ModelFigures) -> str:
     parts = []
     for p in upper[:SHOWN_POLES]:
         real, imag = (_no_rounding_error(part, abs(p)) for part in (p.real, p.imag))
-        parts.append(f"{real:.3g} ± {imag:.3g}i" if imag else f"{real:.3g}")
+        parts.append(f"{significant(real, 3)} ± {significant(imag, 3)}i" if imag else significant(real, 3))
     return ", ".join(parts) or "none"
 
 

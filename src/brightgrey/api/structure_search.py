@@ -170,6 +170,8 @@ def _note(done: Decision) -> str:
     certificate = done.evidence.certificate
     if certificate.structures == 1:
         return "one structure tried"
+    if certificate.undecided:
+        return f"{count} structures were fitted; the budget ended before all {certificate.structures:,} were decided"
     return f"{count} structures were fitted, which decide all {certificate.structures:,}"
 
 

@@ -21,8 +21,8 @@ class DrawingStyle:
     size: float = 12.0  #: Of the font.
     small: float = 11.0  #: Of names and intervals.
     subscript: float = 0.75  #: Of a subscript, over the font's size.
-    drop: float = 0.25  #: By which a subscript is lower, over the font's size.
-    line_height: float = 15.0
+    drop: float = 0.2  #: By which a subscript is lower, over the font's size.
+    line_height: float = 16.0  #: So that no subscript reaches into the next line.
     ascent: float = 0.93  #: Of DejaVu Sans, over its size.
     descent: float = 0.24
     text_width: float = 124.0  #: Most pixels of a line, unless one value is longer.
@@ -134,8 +134,8 @@ class Label:
     @property
     def box(self) -> Box:
         """Box of the line with ascenders, descenders and subscripts."""
-        low = self.y + STYLE.descent * self.size
-        return self.x, self.y - STYLE.ascent * self.size, self.x + self.width, low
+        depth = max(STYLE.drop + STYLE.subscript * STYLE.descent if low else STYLE.descent for _, low in self.runs)
+        return self.x, self.y - STYLE.ascent * self.size, self.x + self.width, self.y + depth * self.size
 
     @property
     def plain(self) -> str:

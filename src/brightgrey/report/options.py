@@ -27,6 +27,7 @@ class ReportOptions:
     welch_segments: int = 9
     min_segment: int = 64  #: Samples of a segment at least.
     min_coherence: float = 0.8  #: Coherence above which the measured response is shown.
+    min_p: float = 1e-3  #: Probability below which only that is said.
     listed_parameters: int = 2  #: Parameters in one piece of advice; more are found in their table.
     #: Largest value over the least one of a logarithmic axis that has ticks at 2 and 5 as well.
     few_decades: float = 100.0

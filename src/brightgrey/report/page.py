@@ -82,7 +82,7 @@ def page(content: Content) -> str:
 def _optional_text(model: Model) -> str:
     """Sentence on effects that the recording would not show."""
     names = effects_in_words([Placed.parse(name) for name in model.ties.optional], "or") if model.ties else []
-    return listing("Even if the drive had it, the recording would not show", names, "or")
+    return listing("The recording would not show it if the drive had", names, "or")
 
 
 def _range_bars(model: Model) -> list[str]:

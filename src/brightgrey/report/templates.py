@@ -30,6 +30,11 @@ def _typed(text: str) -> Markup:
     return Markup(re.sub("“(.*?)”", r"<code>\1</code>", str(escape(text))))
 
 
+def _unbroken(command: str) -> Markup:
+    """HTML of a command that is broken between its words only, not after the hyphens of an option."""
+    return Markup(re.sub(r"\S+", r'<span class="typed-word">\g<0></span>', str(escape(command))))
+
+
 @cache
 def _environment() -> Environment:
     environment = Environment(
@@ -41,6 +46,7 @@ def _environment() -> Environment:
     )
     environment.filters["exact"] = exact
     environment.filters["typed"] = _typed
+    environment.filters["unbroken"] = _unbroken
     environment.filters["kind"] = kind_in_words
     environment.filters["structure"] = lambda name: structure_in_words(Structure.parse(str(name)))
     environment.filters["effect"] = lambda name: effect_in_words(Placed.parse(name))

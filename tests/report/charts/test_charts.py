@@ -264,3 +264,11 @@ def test_response_chart__undamped_resonance__stays_finite():
     gain = chart.panels[0].lines[-1].y
     assert np.isfinite(gain).all()
     assert gain.max() > 1e3 * np.median(gain)
+
+
+def test_plot__logarithmic_axis_of_few_decades__every_tick_is_written_in_full():
+    rows = [Row("+".join(EFFECTS[: k + 1]), k + 1, 1.0, fit, 0.0, k == 2) for k, fit in enumerate((96.0, 99.0, 99.8))]
+    (chart,) = front_chart(rows, rows[2].structure)
+    axis = plot(chart)["layout"]["yaxis"]
+    assert {"0.2", "0.5", "1", "2", "5"} <= set(axis["ticktext"])
+    assert list(map(float, axis["ticktext"])) == axis["tickvals"]

@@ -9,9 +9,10 @@ import pytest
 
 from brightgrey.model.trace import Trace
 from brightgrey.recordings import Signal
-from brightgrey.report.charts.chart import COLOURS
+from brightgrey.report.charts.chart import COLOURS, Chart, Line, Mark, Panel
 from brightgrey.report.drawing.matplotlib_figure import (
     comparison,
+    draw,
     picture,
     thin,
 )
@@ -95,3 +96,13 @@ def test_colours__differ_in_lightness():
     # 10 is a step that everybody sees, also in grey print.
     for one, other in itertools.combinations(("measured", "simulated", "residual"), 2):
         assert abs(lightness(COLOURS[one]) - lightness(COLOURS[other])) > 10
+
+
+def test_draw__word_at_a_mark_below_the_legend__both_can_be_read():
+    x = np.linspace(0.0, 1.0, 5)
+    lines = tuple(Line(x, x, f"a line of some length, number {k}", "measured") for k in range(2))
+    figure = draw([Chart("any", (Panel("y", lines, "x", marks=(Mark(0.7, "crossover"),)),))])
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    (word,) = (text for text in axes.texts if text.get_text() == "crossover")
+    assert not word.get_window_extent().overlaps(axes.get_legend().get_window_extent())

@@ -214,11 +214,11 @@ def effects(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _fits(console: Console, rows: Sequence[FitRow]) -> None:
-    """One row per output; `on` is left out where it says nothing."""
+    """One row per output; the recording is left out where it says nothing."""
     several = any(row.on for row in rows)
-    table = plain_table("output", *(["on"] if several else []), "fit/% >", "RMSE >", "unit")
+    table = plain_table("output", *(["recording"] if several else []), "fit/% >", "RMSE >", "unit")
     for row in rows:
-        table.add_row(row.output, *([row.on] if several else []), row.fit_percent, row.rmse, row.unit)
+        table.add_row(row.output, *([row.recording] if several else []), row.fit_percent, row.rmse, row.unit)
     console.print(table)
 
 

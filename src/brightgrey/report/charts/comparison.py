@@ -97,8 +97,13 @@ def _correlation_chart(trace: Trace, row: int) -> Chart | None:
     white = "Nothing speaks against white residuals" if found.white else "The residuals are not white"
     follows = "depend on the input" if found.follows_input else "do not depend on the input"
     caption = (
-        f"{white} (Ljung-Box test, p = {found.ljung_box:.2g}); they {follows}. Between the lines lie 95 % of the"
+        f"{white} (Ljung-Box test, p {_chance(found.ljung_box)}); they {follows}. Between the lines lie 95 % of the"
         f" correlations of white residuals that do not depend on the input. The {trace.t.size} samples count as"
         f" {found.effective_samples:.0f} independent ones."
     )
     return Chart("residuals", (with_itself, with_input), caption)
+
+
+def _chance(p: float) -> str:
+    """A probability as text, none of them zero."""
+    return f"= {p:.2g}" if p >= REPORT_OPTIONS.min_p else f"< {REPORT_OPTIONS.min_p:g}"

@@ -116,7 +116,8 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     axes.margins(x=0.01)
     labelled = [line for line in panel.lines if line.label]
     if len(labelled) > 1:
-        axes.legend(loc="lower right", ncols=len(labelled), bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, fontsize=8)
+        above = 1.5 if any(mark.label for mark in panel.marks) else 0.2  # sizes of the font; words of marks are lower
+        axes.legend(loc="lower right", ncols=len(labelled), bbox_to_anchor=(1.0, 1.0), borderaxespad=above, fontsize=8)
 
 
 def _draw_line(axes: Axes, line: Line) -> None:

@@ -101,7 +101,11 @@ def _y_axis_layout(panel: Panel, tag: str) -> dict[str, Any]:
     axis = _axis_layout(panel.y_label, panel.y_log) | {"anchor": f"x{tag}"}
     values = np.concatenate([line.y[line.y > 0.0] for line in panel.lines])
     few = panel.y_log and values.size > 0 and values.max() < REPORT_OPTIONS.few_decades * values.min()
-    return axis | {"dtick": "D2"} if few else axis  # 1, 2 and 5 of each power of ten
+    if not few:
+        return axis
+    powers = range(math.floor(math.log10(values.min())), math.ceil(math.log10(values.max())) + 1)
+    ticks = [float(f"{digit}e{power}") for power in powers for digit in (1, 2, 5)]
+    return axis | {"tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
 
 
 def _x_axis_layout(panel: Panel, tag: str, below: str) -> dict[str, Any]:

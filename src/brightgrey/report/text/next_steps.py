@@ -9,7 +9,7 @@ from brightgrey.kit import Placed
 from brightgrey.kit.in_words import effect_in_words, effects_in_words, enumerated
 from brightgrey.report.content import Content
 from brightgrey.report.options import REPORT_OPTIONS
-from brightgrey.report.text.prose import listing, sentence, with_meanings
+from brightgrey.report.text.prose import listing, sentence, with_forces, with_meanings
 from brightgrey.report.text.tables import AT, NOT_IDENTIFIABLE, UNKNOWN, parameter_rows
 
 __all__ = ["NextStep", "next_steps", "urgent_steps", "why_not_richer"]
@@ -62,14 +62,18 @@ def why_not_richer(content: Content) -> tuple[str, ...]:
 
 
 def _of_symptoms(content: Content) -> Iterator[NextStep]:
+    model = content.model
     for symptom in content.symptoms:
-        said = (with_meanings(text, content.model.structure) for text in (symptom.observation, symptom.advice))
-        yield NextStep(symptom.title, " ".join(map(sentence, said)))
+        said = (with_meanings(text, model.structure) for text in (symptom.observation, symptom.advice))
+        title, text = symptom.title, " ".join(map(sentence, said))
+        yield NextStep(title, text) if model.is_rotary else NextStep(with_forces(title), with_forces(text))
 
 
 def _of_parameters(content: Content) -> Iterator[NextStep]:
     rows, structure = parameter_rows(content.model), content.model.structure
-    at = [with_meanings(row.name, structure) for row in rows if row.note in AT.values()]
+    # What a symptom calls negligible needs no room.
+    small = {n for s in content.symptoms for n in s.observation.partition(" is at its lower bound")[0].split(", ")}
+    at = [with_meanings(row.name, structure) for row in rows if row.note in AT.values() and row.name not in small]
     if at:
         yield NextStep(
             f"Give {_few(at)} room, or drop the effect",

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from brightgrey.kit.in_words import enumerated, parameters_in_words
 from brightgrey.kit.structure import Structure
 
-__all__ = ["listing", "sentence", "with_meanings"]
+__all__ = ["listing", "sentence", "with_forces", "with_meanings"]
 
 LONGEST_SENTENCE = 30
 """Words of a sentence; longer lists are split."""
@@ -54,6 +54,14 @@ def sentence(text: str) -> str:
     first, colon, _ = ended.partition(":")
     _, dot, suffix = first.rpartition(".")
     return f"{ended}." if colon and dot and suffix.isalpha() else f"{ended[:1].upper()}{ended[1:]}."
+
+
+def with_forces(text: str) -> str:
+    """Sentence about a linear axis, where a torque is a force; what is typed, between apostrophes, stays as it is."""
+    parts = re.split(r"('[^']*')", text)
+    for k in range(0, len(parts), 2):
+        parts[k] = re.sub("[tT]orque( or force)?", lambda found: "Force" if found[0][0] == "T" else "force", parts[k])
+    return "".join(parts)
 
 
 def with_meanings(text: str, structure: Structure) -> str:

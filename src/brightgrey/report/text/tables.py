@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from brightgrey.model.model import Model
 from brightgrey.model.schema import OutputFitPart, ParameterPart, SettingsPart
 from brightgrey.numerics.number_format import is_drowned, significant, with_uncertainty
-from brightgrey.report.text.prose import listing, sentence, with_meanings
+from brightgrey.report.text.prose import listing, sentence, with_forces, with_meanings
 
 __all__ = [
     "FitRow",
@@ -56,6 +56,11 @@ class FitRow:
     rmse: str
     rss: str
     unit: str
+
+    @property
+    def recording(self) -> str:
+        """Use of the recording in words."""
+        return "identified" if self.on == "train" else self.on
 
 
 def parameter_rows(model: Model) -> list[ParameterRow]:
@@ -183,4 +188,5 @@ def remarks(model: Model) -> list[str]:
             out.append(f"{sentence(part.profile.text)} Its 95 % interval is {ends} {part.unit}.")
     # Parameters at a bound are named above already.
     found = [finding.text for finding in model.outcome.findings if finding.kind != "at bound"]
-    return out + [sentence(with_meanings(text, model.structure)) for text in found]
+    out += [sentence(with_meanings(text, model.structure)) for text in found]
+    return out if model.is_rotary else [with_forces(text) for text in out]
