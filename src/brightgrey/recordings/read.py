@@ -182,7 +182,7 @@ def read_stretches(path: str | Path, **options: Any) -> tuple[Recording, ...]:
     table, asked = _opened(arguments)
     windows, note = _stretches(table, asked)
     if len(windows) < 2:
-        return (read_recording(path, **options),)
+        return (replace(_make_recording(table, asked), source=_source(arguments)),)
     found = []
     for number, (start, end) in enumerate(windows, 1):
         made = _make_recording(table, replace(asked, window=(start, end)))
