@@ -154,7 +154,7 @@ def _limit(seconds: float, memory: int) -> None:
 def _save(found: Channels, result: Path) -> None:
     """Write channels as one header and one block of numbers."""
     header = {
-        "channels": [(c.name, c.unit, c.clock, int(c.values.size)) for c in found.channels],
+        "channels": [(c.name, c.unit, c.clock, c.label, int(c.values.size)) for c in found.channels],
         "clocks": [int(clock.size) for clock in found.clocks],
         "others": found.others,
     }
@@ -170,7 +170,7 @@ def _load(result: Path) -> Channels:
     sizes = [*(size for *_, size in header["channels"]), *header["clocks"]]
     arrays = np.split(numbers, np.cumsum(sizes)[:-1]) if sizes else []
     channels = [
-        Channel(name, values, unit, clock)
-        for (name, unit, clock, _), values in zip(header["channels"], arrays, strict=False)
+        Channel(name, values, unit, clock, label)
+        for (name, unit, clock, label, _), values in zip(header["channels"], arrays, strict=False)
     ]
     return Channels(tuple(channels), tuple(arrays[len(channels) :]), tuple(header["others"]))
