@@ -48,11 +48,14 @@ class Channels:
         Times in s that channels share, each of shape (samples,).
     others : tuple of str
         Names of what is no channel.
+    notes : tuple of str
+        What the library remarks on the file.
     """
 
     channels: tuple[Channel, ...]
     clocks: tuple[Array, ...] = ()
     others: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def table(self, name: str) -> Table:
         """Return the table of all channels; times are columns without a name, and short channels end with NaN."""
@@ -64,9 +67,8 @@ class Channels:
             for c in self.channels
         ]
         columns += [Column("", "", "s")] * len(self.clocks)
-        return Table(
-            name, tuple(columns), np.arange(1, samples + 1), _loader(arrays, samples), unread=listed("", self.others)
-        )
+        rows, unread = np.arange(1, samples + 1), listed("", self.others)
+        return Table(name, tuple(columns), rows, _loader(arrays, samples), self.notes, unread)
 
 
 def _loader(arrays: Sequence[Array], samples: int) -> Callable[[Sequence[int]], Array]:

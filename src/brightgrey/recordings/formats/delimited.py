@@ -29,7 +29,7 @@ from brightgrey.recordings.policy import READING
 __all__ = ["read_delimited"]
 
 COMMENTS = ("#", "%", "//")
-WORDS = re.compile(r"[^\W\d_][^\d]*")
+LEADING_WORD = re.compile(r"[^\W\d_][^\d]*")
 
 
 def read_delimited(
@@ -176,12 +176,12 @@ def _without_footer(text: Text, body: Indices, dialect: Dialect) -> tuple[Indice
     A summary has a word where the first column has a number or a clock time: ``Min;-1.2;3.4``.
     """
     first = dialect.split(text.line(int(body[0])))
-    numbered = bool(first) and not WORDS.match(first[0])
+    numbered = bool(first) and not LEADING_WORD.match(first[0])
     end = body.size
     while end > 1 and body.size - end < READING.footer_lines:
         fields = dialect.split(text.line(int(body[end - 1])))
         named = fields[0] if fields and fields[0].casefold() not in MISSING else ""
-        summary = numbered and bool(WORDS.fullmatch(named))
+        summary = numbered and bool(LEADING_WORD.fullmatch(named))
         if not summary and (len(fields) == len(first) or any(map(dialect.is_number, fields))):
             break
         end -= 1

@@ -88,7 +88,7 @@ def common_length(found: Channels, name: str, like: str) -> Table:
     odd = [f"{key} ({size} samples)" for key, size in sizes.items() if size != samples]
     unread = "; ".join(filter(None, (listed("of other length:", odd), listed("not vectors:", found.others))))
     kept = tuple(channel for channel in found.channels if channel.values.size == samples)
-    return replace(Channels(kept, found.clocks).table(name), unread=unread)
+    return replace(replace(found, channels=kept).table(name), unread=unread)
 
 
 def extract(path: Path) -> Channels:
