@@ -31,6 +31,8 @@ FOREIGN = (
     (rb"SQLite format 3\0", "a database; export the samples as CSV and read that"),
     (rb"\x80[\x02-\x05]", "a Python pickle; give its arrays to recording_from"),
     (rb"#ROSBAG|\x89MCAP", "a bag of ROS; export the topics as CSV and read that"),
+    (rb"\s*(\{\s*\"|\[\s*\{)", "JSON; write its samples as CSV, or give its arrays to recording_from"),
+    (rb"\s*<(\?xml|!DOCTYPE|html)", "XML or a page of the web; export the samples as CSV and read that"),
     (rb"%PDF|\x89PNG|\xff\xd8\xff|GIF8", "a picture or a document; export the numbers of the recording"),
 )
 """First bytes of files that are not read, as a pattern, and what to do instead."""

@@ -179,6 +179,8 @@ def test_inspect__text_among_numbers__names_the_row(tmp_path: Path) -> None:
         (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "save the sheet as CSV"),
         (b"#ROSBAG V2.0\n", "export the topics as CSV"),
         (b"\x89MCAP0\r\n", "export the topics as CSV"),
+        (b'{"t": 0, "torque": 1}\n', "JSON; write its samples as CSV"),
+        (b'<?xml version="1.0"?>', "export the samples as CSV"),
     ],
 )
 def test_open_table__file_of_another_kind__says_what_to_do(tmp_path: Path, content: bytes, advice: str) -> None:
