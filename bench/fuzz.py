@@ -94,10 +94,26 @@ REPEATED = 3
 
 
 def texts() -> list[bytes]:
-    """Texts to mutate: cut exports, and delimited text with names, plain and compressed."""
+    """Texts to mutate: cut exports, and delimited text with names, plain and compressed; exports of other programs."""
     german = PLAIN.replace(",", ";").replace(".", ",").encode()
     cuts = [path.read_bytes() for path in sorted(CUTS.rglob("*.csv"))]
-    return [*cuts, PLAIN.encode(), german, gzip.compress(PLAIN.encode(), mtime=0)]
+    return [*cuts, PLAIN.encode(), german, gzip.compress(PLAIN.encode(), mtime=0), *exports()]
+
+
+def exports() -> list[bytes]:
+    """LabVIEW measurement, clock times past midnight, sources merged by time, and a logger that was started again."""
+    head, *rows = PLAIN.split("\n")
+    tags = ["LabVIEW Measurement", "Separator\tComma", "X_Columns\tOne", "***End_of_Header***", "", "Channels\t2"]
+    labview = [*tags, "Y_Unit_Label\tNm\trad/s", "Delta_X\t0.01\t0.01", "***End_of_Header***", "X_Value\ttorque\tspeed"]
+    labview = [line.replace("\t", ",") for line in labview]
+    clock = [
+        f"{23 * (k < 30)}:{59 * (k < 30):02d}:{(30 + k) % 60:02d}.5,{r.partition(',')[2]}" for k, r in enumerate(rows)
+    ]
+    cells = [row.split(",") for row in rows]
+    merged = [f"{t},{u},\n{float(t) + 0.005:g},,{v}" for t, u, v in cells]
+    again = [head, *rows[:30], head, *rows[30:], "Min,-1,-1", "Max,1,1"]
+    texts = [[*labview, *rows], ["stamp,torque,velocity", *clock], [head, *merged], again]
+    return ["\n".join(lines).encode() for lines in texts]
 
 
 def library_files() -> list[bytes]:
