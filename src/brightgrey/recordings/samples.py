@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brightgrey.arrays import Array, Indices
 from brightgrey.recordings.clocks import Channel, onto_one_clock, resampling_error
@@ -94,15 +95,26 @@ def _parts(
     data, rows = table.load(columns if time is None else [*columns, time]), table.rows
     if time is None:
         return [(places, data, rows)]
+    if table.columns[columns[0]].clock is not None:  # other channels may go on longer, or are faster
+        data, rows = _present(data, rows, np.asarray(np.isnan(data).all(axis=0)))
+    filled = np.append(False, (data[:, 1:] == data[:, :-1]).all(axis=0))
+    if filled.mean() > READING.merged:  # rows of a slower channel, filled with the value before and its time
+        data, rows = _present(data, rows, filled)
     missing = np.isnan(data[:-1])
-    if table.columns[columns[0]].clock is not None:  # other channels may go on longer
-        ended = np.asarray(np.isnan(data).all(axis=0))
-        part = span_of_present(ended) if not ended.all() else slice(0)
-        return [(places, data[:, part], rows[part])]
-    if len(places) < 2 or missing.all(axis=1).any() or missing.mean(axis=1).max() <= READING.merged:
+    several = len(places) > 1 and table.columns[columns[0]].clock is None
+    if not several or missing.all(axis=1).any() or missing.mean(axis=1).max() <= READING.merged:
         return [(places, data, rows)]
     kept = [np.flatnonzero(~absent) for absent in missing]
     return [([place], data[[k, -1]][:, kept[k]], rows[kept[k]]) for k, place in enumerate(places)]
+
+
+def _present(data: Array, rows: Indices, absent: NDArray[np.bool_]) -> tuple[Array, Indices]:
+    """Leave out rows; those at the ends cost no memory."""
+    if absent.all():
+        return data[:, :0], rows[:0]
+    part = span_of_present(absent)
+    data, rows, absent = data[:, part], rows[part], absent[part]
+    return (data[:, ~absent], rows[~absent]) if absent.any() else (data, rows)
 
 
 def _sample_clock(
