@@ -41,7 +41,7 @@ def run(examined: Examined) -> Iterator[CheckResult]:
     large = abs(size) > POLICY.matters * float(np.std(examined.recording.u)) * signal.factor
     if large and abs(size) > POLICY.clear * error:
         spring = abs(_clearest([_with_time(each) for each in found]).deviations(-1)) < POLICY.clear
-        with_what = ", with the time or with the position," if spring else ""
+        with_what = ", with the time or with the position," if spring else ","
         yield note(
             figure,
             f"the torque that the motion needs drifts by {size:.3g} {signal.unit} over the recording{with_what} as"
