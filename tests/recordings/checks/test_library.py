@@ -111,7 +111,7 @@ def test_outputs__late_velocity__says_how_late(made, motion):
 
 
 def test_outputs__position_far_noisier_than_velocity__one_sample_is_found(made, motion):
-    """The filter's time is the ratio of the noises; a tenth of the recording instead would leave 1.3 times the error."""
+    """The filter's time is the ratio of the noises; a tenth of the recording would leave 1.3 times the error."""
     rng = np.random.default_rng(0)
     position = motion["position"] + 0.3 * rng.standard_normal(E.samples)
     late = np.interp(np.arange(E.samples) - 1.0, np.arange(E.samples), motion["velocity"])
