@@ -248,6 +248,22 @@ def test_read_labview__file_that_ends_early__is_refused(tmp_path: Path, cut: str
         open_table(path)
 
 
+def test_read_numbered__oscilloscope_of_rigol__has_the_time_of_its_header(tmp_path: Path) -> None:
+    head = ["X,torque,velocity,Start,Increment,", "Sequence,Volt,Volt,-5.0e-01,1.000e-03"]
+    path = write(tmp_path, head, lambda k: f"{k},{U[k]},{V[k]},")
+    assert open_table(path)[1] == "Rigol oscilloscope"
+    recording = read(path, units={"velocity": "rad/s"})
+    same(recording)
+    assert (recording.t[0], recording.input.unit) == (-0.5, "V")
+
+
+@pytest.mark.parametrize("second", ["Sequence,Volt,Volt,,", "Sequence,Volt,Volt", "Sequence,Volt,Volt,0,-1e-3"])
+def test_read_numbered__header_without_a_step__is_refused(tmp_path: Path, second: str) -> None:
+    path = write(tmp_path, ["X,torque,velocity,Start,Increment,", second], lambda k: f"{k},{U[k]},{V[k]},")
+    with pytest.raises(RecordingError, match="row 2: no numbers below Start and Increment"):
+        read(path)
+
+
 def test_read_mat__structure_with_time__signals_are_found_by_their_labels(tmp_path: Path) -> None:
     signals = [{"values": x[:, None], "label": name} for x, name in ((U, "torque"), (V, "velocity"))]
     scipy.io.savemat(tmp_path / "run", {"out": {"time": T[:, None], "signals": signals}}, appendmat=False)
