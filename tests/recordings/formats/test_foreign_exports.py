@@ -106,6 +106,14 @@ def test_read_delimited__clock_times_past_midnight__go_on(tmp_path: Path, writte
     same(read(path))
 
 
+def test_read_delimited__dated_time_that_falls_by_a_day__runs_backwards(tmp_path: Path) -> None:
+    path = write(
+        tmp_path, ["stamp,torque,velocity"], lambda k: f"2024-03-0{9 - k // 30} 12:00:00.{k:03d},{U[k]},{V[k]}"
+    )
+    with pytest.raises(RecordingError, match="time runs backwards"):
+        read(path)
+
+
 def test_read_delimited__summary_below_the_numbers__is_left_out(tmp_path: Path) -> None:
     end = ["", "Min,-1,-2", "Max,1,2", "Mean,0,0"]
     recording = read(write(tmp_path, ["time,torque,velocity"], plain, end))

@@ -78,7 +78,8 @@ class TextNumbers:
                 self._slow(lines, indices, at, values[:, part])
         for row, index in enumerate(indices):
             if index in self.stamps:  # precision is lost far from zero
-                values[row] = past_midnight(values[row])
+                if not self.stamps[index]:  # no date
+                    values[row] = past_midnight(values[row])
                 values[row] -= np.nanmin(values[row]) if np.isfinite(values[row]).any() else 0.0
         return values
 
