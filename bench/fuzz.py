@@ -101,7 +101,7 @@ def texts() -> list[bytes]:
 
 
 def exports() -> list[bytes]:
-    """LabVIEW measurement, clock times past midnight, sources merged by time, and a logger that was started again."""
+    """LabVIEW, Rigol, clock times past midnight, sources merged by time, and a logger that was started again."""
     head, *rows = PLAIN.split("\n")
     tags = ["LabVIEW Measurement", "Separator\tComma", "X_Columns\tOne", "***End_of_Header***", "", "Channels\t2"]
     labview = [*tags, "Y_Unit_Label\tNm\trad/s", "Delta_X\t0.01\t0.01", "***End_of_Header***", "X_Value\ttorque\tspeed"]
@@ -112,7 +112,12 @@ def exports() -> list[bytes]:
     cells = [row.split(",") for row in rows]
     merged = [f"{t},{u},\n{float(t) + 0.005:g},,{v}" for t, u, v in cells]
     again = [head, *rows[:30], head, *rows[30:], "Min,-1,-1", "Max,1,1"]
-    texts = [[*labview, *rows], ["stamp,torque,velocity", *clock], [head, *merged], again]
+    rigol = [
+        "X,CH1,CH2,Start,Increment,",
+        "Sequence,Volt,Volt,-0.5,0.01",
+        *(f"{k},{u},{v}," for k, (_, u, v) in enumerate(cells)),
+    ]
+    texts = [[*labview, *rows], rigol, ["stamp,torque,velocity", *clock], [head, *merged], again]
     return ["\n".join(lines).encode() for lines in texts]
 
 
