@@ -3,17 +3,21 @@
     python bench/formats.py [--rows 10000000]
 
 Recorded files come from ../shared/data or the folder BRIGHTGREY_DATA; they are read with the options that `inspect`
-suggests. The large file is read in a process of its own, whose memory is that of its peak; 0 rows leave it out.
+suggests. A large file is read in a process of its own, whose memory is that of its peak; 0 rows leave it out.
 """
 
 from __future__ import annotations
 
+import gzip
+import io
 import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +33,8 @@ start = time.perf_counter()
 from brightgrey import read_recording
 recording = read_recording(sys.argv[1], input="torque", outputs="velocity")
 taken = time.perf_counter() - start
-print(recording.samples, taken, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6)
+used = resource.getrusage(resource.RUSAGE_SELF)
+print(recording.samples, taken, used.ru_utime + used.ru_stime, used.ru_maxrss / 1e6)
 """
 
 
@@ -50,20 +55,43 @@ def file_rows() -> list[list[str]]:
     return rows
 
 
+HEAD = "t,torque,velocity,position"
+SCOPE = "Name,axis,,,\n\nName,torque,velocity,position\nSampleTime[ms],0.1,0.1,0.1\nUnit,Nm (M),rad/s (V),rad (P)\n"
+LARGE: tuple[tuple[str, str, str, float, Callable[..., Any]], ...] = (
+    ("delimited", HEAD, ",", 1.0, Path.open),
+    ("delimited, decimal comma", HEAD, ";", 1.0, Path.open),
+    ("delimited, decimal comma, compressed", HEAD, ";", 1.0, partial(gzip.open, compresslevel=1)),
+    ("TwinCAT Scope, decimal comma", SCOPE, "\t", 0.4, Path.open),
+)
+"""Large texts: what they are, head, delimiter, part of the rows, and how they are written."""
+
+
 def large_rows(rows: int) -> Iterator[list[str]]:
-    """Row of one large file of four columns."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "large.csv"
-        with path.open("w") as file:
-            file.write("t,torque,velocity,position\n")
-            for start in range(0, rows, 100_000):
-                k = np.arange(start, min(rows, start + 100_000))
-                numbers = np.column_stack([k * 1e-4, np.sin(k * 1e-3), np.cos(k * 1e-3), k * 1e-5])
-                np.savetxt(file, numbers, fmt="%.9f", delimiter=",")
-        command = [sys.executable, "-c", READ_LARGE, str(path)]
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
-        samples, seconds, gigabytes = done.stdout.split()
-        yield [samples, f"{path.stat().st_size / 1e6:.0f}", f"{float(seconds):.0f}", f"{float(gigabytes):.2f}"]
+    """Rows of large files of four columns."""
+    for title, head, mark, part, opened in LARGE:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "large.csv"
+            with opened(path, "wt") as file:
+                file.write(head.replace(",", mark) + "\n")
+                for start in range(0, int(part * rows), 100_000):
+                    file.write(some_lines(start, min(int(part * rows), start + 100_000), mark))
+            command = [sys.executable, "-c", READ_LARGE, str(path)]
+            done = subprocess.run(command, check=True, capture_output=True, text=True)
+            samples, wall, seconds, gigabytes = done.stdout.split()
+            size = f"{path.stat().st_size / 1e6:.0f}"
+            yield [title, samples, size, f"{float(wall):.0f}", f"{float(seconds):.0f}", f"{float(gigabytes):.2f}"]
+            print(title, done.stdout, flush=True)
+
+
+def some_lines(start: int, end: int, mark: str) -> str:
+    """Lines of a large file."""
+    k = np.arange(start, end)
+    numbers = np.column_stack([k * 1e-4, np.sin(k * 1e-3), np.cos(k * 1e-3), k * 1e-5])
+    if mark == "\t":
+        numbers[:, 0] *= 1e3  # ms
+    text = io.StringIO()
+    np.savetxt(text, numbers, fmt="%.9f", delimiter=mark)
+    return text.getvalue() if mark == "," else text.getvalue().replace(".", ",")
 
 
 def main() -> None:
@@ -72,7 +100,13 @@ def main() -> None:
     options = parser.parse_args()
     tables = [Table("Recorded files", ["file", "format", "samples", "channels", "every ms", "repairs"], file_rows())]
     if options.rows:
-        tables.append(Table("A large text", ["samples", "MB", "wall s", "peak GB"], list(large_rows(options.rows))))
+        tables.append(
+            Table(
+                "Large texts",
+                ["text", "samples", "MB", "wall s", "processor s", "peak GB"],
+                list(large_rows(options.rows)),
+            )
+        )
     publish("formats", tables, to_file=options.save)
 
 

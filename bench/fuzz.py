@@ -5,7 +5,8 @@
 
 Targets are `text` (files of the own readers), `libraries` (MAT, TDMS, MDF), `model` (model.json), `calls` (from Python)
 and `commands`. Every case must end with a result, or with an error of one printable line, within 10 s, and within
-200 MB for files. What a plain text says by itself is compared with the numbers that are read. Counts and findings are
+200 MB for files. What a plain text, or a block of plain numbers in a file, says by itself is compared with the numbers
+that are read. Counts and findings are
 kept in bench/results/fuzz_seed<N>.json; a run goes on where it stopped.
 """
 
@@ -15,7 +16,11 @@ import contextlib
 import gzip
 import io
 import json
+import os
 import re
+import resource
+import subprocess
+import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable
@@ -23,12 +28,16 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import asammdf
+import h5py
+import nptdms
 import numpy as np
 import scipy.io
 
 import brightgrey as bg
 from brightgrey.cli import main as program
 from brightgrey.recordings.file import open_table
+from brightgrey.recordings.formats import child_process
 from support.fuzzing import VALUES, mutated_bytes, mutated_json, outcomes_of
 from support.measured import DATA
 from support.results import RESULTS, Table, arguments, code_version, publish
@@ -85,14 +94,35 @@ REPEATED = 3
 
 
 def texts() -> list[bytes]:
-    """Texts to mutate: cut exports, and delimited text with names, plain and compressed."""
+    """Texts to mutate: cut exports, and delimited text with names, plain and compressed; exports of other programs."""
     german = PLAIN.replace(",", ";").replace(".", ",").encode()
     cuts = [path.read_bytes() for path in sorted(CUTS.rglob("*.csv"))]
-    return [*cuts, PLAIN.encode(), german, gzip.compress(PLAIN.encode(), mtime=0)]
+    return [*cuts, PLAIN.encode(), german, gzip.compress(PLAIN.encode(), mtime=0), *exports()]
+
+
+def exports() -> list[bytes]:
+    """LabVIEW, Rigol, clock times past midnight, sources merged by time, and a logger that was started again."""
+    head, *rows = PLAIN.split("\n")
+    tags = ["LabVIEW Measurement", "Separator\tComma", "X_Columns\tOne", "***End_of_Header***", "", "Channels\t2"]
+    labview = [*tags, "Y_Unit_Label\tNm\trad/s", "Delta_X\t0.01\t0.01", "***End_of_Header***", "X_Value\ttorque\tspeed"]
+    labview = [line.replace("\t", ",") for line in labview]
+    clock = [
+        f"{23 * (k < 30)}:{59 * (k < 30):02d}:{(30 + k) % 60:02d}.5,{r.partition(',')[2]}" for k, r in enumerate(rows)
+    ]
+    cells = [row.split(",") for row in rows]
+    merged = [f"{t},{u},\n{float(t) + 0.005:g},,{v}" for t, u, v in cells]
+    again = [head, *rows[:30], head, *rows[30:], "Min,-1,-1", "Max,1,1"]
+    rigol = [
+        "X,CH1,CH2,Start,Increment,",
+        "Sequence,Volt,Volt,-0.5,0.01",
+        *(f"{k},{u},{v}," for k, (_, u, v) in enumerate(cells)),
+    ]
+    texts = [[*labview, *rows], rigol, ["stamp,torque,velocity", *clock], [head, *merged], again]
+    return ["\n".join(lines).encode() for lines in texts]
 
 
 def library_files() -> list[bytes]:
-    """Files of libraries to mutate, of which MAT files are written here."""
+    """Files of libraries to mutate: of every format one or more that are written here, and recorded ones."""
     cell = np.empty(2, object)
     cell[:] = [{"a": 1.0}, np.zeros(3)]
     content = {"t": K / 100, "u": np.sin(K), "v": {"w": np.cos(K), "c": cell}, "s": scipy.sparse.eye(60).tocsc()}
@@ -102,8 +132,113 @@ def library_files() -> list[bytes]:
         file = io.BytesIO()
         scipy.io.savemat(file, plain, **options)
         written.append(file.getvalue())
+    written += [hdf5_file(compression) for compression in (None, "gzip")]
+    channels = [nptdms.ChannelObject("axis", name, value) for name, value in content.items() if name in "tu"]
+    with nptdms.TdmsWriter(file := io.BytesIO()) as writer:
+        writer.write_segment(channels)
+    written.append(file.getvalue())
+    with asammdf.MDF(version="4.10") as mdf:
+        mdf.append([asammdf.Signal(np.sin(K), K / 100, unit="N m", name="u")])
+        mdf.save(FOLDER / "written.mf4", overwrite=True)
+    written.append((FOLDER / "written.mf4").read_bytes())
     recorded = [p for p in sorted(DATA.glob("formats/*")) if p.suffix in (".tdms", ".mf4")]
     return [*written, *(p.read_bytes() for p in recorded if p.stat().st_size < 200_000)]
+
+
+def hdf5_file(compression: str | None) -> bytes:
+    """File as MATLAB 7.3 writes it: a header of 512 bytes before HDF5, classes as attributes, a struct as a group."""
+    with h5py.File(file := io.BytesIO(), "w", userblock_size=512) as written:
+        for name, value in (("t", K / 100), ("u", np.sin(K)), ("v/w", np.cos(K))):
+            data = written.create_dataset(name, data=value[None, :], compression=compression)
+            data.attrs["MATLAB_class"] = np.bytes_("double")
+        written["v"].attrs["MATLAB_class"] = np.bytes_("struct")
+    return b"MATLAB 7.3 MAT-file".ljust(512) + file.getvalue()[512:]
+
+
+def blocks_of(data: bytes) -> dict[str, tuple[int, str, int]]:
+    """Place, type and number of the values of every channel that a file holds as one block of plain numbers."""
+    path = FOLDER / "original"
+    path.write_bytes(data)
+    table, _ = open_table(path)
+    found = {}
+    for index, column in enumerate(table.columns):
+        values = table.load([index])[0]
+        for kind in ("<f8", "<f4", "<i4", "<i2") if column.name and np.isfinite(values).all() else ():
+            with np.errstate(invalid="ignore"):
+                block = values.astype(kind)
+            if np.array_equal(block, values) and data.count(block.tobytes()) == 1:
+                found[column.name] = (data.index(block.tobytes()), kind, values.size)
+                break
+    return found
+
+
+def untouched_but_for(blocks: dict[str, tuple[int, str, int]], old: bytes, new: bytes) -> bool:
+    """Return True if a mutated file differs from the old one in plain numbers only, so that it says what they are."""
+    if len(old) != len(new):
+        return False
+    changed = np.flatnonzero(np.frombuffer(old, np.uint8) != np.frombuffer(new, np.uint8))
+    inside = np.zeros(changed.size, bool)
+    for at, kind, number in blocks.values():
+        inside |= (changed >= at) & (changed < at + number * np.dtype(kind).itemsize)
+    return bool(inside.all())
+
+
+def library_case(files: list[bytes], blocks: list[dict[str, tuple[int, str, int]]], seed: int, number: int) -> str:
+    """Read a mutated file by its library, and compare with plain numbers where the file has them."""
+    old, plain = files[number % len(files)], blocks[number % len(files)]
+    data = mutated_bytes(old, np.random.default_rng([seed, number]))
+    path = FOLDER / "file"
+    path.write_bytes(data)
+    try:
+        table, _ = open_table(path)
+        found = {c.name: table.load([i])[0] for i, c in list(enumerate(table.columns))[:50] if c.name}
+    except bg.BrightgreyError as error:
+        return verdict_on(error)
+    if not plain or not untouched_but_for(plain, old, data):
+        return "read"
+    said = {name: np.frombuffer(data, kind, count, at).astype(float) for name, (at, kind, count) in plain.items()}
+    same = all(name in found and np.array_equal(found[name], said[name], equal_nan=True) for name in said)
+    return "read as it says" if same else "misread"
+
+
+def forked(command: list[str], **options: Any) -> subprocess.CompletedProcess[bytes]:
+    """Run the child of `child_process` in a fork of this process, which spares the start of Python and the imports."""
+    child = os.fork()
+    if child == 0:
+        sys.argv = command[2:]
+        code = 1
+        try:
+            child_process.run()
+            code = 0
+        except SystemExit as end:
+            code = int(end.code or 0)
+        finally:
+            os._exit(code)
+    _, status = os.waitpid(child, 0)
+    return subprocess.CompletedProcess(command, os.waitstatus_to_exitcode(status))
+
+
+def mostly_forked(case: Callable[[int], str]) -> Callable[[int], str]:
+    """Return a case that is read in a fork, but for every twentieth one in a new process, as users do."""
+    start = subprocess.run
+
+    def run(number: int) -> str:
+        subprocess.run = start if number % 20 == 0 else forked  # type: ignore[assignment]
+        return case(number)
+
+    return run
+
+
+def within_memory(case: Callable[[int], str], most: float) -> Callable[[int], str]:
+    """Return a case that counts as over its memory once a child process of it takes more than `most`, in 2^10 bytes."""
+
+    def watched(number: int) -> str:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+        outcome = case(number)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+        return "memory" if before <= most < after else outcome
+
+    return watched
 
 
 def verdict_on(error: bg.BrightgreyError) -> str:
@@ -308,9 +443,16 @@ def prepare() -> None:
 
 def target_case(name: str, seed: int) -> tuple[Callable[[int], str], float, int]:
     """Case of a target, with its limits of time in s and memory in 2^20 bytes."""
-    if name in ("text", "libraries"):
-        files = texts() if name == "text" else library_files()
+    if name == "text":
+        files = texts()
         return lambda number: read_case(files, seed, number), 10.0, 200
+    if name == "libraries":
+        files = library_files()
+        blocks = [blocks_of(data) for data in files]
+        case = mostly_forked(lambda number: library_case(files, blocks, seed, number))
+        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # which a fork begins with
+        case = within_memory(case, own + 200 * 1024)
+        return case, 10.0, 200
     prepare()
     case = {"model": model_case, "calls": call_case, "commands": command_case}[name]
     return lambda number: case(seed, number), 30.0, 2000
@@ -351,7 +493,7 @@ def rows_of(seed: int) -> list[list[str]]:
             compared = f"{ends.get('misread', 0)} of {ends.get('read as it says', 0) + ends.get('misread', 0)}"
             bad = [str(ends.get(key, 0)) for key in ("other", "hang", "memory")]
             counts = [str(state["cases"]), str(taken), str(ends.get("refused", 0)), *bad]
-            text = compared if name == "text" else ""
+            text = compared if name in ("text", "libraries") else ""
             rows.append([titles.get(name, "command lines"), *counts, text, f"{state['longest']:.1f}"])
     return rows
 

@@ -107,7 +107,8 @@ def _serve(case: Callable[[int], str], first: int, last: int, write: int, megaby
     """Run cases in this process, the child, and write a line for each."""
     sizes = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
     limit = int(sizes["VmSize"].split()[0]) * 1024 + (megabytes << 20)
-    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    # The hard limit stays, so that a child process may give itself the limit that it is to have.
+    resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
     for number in range(first, last):
         start = time.perf_counter()
         try:

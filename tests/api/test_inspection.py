@@ -69,7 +69,7 @@ def test_inspect__no_time__asks_for_the_interval(tmp_path: Path) -> None:
     found = inspect(write(tmp_path, "torque_Nm,position_deg", U, np.round(np.rad2deg(Q), 6)))
     assert "--dt 1.0" in found.command
     assert "--unit 'torque_Nm=N m' --unit position_deg=deg" in found.command
-    assert any("put it in place of 1 in --dt" in question for question in found.questions)
+    assert any("put the sampling interval in place of 1 in --dt" in question for question in found.questions)
 
 
 def test_inspect__several_axes__takes_input_and_output_of_one(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -225,3 +227,13 @@ def test_read_stretches__holes__are_recordings_of_their_own(tmp_path) -> None:
     assert whole.samples == N
     (later,) = read_stretches(path, input="u", outputs="v", window=(0.31, None))
     assert later.samples == 96
+
+
+def test_read_stretches__file_without_holes__is_opened_once(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(["t,u,v", *(f"{0.001 * k:.4f},{U[k]},{V[k]}" for k in range(N))]))
+    opened = []
+    monkeypatch.setattr(Path, "read_bytes", lambda self, read=Path.read_bytes: (opened.append(self), read(self))[1])
+    (whole,) = read_stretches(path, input="u", outputs="v")
+    assert whole.source is not None
+    assert opened == [path]

@@ -16,10 +16,10 @@ from brightgrey.errors import BrightgreyError
 from brightgrey.notebook_html import sparkline, table
 from brightgrey.recordings import read_recording
 from brightgrey.recordings.file import open_table
-from brightgrey.recordings.formats.table import Table
+from brightgrey.recordings.formats.table import Column, Table
 from brightgrey.recordings.inspection.meaning import Meaning, meaning_of
 from brightgrey.recordings.inspection.profile import ChannelProfile, profile_channels
-from brightgrey.recordings.inspection.relations import find_derivatives, find_setpoints
+from brightgrey.recordings.inspection.relations import find_derivatives, find_setpoints, is_count
 from brightgrey.recordings.inspection.suggestion import (
     ReadChannels,
     Suggestion,
@@ -28,6 +28,7 @@ from brightgrey.recordings.inspection.suggestion import (
     suggest,
     usual_step,
 )
+from brightgrey.recordings.policy import READING
 
 __all__ = ["Inspection", "inspect"]
 
@@ -146,20 +147,38 @@ def _with_meanings(
 ) -> ReadChannels:
     """Return the channels with what unit, name and numbers say about them."""
     names = {p.column: p.name for p in profiles}
-    meanings = {p.column: meaning_of(p.name, p.unit) for p in profiles}
+    meanings = {p.column: _meaning(opened.columns[p.column]) for p in profiles}
     if not any(meaning.quantity for meaning in meanings.values()):
         whole = meaning_of(Path(opened.name).stem, None)
         said = replace(whole, reason="the name of the file says so" if whole.quantity else "")
         meanings = dict.fromkeys(meanings, said)
-    if time.column is not None:
-        meanings[time.column] = Meaning("time", reason="its name or its even steps")
+    times = {c.clock for c in opened.columns if c.clock is not None} | {time.column}
+    counters = [p.column for p in profiles if p.column in values and is_count(values[p.column])]
+    for i in meanings.keys() & times:
+        meanings[i] = Meaning("time", reason="its name or its even steps")
+    for i in counters:
+        meanings.setdefault(i, Meaning())
+        if meanings[i].quantity != "time":
+            meanings[i] = Meaning("count", reason="it rises by one from row to row")
     steps = {p.column: _own_step(opened, p.column, values, time) for p in profiles}
     profiles = [replace(p, dt=steps[p.column]) for p in profiles]
-    changing = {p.column: values[p.column] for p in profiles if not p.constant and p.column != time.column}
+    known = ("time", "count")
+    changing = {
+        p.column: values[p.column] for p in profiles if not p.constant and meanings[p.column].quantity not in known
+    }
     compared = {i: x for i, x in changing.items() if opened.columns[i].clock is None}
     find_derivatives(compared, meanings, names, time.dt)
     find_setpoints(changing, meanings, names)
     return ReadChannels(opened, {p.column: p for p in profiles}, values, meanings)
+
+
+def _meaning(column: Column) -> Meaning:
+    """Return what a column's unit and name say, or else its label."""
+    said = meaning_of(column.name, column.unit)
+    if said.quantity or column.header == column.name:
+        return said
+    labelled = meaning_of(column.header, column.unit)
+    return replace(labelled, reason=labelled.reason.replace("its name", "its label"))
 
 
 def _own_step(opened: Table, column: int, values: Mapping[int, Array], time: TimeChoice) -> float | None:
@@ -167,6 +186,9 @@ def _own_step(opened: Table, column: int, values: Mapping[int, Array], time: Tim
     if column == time.column or "dt" in time.options:
         return None
     clock = opened.columns[column].clock
+    present = np.isfinite(values[column]) if column in values and values[column].size else np.ones(1, bool)
+    if clock is None and time.column is not None and present.mean() < 1.0 - READING.merged:
+        return usual_step(opened, time.column, {time.column: values[time.column][present]})
     if clock is None:
         return time.dt
     return usual_step(opened, clock, values) if clock in values else None
@@ -175,7 +197,8 @@ def _own_step(opened: Table, column: int, values: Mapping[int, Array], time: Tim
 def _row(channel: ChannelProfile, meaning: Meaning) -> tuple[str, ...]:
     """Return the texts of one channel."""
     if channel.text:
-        return (channel.name, channel.unit or "", "", "text", "", "", "")
+        fault = channel.text.partition(": ")[2] if channel.begins_with_number else ""
+        return (channel.name, channel.unit or "", "", "text", "", "", fault)
     step = f"{1e3 * channel.dt:.4g} ms" if channel.dt else ""
     span = f"{channel.low:.4g} .. {channel.high:.4g}" if channel.samples else "empty"
     holes = f"{channel.missing}" if channel.missing else ""

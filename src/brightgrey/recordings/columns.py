@@ -234,12 +234,11 @@ def _time_unit(table: Table, index: int, given: Unit | RecordingError | None) ->
         if unit.dimension != (("[time]", 1),):
             raise table.fault(f"unit '{unit.text}' is not one of time, e.g. s, ms, µs, min", column=column.name)
         return unit.si, ""
-    match = TIME_NAME.fullmatch(column.name)
-    text = (match and match["unit"]) or ""
-    unit = parse_unit(text.lower() or "s")
+    text, why = column.time_unit()
+    unit = parse_unit(text)
     if unit.si == 1.0:
-        return 1.0, "" if text else f"'{column.name}' in s"
-    return unit.si, f"'{column.name}' in {unit.text} (its name says so)"
+        return 1.0, "" if why else f"'{column.name}' in s"
+    return unit.si, f"'{column.name}' in {unit.text} ({why})"
 
 
 def _chosen_signals(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,8 +16,26 @@ from brightgrey.recordings.formats.text import GZIP, unpacked_start
 __all__ = ["open_table"]
 
 DELIMITED = "delimited text"
-# First bytes of a zip archive; a workbook is one.
-ARCHIVE = b"PK\x03\x04"
+FOREIGN = (
+    (
+        rb"PK\x03\x04.{26}[^/]{1,200}\.npy",
+        "a NumPy archive; give its arrays to recording_from",
+    ),
+    (rb"\x93NUMPY", "a NumPy array; give its columns to recording_from"),
+    (rb"PK\x03\x04", "a workbook or an archive; save the sheet as CSV and read that"),
+    (rb"\xd0\xcf\x11\xe0", "a workbook of an old version; save the sheet as CSV and read that"),
+    (
+        rb"PAR1|ARROW1|FEA1",
+        "a data frame of Parquet or Arrow; give its columns to recording_from",
+    ),
+    (rb"SQLite format 3\0", "a database; export the samples as CSV and read that"),
+    (rb"\x80[\x02-\x05]", "a Python pickle; give its arrays to recording_from"),
+    (rb"#ROSBAG|\x89MCAP", "a bag of ROS; export the topics as CSV and read that"),
+    (rb"\s*(\{\s*\"|\[\s*\{)", "JSON; write its samples as CSV, or give its arrays to recording_from"),
+    (rb"\s*<(\?xml|!DOCTYPE|html)", "XML or a page of the web; export the samples as CSV and read that"),
+    (rb"%PDF|\x89PNG|\xff\xd8\xff|GIF8", "a picture or a document; export the numbers of the recording"),
+)
+"""First bytes of files that are not read, as a pattern, and what to do instead."""
 
 
 def open_table(
@@ -59,8 +78,8 @@ def open_table(
     try:
         if found is not None:
             return _named(found.read(file, like)), found.title
-        if start.startswith(ARCHIVE):
-            raise RecordingError(f"{file.name}: this is a workbook or an archive; save the sheet as CSV and read that")
+        if advice := next((what for pattern, what in FOREIGN if re.match(pattern, start, re.DOTALL)), ""):
+            raise RecordingError(f"{file.name}: this is {advice}")
         return _named(read_delimited(file, delimiter=delimiter, decimal=decimal, header=header)), DELIMITED
     except OSError as error:
         raise RecordingError(f"{file.name}: the file cannot be read ({error.strerror})") from error

@@ -33,6 +33,8 @@ class ReadingPolicy:
     """Largest part of the samples (but at least one sample) that may be interpolated or left out."""
     window_slack: float = 0.01
     """Part of an interval by which a sample may lie outside of a window, because time stamps are rounded."""
+    merged: float = 1.0 / 3.0
+    """Part of the rows without a value from which a channel has its own clock, in a list that was merged by time."""
     many_samples: int = 50_000
     """Number of samples from which decimation is suggested."""
     enough_samples: int = 20_000

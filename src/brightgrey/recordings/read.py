@@ -54,9 +54,9 @@ def read_recording(
 ) -> Recording:
     """Read a recording of a drive from a file.
 
-    The format is found by the content: text with columns, Beckhoff TwinCAT Scope, maxon EPOS Studio, MATLAB (v4, v5),
-    and with the extras ``[formats]`` HDF5 and MATLAB 7.3, with ``[formats-lgpl]`` TDMS and MDF. Delimiter, decimal
-    mark, header, comments and units in the header of a text are found automatically.
+    The format is found by the content: text with columns, Beckhoff TwinCAT Scope, maxon EPOS Studio, LabVIEW, MATLAB
+    (v4, v5), and with the extras ``[formats]`` HDF5 and MATLAB 7.3, with ``[formats-lgpl]`` TDMS and MDF. Delimiter,
+    decimal mark, header, comments and units in the header of a text are found automatically.
 
     `Recording.notes` lists repairs and assumptions: single missing samples and values are interpolated, rows written
     twice are left out, time stamps rounded to a coarse last digit are read as uniform. No such repair may concern more
@@ -182,7 +182,7 @@ def read_stretches(path: str | Path, **options: Any) -> tuple[Recording, ...]:
     table, asked = _opened(arguments)
     windows, note = _stretches(table, asked)
     if len(windows) < 2:
-        return (read_recording(path, **options),)
+        return (replace(_make_recording(table, asked), source=_source(arguments)),)
     found = []
     for number, (start, end) in enumerate(windows, 1):
         made = _make_recording(table, replace(asked, window=(start, end)))

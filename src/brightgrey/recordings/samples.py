@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brightgrey.arrays import Array, Indices
 from brightgrey.recordings.clocks import Channel, onto_one_clock, resampling_error
@@ -14,7 +16,7 @@ from brightgrey.recordings.policy import READING
 from brightgrey.recordings.recording import Hold, check_samples
 from brightgrey.recordings.sample_values import fill_single, resolution, span_of_present
 from brightgrey.recordings.time_base import Stamps, UniformGrid, longest_stretch, repairs_allowed, uniform_grid
-from brightgrey.recordings.window import TimeWindow, inside
+from brightgrey.recordings.window import inside
 
 __all__ = ["Samples", "sample"]
 
@@ -37,7 +39,8 @@ def sample(table: Table, choice: ColumnChoice, options: ReadingOptions, hold: Ho
 
     Each repair is noted. A single missing value or sample between two good ones is interpolated, a sample
     written twice is left out, and ends with missing values are cut off. No kind of repair may concern more
-    than 1 % of the samples. Holes and uneven steps are treated as `time_base` says, several clocks as `clocks` says.
+    than 1 % of the samples. Channels that are hardly ever in one row have a clock each. Holes and uneven steps are
+    treated as `time_base` says, several clocks as `clocks` says.
 
     Raises
     ------
@@ -50,14 +53,15 @@ def sample(table: Table, choice: ColumnChoice, options: ReadingOptions, hold: Ho
         clocks.setdefault(time, []).append(place)
     found: dict[int, Channel] = {}
     steps, notes = np.empty(len(channels)), []
-    for time, places in clocks.items():
-        factor = 1.0 if time is None else choice.time_factors[places[0]]
-        part = _sample_clock(table, [channels[i] for i in places], time, factor, options.dt, options.window)
-        notes += [note for note in part.notes if note not in notes]
-        for place, row, step in zip(places, part.values, part.resolution, strict=True):
-            name = table.columns[channels[place]].name
-            found[place] = Channel(name, float(part.t[0]) + choice.shifts[place], part.dt, row)
-            steps[place] = step
+    for time, together in clocks.items():
+        for places, data, rows in _parts(table, channels, time, together):
+            names = [table.columns[i].name or "time" for i in (*(channels[p] for p in places), time) if i is not None]
+            factor = 1.0 if time is None else choice.time_factors[places[0]]
+            part = _sample_clock(table, names, data, rows, None if time is None else factor, options)
+            notes += [note for note in part.notes if note not in notes]
+            for place, name, row, step in zip(places, names, part.values, part.resolution, strict=False):
+                found[place] = Channel(name, float(part.t[0]) + choice.shifts[place], part.dt, row)
+                steps[place] = step
     t, values, more = onto_one_clock([found[place] for place in range(len(channels))], hold, table.name)
     check_samples(table.name, t.size, " in the time that all channels share")
     return Samples(t, values, steps, (*notes, *more))
@@ -74,21 +78,54 @@ class _ClockSamples:
     notes: tuple[str, ...]
 
 
+def _parts(
+    table: Table, channels: Sequence[int], time: int | None, places: list[int]
+) -> list[tuple[list[int], Array, Indices]]:
+    """Load channels of one time, and return them together, or each with the rows that hold it.
+
+    The latter is so where sources of different clocks were merged into one list by their time, and a row holds only
+    what is new.
+
+    Returns
+    -------
+    list of (places, data, rows)
+        The last row of the data is the time, if there is one.
+    """
+    columns = [channels[place] for place in places]
+    data, rows = table.load(columns if time is None else [*columns, time]), table.rows
+    if time is None:
+        return [(places, data, rows)]
+    if table.columns[columns[0]].clock is not None:  # other channels may go on longer, or are faster
+        data, rows = _present(data, rows, np.asarray(np.isnan(data).all(axis=0)))
+    filled = np.append(False, (data[:, 1:] == data[:, :-1]).all(axis=0))
+    if filled.mean() > READING.merged:  # rows of a slower channel, filled with the value before and its time
+        data, rows = _present(data, rows, filled)
+    missing = np.isnan(data[:-1])
+    several = len(places) > 1 and table.columns[columns[0]].clock is None
+    if not several or missing.all(axis=1).any() or missing.mean(axis=1).max() <= READING.merged:
+        return [(places, data, rows)]
+    kept = [np.flatnonzero(~absent) for absent in missing]
+    return [([place], data[[k, -1]][:, kept[k]], rows[kept[k]]) for k, place in enumerate(places)]
+
+
+def _present(data: Array, rows: Indices, absent: NDArray[np.bool_]) -> tuple[Array, Indices]:
+    """Leave out rows; those at the ends cost no memory."""
+    if absent.all():
+        return data[:, :0], rows[:0]
+    part = span_of_present(absent)
+    data, rows, absent = data[:, part], rows[part], absent[part]
+    return (data[:, ~absent], rows[~absent]) if absent.any() else (data, rows)
+
+
 def _sample_clock(
-    table: Table, channels: list[int], time: int | None, factor: float, dt: float | None, limits: TimeWindow | None
+    table: Table, names: list[str], data: Array, rows: Indices, factor: float | None, options: ReadingOptions
 ) -> _ClockSamples:
-    """Load channels that have the same time, check and repair them."""
-    columns = channels if time is None else [*channels, time]
-    names = [table.columns[i].name or "time" for i in columns]
-    data, rows = table.load(columns), table.rows
-    if time is not None and table.columns[channels[0]].clock is not None:  # other channels may go on longer
-        ended = np.asarray(np.isnan(data).all(axis=0))
-        part = span_of_present(ended) if not ended.all() else slice(0)
-        data, rows = data[:, part], rows[part]
+    """Check and repair channels that have the same time, which is the last row of the data unless `factor` is None."""
+    dt, limits, timed = options.dt, options.window, factor is not None
     _check_finite(data, names, table, rows)
     notes: list[str] = []
     t: Array = (dt or 1.0) * np.arange(rows.size, dtype=np.float64)
-    if time is not None:
+    if factor is not None:
         data[-1], repaired, _ = fill_single(data[-1])
         t = data[-1] * factor
         if repaired.size:
@@ -98,24 +135,21 @@ def _sample_clock(
     check_samples(table.name, int(chosen.sum()), span)
     if limits is not None:
         t, data, rows = t[chosen], data[:, chosen], rows[chosen]
-    if time is not None:
+    if timed:
         part, more = longest_stretch(t, rows, table, names[-1])
         t, data, rows, notes = t[part], data[:, part], rows[part], notes + more
     ends, more = _good_ends(data, names, rows, table)
     t, data, rows, notes = t[ends], data[:, ends], rows[ends], notes + more
-    grid = _grid(t, data, rows, table, names[-1], dt if time is None else None, time)
-    values, more = _on_grid(data[: len(channels)], names, rows, grid, table, t)
-    steps = np.array([resolution(row[np.isfinite(row)]) for row in data[: len(channels)]])
+    grid = _grid(t, data, rows, table, names[-1]) if timed else UniformGrid(float(t[0]), dt or 1.0, np.arange(t.size))
+    channels = data[: len(data) - timed]
+    values, more = _on_grid(channels, names, rows, grid, table, t)
+    steps = np.array([resolution(row[np.isfinite(row)]) for row in channels])
     stamps: Array = grid.start + grid.dt * np.arange(values.shape[1], dtype=np.float64)
     return _ClockSamples(stamps, grid.dt, values, steps, (*notes, *grid.notes, *more))
 
 
-def _grid(
-    t: Array, data: Array, rows: Indices, table: Table, column: str, dt: float | None, time: int | None
-) -> UniformGrid:
+def _grid(t: Array, data: Array, rows: Indices, table: Table, column: str) -> UniformGrid:
     """Return the uniform time of samples."""
-    if time is None:
-        return UniformGrid(float(t[0]), dt or 1.0, np.arange(t.size))
     if np.isnan(t).any():
         raise table.fault("no value", column=column, row=int(rows[np.argmax(np.isnan(t))]))
     repeated = (data[:, 1:] == data[:, :-1]).all(axis=0)

@@ -139,7 +139,10 @@ def uniform_grid(stamps: Stamps) -> UniformGrid:
     steps = np.diff(t)
     if (steps < 0).any():
         at = int(np.argmax(steps < 0)) + 1
-        raise stamps.fault(f"time runs backwards: {t[at]:.9g} s after {t[at - 1]:.9g} s", at)
+        raise stamps.fault(
+            f"time runs backwards: {t[at]:.9g} s after {t[at - 1]:.9g} s; if it was started again, cut the file there",
+            at,
+        )
     if t[-1] == t[0]:
         raise stamps.fault("time stands still", len(t) - 1)
     usual = float(np.median(steps[steps > 0]))

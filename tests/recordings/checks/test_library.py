@@ -110,6 +110,16 @@ def test_outputs__late_velocity__says_how_late(made, motion):
     assert float(shift) == pytest.approx(-5 * E.dt, abs=0.5 * E.dt)
 
 
+def test_outputs__position_far_noisier_than_velocity__one_sample_is_found(made, motion):
+    """The filter's time is the ratio of the noises; a tenth of the recording would leave 1.3 times the error."""
+    rng = np.random.default_rng(0)
+    position = motion["position"] + 0.3 * rng.standard_normal(E.samples)
+    late = np.interp(np.arange(E.samples) - 1.0, np.arange(E.samples), motion["velocity"])
+    velocity = late + 0.1 * rng.standard_normal(E.samples)
+    (mind,) = said(made("position", "velocity", position=position, velocity=velocity), "outputs")
+    assert float(mind.remedy["shift"][0].split("=")[1]) == pytest.approx(-E.dt, abs=0.3 * E.dt)
+
+
 def test_outputs__first_sample_far_off__is_no_delay(made, motion):
     """The filter begins with it, and forgets it slowly."""
     noisy = motion["position"] + 0.3 * np.random.default_rng(2).standard_normal(E.samples)
@@ -270,6 +280,18 @@ def test_drift__ramp_of_torque__is_noted(made):
     ramp = 0.5 * np.abs(E.torque()).max() * np.linspace(-0.5, 0.5, E.samples)
     (note,) = said(made("velocity", u=E.torque() + ramp), "drift")
     assert float(note.figure.split()[3]) == pytest.approx(0.5 * np.abs(E.torque()).max(), rel=0.3)
+
+
+def test_drift__motion_one_way__may_be_with_the_position():
+    """A position that goes one way is like the time: a spring explains the torque as well."""
+    t = E.dt * np.arange(2000)
+    velocity = 5.0 + 0.2 * np.sin(4.0 * np.pi * t)
+    noise = np.random.default_rng(2).standard_normal((2, t.size))
+    u = 0.02 * np.gradient(velocity, t) + 0.06 * velocity + 0.2 + 0.3 * (t / t[-1] - 0.5) + 0.1 * noise[0]
+    signals = Signal("torque", "input", "N m"), (Signal("velocity", "velocity", "rad/s"),)
+    recording = Recording("axis", t, u, (velocity + 0.002 * noise[1])[None], *signals)
+    (note,) = said(recording, "drift")
+    assert "with the time or with the position" in note.sentence
 
 
 def test_start__in_motion__is_noted(made):

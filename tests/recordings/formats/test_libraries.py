@@ -61,6 +61,17 @@ def test_read_tdms__waveforms_of_two_rates__have_their_own_time(tmp_path: Path) 
     assert any("'torque', sampled every 0.0005 s, is averaged at the 0.001 s" in note for note in recording.notes)
 
 
+def test_read_tdms__file_that_is_cut_off__is_read_with_the_remark_of_the_library(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    path = tmp_path / "run"
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([nptdms.ChannelObject("axis", "speed", V)])
+    path.write_bytes(path.read_bytes()[:-80])
+    table, _ = open_table(path)
+    assert table.rows.size == N - 10
+    assert "nptdms remarks: Last segment of file has less data than expected" in table.notes[0]
+
+
 def test_read_mdf__groups_with_their_masters__are_put_onto_one_clock(tmp_path: Path) -> None:
     asammdf = pytest.importorskip("asammdf")
     path = tmp_path / "run.mf4"

@@ -27,6 +27,35 @@ def test_read_scope_text__variant__gives_channels_with_their_own_time(name: str)
     assert table.columns[channel.clock].unit == "ms"
 
 
+SHORT = """Name,YT Scope Project,,,
+File,scope.csv,,,
+Starttime of export,132959733843760000,,,
+
+Name,torque,Name,speed,position
+"""
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        lambda k: f"{k},{k % 7},{2 * k},{k % 5},{k}" if k < 30 else f"{k},{k % 7},,,",
+        lambda k: f"{k},{k % 7},{k},{k // 2 % 5},{k // 2}" if k % 2 == 0 else f"{k},{k % 7},,,",
+        lambda k: f"{k},{k % 7},{k - k % 2},{k // 2 % 5},{k // 2}",
+    ],
+    ids=["without a pause", "beside their time", "filled with the value before"],
+)
+def test_read_scope_text__short_header_and_slower_channels__have_their_own_time(
+    tmp_path: Path, row: Callable[[int], str]
+) -> None:
+    path = tmp_path / "scope.csv"
+    path.write_text(SHORT + "\n" + "\n".join(row(k) for k in range(60)) + "\n", encoding="utf-8")
+    assert open_table(path)[1] == "Beckhoff TwinCAT Scope"
+    recording = read_recording(path, input="torque", outputs="speed:velocity")
+    assert recording.dt == pytest.approx(0.002)
+    assert recording.samples >= 29
+    np.testing.assert_array_equal(recording.y[0], np.arange(recording.samples) % 5)
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_read_scope_text__scale_factor__is_applied_once(name: str) -> None:
     """Two channels of one variable, of which one has ScaleFactor -1 and Offset 1; one file has numbers as recorded."""

@@ -34,7 +34,7 @@ class RecordingStage(Stage):
             tag("label", "Drop files here, or choose them", "strong", for_="files")
             tag(
                 "p",
-                "CSV and other text, MAT, HDF5, TDMS, MDF4, exports of TwinCAT and EPOS; also packed by gzip",
+                "CSV and other text, MAT, HDF5, TDMS, MDF4, exports of TwinCAT, EPOS and LabVIEW; also packed by gzip",
                 "soft",
             )
             tag(

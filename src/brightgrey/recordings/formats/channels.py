@@ -26,12 +26,15 @@ class Channel:
     unit : str, optional
     clock : int, optional
         Number of its clock among `Channels.clocks`.
+    label : str
+        What the file calls it beside its name, e.g. the label of a signal of Simulink; columns are found by it, too.
     """
 
     name: str
     values: Array
     unit: str | None = None
     clock: int | None = None
+    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,22 +48,27 @@ class Channels:
         Times in s that channels share, each of shape (samples,).
     others : tuple of str
         Names of what is no channel.
+    notes : tuple of str
+        What the library remarks on the file.
     """
 
     channels: tuple[Channel, ...]
     clocks: tuple[Array, ...] = ()
     others: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def table(self, name: str) -> Table:
         """Return the table of all channels; times are columns without a name, and short channels end with NaN."""
         arrays = [*(channel.values for channel in self.channels), *self.clocks]
         samples = max((array.size for array in arrays), default=0)
         clocks = len(self.channels)
-        columns = [Column(c.name, c.name, c.unit, None if c.clock is None else clocks + c.clock) for c in self.channels]
+        columns = [
+            Column(c.name, c.label or c.name, c.unit, None if c.clock is None else clocks + c.clock)
+            for c in self.channels
+        ]
         columns += [Column("", "", "s")] * len(self.clocks)
-        return Table(
-            name, tuple(columns), np.arange(1, samples + 1), _loader(arrays, samples), unread=listed("", self.others)
-        )
+        rows, unread = np.arange(1, samples + 1), listed("", self.others)
+        return Table(name, tuple(columns), rows, _loader(arrays, samples), self.notes, unread)
 
 
 def _loader(arrays: Sequence[Array], samples: int) -> Callable[[Sequence[int]], Array]:

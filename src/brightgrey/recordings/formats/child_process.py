@@ -9,24 +9,27 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import json
+import logging
 import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 
-from brightgrey.errors import RecordingError
+from brightgrey.errors import RecordingError, printable
 from brightgrey.recordings.formats.channels import Channel, Channels
 
 __all__ = ["Library", "read_in_child"]
 
 MESSAGE = 300
 """Characters of a library's error that are shown."""
+REMARKS = 3
+"""Warnings of a library that are shown."""
 MEGABYTE = 1 << 20
 
 
@@ -118,15 +121,30 @@ def run() -> None:
     importlib.import_module(module)
     extract = cast("Callable[[Path], Channels]", importlib.import_module(reader).extract)
     _limit(float(seconds), int(memory))
+    said = _Remarks()
+    logging.getLogger().addHandler(said)
     try:
         found = extract(Path(path))
-        _save(found, Path(result))
+        _save(replace(found, notes=tuple(dict.fromkeys(said.texts))[:REMARKS]), Path(result))
     except MemoryError:
         _fail(result, f"it takes more than {int(memory) // MEGABYTE} MB of memory")
     except Exception as error:
         # The errors of libraries for a damaged file are not documented.
         lines = str(error).splitlines()
         _fail(result, (lines[0] if lines else type(error).__name__)[:MESSAGE])
+
+
+class _Remarks(logging.Handler):
+    """Warnings that a library logs, each on one printable line."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.texts: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a warning."""
+        text = printable(record.getMessage().partition("\n")[0])
+        self.texts.append(f"{record.name.partition('.')[0]} remarks: {text[:MESSAGE]}")
 
 
 def _fail(result: str, reason: str) -> None:
@@ -154,9 +172,10 @@ def _limit(seconds: float, memory: int) -> None:
 def _save(found: Channels, result: Path) -> None:
     """Write channels as one header and one block of numbers."""
     header = {
-        "channels": [(c.name, c.unit, c.clock, int(c.values.size)) for c in found.channels],
+        "channels": [(c.name, c.unit, c.clock, c.label, int(c.values.size)) for c in found.channels],
         "clocks": [int(clock.size) for clock in found.clocks],
         "others": found.others,
+        "notes": found.notes,
     }
     with result.with_suffix(".numbers").open("wb") as file:
         for array in (*(channel.values for channel in found.channels), *found.clocks):
@@ -170,7 +189,7 @@ def _load(result: Path) -> Channels:
     sizes = [*(size for *_, size in header["channels"]), *header["clocks"]]
     arrays = np.split(numbers, np.cumsum(sizes)[:-1]) if sizes else []
     channels = [
-        Channel(name, values, unit, clock)
-        for (name, unit, clock, _), values in zip(header["channels"], arrays, strict=False)
+        Channel(name, values, unit, clock, label)
+        for (name, unit, clock, label, _), values in zip(header["channels"], arrays, strict=False)
     ]
-    return Channels(tuple(channels), tuple(arrays[len(channels) :]), tuple(header["others"]))
+    return Channels(tuple(channels), tuple(arrays[len(channels) :]), tuple(header["others"]), tuple(header["notes"]))

@@ -21,7 +21,7 @@ from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.dialect import MISSING, Dialect, dialects, find_dialect
 from brightgrey.recordings.formats.header import Lines, header_comment, named_columns
 from brightgrey.recordings.formats.numbers import TextNumbers
-from brightgrey.recordings.formats.table import Column, Table, list_rows, with_clocks
+from brightgrey.recordings.formats.table import Column, Table, list_rows, skipped_rows, with_clocks
 from brightgrey.recordings.formats.text import Text, read_text
 from brightgrey.recordings.formats.time_stamps import are_stamps, first_day
 from brightgrey.recordings.policy import READING
@@ -29,6 +29,7 @@ from brightgrey.recordings.policy import READING
 __all__ = ["read_delimited"]
 
 COMMENTS = ("#", "%", "//")
+LEADING_WORD = re.compile(r"[^\W\d_][^\d]*")
 
 
 def read_delimited(
@@ -76,9 +77,12 @@ def read_delimited(
     dialect = _find_dialect(head, spread, candidates, decimal, name)
     first = _first_numbers(head, spread, dialect, header, name)
     body = content[np.searchsorted(content, head.rows[first] - 1) :]
-    body, footer = _without_footer(text, body, dialect)
+    body, notes = _without_footer(text, body, dialect)
+    if (between := int(body[-1] - body[0]) + 1 - body.size) > 0:
+        notes.append(f"{between} empty or comment lines between the rows of numbers were skipped")
+    body, restarts = _without_repeated(text, body, head[:first])
     table = _table(text, body, head[:first], comments, dialect, header, name)
-    return replace(table, notes=(*table.notes, *footer))
+    return replace(table, notes=(*table.notes, *notes, *restarts))
 
 
 def _table(
@@ -97,13 +101,21 @@ def _table(
     columns = columns or tuple(Column(str(i + 1), str(i + 1)) for i in range(width))
     fields = [[row[i] for row in rows if i < len(row)] for i in range(width)]
     stamps = {i: first_day(texts) for i, texts in enumerate(fields) if are_stamps(texts)}
-    columns = tuple(replace(c, unit="s", clock_time=True) if i in stamps else c for i, c in enumerate(columns))
-    if (between := int(body[-1] - body[0]) + 1 - body.size) > 0:
-        notes = (*notes, f"{between} empty or comment lines between the rows of numbers were skipped")
+    columns = tuple(
+        replace(c, unit="s", clock_time=True) if i in stamps else replace(c, first=_first(fields[i], dialect))
+        for i, c in enumerate(columns)
+    )
     table = Table(name, with_clocks(columns), body + 1, lambda indices: np.empty(0), notes)
     numbers = TextNumbers(text, body, width, dialect, stamps, table)
     numbers.check_widths()
     return replace(table, load=numbers.load)
+
+
+def _first(fields: list[str], dialect: Dialect) -> float:
+    """Return the first number of a column, NaN if it does not begin with one."""
+    present = next((field for field in fields if field.casefold() not in MISSING), "")
+    number = dialect.number(present)
+    return float("nan") if number is None else number
 
 
 @dataclass(frozen=True)
@@ -159,18 +171,33 @@ def _without_cleared_cells(text: Text, content: Indices) -> Indices:
 
 
 def _without_footer(text: Text, body: Indices, dialect: Dialect) -> tuple[Indices, list[str]]:
-    """Leave out remarks below the numbers: lines of other width without any number in them."""
-    width = len(dialect.split(text.line(int(body[0]))))
+    """Leave out remarks below the numbers: lines of other width without any number in them, and summaries.
+
+    A summary has a word where the first column has a number or a clock time: ``Min;-1.2;3.4``.
+    """
+    first = dialect.split(text.line(int(body[0])))
+    numbered = bool(first) and not LEADING_WORD.match(first[0])
     end = body.size
     while end > 1 and body.size - end < READING.footer_lines:
         fields = dialect.split(text.line(int(body[end - 1])))
-        if len(fields) == width or any(map(dialect.is_number, fields)):
+        named = fields[0] if fields and fields[0].casefold() not in MISSING else ""
+        summary = numbered and bool(LEADING_WORD.fullmatch(named))
+        if not summary and (len(fields) == len(first) or any(map(dialect.is_number, fields))):
             break
         end -= 1
     if end == body.size:
         return body, []
-    return body[:end], [
-        f"{list_rows(body[end:] + 1)} below the numbers is skipped, beginning '{text.line(int(body[end]))[:40]}'"
+    return body[:end], [skipped_rows(body[end:] + 1, "below", text.line(int(body[end])))]
+
+
+def _without_repeated(text: Text, body: Indices, head: Lines) -> tuple[Indices, list[str]]:
+    """Leave out lines between the numbers that repeat one of the header: a logger was started again."""
+    repeats = [i for line in set(head.text) for i in text.lines_like(line) if i > body[0]]
+    if not repeats:
+        return body, []
+    rows = np.sort(np.array(repeats))
+    return np.setdiff1d(body, rows, assume_unique=True), [
+        f"{list_rows(rows + 1)} repeat{'' if rows.size > 1 else 's'} the header: skipped; the logger was started again"
     ]
 
 

@@ -18,14 +18,22 @@ __all__ = ["MISSING", "Dialect", "dialects", "find_dialect", "with_thousands"]
 NAMED_DELIMITERS = {"tab": "\t", "\\t": "\t", "semicolon": ";", "comma": ",", "space": " "}
 # In order of preference where they explain a file equally well; a space stands for any white space.
 DELIMITERS = ("\t", ";", "|", ",", " ")
-# Texts that loggers and spreadsheets write for a missing value.
-MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "?"})
+# Texts that loggers and spreadsheets write for a missing value: common ones, spreadsheets in several languages, and the
+# runtime libraries of C and .NET.
+MISSING = frozenset(
+    {
+        *("", "nan", "na", "n/a", "null", "none", "-", "--", "---", "?", "<null>", "(null)", "bad", "missing"),
+        *("#n/a", "#na", "#nv", "#n/d", "#nd", "#div/0!", "#num!", "#zahl!", "#value!", "#wert!", "#valeur!"),
+        *("-nan", "+nan", "nan(ind)", "-nan(ind)", "nan(snan)", "-nan(snan)", "1.#qnan", "-1.#qnan", "1.#ind"),
+        *("-1.#ind", "1.#snan", "n. def.", "n.def.", "non numérique"),
+    }
+)
 # Each digit can be matched in one way only: a failing match of a long field takes linear time.
 NUMBERS = {
     ".": re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII),
     ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?", re.ASCII),
 }
-INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+INFINITE = re.compile(r"(?P<sign>[+-]?)(?:inf(?:inity)?|∞|1[.]#INF)", re.IGNORECASE)
 LONGEST_NUMBER = 400
 """Characters of the longest number: 1e308 with all its digits and some decimals."""
 THOUSANDS = {".": ",'’", ",": ".'’"}
@@ -70,6 +78,8 @@ class Dialect:
             return float("nan")
         if not self.is_number(field):
             return None
+        if match := INFINITE.fullmatch(field):
+            return float(f"{match['sign']}inf")
         plain = field.replace(self.thousands, "") if self.thousands else field
         return float(plain.replace(",", ".") if self.decimal == "," else plain)
 

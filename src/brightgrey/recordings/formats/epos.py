@@ -41,7 +41,7 @@ def read_recorder_text(path: Path, like: str = "") -> Table:
     match = RECORDED.search(preamble)
     if match and int(match[1]) > table.rows.size:
         raise table.fault(f"{table.rows.size} samples where the preamble says {match[1]}; the file seems to be cut off")
-    return replace(table, notes=tuple(note for note in table.notes if "above the numbers is skipped" not in note))
+    return replace(table, notes=tuple(note for note in table.notes if "above the numbers" not in note))
 
 
 FORMAT = FileFormat("maxon EPOS Studio", is_recorder_text, read_recorder_text, text=True)

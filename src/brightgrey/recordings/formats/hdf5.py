@@ -10,7 +10,7 @@ import numpy as np
 from brightgrey.recordings.formats.channels import Channel, Channels, columns_of_matrix
 from brightgrey.recordings.formats.child_process import Library, read_in_child
 from brightgrey.recordings.formats.file_format import FileFormat
-from brightgrey.recordings.formats.mat import common_length
+from brightgrey.recordings.formats.mat import common_length, object_of_matlab
 from brightgrey.recordings.formats.table import Table
 from brightgrey.recordings.policy import READING
 
@@ -44,6 +44,9 @@ def extract(path: Path) -> Channels:
         label = name.replace("/", ".")
         of_matlab = item.attrs.get("MATLAB_class", b"")
         kind = of_matlab.decode() if isinstance(of_matlab, bytes) else ""
+        if "MATLAB_object_decode" in item.attrs:
+            others.append(label + object_of_matlab(kind))
+            return
         shape = tuple(size for size in item.shape or () if size != 1)
         readable = item.dtype.kind in "fiub" and kind not in TEXTS and "MATLAB_empty" not in item.attrs
         if not readable or not shape or len(shape) > 2 or (len(shape) == 2 and min(shape) > READING.max_matrix_columns):

@@ -9,12 +9,17 @@ import numpy as np
 
 from brightgrey.errors import RecordingError
 from brightgrey.recordings.formats.dialect import MISSING, Dialect
-from brightgrey.recordings.formats.table import Column, list_rows
+from brightgrey.recordings.formats.table import TIME_NAME, Column, skipped_rows
 from brightgrey.recordings.units.parser import is_unit, parse_unit
 
 __all__ = ["Lines", "column_of", "header_comment", "named_columns", "split_header"]
 
-HEADER_UNIT = re.compile(r"(?P<name>.*?\S)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>.*)\)|\s*/\s*(?P<slash>\S.*))")
+# In brackets, after a slash, after the word "in", or as a number of turns per time: "n 1/min".
+HEADER_UNITS = (
+    re.compile(r"(?P<name>.*\S)\s+in\s+(?P<unit>\S.*)"),
+    re.compile(r"(?P<name>.*\S)\s+(?P<unit>1/[a-z]+)"),
+    re.compile(r"(?P<name>.*?\S)\s*(?P<unit>\[[^\]]*\]|\{[^}]*\}|\(.*\)|/\s*\S.*)"),
+)
 # Fields of a header with white space as delimiter: quoted, a name with its unit in brackets, or plain.
 HEADER_FIELD = re.compile(r'"[^"]*"|[^\s\[(]+\s*(?:\[[^\]]*\]|\([^)]*\))|\S+')
 LONGEST_HEADER = 1000
@@ -38,7 +43,7 @@ def named_columns(
     """Return the columns named by the lines above the numbers, and notes on skipped lines.
 
     With a row of units the names are the line above it that has as many fields as the numbers; without one, the first
-    such line. All others are a preamble or remarks.
+    such line that names a time, else the first one. All others are a preamble or remarks.
 
     Parameters
     ----------
@@ -61,13 +66,16 @@ def named_columns(
     fitting = [i for i, fields in enumerate(rows) if low <= len(fields) <= high]
     if not fitting:
         raise RecordingError(
-            f"{name}: row {head.rows[-1]}: the header has {len(rows[-1])} fields, rows below have {low}"
+            f"{name}: row {head.rows[-1]}: the header has {len(rows[-1])} fields, rows below have {low}:"
+            " give it one name for each of them"
         )
     unit_row = next((i for i in reversed(range(1, len(rows))) if _are_units(rows[i], high)), None)
     if unit_row is not None and fitting[0] < unit_row:
         at = max(i for i in fitting if i < unit_row)
     else:
-        unit_row, at = None, next((i for i in fitting if _are_names(rows[i], dialect)), fitting[0])
+        names = [i for i in fitting if _are_names(rows[i], dialect)]
+        timed = (i for i in names if any(TIME_NAME.fullmatch(column_of(field).name) for field in rows[i]))
+        unit_row, at = None, next(timed, next(iter(names), fitting[0]))
     columns = [column_of(field) for field in rows[at]]
     if unit_row is not None:
         for i, unit in enumerate(_units_in(rows[unit_row])[: len(columns)]):
@@ -76,8 +84,7 @@ def named_columns(
     skipped = [i for i in range(len(rows)) if i not in (at, unit_row)]
     notes = []
     if skipped:
-        places = list_rows(np.array([head.rows[i] for i in skipped]))
-        notes = [f"{places} above the numbers is skipped, beginning '{head.text[skipped[0]][:40]}'"]
+        notes = [skipped_rows(np.array([head.rows[i] for i in skipped]), "above", head.text[skipped[0]])]
     return tuple(columns), tuple(notes)
 
 
@@ -112,12 +119,13 @@ def split_header(line: str, dialect: Dialect, width: int) -> list[str]:
 
 def column_of(header: str) -> Column:
     """Return the column with the unit in its header; an index (``axis[1]``) or a remark is part of the name."""
-    match = HEADER_UNIT.fullmatch(header) if len(header) < LONGEST_HEADER else None
-    if match:
-        unit = next(filter(None, match.groups()[1:]), "").strip()
-        unit = unit[1:-1].strip() if unit.startswith("(") and unit.endswith(")") else unit
+    for pattern in HEADER_UNITS if len(header) < LONGEST_HEADER else ():
+        match = pattern.fullmatch(header)
+        written = match["unit"] if match else ""
+        unit = written.removeprefix("/").strip()
+        unit = unit[1:-1].strip() if unit[:1] + unit[-1:] in ("()", "[]", "{}") else unit
         # Text in square brackets is meant as a unit even if it is misspelt.
-        if unit and not unit.isdecimal() and (match["square"] or is_unit(unit)):
+        if match and unit and not unit.isdecimal() and (written.startswith("[") or is_unit(unit)):
             return Column(match["name"], header, unit)
     return Column(header, header)
 

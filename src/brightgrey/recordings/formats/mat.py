@@ -21,9 +21,10 @@ from brightgrey.recordings.formats.file_format import FileFormat
 from brightgrey.recordings.formats.table import Table
 from brightgrey.recordings.policy import READING
 
-__all__ = ["FORMAT", "common_length", "extract"]
+__all__ = ["FORMAT", "common_length", "extract", "object_of_matlab"]
 
 LIBRARY = Library("scipy.io", "scipy")
+LABELS = ("label", "Name")
 
 
 def is_mat(start: bytes) -> bool:
@@ -87,7 +88,7 @@ def common_length(found: Channels, name: str, like: str) -> Table:
     odd = [f"{key} ({size} samples)" for key, size in sizes.items() if size != samples]
     unread = "; ".join(filter(None, (listed("of other length:", odd), listed("not vectors:", found.others))))
     kept = tuple(channel for channel in found.channels if channel.values.size == samples)
-    return replace(Channels(kept, found.clocks).table(name), unread=unread)
+    return replace(replace(found, channels=kept).table(name), unread=unread)
 
 
 def extract(path: Path) -> Channels:
@@ -101,12 +102,12 @@ def extract(path: Path) -> Channels:
     channels: list[Channel] = []
     others: list[str] = []
     variables = {key: _without_structs(value) for key, value in content.items() if not key.startswith("__")}
-    for key, value in _flattened(variables):
+    for key, value, label, unit in _flattened(variables):
         array = _array(value)
         if array is None or array.dtype.kind not in "fiub" or array.size < 2:
-            others.append(key)
+            others.append(key + _class_of(array))
         elif array.ndim == 1:
-            channels.append(Channel(key, array.astype(np.float64)))
+            channels.append(Channel(key, array.astype(np.float64), unit, label=label))
         elif array.ndim == 2 and min(array.shape) <= READING.max_matrix_columns:
             channels += columns_of_matrix(key, array)
         else:
@@ -134,8 +135,31 @@ def _array(value: Any) -> np.ndarray[Any, Any] | None:
         return None
 
 
-def _flattened(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Variables and fields of structs, by name; the elements of an array of structs by their number."""
+def _class_of(array: np.ndarray[Any, Any] | None) -> str:
+    """Return the class of an object of MATLAB, which no other program reads, with what to do; empty for any other."""
+    names = () if array is None else array.dtype.names or ()
+    return object_of_matlab(_plain_text(array["s2"])) if array is not None and "s2" in names else ""
+
+
+def object_of_matlab(kind: str) -> str:
+    """Return the remark on an object of MATLAB, e.g. a timeseries."""
+    return f" (an object of class {kind or 'unknown'}: save its numbers, e.g. t = x.Time; u = x.Data)"
+
+
+def _plain_text(value: Any) -> str:
+    """Return a text, also one of bytes or in an array; empty for anything else."""
+    plain = value.ravel()[0] if isinstance(value, np.ndarray) and value.size == 1 else value
+    plain = plain.decode("ascii", "replace") if isinstance(plain, bytes) else plain
+    return plain if isinstance(plain, str) else ""
+
+
+def _flattened(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any, str, str | None]]:
+    """Variables and fields of structs with their labels and units; elements of an array of structs by their number.
+
+    A struct that holds one signal names it: ``label`` in Simulink, ``Name`` and ``Unit`` in dSPACE ControlDesk.
+    """
+    label = next((_plain_text(content[key]) for key in LABELS if key in content), "")
+    unit = _plain_text(content.get("Unit"))
     for key, value in content.items():
         if isinstance(value, Mapping):
             yield from _flattened(value, f"{prefix}{key}.")
@@ -143,7 +167,7 @@ def _flattened(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[s
             for i, element in enumerate(value):
                 yield from _flattened(element, f"{prefix}{key}({i + 1}).")
         else:
-            yield prefix + str(key), value
+            yield prefix + str(key), value, label, unit or None
 
 
 def _are_structs(value: Any) -> bool:

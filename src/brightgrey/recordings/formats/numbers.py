@@ -11,7 +11,7 @@ from brightgrey.arrays import Array, Indices
 from brightgrey.recordings.formats.dialect import Dialect
 from brightgrey.recordings.formats.table import Table
 from brightgrey.recordings.formats.text import Text
-from brightgrey.recordings.formats.time_stamps import seconds
+from brightgrey.recordings.formats.time_stamps import past_midnight, seconds
 
 __all__ = ["TextNumbers"]
 
@@ -78,6 +78,8 @@ class TextNumbers:
                 self._slow(lines, indices, at, values[:, part])
         for row, index in enumerate(indices):
             if index in self.stamps:  # precision is lost far from zero
+                if not self.stamps[index]:  # no date
+                    values[row] = past_midnight(values[row])
                 values[row] -= np.nanmin(values[row]) if np.isfinite(values[row]).any() else 0.0
         return values
 

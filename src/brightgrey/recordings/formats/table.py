@@ -11,7 +11,7 @@ from brightgrey.arrays import Array, Indices
 from brightgrey.errors import RecordingError, nearest
 from brightgrey.recordings.policy import READING
 
-__all__ = ["TIME_NAME", "Column", "Table", "list_rows", "with_clocks"]
+__all__ = ["TIME_NAME", "Column", "Table", "list_rows", "skipped_rows", "with_clocks"]
 
 TIME_NAME = re.compile(
     r"(t|time|zeit|time[_ ]?stamps?|(sim(ulation)?|elapsed|rel(ative)?)[_ ]?time)"
@@ -19,6 +19,8 @@ TIME_NAME = re.compile(
     re.IGNORECASE,
 )
 """Name of a column that holds the time."""
+SINCE_1970 = (9.8e8, 4.1e9)
+"""Seconds from 1970 to 2001, and to 2100."""
 NUMBERED = re.compile(r"[ _.]?\d{1,3}")
 
 
@@ -37,6 +39,8 @@ class Column:
         Column of its own time, where channels have different ones.
     clock_time : bool
         True if the file holds clock times (``12:00:00.000``), which are read as seconds.
+    first : float
+        First number of a column of text; NaN for a text, and where the reader does not know it.
     """
 
     name: str
@@ -44,6 +48,23 @@ class Column:
     unit: str | None = None
     clock: int | None = None
     clock_time: bool = False
+    first: float = float("nan")
+
+    def time_unit(self) -> tuple[str, str]:
+        """Return the unit of a time, and why it is none that the file gives: its name, or its size since 1970.
+
+        A time since 1970 (or 2001 to 2100, to be exact) says its unit by its size: the years of one unit are 1000 times
+        those of the next.
+        """
+        if self.unit:
+            return self.unit, ""
+        match = TIME_NAME.fullmatch(self.name)
+        if match and match["unit"]:
+            return match["unit"].lower(), "its name says so"
+        per_second = {"ms": 1e3, "µs": 1e6, "ns": 1e9}
+        since = (unit for unit, many in per_second.items() if SINCE_1970[0] <= self.first / many <= SINCE_1970[1])
+        unit = next(since, "s")
+        return unit, "" if unit == "s" else "its numbers count from 1970"
 
 
 @dataclass(frozen=True)
@@ -133,6 +154,11 @@ def with_clocks(columns: Sequence[Column]) -> tuple[Column, ...]:
     for begin, end in pairwise([*times, len(columns)]):
         clocked += [columns[begin], *(replace(column, clock=begin) for column in columns[begin + 1 : end])]
     return tuple(clocked)
+
+
+def skipped_rows(rows: Indices, where: str, text: str) -> str:
+    """Return the note that rows above or below the numbers are skipped, the first of which has a text."""
+    return f"{list_rows(rows)} {where} the numbers {'are' if rows.size > 1 else 'is'} skipped, beginning '{text[:40]}'"
 
 
 def list_rows(rows: Indices) -> str:

@@ -57,6 +57,17 @@ class Text:
         """Return one line."""
         return self.lines(index, index + 1)[0]
 
+    def lines_like(self, line: str) -> list[int]:
+        """Return the numbers of the lines that are equal to one."""
+        searched = line.encode(self.encoding, "replace") + b"\n"
+        found, at = [], self.data.find(searched)
+        while at >= 0:
+            index = int(np.searchsorted(self.starts, at, side="right")) - 1
+            if self.starts[index] == at:
+                found.append(index)
+            at = self.data.find(searched, at + len(searched))
+        return found
+
     def blocks(self, index: Indices) -> Iterator[tuple[int, list[str]]]:
         """Yield the lines with the rising numbers `index` in blocks, with the position of each block in `index`."""
         size = READING.lines_per_block

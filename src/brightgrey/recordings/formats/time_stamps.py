@@ -11,12 +11,13 @@ import numpy as np
 from brightgrey.arrays import Array
 from brightgrey.recordings.formats.dialect import MISSING
 
-__all__ = ["are_stamps", "first_day", "is_stamp", "seconds"]
+__all__ = ["are_stamps", "first_day", "is_stamp", "past_midnight", "seconds"]
 
 STAMP = re.compile(
     r"(?:(?P<date>\d{4}-\d\d-\d\d|\d{4}/\d\d/\d\d|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4})[T ]\s*)?"
-    r"(?P<hour>\d{1,2}):(?P<minute>[0-5]\d):(?P<second>[0-5]\d(?:[.,]\d{1,12})?)(?P<zone>Z|[+-]\d\d:?\d\d)?",
-    re.ASCII,
+    r"(?P<hour>\d{1,2}):(?P<minute>[0-5]\d):(?P<second>[0-5]\d(?:[.,]\d{1,12}|:\d{3})?)"
+    r"(?:\s?(?P<half>[AP])\.?M\.?|(?P<zone>Z|\s?[+-]\d\d:?\d\d|\s?UTC))?",
+    re.ASCII | re.IGNORECASE,
 )
 DAY = 86400.0
 
@@ -41,8 +42,8 @@ def first_day(texts: Sequence[str]) -> float:
 def seconds(texts: Sequence[str], day: float) -> tuple[Array, list[int]]:
     """Return the seconds of clock times since the start of a `day`, and the numbers of the texts that are none.
 
-    Days are told apart by their dates, so that a recording may pass midnight. A date with slashes that begins with the
-    day or the month is read with the month first.
+    Days are told apart by their dates, so that a recording may pass midnight; see `past_midnight` for times without a
+    date. A date with slashes that begins with the day or the month is read with the month first.
     """
     values, wrong = np.full(len(texts), np.nan), []
     days: dict[str | None, float | None] = {}
@@ -52,11 +53,25 @@ def seconds(texts: Sequence[str], day: float) -> tuple[Array, list[int]]:
             days[match["date"]] = _ordinal(match["date"])
         today = days[match["date"]] if match else None
         if match and today is not None:
-            clock = 3600 * int(match["hour"]) + 60 * int(match["minute"]) + float(match["second"].replace(",", "."))
-            values[i] = DAY * (today - day) + clock
+            hour = int(match["hour"])
+            if match["half"]:
+                hour = hour % 12 + 12 * (match["half"] in "pP")
+            second = float(match["second"].replace(",", ".").replace(":", "."))
+            values[i] = DAY * (today - day) + 3600 * hour + 60 * int(match["minute"]) + second
         elif text.casefold() not in MISSING:
             wrong.append(i)
     return values, wrong
+
+
+def past_midnight(t: Array) -> Array:
+    """Return clock times without a date in s with a day added wherever they fall by more than half a day."""
+    present = np.flatnonzero(np.isfinite(t))
+    falls = np.diff(t[present]) < -0.5 * DAY
+    if not falls.any():
+        return t
+    later = t.copy()
+    later[present[1:]] += DAY * np.cumsum(falls)
+    return later
 
 
 def _ordinal(text: str | None) -> float | None:

@@ -31,7 +31,7 @@ from brightgrey.recordings.policy import READING
 
 __all__ = ["FORMAT"]
 
-SAMPLE_TIME = "SampleTime["
+SAMPLE_TIME, STARTED = "SampleTime[", "Starttime of export"
 FULL_STAMP, TICK = 1e15, 1e-4
 """Times above the first number count 100 ns from the year 1601; the second turns them into ms."""
 MANY_LEVELS = 10
@@ -40,9 +40,9 @@ NO_UNIT = "(None)"
 
 
 def is_scope_text(start: bytes) -> bool:
-    """Recognise an export by its first line and its line of sample times."""
+    """Recognise an export by its first line, and by its line of sample times or of the time of the export."""
     text = first_text(start)
-    return bool(re.match(r"Name[^\w\s]|Name\t", text)) and f"\n{SAMPLE_TIME}" in text
+    return bool(re.match(r"Name[^\w\s]|Name\t", text)) and (f"\n{SAMPLE_TIME}" in text or f"\n{STARTED}" in text)
 
 
 def read_scope_text(path: Path, like: str = "") -> Table:
@@ -51,7 +51,7 @@ def read_scope_text(path: Path, like: str = "") -> Table:
     Raises
     ------
     RecordingError
-        For a file without the lines of names and sample times, or without numbers.
+        For a file without the line of names, or without numbers.
     """
     text = read_text(path)
     head = text.lines(0, min(len(text), READING.head_lines)) if text else []
@@ -76,17 +76,19 @@ def read_scope_text(path: Path, like: str = "") -> Table:
 
 
 def _columns(properties: list[list[str]], name: str) -> tuple[Column, ...]:
-    """Return a column for every cell of the property lines; times have no name."""
+    """Return a column for every cell of the property lines; times have no name, and stand below their first word.
+
+    The line of sample times is left out by a short header; the time is in ms then.
+    """
     rows = _by_name(properties)
-    sampling = next((cells for key, cells in rows.items() if key.startswith(SAMPLE_TIME)), None)
-    if sampling is None:
-        raise RecordingError(f"{name}: the export of TwinCAT Scope has no line of sample times ({SAMPLE_TIME}ms])")
     names, units = rows["Name"], rows.get("Unit", [])
+    sampling = next((cells for key, cells in rows.items() if key.startswith(SAMPLE_TIME)), names)
+    unit = sampling[0][len(SAMPLE_TIME) :].rstrip("]") if sampling is not names else "ms"
     columns, clock = [], 0
     for i, cell in enumerate(sampling):
         if cell == sampling[0]:
             clock = i
-            columns.append(Column("", "", sampling[0][len(SAMPLE_TIME) :].rstrip("]") or "ms"))
+            columns.append(Column("", "", unit or "ms"))
         elif i < len(names) and names[i]:
             columns.append(Column(names[i], names[i], _unit(units[i] if i < len(units) else ""), clock))
     if not any(column.name for column in columns):

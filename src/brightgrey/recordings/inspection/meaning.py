@@ -17,7 +17,7 @@ MOTIONS = ("position", "velocity", "acceleration")
 UNITS = {"torque": "N m", "force": "N", "current": "A", "voltage": "V"}
 # Words of names, in English and German; those of five letters and more are found within longer words, too.
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
-    "torque": ("torque", "torq", "trq", "tau", "drehmoment", "moment", "tq"),
+    "torque": ("torque", "torq", "trq", "tau", "drehmoment", "moment", "tq", "effort"),
     "force": ("force", "kraft"),
     "current": ("current", "curr", "strom", "iq", "isq", "amps"),
     "voltage": ("voltage", "volt", "spannung", "uq", "pwm"),
@@ -49,7 +49,7 @@ WRITTEN = {"nm": "N m"}
 class Meaning:
     """Guess of what a channel is; empty texts where nothing says it."""
 
-    quantity: str = ""  #: torque, force, current, voltage, position, velocity, acceleration or time.
+    quantity: str = ""  #: torque, force, current, voltage, position, velocity, acceleration, time or count.
     role: str = ""  #: setpoint, actual or error.
     side: str = ""  #: motor or load.
     reason: str = ""

@@ -48,6 +48,8 @@ class ChannelProfile:
         Values for drawing, at most a few hundred.
     text : str
         First fault, for a column that holds no numbers.
+    begins_with_number : bool
+        True if such a column begins with a number all the same.
     """
 
     column: int
@@ -62,6 +64,7 @@ class ChannelProfile:
     dt: float | None = None
     course: Array = field(default_factory=lambda: np.empty(0), repr=False)
     text: str = ""
+    begins_with_number: bool = False
 
     @property
     def constant(self) -> bool:
@@ -101,7 +104,8 @@ def profile_channels(table: Table) -> tuple[list[ChannelProfile], dict[int, Arra
     for i in named:
         column = table.columns[i]
         if i in faults:
-            profiles.append(ChannelProfile(i, column.name, column.unit, text=faults[i]))
+            begun = np.isfinite(column.first)  # a text among numbers is worth saying
+            profiles.append(ChannelProfile(i, column.name, column.unit, text=faults[i], begins_with_number=bool(begun)))
         else:
             profiles.append(_profile(i, column.name, column.unit, loaded[i]))
     return profiles, loaded

@@ -11,7 +11,7 @@ from brightgrey.arrays import Array
 from brightgrey.recordings.inspection.meaning import MOTIONS, Meaning
 from brightgrey.recordings.inspection.profile import block_means
 
-__all__ = ["explained_by_motion", "find_derivatives", "find_setpoints", "is_even_time"]
+__all__ = ["explained_by_motion", "find_derivatives", "find_setpoints", "is_count", "is_even_time"]
 
 POINTS = 2000
 """Points that a channel is averaged to before channels are compared."""
@@ -34,6 +34,11 @@ def is_even_time(values: Array) -> bool:
         return False
     usual = float(np.median(steps))
     return bool(np.mean(np.abs(steps - usual) <= 0.5 * usual) > 0.9)
+
+
+def is_count(values: Array) -> bool:
+    """Return True if a channel counts the samples, by one from each to the next."""
+    return values.size > 2 and bool((np.diff(values) == 1.0).all())
 
 
 def find_derivatives(

@@ -48,8 +48,9 @@ class ReadChannels:
     meanings: Mapping[int, Meaning]
 
     def changing(self) -> list[int]:
-        """Columns of numbers that change and are no time."""
-        return [i for i, p in self.profiles.items() if not p.constant and self.meanings[i].quantity != "time"]
+        """Columns of numbers that change, and are neither a time nor a count of samples."""
+        numbers = [i for i, p in self.profiles.items() if not p.constant]
+        return [i for i in numbers if self.meanings[i].quantity not in ("time", "count")]
 
     def reference(self, column: int) -> str:
         """Return the name of a column for an option, or its number where the name is not its own."""
@@ -85,6 +86,7 @@ def find_time(table: Table, values: Mapping[int, Array]) -> TimeChoice:
         return TimeChoice(None, {}, usual_step(table, clocks[0], values))
     numbers = {i: x for i, x in values.items() if np.isfinite(x).sum() > 2}
     named = [i for i in numbers if TIME_NAME.fullmatch(table.columns[i].name) and not table.columns[i].clock_time]
+    broken = [c.name for i, c in enumerate(table.columns) if i not in values and TIME_NAME.fullmatch(c.name)]
     named = named or [i for i in numbers if table.columns[i].clock_time]
     if len(named) == 1:
         return TimeChoice(named[0], {}, usual_step(table, named[0], values))
@@ -96,16 +98,15 @@ def find_time(table: Table, values: Mapping[int, Array]) -> TimeChoice:
         dt = usual_step(table, even[0], values)
         counts = f"'{reference}' may count samples: give --dt instead of --time then" if dt == 1.0 else ""
         return TimeChoice(even[0], {"time": reference}, dt, counts)
-    return TimeChoice(None, {"dt": 1.0}, 1.0, "the sampling interval is not in the file: put it in place of 1 in --dt")
+    why = f"column '{broken[0]}' is no time" if broken else "the sampling interval is not in the file"
+    return TimeChoice(None, {"dt": 1.0}, 1.0, f"{why}: put the sampling interval in place of 1 in --dt")
 
 
 def usual_step(table: Table, column: int, values: Mapping[int, Array]) -> float:
     """Return the usual step of a time in s."""
     steps = np.diff(values[column][np.isfinite(values[column])])
-    unit = table.columns[column].unit
-    if unit is None and (match := TIME_NAME.fullmatch(table.columns[column].name)):
-        unit = (match["unit"] or "s").lower()
-    factor = parse_unit(unit).si if unit and is_unit(unit) else 1.0
+    unit, _ = table.columns[column].time_unit()
+    factor = parse_unit(unit).si if is_unit(unit) else 1.0
     return float(np.median(steps[steps > 0])) * factor if (steps > 0).any() else 1.0
 
 

@@ -80,7 +80,7 @@ def _compare(examined: Examined, k: int) -> _Pair:
     """Regress the output of the lower order of derivative on the other one and its slope.
 
     Both go through a low-pass filter whose derivative needs no differences. Its time is the ratio of the two noises, so
-    that both are as loud behind it.
+    that what is left is white, and the estimate of the delay is efficient.
     """
     r, dt = examined.recording, examined.dt
     orders = KINDS[r.outputs[0].kind], KINDS[r.outputs[k].kind]
@@ -89,7 +89,7 @@ def _compare(examined: Examined, k: int) -> _Pair:
     target, reference = signals[1 - high], signals[high]
     gap = orders[high] - orders[1 - high]
     begun = np.ones((r.samples, 1))  # the filter begins with a wrong state, from which it decays
-    time = float(np.clip((noise[1 - high] / noise[high]) ** (1.0 / max(gap, 1)), 4.0 * dt, 0.1 * r.samples * dt))
+    time = float(np.clip((noise[1 - high] / noise[high]) ** (1.0 / max(gap, 1)), 4.0 * dt, r.samples * dt))
     if gap:
         for _ in range(gap):
             target, filtered = (target - _low_pass(target, time, dt)) / time, _low_pass(reference, time, dt)
