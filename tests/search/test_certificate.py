@@ -1,5 +1,6 @@
 """The certificate of a search in words and numbers."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -26,6 +27,13 @@ def test_sentences__refuted_structure__says_what_is_missing_and_how_sure_it_is()
         " squares: 812 above the least one, of which chance explains 13.4; 3 independent starts agree.)"
     )
     assert last == ("31 fits decide all 1,448 structures of the function set 'paper', conditional on these optima.")
+
+
+def test_sentences__budget_ended__fits_decide_all_but_what_is_open():
+    found = replace(certificate(refuted("viscous")), undecided=("one_mass+coulomb",))
+    *_, open_ones, last = found.sentences()
+    assert open_ones == "The budget ended before these were decided. Open: one mass with Coulomb friction."
+    assert last.startswith("31 fits decide all but these of the 1,448 structures")
 
 
 def test_sentences__mass_is_missing__it_is_counted():

@@ -225,7 +225,7 @@ def fit(
     best, equivalent = resolve_lag_pole_exchange(problem, space, final, descent.best)
     reversal, space, best = estimated_width(problem, space, final, best)
     final = final if reversal is None else replace(final, f_tanh=1.0 / reversal.value)
-    estimates = estimates_of(problem, space, final, best)
+    estimates = estimates_of(problem, space, final, best, compare_recordings=True)
     each = estimates_in_recordings(problem, estimates)
     named = {name: with_spread(estimates.by_name[name], each.get(name, ())) for name in structure.parameters}
     context = FitContext(problem, space, final, best, estimates)

@@ -65,9 +65,10 @@ class Certificate:
             names = enumerated([effect_in_words(Placed.parse(e)) for e in self.offered])
             out.append(f"The first effects left a notable part of the residual. So these were offered, too: {names}.")
         out += self._held_back()
+        decided = "all but these" if self.undecided else "all"
         out.append(
-            f"{self.fitted} fits decide all {self.structures:,} structures of the function set '{self.grammar}',"
-            " conditional on these optima."
+            f"{self.fitted} fits decide {decided}{' of the' if self.undecided else ''} {self.structures:,} structures"
+            f" of the function set '{self.grammar}', conditional on these optima."
         )
         return tuple(out)
 

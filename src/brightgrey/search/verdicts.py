@@ -73,7 +73,7 @@ SENTENCES: Mapping[ReasonKind, str] = MappingProxyType(
             "It explains {gain} % of the residual; effects that mean nothing may explain as much."
         ),
         "small gain": "It explains hardly anything of the residual, but more than chance does.",
-        "fits at relevant size": "The fit has it at a size that matters, and is no worse.",
+        "fits at relevant size": "A fit with it is no worse, and gives it a size that matters.",
         "masked": "At a size that matters{size} this recording would not have shown it beside another effect: {names}.",
         "not detectable": "At a size that matters{size} this recording would not have shown it{limit}.",
         "fits with fixed size": "Held at a size that matters{size}, it makes the fit no worse.",

@@ -159,7 +159,7 @@ def test_symptoms__missing_delay__has_its_size():
 
 def test_symptoms__negligible_effect__is_named():
     found = symptoms_of("one_mass+coulomb+viscous+delay", measured_from("one_mass+coulomb+viscous", RIGID))
-    assert "leave dead time out" in found["Dead time is negligible"].advice
+    assert "leave out dead time" in found["Dead time is negligible"].advice
 
 
 def context(text, values, at):

@@ -136,7 +136,7 @@ def _negligible_effects(context: FitContext, values: Mapping[str, float], scales
                 Symptom(
                     f"{placed.effect.title} is negligible",
                     observation,
-                    f"leave {effect_in_words(placed, article=False)} out",
+                    f"leave out {effect_in_words(placed)}",
                 )
             )
     return found

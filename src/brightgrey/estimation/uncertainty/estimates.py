@@ -33,7 +33,7 @@ class Estimate:
     std: float
     ci95: tuple[float, float]  #: 95 % interval.
     at_bound: BoundSide | None  #: one of 'low', 'high'} or None.
-    #: Standard deviation between the estimates of single recordings; None with one recording or where it is unknown.
+    #: Standard deviation between the estimates of single recordings; None where not compared, or unknown.
     between: float | None = None
 
 
@@ -50,7 +50,7 @@ class Estimates(NamedTuple):
 
     by_name: dict[str, Estimate]
     unidentifiable: tuple[UnidentifiableDirection, ...]  #: Directions that the recordings do not identify.
-    differing: tuple[str, ...]  #: Parameters that differ between the recordings.
+    differing: tuple[str, ...]  #: Parameters that differ between the recordings, if these were compared.
     #: Of the estimation errors in the scaled space, for pairs of parameters that have an interval.
     correlation: dict[tuple[str, str], float]
     #: Of parameters at a low bound that stands for zero, although others could take their place.
@@ -73,6 +73,8 @@ def estimates_of(
     settings: Settings,
     best: OptimumWithJacobian,
     options: UncertaintyOptions = UNCERTAINTY_DEFAULTS,
+    *,
+    compare_recordings: bool = False,
 ) -> Estimates:
     """Estimates with intervals, which are symmetric in the scaled space; a parameter at its bound has none.
 
@@ -86,10 +88,14 @@ def estimates_of(
     settings : Settings
     best : OptimumWithJacobian
     options : UncertaintyOptions
+    compare_recordings : bool
+        Fit each recording alone, too, and say which parameters differ between them. That may take longer than the fit.
     """
     side = space.active_bounds(best.values)
     spread = _spread(problem, space, best, side, options)
-    between, differs = heterogeneity(problem, space, settings, best, options)
+    between, differs = np.full(len(side), np.nan), np.zeros(len(side), bool)
+    if compare_recordings:
+        between, differs = heterogeneity(problem, space, settings, best, options)
     result = {name: Estimate(value, 0.0, (value, value), None) for name, value in space.fixed.items()}
     for i, name in enumerate(space.names):
         result[name] = _to_si(space, i, best.values, spread, float(between[i]), _BOUND_SIDES[int(side[i])])

@@ -10,6 +10,7 @@ import numpy as np
 from brightgrey.recordings.checks.check import Check, CheckResult, mind, passed
 from brightgrey.recordings.checks.examined import Examined
 from brightgrey.recordings.sample_values import is_constant
+from brightgrey.recordings.units.amounts import rounded
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ def run(examined: Examined) -> Iterator[CheckResult]:
             continue
         steps = float(np.std(values)) / float(step)
         shown = f"{float(step) * signal.factor:.4g} {signal.unit}"
-        figure = f"'{signal.name}' has steps of {shown}, {steps:.3g} in its standard deviation"
+        figure = f"'{signal.name}' has steps of {shown}, {rounded(steps, 3)} in its standard deviation"
         threshold = f"{POLICY.least:g} steps"
         if steps < POLICY.least:
             yield mind(
