@@ -201,7 +201,7 @@ class OfferingSearch:
 
     def with_bent_effect(self, own: StructureFit) -> StructureFit | None:
         """A fit with the effect that explains most by multistart; None if none is notable."""
-        found = effect_by_multistart(self.task, own, self.more, self.seed)
+        found = effect_by_multistart(self.task, own, self.more, self.seed, self.executor)
         return self.fits.tried([_with_effect(own, found)], self.executor)[0] if found else None
 
     def is_explained_better(self, own: StructureFit) -> bool:
@@ -251,7 +251,7 @@ class OfferingSearch:
                 or signs_of_model_error(
                     self.task, best.structure, optimum_of(self.task, best), self.fits.error_floor_cost(best)
                 )
-                or explains_more_in_place(self.task, best, self.more, self.seed)
+                or explains_more_in_place(self.task, best, self.more, self.seed, self.executor)
                 or (self.more and not self.offered and self.is_explained_better(best))
             )
         return self._model_error[known]

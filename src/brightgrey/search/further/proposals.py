@@ -13,6 +13,7 @@ structure by multistart.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +25,7 @@ from brightgrey.estimation.noise.orthonormal_basis import beyond, orthonormal_ba
 from brightgrey.kit import Placed, Structure, function_set
 from brightgrey.search.fitting.refined_fit import Refined, accurate, residual_and_jacobian
 from brightgrey.search.fitting.structure_fit import Options, StructureFit, fit_multistart
+from brightgrey.search.parallel import in_order
 from brightgrey.search.policy import FURTHER
 from brightgrey.search.task import IdentificationTask
 
@@ -115,12 +117,12 @@ def is_bent(placed: Placed) -> bool:
 
 
 def effect_by_multistart(
-    task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int
+    task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int, workers: Executor
 ) -> FurtherEffect | None:
     """The effect bent over a twist or a position that explains most by multistart, if that is a notable part."""
     bent = [p for p in _possible(fitted, more) if is_bent(p)]
-    fits = [(p, fit_multistart(task, _with(fitted, p), FURTHER_STARTS, seed)) for p in bent]
-    for placed, fit in sorted(fits, key=lambda pair: pair[1].cost)[:1]:
+    fits = in_order(workers, fit_multistart, [(task, _with(fitted, p), FURTHER_STARTS, seed) for p in bent])
+    for placed, fit in sorted(zip(bent, fits, strict=True), key=lambda pair: pair[1].cost)[:1]:
         if fitted.cost - fit.cost >= FURTHER.notable_gain * fitted.cost:
             return FurtherEffect(placed, added_with(placed, fitted.structure), fit.values)
     return None
@@ -155,15 +157,17 @@ def follows_further_effect(task: IdentificationTask, fitted: StructureFit, more:
     return any(f.share >= FURTHER.notable_gain for f in found)
 
 
-def explains_more_in_place(task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int) -> bool:
+def explains_more_in_place(
+    task: IdentificationTask, fitted: StructureFit, more: Sequence[Placed], seed: int, workers: Executor
+) -> bool:
     """True if an effect that detunes resonances explains more in the place of one that it excludes, by multistart."""
+    calls = []
     for placed in (p for p in more if p.effect.detunes_resonances):
         others = tuple(p for p in fitted.structure.placed if not placed.excludes(p))
         if len(others) < len(fitted.structure.placed):
-            instead = fit_multistart(task, Structure((*others, placed)), FURTHER_STARTS, seed)
-            if instead.cost <= (1.0 - FURTHER.notable_gain) * fitted.cost:
-                return True
-    return False
+            calls.append((task, Structure((*others, placed)), FURTHER_STARTS, seed))
+    enough = (1.0 - FURTHER.notable_gain) * fitted.cost
+    return any(instead.cost <= enough for instead in in_order(workers, fit_multistart, calls))
 
 
 def changes_beside(

@@ -223,7 +223,9 @@ class _Exchange:
                 some = further_effects(refined.task, fitted, self.effects, self.seed)
                 starts = {f.placed: f.start for f in some}
                 if atom.effect.masses:
-                    bent = effect_by_multistart(refined.task, fitted, self.effects, self.seed)
+                    bent = effect_by_multistart(
+                        refined.task, fitted, self.effects, self.seed, self.detectability.executor
+                    )
                     starts |= {bent.placed: bent.start} if bent else {}
                 found += self.rivals(bare, bare.structure, starts)
         return found
