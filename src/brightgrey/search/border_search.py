@@ -61,8 +61,8 @@ class BorderSearch(OfferingSearch):
             self.fit_largest()
         if not np.isfinite(self.fits.best().cost):
             raise SettingsError("no structure gave a finite simulation; check units, bounds and --input-gain")
-        while self.offer_further(self.fits.best().structure.masses - (not self.is_behind)):
-            pass  # before more masses are gone into, and before a lattice is decided that leaves too much
+        while self.offer_further(self.fits.best().structure.masses - 1):  # before more masses are gone into
+            pass
         if not (everything or self.offered):  # where no further effect takes their part, gaps and masses are gone into
             self.thorough = True
             self.restarts = {s: n for s, n in self.restarts.items() if not s.has_hard_limit}

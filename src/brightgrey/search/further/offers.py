@@ -129,16 +129,12 @@ class OfferingSearch:
 
         And where structures that were left out since they have more masses explained notably more.
         """
-        if not self.offered or (masses < self.most_masses and not self.is_behind):
+        enough = self.fits.best().cost <= (1.0 + FURTHER.notable_gain) * self.least_cost
+        if not self.offered or (masses < self.most_masses and enough):
             return False
         before = self.most_masses
         self.limit_masses(before + 1)
         return self.most_masses > before
-
-    @property
-    def is_behind(self) -> bool:
-        """True if structures that were left out have explained notably more than those of the lattice do."""
-        return self.fits.best().cost > (1.0 + FURTHER.notable_gain) * self.least_cost
 
     @property
     def most_masses(self) -> int:
