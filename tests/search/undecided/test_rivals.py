@@ -12,10 +12,10 @@ VALUES = {"J1": 0.008, "J2": 0.006, "c1": 200.0, "d1": 0.1, "f_v@2": 0.006}
 REST = ("three_mass", "stribeck", "current_control", "delay", "backlash", "gravity")
 
 
-def decision(structure, values, optima=None):
+def decision(structure, values, optima=None, exclude=REST):
     own = {name: values[name] for name in Structure.parse(structure).parameters}
     task = simulated_task(structure, own, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=200.0, step=1e-3)
-    return decide_structures(task, grammar_named("drive"), exclude=REST, optima=optima)
+    return decide_structures(task, grammar_named("drive"), exclude=exclude, optima=optima)
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +39,11 @@ def test_viscous_friction_on_a_stiff_shaft__reason__names_what_is_needed_in_one_
         )
         assert "viscous friction at mass 1" in reason
         assert "viscous friction at mass 2" in reason
+
+
+def test_rivals__effect_at_mass_1_excluded__it_is_in_none():
+    found = decision("two_mass+viscous@2", VALUES, exclude=(*REST, "viscous", "pendulum", "ground_spring"))
+    assert all("viscous" not in Structure.parse(s).names for s in minimal(found))
 
 
 def test_rivals__no_two_contain_each_other(at_second_mass):

@@ -176,11 +176,21 @@ class _Exchange:
             found += self.rivals(own, without.structure, starts)
         return found + self.of_excluded(own)
 
+    @cached_property
+    def required(self) -> frozenset[Placed]:
+        """What every structure has."""
+        lattice = self.detectability.circumstances.lattice
+        return frozenset(p for i, p in enumerate(lattice.atoms) if lattice.required >> i & 1)
+
+    @cached_property
+    def allowed(self) -> frozenset[Placed]:
+        """What a structure may have."""
+        lattice = self.detectability.circumstances.lattice
+        return frozenset((*(p for i, p in enumerate(lattice.atoms) if lattice.everything >> i & 1), *self.effects))
+
     def removable(self, structure: Structure) -> list[Placed]:
         """Effects beside the masses that are not required."""
-        lattice = self.detectability.circumstances.lattice
-        required = {p for i, p in enumerate(lattice.atoms) if lattice.required >> i & 1}
-        return [p for p in structure.placed if not p.effect.masses and p not in required]
+        return [p for p in structure.placed if not p.effect.masses and p not in self.required]
 
     def is_new(self, structure: Structure) -> bool:
         """True for a legal structure that contains none that explains as well."""
@@ -257,11 +267,11 @@ class _Exchange:
     def last_masses_joined(self, own: Refined, kept: Placed) -> tuple[Refined, Placed] | None:
         """Fit with the last two masses as one, which has the effects of both, and the effect that is kept.
 
-        None with as few masses as the sensors ask for, or if what is kept stands in the shaft between the two.
+        None with as few masses as are required, or if what is kept stands in the shaft between the two. None, too,
+        where it takes an excluded effect, or leaves out a required one.
         """
-        lattice, last = self.detectability.circumstances.lattice, own.structure.masses
-        least = lattice.structure(lattice.required).masses
-        if last == max(least, 1) or (kept.effect.where == "shaft" and kept.place == last - 1):
+        last, least = own.structure.masses, max((p.effect.masses for p in self.required), default=1)
+        if last <= least or (kept.effect.where == "shaft" and kept.place == last - 1):
             return None
         chain = next(p for p in function_set().whole.placed if p.effect.masses == last - 1)
         on_mass = {p: Placed(p.name, last - 1) for p in own.structure.beside if p.effect.where == "mass"}
@@ -269,7 +279,8 @@ class _Exchange:
         beside = [moved.get(p, p) for p in own.structure.placed if not p.effect.masses]
         beside = [p for p in beside if p.effect.where != "shaft" or p.place < last - 1]
         structure = Structure((chain, *dict.fromkeys(beside)))
-        if function_set().broken_rule(structure):
+        wanted = {p for p in self.required if not p.effect.masses}
+        if function_set().broken_rule(structure) or not wanted <= structure.beside <= self.allowed:
             return None
         values = dict(own.values)
         for p, q in moved.items():
