@@ -24,7 +24,7 @@ from brightgrey.search.evidence import Evidence, assess_effects
 from brightgrey.search.fitting.coarse import coarse_task
 from brightgrey.search.fitting.refined_fit import Refined, accurate
 from brightgrey.search.fitting.structure_fit import StructureFit
-from brightgrey.search.lattice import Lattice, one_larger
+from brightgrey.search.lattice import Lattice, is_excluded, one_larger
 from brightgrey.search.model_error import signs_of_model_error
 from brightgrey.search.parallel import Stopped, in_order, thread_pool
 from brightgrey.search.policy import SELECTION
@@ -128,7 +128,7 @@ def decide_structures(
     require = (*require, *_masses_with_sensors(task, grammar))
     Lattice.of(grammar.whole, require)  # says so if two of them exclude each other
     kept = [Placed.parse(name) for name in require]
-    further = [p for p in grammar.further if str(p) not in exclude and not any(p.excludes(other) for other in kept)]
+    further = [p for p in grammar.further if not (is_excluded(p, exclude) or any(p.excludes(q) for q in kept))]
     wanted = [p for p in further if str(p) in require]
 
     def with_effects(more: Sequence[Placed], most_masses: int | None = None) -> Lattice:
@@ -253,8 +253,8 @@ def _rivalled(
         detectability = Detectability(search.refined, search.round, search.executor)
         if isinstance(search, BorderRefit):
             return border, found, rivals_among(detectability, search.beyond_lattice())
-        known = {*map(Placed.parse, exclude), *search.lattice.atoms}
-        beyond = [p for p in grammar.whole.placed if p not in known and not p.effect.masses]
+        others = [p for p in grammar.whole.placed if p not in search.lattice.atoms and not p.effect.masses]
+        beyond = [p for p in others if not is_excluded(p, exclude)]
         rivals = rivals_beyond(detectability, found, beyond, search.seed, fewer_masses=not search.has_model_error())
         chosen = rival_to_offer(detectability, found, rivals, len(beyond)) if offering else None
         if chosen is None or not search.offer_rival(chosen.structure, chosen.values):

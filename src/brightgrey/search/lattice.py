@@ -7,7 +7,7 @@ structure within it, and a grammar of millions of structures is never listed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -20,6 +20,7 @@ __all__ = [
     "added_effects",
     "complexity",
     "contains",
+    "is_excluded",
     "mass_chain_of",
     "maximal_submodels",
     "minimal_supermodels",
@@ -71,6 +72,12 @@ def minimal_supermodels(structure: Structure, among: Iterable[Structure]) -> lis
         if not any(contains(s, t) for t in found):
             found.append(s)
     return found
+
+
+def is_excluded(placed: Placed, exclude: Collection[str]) -> bool:
+    """Return True for an effect that is excluded, or that requires one that is."""
+    wanted = (placed, *(Placed(name, placed.place) for name in placed.effect.requires))
+    return any(str(p) in exclude for p in wanted)
 
 
 def added_effects(big: Structure, small: Structure) -> tuple[str, ...]:

@@ -178,13 +178,13 @@ class _Exchange:
 
     @cached_property
     def required(self) -> frozenset[Placed]:
-        """What every structure has."""
+        """Masses and effects that every structure has."""
         lattice = self.detectability.circumstances.lattice
         return frozenset(p for i, p in enumerate(lattice.atoms) if lattice.required >> i & 1)
 
     @cached_property
     def allowed(self) -> frozenset[Placed]:
-        """What a structure may have."""
+        """Masses and effects that a structure may have."""
         lattice = self.detectability.circumstances.lattice
         return frozenset((*(p for i, p in enumerate(lattice.atoms) if lattice.everything >> i & 1), *self.effects))
 
