@@ -252,7 +252,7 @@ def _rivalled(
         found = _in_order(search, [search.lattice.structure(m) for m in border.minimal])
         detectability = Detectability(search.refined, search.round, search.executor)
         if isinstance(search, BorderRefit):
-            return border, found, rivals_among(detectability, search.beyond_lattice())
+            return border, found, rivals_among(detectability, found, search.beyond_lattice())
         others = [p for p in grammar.whole.placed if p not in search.lattice.atoms and not p.effect.masses]
         beyond = [p for p in others if not is_excluded(p, exclude)]
         rivals = rivals_beyond(detectability, found, beyond, search.seed, fewer_masses=not search.has_model_error())

@@ -39,7 +39,7 @@ class SelectionPolicy:
     #: Ratio of the ends of a 95 % interval from which a parameter counts as unknown.
     wide_interval: float = 10.0
     #: Independent samples below which the colour of residuals is not known well: then a mass or gap also has to pass
-    #: an F test with so few.
+    #: an F test with so few. Model error may pass for noise there.
     few_samples: float = 50.0
     blocks: int = 8  #: Parts in time in which a gain is asked for where the residual holds something unexplained.
     steady_blocks: int = 6  #: Least number of them in which an effect that is needed helps.

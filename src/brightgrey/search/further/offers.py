@@ -76,8 +76,8 @@ class OfferingSearch:
     def offer_to_fewest_masses(self) -> bool:
         """Extend the lattice by effects that explain all beside the fewest masses; returns False without any.
 
-        The residual is white with them, or smaller than with any number of masses without them. Then neither more
-        masses nor gaps have to be gone into.
+        The residual is white with them; or the best anchor has model error, and leaves more. Then no more than one
+        further mass has to be gone into. None of them takes the place of a gap, which has not been fitted yet.
         """
         if self.with_effects is None:
             return False
@@ -87,11 +87,12 @@ class OfferingSearch:
             return False
         extended = [fit for own in self.best_with(masses) if (fit := self.extended(own)) is not None]
         found = min(extended, key=lambda f: f.cost, default=None)
-        if found is None:
+        taken = [p for p in self.more if found is not None and p in found.structure.placed]
+        if found is None or any(p.excludes(q) for p in taken for q in self.lattice.atoms):
             return False
         if not self.is_explained(found):
             self.fit(self.anchors)
-            if self.is_explained() or found.cost > self.fits.best().cost:
+            if found.cost > self.fits.best().cost or not self.has_model_error():
                 return False
         self.take_offer(found)
         return True
@@ -106,12 +107,12 @@ class OfferingSearch:
     def offer_rival(self, structure: Structure, values: Mapping[str, float]) -> bool:
         """Extend the lattice by the effects of a structure beyond it; returns False if that is more than is offered."""
         found = tuple(p for p in structure.placed if p in self.more)
-        if self.with_effects is None or len(self.offered) + len(found) > FURTHER.most:
+        if self.with_effects is None or not found or len(self.offered) + len(found) > FURTHER.most:
             return False
         self.offered += found
         self.fits.fit_from(structure, values, self.executor)
         self.limit_masses(structure.masses + 1)
-        self.fits.propagate({structure}, self.executor)
+        self.fits.propagate({structure} & self.fits.done.keys(), self.executor)
         return True
 
     def best_with(self, masses: int) -> list[StructureFit]:
@@ -237,7 +238,8 @@ class OfferingSearch:
     def has_model_error(self) -> bool:
         """True if the best residual follows a pattern or a further effect by more than coloured noise explains.
 
-        Until effects have been offered, a fit with one more is asked, too: it is not hidden by large slow model error.
+        Further effects in the place of others are asked, too. So is a fit with one more, until effects have been
+        offered and where few samples are independent: it is not hidden by large slow model error.
         """
         best = self.fits.best()
         known = best.structure, best.cost

@@ -81,19 +81,25 @@ def rivals_beyond(
 
 
 def rivals_among(
-    detectability: Detectability, known: Sequence[tuple[Structure, Mapping[str, float]]]
+    detectability: Detectability,
+    found: Sequence[Structure],
+    known: Sequence[tuple[Structure, Mapping[str, float]]],
 ) -> tuple[Refined, ...]:
-    """Those of known structures beyond the lattice that are still adequate.
+    """Those of known structures beyond the lattice that are still adequate; none contains another.
 
     Parameters
     ----------
     detectability : Detectability
         Of the round.
+    found : sequence of Structure
+        The minimal ones.
     known : sequence of (Structure, mapping of str to float)
         With the values, SI, from which they are fitted.
     """
     exchange = _Exchange(detectability, (), 0, [])
-    return tuple(end for end in exchange.ends(known) if exchange.is_adequate(end))
+    rivals = [end for end in exchange.ends(known) if exchange.is_adequate(end)]
+    structures = [*found, *(r.structure for r in rivals)]
+    return tuple(r for r in rivals if not any(contains(r.structure, s) for s in structures if s != r.structure))
 
 
 def rival_to_offer(
@@ -158,7 +164,7 @@ class _Exchange:
     minimal: list[Structure]  #: Structures that are known to explain as well; what contains one is not fitted.
     fitted: dict[Structure, Refined] = field(default_factory=dict)
 
-    @cached_property
+    @property
     def least(self) -> float:
         """The least deviance of the lattice."""
         refined = self.detectability.refined.all(self.detectability.circumstances.largest_threshold)
@@ -282,6 +288,8 @@ class _Exchange:
         wanted = {p for p in self.required if not p.effect.masses}
         if function_set().broken_rule(structure) or not wanted <= structure.beside <= self.allowed:
             return None
+        if not structure.beside & set(self.effects):  # it is one of the lattice, which has decided it
+            return None
         values = dict(own.values)
         for p, q in moved.items():
             if q not in own.structure.placed:
@@ -296,7 +304,9 @@ class _Exchange:
         refined, workers = self.detectability.refined, self.detectability.executor
         fits = refined.fits.tried([(s, values) for s, values in starts if self.is_worth_a_fit(s, values)], workers)
         calls = [(refined.task, f.structure, f.values, refined.whitening, np.inf) for f in fits]
-        self.fitted.update({end.structure: end for end in in_order(workers, refine, calls)})
+        for end in in_order(workers, refine, calls):
+            known = self.fitted.get(end.structure, end)
+            self.fitted[end.structure] = min(known, end, key=lambda r: r.deviance)
         return [self.fitted[s] for s, _ in starts]
 
     def limit(self, free: int) -> float:
@@ -308,14 +318,16 @@ class _Exchange:
         return end.deviance <= self.limit(end.free)
 
     def is_worth_a_fit(self, structure: Structure, values: Mapping[str, float]) -> bool:
-        """True for a structure that has not been fitted, or was no better after its fit than it is at some values."""
+        """True for a structure that has not been fitted, or is better at some values than after an inadequate fit."""
         known = self.fitted.get(structure)
         if known is None or self.is_adequate(known):
             return known is None
         task = self.detectability.refined.task
         problem, space = task.problem_and_space(structure)
-        base = {**dict(zip(space.names, space.start.tolist(), strict=True)), **space.fixed, **values}
-        at = {name: np.array([base[name]]) for name in (*space.names, *space.fixed)}
+        start = np.clip(
+            [values.get(n, v) for n, v in zip(space.names, space.start, strict=True)], space.low, space.high
+        )
+        at = {name: np.array([value]) for name, value in (*zip(space.names, start, strict=True), *space.fixed.items())}
         return float(problem.costs(at, accurate(task).settings)[0]) < known.cost
 
     def far(self, own: Refined) -> float:
