@@ -76,8 +76,7 @@ def rivals_beyond(
         hard = False  # beside the best one only
         rivals += more
         queue += more
-    structures = [*found, *(r.structure for r in rivals)]
-    return tuple(r for r in rivals if not any(contains(r.structure, s) for s in structures if s != r.structure))
+    return _containing_none(rivals, found)
 
 
 def rivals_among(
@@ -98,6 +97,11 @@ def rivals_among(
     """
     exchange = _Exchange(detectability, (), 0, [])
     rivals = [end for end in exchange.ends(known) if exchange.is_adequate(end)]
+    return _containing_none(rivals, found)
+
+
+def _containing_none(rivals: Sequence[Refined], found: Sequence[Structure]) -> tuple[Refined, ...]:
+    """Rivals that contain neither a minimal structure nor another rival."""
     structures = [*found, *(r.structure for r in rivals)]
     return tuple(r for r in rivals if not any(contains(r.structure, s) for s in structures if s != r.structure))
 
