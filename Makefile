@@ -8,7 +8,7 @@ WITH_APP := .venv/.app
 FOR_DEVELOPMENT := .venv/.development
 
 .DEFAULT_GOAL := help
-.PHONY: help setup app demo test test-long check format docs bench bench-long validation pictures gallery clean
+.PHONY: help setup app demo test test-system test-long check format docs bench bench-long validation pictures gallery clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -37,8 +37,11 @@ app: $(WITH_APP)  ## open the app in the browser, with its workspace in brightgr
 demo: $(PACKAGE)  ## identify the drive of the recording that ships with the package, results in demo/
 	$(BIN)/brightgrey demo --out demo
 
-test: setup  ## all tests that take less than minutes
+test: setup  ## all tests but those of the system and those that take minutes
 	$(BIN)/python -m pytest -q -n 2 --dist loadgroup
+
+test-system: setup  ## tests with a browser, other programs, and processes that are killed
+	$(BIN)/python -m pytest -q -n 2 --dist loadgroup -m 'system and not long'
 
 test-long: setup  ## the tests that take minutes
 	$(BIN)/python -m pytest -q -n 2 -m long

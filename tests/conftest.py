@@ -23,16 +23,20 @@ GROUPS = ("extended package", "running app", "small searches")
 """Groups of tests in several files that share what takes long to make, those that take longest first."""
 LARGE = {"search", "simulation", "estimation"}
 """Folders with long files."""
+OF_THE_SYSTEM = {"browser", "running", "small", "extended"}
+"""Fixtures of system tests: Chromium, the app's server, searches to be killed, a copy of the package to be extended."""
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Let each group of tests, or else each file, run in one process, so that nothing is made in two of them.
 
-    The long ones begin first: begun last, one would leave the other processes idle.
+    The long ones begin first: begun last, one would leave the other processes idle. Tests of the system are marked.
     """
     ranks = {}
     for item in items:
+        if not OF_THE_SYSTEM.isdisjoint(item.fixturenames):
+            item.add_marker(pytest.mark.system)
         mark, file = item.get_closest_marker("xdist_group"), item.path.relative_to(ROOT)
         if mark is None:
             item.add_marker(pytest.mark.xdist_group(str(file)))

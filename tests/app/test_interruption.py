@@ -136,6 +136,7 @@ def test_server__ended_by_ctrl_c__pauses_its_search_for_the_next_one(browser, tm
     assert workspace.load(name).runs[0].wanted == "running"  # the next server goes on with it
 
 
+@pytest.mark.system
 def test_queue__two_searches__run_one_after_the_other(tmp_path):
     workspace, name = prepared(tmp_path / "w")
     queue = JobQueue(workspace)
@@ -158,6 +159,7 @@ def test_queue__two_searches__run_one_after_the_other(tmp_path):
     assert again.of(name, "run-3", "identify") is None
 
 
+@pytest.mark.system
 def test_process__is_nicer_and_ends_as_by_ctrl_c(tmp_path):
     workspace, name = prepared(tmp_path / "w", few=False)
     folder = workspace.path(name)

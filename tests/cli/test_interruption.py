@@ -23,6 +23,7 @@ def demo(tmp_path):
     return path
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_identify__signal_while_a_given_structure_is_fitted__ends_and_leaves_no_result(demo, tmp_path, number):
     process = start("identify", demo, *COLUMNS, "--structure", LONG, "--out", tmp_path / "out")
@@ -51,6 +52,7 @@ def test_program__interrupted_while_it_is_loaded__one_line():
     assert (done.returncode, done.stderr) == (130, "brightgrey: interrupted, nothing written\n")
 
 
+@pytest.mark.system
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell that closes streams")
 def test_identify__closed_output__ends_well(demo, tmp_path):
     words = [sys.executable, "-m", "brightgrey", "identify", str(demo), *COLUMNS, "--structure", "one_mass"]

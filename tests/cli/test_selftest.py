@@ -48,6 +48,7 @@ def test_selftest__no_run__one_line(tmp_path):
     assert "has no run.json" in done.err
 
 
+@pytest.mark.system
 def test_selftest__interrupted__keeps_the_draws_and_goes_on(run):
     process = start("selftest", run, "--draws", 400, "--fast", "--workers", 2)
     end = time.monotonic() + MOST

@@ -36,6 +36,7 @@ def on_terminal(*arguments, width, **environment):
     return b"".join(parts).decode()
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("width", [80, 40])
 def test_a_search_shows_how_far_it_is_and_the_time_left(drive, tmp_path, width):
     shown = on_terminal(
@@ -59,12 +60,14 @@ def test_a_search_shows_how_far_it_is_and_the_time_left(drive, tmp_path, width):
     assert any(line.startswith("Coulomb") and "times as" in line for line in final)
 
 
+@pytest.mark.system
 def test_without_colour_there_is_none(drive):
     shown = on_terminal("simulate", drive.out / "model.json", drive.folder / "a.csv", width=80, NO_COLOR="1")
     codes = {code for found in re.findall(r"\x1b\[([0-9;]*)m", shown) for code in found.split(";") if code}
     assert not codes & {str(n) for n in (*range(30, 48), *range(90, 108))}
 
 
+@pytest.mark.system
 def test_what_is_piped_has_no_control_characters(drive, tmp_path):
     command = [
         sys.executable,

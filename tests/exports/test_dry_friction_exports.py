@@ -30,6 +30,7 @@ def needs(to):
         pytest.skip(f"{PACKAGES[to]} is not installed")
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("to", ["c", "fmu", "matlab", "modelica"])
 @pytest.mark.parametrize(
     ("structure", "hold"),
@@ -49,6 +50,7 @@ def test_export__dry_friction__stops_and_moves_like_the_model(to, structure, hol
     assert deviation(run.y, exporter(to).verify(tmp_path, numeric, run).y) <= 1e-6
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("to", ["c", "fmu", "matlab", "modelica"])
 @pytest.mark.parametrize("push", [0.9, 1.5])
 def test_export__pushed_from_the_first_sample__breaks_away_at_once_or_never(to, push, tmp_path):

@@ -52,6 +52,7 @@ def deviation_of(to, model, folder):
     return deviation(run.y, verified.y)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("to", EXPORTS)
 @pytest.mark.parametrize(
     ("structure", "options"),
@@ -74,6 +75,7 @@ def test_export__run_by_its_tool__moves_like_the_model(to, structure, options, t
     assert deviation_of(to, random_model(structure, 11, **options), tmp_path) <= exporter(to).tolerance
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("to", ["c", "fmu", "matlab"])
 def test_export__damper_relaxes_in_nanoseconds__moves_like_the_model(to, tmp_path):
     """d/c = 1 ns: a power series of the gap's own motion would reach a thousandth of a step."""
@@ -83,6 +85,7 @@ def test_export__damper_relaxes_in_nanoseconds__moves_like_the_model(to, tmp_pat
     assert deviation_of(to, drive, tmp_path) <= exporter(to).tolerance
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("to", ["c", "matlab"])
 def test_export__gap_that_relaxes_within_a_step__moves_like_the_model(to, tmp_path):
     """Its damper relaxes 20 times within the shortest step, and the gap does not begin where it would be by itself."""
@@ -273,6 +276,7 @@ def test_modelica__as_equations__moves_like_the_model(tmp_path):
     assert deviation(run.y, modelica.verify(tmp_path, numeric, run).y) <= modelica.EXPORTER.tolerance
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("to", ["c", "matlab"])
 def test_export__program_is_missing__says_so_and_writes_the_files(to, tmp_path, monkeypatch):
     monkeypatch.setattr(tools.shutil, "which", lambda name: None)

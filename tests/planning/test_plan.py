@@ -141,6 +141,7 @@ def test_command__writes_the_files_and_says_so(run, tmp_path, monkeypatch):
     assert {p.name for p in (tmp_path / "next").iterdir()} == {"plan.csv", "plan.toml", "plan.svg"}
 
 
+@pytest.mark.system
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_command__interrupted__writes_nothing(run, tmp_path):
     process = start("plan", run, "--seconds", "20", "--out", tmp_path / "next")

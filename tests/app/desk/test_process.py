@@ -15,6 +15,7 @@ linux_only = pytest.mark.skipif(sys.platform != "linux", reason="only Linux boun
 
 
 @linux_only
+@pytest.mark.system
 def test_desk__file_larger_than_its_memory__says_what_to_do_and_goes_on(tmp_path, monkeypatch):
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")  # whose threads would take memory, one for each core
     file = tmp_path / "large.csv"
