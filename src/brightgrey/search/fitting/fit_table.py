@@ -264,6 +264,7 @@ class FitTable:
         known = [*self.done, *rising]
         near = {s: [h for h in self._first if mass_chain_of(h) == mass_chain_of(s)] for s in rising}
         hubs = [h for h in self._first if h not in self.anchors and any(h in n for n in near.values())]
+        hubs.sort(key=lambda h: -h.masses)  # begun last, one of those that take longest would leave workers idle
         within = {s: maximal_submodels(s, known) for s in rising}
         around = {s: minimal_supermodels(s, self.done) for s in rising}
 

@@ -57,6 +57,7 @@ class OfferingSearch:
         self.offered: tuple[Placed, ...] = ()
         self.least_cost = np.inf  # of all fits, those included that have been left out
         self._model_error: dict[tuple[Structure, float], bool] = {}
+        self._larger: dict[tuple[bool, Structure, float, tuple[Placed, ...]], StructureFit | None] = {}
 
     def offer_further(self, most_masses: int) -> bool:
         """Extend the lattice by effects that explain what it leaves; returns False if there is nothing to offer.
@@ -166,9 +167,9 @@ class OfferingSearch:
         for _ in range(min(FURTHER.at_once, FURTHER.most - len(self.offered))):
             if self.is_explained(reached):
                 break
-            larger = self.with_one_more(reached)
+            larger = self.larger_than(reached)
             if larger is None and (reached is own or own.structure.masses == self.anchors[0].masses):
-                larger = self.with_bent_effect(reached)  # a multistart, which is cheap with the fewest masses only
+                larger = self.larger_than(reached, bent=True)  # multistarts are cheap with the fewest masses only
             if larger is None:
                 break
             reached = larger
@@ -177,6 +178,13 @@ class OfferingSearch:
         taken = [p for p in reached.structure.placed if p not in own.structure.placed]
         enough = own.cost - reached.cost >= FURTHER.rescued_share * (own.cost - best.cost)
         return reached if enough and reached.cost < least_rival_cost(taken, self.fits.done) else None
+
+    def larger_than(self, own: StructureFit, *, bent: bool = False) -> StructureFit | None:
+        """A fit with one more effect, a bent one if asked for; each is made once."""
+        known = bent, own.structure, own.cost, self.lattice.atoms
+        if known not in self._larger:
+            self._larger[known] = self.with_bent_effect(own) if bent else self.with_one_more(own)
+        return self._larger[known]
 
     def with_one_more(self, own: StructureFit) -> StructureFit | None:
         """A fit with the further effect that explains most of what a structure leaves; None if none is notable.
@@ -209,7 +217,7 @@ class OfferingSearch:
         """
         if effective_samples_of(self.task, own) > SELECTION.few_samples:
             return False
-        found = [fit for fit in (self.with_one_more(own), self.with_bent_effect(own)) if fit is not None]
+        found = [fit for bent in (False, True) if (fit := self.larger_than(own, bent=bent)) is not None]
         if not found:
             return False
         larger = min(found, key=lambda fit: fit.cost)
