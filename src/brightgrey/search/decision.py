@@ -166,10 +166,7 @@ def decide_structures(
 def _progress_of(search: BorderSearch, step: SearchProgress) -> SearchProgress:
     """Step of a search with its best fit and its border so far."""
     best, border = search.fits.best(), search.border
-    task = search.fits.task
-    weights = task.problem(best.structure).weights
-    whole = sum(float(np.sum((weights * r.y.std(axis=1)) ** 2)) * r.samples for r in task.recordings)
-    fit_percent = 100.0 * (1.0 - float(np.sqrt(best.cost / positive(whole)))) if np.isfinite(best.cost) else None
+    fit_percent = search.fits.fit_percent(best) if np.isfinite(best.cost) else None
     known = replace(step, fit_percent=fit_percent, values=dict(best.values))
     if border is None:
         return known

@@ -107,7 +107,7 @@ class BorderPolicy:
     far: float = 4.0  #: Multiple of the largest threshold above which an excess is far above it.
     side_by_side: int = 2  #: Largest undecided structures that are fitted in parallel.
     fields: int = 2  #: Parts of a multistart that are made in parallel.
-    max_fits: int = 400  #: Structures that are fitted at most.
+    max_fits: int = 150  #: Structures that are fitted at most.
     max_fits_with_model_error: int = 80  #: The same where no structure is the truth.
 
 
@@ -116,6 +116,8 @@ class FurtherEffectsPolicy:
     """Offer of effects that a function set holds back until they are called for."""
 
     notable_gain: float = 0.04  #: Least part of a structure's sum of squared residuals that a further effect explains.
+    #: NRMSE fit in percent below which a fit is poor: noise of sensors leaves less than a twentieth of a motion.
+    poor_fit: float = 95.0
     side_by_side: int = 6  #: Effects that are fitted beside a structure, those with the largest scores.
     alike: float = 0.5  #: Ratio of gains from which the effect with fewer parameters is taken.
     #: Least part of what a structure leaves beyond the best one that further effects have to explain when fitted.

@@ -1,12 +1,16 @@
 """Offers of a search: an effect whose place the recording does not show is called for at no place."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 
 from brightgrey import identify, load_model
 from brightgrey.excitation import PAPER_EXPERIMENT as E
 from brightgrey.kit import grammar_named
 from brightgrey.model.run_record import load_run_record
+from brightgrey.search.border_search import BorderSearch
 from brightgrey.search.decision import decide_structures
+from brightgrey.search.lattice import Lattice
 from support.searches import minimal, simulated_task, verdicts
 
 F_TANH = 200.0
@@ -96,3 +100,29 @@ def test_position_dependent_load_that_turns_often__is_found_by_multistart():
     found = decide_structures(task, grammar_named("drive"), exclude=excluded)
     assert minimal(found)[0] == "one_mass+coulomb+pendulum"
     assert found.best.values["k"] == pytest.approx(0.25, rel=0.01)
+
+
+class Unsuspecting(BorderSearch):
+    """A search in which all model error passes for noise."""
+
+    def has_model_error(self):
+        return False
+
+
+@pytest.mark.parametrize(("stiffness", "offered"), [(0.2, ["ground_spring"]), (0.002, [])])
+def test_offer_further__model_error_not_seen__only_a_poor_fit_is_offered_effects(stiffness, offered):
+    values = {"J1": 0.012, "M_C": 0.3, "c_g": stiffness}
+    structure = "one_mass+coulomb+ground_spring"
+    task = simulated_task(structure, values, E.torque(), 0.005 * E.speed, dt=E.dt, f_tanh=F_TANH, step=1e-3)
+    grammar = grammar_named("drive")
+    left_out = ("two_mass", "stribeck", "current_control", "delay", "gravity")
+
+    def with_effects(more, most=None):
+        return Lattice.of(grammar.offering(more), (), left_out)
+
+    with ThreadPoolExecutor(1) as pool:
+        search = Unsuspecting(task, with_effects(()), pool, 0, tuple(grammar.further), with_effects)
+        search.fit(search.anchors)
+        assert search.fits_poorly() == bool(offered)
+        assert search.offer_further(1) == bool(offered)
+    assert list(map(str, search.offered)) == offered

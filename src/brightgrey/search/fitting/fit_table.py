@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from brightgrey.arrays import positive
 from brightgrey.estimation.optimisation.least_squares import SAME_OPTIMUM_RTOL
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.kit import Structure
@@ -221,6 +222,12 @@ class FitTable:
     def error_floor_cost(self, fitted: StructureFit) -> float:
         """Cost of the simulation's own error at the level of the search."""
         return float(self.task.error_floor(self.task.problem(fitted.structure).weights, FAST_LEVEL_ACCURACY).sum())
+
+    def fit_percent(self, fitted: StructureFit) -> float:
+        """NRMSE fit in percent over all outputs, each weighted as in the cost."""
+        weights = self.task.problem(fitted.structure).weights
+        motion = sum(float(np.sum((weights * r.y.std(axis=1)) ** 2)) * r.samples for r in self.task.recordings)
+        return 100.0 * (1.0 - float(np.sqrt(fitted.cost / positive(motion))))
 
     def simulated_samples(self) -> int:
         """Number of samples that have been simulated."""

@@ -63,12 +63,17 @@ class OfferingSearch:
         """Extend the lattice by effects that explain what it leaves; returns False if there is nothing to offer.
 
         They are tried beside the best structure with each number of masses, fewest first: an effect at a mass that is
-        there is a simpler explanation than another mass.
+        there is a simpler explanation than another mass. A best fit that is poor may have model error that passes for
+        noise of its own colour. Then they have to explain more than such noise would by chance.
         """
-        if self.with_effects is None or len(self.offered) >= FURTHER.most or not self.has_model_error():
+        if self.with_effects is None or len(self.offered) >= FURTHER.most:
+            return False
+        sure = self.has_model_error()
+        if not (sure or self.fits_poorly()):
             return False
         for masses in range(1, most_masses + 1):
-            extended = [fit for own in self.best_with(masses) if (fit := self.extended(own)) is not None]
+            pairs = [(own, fit) for own in self.best_with(masses) if (fit := self.extended(own)) is not None]
+            extended = [fit for own, fit in pairs if sure or self.is_beyond_chance(own, fit)]
             if extended:
                 self.take_offer(min(extended, key=lambda f: f.cost))
                 return True
@@ -218,14 +223,19 @@ class OfferingSearch:
         if effective_samples_of(self.task, own) > SELECTION.few_samples:
             return False
         found = [fit for bent in (False, True) if (fit := self.larger_than(own, bent=bent)) is not None]
-        if not found:
-            return False
-        larger = min(found, key=lambda fit: fit.cost)
+        return bool(found) and self.is_beyond_chance(own, min(found, key=lambda fit: fit.cost))
+
+    def is_beyond_chance(self, own: StructureFit, larger: StructureFit) -> bool:
+        """True if a fit with further effects explains what noise of the colour that it leaves would not by chance."""
         left = effective_samples_of(self.task, larger) - larger.free
         more = max(larger.free - own.free, 1)
         ratio = (own.cost / positive(larger.cost) - 1.0) * left / more
         level = SELECTION.false_alarm_level / len(self.more)
         return left > 0.0 and float(distributions.f.sf(ratio, more, left)) <= level
+
+    def fits_poorly(self) -> bool:
+        """True if the best fit is poor, and its residual neither white nor within the accuracy of the simulation."""
+        return self.fits.fit_percent(self.fits.best()) < FURTHER.poor_fit and not self.is_explained()
 
     def fit(self, structures: Sequence[Structure]) -> None:
         """Fit structures from their neighbours' optima, and their neighbours anew where that helps."""
