@@ -403,7 +403,8 @@ def matters(clean: Fitted | None, faulty: Fitted | None) -> bool:
 def ideal_power(seed: int, drive: Drive, fault: Fault, size: float, faulty: Recording) -> float:
     """Power of the likelihood ratio test between the fault and none, of somebody who knows all but the parameters.
 
-    What the fault adds to the outputs is whitened by the noise and freed from what changes of the parameters add.
+    What the fault adds to the outputs is whitened by the noise and freed from what changes of the parameters add, and
+    from the position at the start, which is known from noisy samples only.
     """
     base = taken(seed, drive)
     noise = {kind: y - getattr(drive, kind) for kind, y in base.y.items()}
@@ -413,13 +414,14 @@ def ideal_power(seed: int, drive: Drive, fault: Fault, size: float, faulty: Reco
 
     def predicted(values: Array) -> Array:
         named = dict(zip(drive.names, values.tolist(), strict=True))
-        return estimation.predict(PAPER.parse(drive.structure), named, faulty, settings)
+        return estimation.predict(PAPER.parse(drive.structure), named, bare, settings)
 
     true = predicted(drive.values)
     changes = [bare.y - true]
     for k in range(len(drive.names)):
         step = 1e-4 * np.abs(drive.values[k]) * (np.arange(len(drive.names)) == k)
         changes.append((predicted(drive.values + step) - true) / 1e-4)
+    changes += [np.ones_like(true) * (np.array(list(noise)) == "position")[:, None]]
     white = np.column_stack([np.concatenate(list(map(whitened, c, noise.values()))) for c in changes])
     if not np.isfinite(white).all():
         return float("nan")

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 __all__ = [
     "DIAGNOSTIC_DEFAULTS",
     "EXCHANGE_DEFAULTS",
+    "FAULT_DEFAULTS",
     "INFORMATIVITY_DEFAULTS",
     "PEAK_DEFAULTS",
     "REGRESSOR_DEFAULTS",
     "DiagnosticOptions",
     "ExchangeOptions",
+    "FaultOptions",
     "InformativityOptions",
     "PeakOptions",
     "RegressorOptions",
@@ -79,8 +81,6 @@ class RegressorOptions:
     max_frequency: float = 0.3  #: Frequency of the fastest candidate resonance, relative to the sampling rate.
     damping_ratio: float = 0.05  #: Damping ratio of the candidate resonances, so that they overlap.
     min_share: float = 0.01  #: Part of the residual's sum of squares that a regressor has to explain.
-    #: The same of one output that comes late: nothing but its clock is asked then.
-    min_share_of_skew: float = 1e-3
     min_new: float = 1e-6  #: Part of a regressor that has to be independent of what is known.
     max_detected: int = 3  #: Largest number of regressors that are detected.
     max_examined: int = 16  #: Regressors that explain most are examined in detail, so many.
@@ -93,6 +93,17 @@ class RegressorOptions:
 
 
 @dataclass(frozen=True)
+class FaultOptions:
+    """Faults of a recording, fitted beside the parameters."""
+
+    largest_drift: float = 0.5  #: In parts of the largest input.
+    #: Range of the position before the first sample, in standard deviations of the noise from sample to sample: slow
+    #: noise is larger.
+    first_position: float = 10.0
+    min_own: float = 1e-6  #: Part of a fault's whitened response that other unknowns cannot make.
+
+
+@dataclass(frozen=True)
 class DiagnosticOptions:
     """Levels and limits of findings and symptoms."""
 
@@ -102,12 +113,13 @@ class DiagnosticOptions:
     reversal_speed: float = 0.02  #: Part of the largest speed that counts as motion in the other direction.
     half_sample: tuple[float, float] = (0.3, 0.7)  #: Range of a lag, in sampling intervals, that may be half a sample.
     large_lag: float = 2.0  #: Sampling intervals from which a lag is large.
-    drift_level: float = 1e-3  #: Probability of a drift, fitted beside the parameters, in a recording without one.
-    symptom_level: float = 0.01  #: Probability of a regressor in residuals that follow nothing, and the same of a peak.
+    #: Probability of a regressor in residuals that follow nothing, the same of a peak, and of a fault of a recording.
+    symptom_level: float = 0.01
 
 
 DIAGNOSTIC_DEFAULTS = DiagnosticOptions()
 EXCHANGE_DEFAULTS = ExchangeOptions()
+FAULT_DEFAULTS = FaultOptions()
 INFORMATIVITY_DEFAULTS = InformativityOptions()
 PEAK_DEFAULTS = PeakOptions()
 REGRESSOR_DEFAULTS = RegressorOptions()

@@ -25,14 +25,12 @@ from brightgrey.recordings.units.signals import KINDS
 from brightgrey.simulation import Settings
 
 __all__ = [
-    "CLOCK_SKEW",
     "DRIFT",
     "RESONANCE",
     "TIME_SHIFT",
     "ResidualRegressor",
     "candidate_regressors",
     "motions",
-    "skew_regressors",
 ]
 
 _MOTION = (Signal("speed", "velocity", "rad/s"), Signal("position", "position", "rad"))
@@ -41,8 +39,6 @@ TIME_SHIFT = "shift"
 """Kind of the regressor whose coefficient is the time in s by which the output comes late."""
 DRIFT = "drift"
 """Kind of the regressor that is a straight line over time."""
-CLOCK_SKEW = "skew"
-"""Kind of the regressors whose coefficient is the time in s by which one output comes late against the others."""
 RESONANCE = "resonance"
 """Kind of the regressors that are resonances."""
 
@@ -53,9 +49,8 @@ class ResidualRegressor:
 
     kind: str  #: Name of an effect, or of a torque that no effect describes.
     columns: Array  #: Derivatives of the weighted residuals by its coefficients, shape (residuals, k).
-    described: bool = True  #: True if an effect describes it, or a fault of the recording.
+    described: bool = True  #: True if an effect describes it.
     frequency: float = 0.0  #: Frequency of a resonance in Hz.
-    output: int = 0  #: Number of the output that comes late.
 
 
 def motions(problem: SimulationErrorProblem, values: Mapping[str, Array], settings: Settings) -> list[SimulatedMotion]:
@@ -116,7 +111,7 @@ def candidate_regressors(
     for kind, torques in candidate_torques(structure, scales, settings.f_tanh).items():
         by_torque = zip(*([size * torque for torque in torques(m)] for m in moved), strict=True)
         columns = [_response(problem, values, settings, residual, list(each), lags) for each in by_torque]
-        found.append(ResidualRegressor(kind, np.stack(columns, axis=1), kind in registry() or kind == "time"))
+        found.append(ResidualRegressor(kind, np.stack(columns, axis=1), kind in registry()))
     found.append(ResidualRegressor(DRIFT, _straight_lines(problem), False))
     for frequency in _frequencies(scales, options).tolist():
         twist_and_rate = _resonance_response(problem, frequency, options.damping_ratio, lags)
@@ -211,16 +206,3 @@ def _output_rates(problem: SimulationErrorProblem, residual: Array) -> Array:
     for rows, r, output in segments(problem.recordings):
         rates[rows] = np.gradient(residual[rows] + problem.weights[output] * r.y[output], r.dt)
     return rates
-
-
-def skew_regressors(problem: SimulationErrorProblem, residual: Array) -> list[ResidualRegressor]:
-    """Every output but the first one late, in all recordings."""
-    rates, later = _output_rates(problem, residual), range(1, len(problem.recordings[0].outputs))
-    found = []
-    for k in later:
-        column = np.zeros((problem.samples, 1))
-        for rows, _, output in segments(problem.recordings):
-            if output == k:
-                column[rows, 0] = rates[rows]
-        found.append(ResidualRegressor(CLOCK_SKEW, column, output=k))
-    return found

@@ -18,7 +18,7 @@ from brightgrey.numerics.digital_filter import lfilter
 from brightgrey.numerics.distributions import chi2
 from brightgrey.numerics.distributions import f as fisher
 
-__all__ = ["Candidate", "Detected", "detect_regressors"]
+__all__ = ["Candidate", "Detected", "detect_regressors", "noise_degrees"]
 
 
 class Detected(NamedTuple):
@@ -144,16 +144,26 @@ class _ScoreTest:
         statistic = len(X) * log_ratio(float(e @ e), float(np.square(e - X @ coefficients).sum()))
         if statistic <= chi2.isf(self.level, count):
             return 0.0, coefficients / size
-        degrees = self._degrees(X, models)
+        degrees = noise_degrees(X, models, self.lengths)
         inflation = min(1.0 + self.options.inflation / degrees, self.options.max_inflation)
         return statistic / (inflation * count * float(fisher.isf(self.level, count, degrees))), coefficients / size
 
-    def _degrees(self, X: Array, models: Sequence[Autoregression]) -> float:
-        """Degrees of freedom of the noise's spectrum at the whitened regressors `X`."""
-        total, uncertainty = np.zeros(X.shape[1]), np.zeros(X.shape[1])
-        for model, part in zip(models, split_segments(X, self.lengths), strict=True):
-            weights = lfilter(model.a, [1.0], part[::-1], axis=0)[::-1] / max(model.variance, np.finfo(float).tiny)
-            variance, log_variance = model.variance_of_sums(weights)
-            total += variance
-            uncertainty += variance**2 * log_variance
-        return max(2.0 / max(float(np.max(uncertainty / total**2)), np.finfo(float).tiny), 1.0)
+
+def noise_degrees(regressors: Array, models: Sequence[Autoregression], lengths: Sequence[int]) -> float:
+    """Degrees of freedom of the noise's spectrum at whitened regressors, shape (residuals, k); the least of them.
+
+    Parameters
+    ----------
+    regressors : ndarray, shape (residuals, k)
+    models : sequence of Autoregression
+        Noise of each segment, which was estimated from as many samples.
+    lengths : sequence of int
+        Samples of each segment.
+    """
+    total, uncertainty = np.zeros(regressors.shape[1]), np.zeros(regressors.shape[1])
+    for model, part in zip(models, split_segments(regressors, lengths), strict=True):
+        weights = lfilter(model.a, [1.0], part[::-1], axis=0)[::-1] / max(model.variance, np.finfo(float).tiny)
+        variance, log_variance = model.variance_of_sums(weights)
+        total += variance
+        uncertainty += variance**2 * log_variance
+    return max(2.0 / max(float(np.max(uncertainty / total**2)), np.finfo(float).tiny), 1.0)

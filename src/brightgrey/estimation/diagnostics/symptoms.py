@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -13,22 +13,19 @@ from brightgrey.effects import DAMPING, Effect, Scales, registry
 from brightgrey.estimation.diagnostics.options import (
     DIAGNOSTIC_DEFAULTS,
     PEAK_DEFAULTS,
-    REGRESSOR_DEFAULTS,
     DiagnosticOptions,
 )
 from brightgrey.estimation.diagnostics.outcome import FitContext
+from brightgrey.estimation.diagnostics.recording_faults import RecordingFault, recording_faults
 from brightgrey.estimation.diagnostics.residual_regressors import (
     DRIFT,
     RESONANCE,
     TIME_SHIFT,
-    ResidualRegressor,
     candidate_regressors,
     motions,
-    skew_regressors,
 )
 from brightgrey.estimation.diagnostics.residual_tests import Candidate, Detected, detect_regressors
 from brightgrey.estimation.diagnostics.spectral_peaks import Peak, highest_peak
-from brightgrey.estimation.diagnostics.torque_drift import fitted_drift
 from brightgrey.estimation.diagnostics.torque_patterns import TORQUE_PATTERNS, SimulatedMotion, TorquePattern
 from brightgrey.estimation.problem.segments import segments, split_recordings
 from brightgrey.kit import Placed, Structure
@@ -69,8 +66,8 @@ def symptoms(
     """
     values = context.space.by_name(context.best.values)
     found = [*_missing_mass(context, values, scales, options), *_negligible_effects(context, values, scales)]
-    found += residual_symptoms(context, scales, options)
-    return (*found, *_torque_drift(context, found))
+    found += [_recording_fault(fault, context.problem.recordings) for fault in recording_faults(context, options)]
+    return (*found, *residual_symptoms(context, scales, options))
 
 
 def residual_symptoms(
@@ -82,7 +79,6 @@ def residual_symptoms(
     arrays = context.space.named(context.best.values[:, None])
     return (
         *_peaks(context, arrays, options),
-        *_late_outputs(context, options),
         *_detected(context, arrays, scales, options),
     )
 
@@ -142,15 +138,29 @@ def _negligible_effects(context: FitContext, values: Mapping[str, float], scales
     return found
 
 
-def _torque_drift(context: FitContext, found: Sequence[Symptom]) -> list[Symptom]:
-    """Drift of the torque, unless the residual follows it anyway."""
-    pattern = next(p for p in TORQUE_PATTERNS if p.name == "time")
-    if any(symptom.title == pattern.title for symptom in found) or (drift := fitted_drift(context)) is None:
-        return []
-    signal = context.problem.recordings[0].input
-    size, std = (value * signal.factor for value in drift)
-    observation = f"the fit needs {pattern.follows}, by {size:.3g} ± {2.0 * std:.1g} {signal.unit} over the recording"
-    return [Symptom(pattern.title, observation, pattern.advice)]
+# --- faults of the recording ---
+
+
+def _recording_fault(fault: RecordingFault, recordings: tuple[Recording, ...]) -> Symptom:
+    """Symptom of a fault that the fit needs beside the parameters."""
+    if fault.output is None:
+        signal = recordings[0].input
+        size, std = fault.size * signal.factor, fault.std * signal.factor
+        return Symptom(
+            "Torque drifts",
+            f"the fit needs a torque that grows with the time, by {size:.3g} ± {2.0 * std:.1g} {signal.unit} over the"
+            " recording",
+            "friction may change while the drive warms up, the sensor of the torque drifts, or the structure lacks an"
+            " effect: let it warm up first, or use a shorter --window",
+        )
+    first, name = recordings[0].outputs[0].name, recordings[0].outputs[fault.output].name
+    way = "later" if fault.size > 0.0 else "earlier"
+    return Symptom(
+        "Outputs are not of one time",
+        f"the fit needs '{name}' to come {abs(fault.size):.2g} ± {2.0 * fault.std:.1g} s {way} than '{first}'",
+        "a skew of clocks, a filter of one channel, or an effect that the structure lacks: a skew is taken back by"
+        f" --shift '{name}={-fault.size:.3g}'",
+    )
 
 
 # --- residuals ---
@@ -221,19 +231,6 @@ def _detected(
     return found
 
 
-def _late_outputs(context: FitContext, options: DiagnosticOptions) -> list[Symptom]:
-    """Outputs that come late against the others."""
-    problem, best = context.problem, context.best
-    regressors = skew_regressors(problem, best.residual)
-    candidates = [Candidate(r.columns, r.kind) for r in regressors if np.isfinite(r.columns).all() and r.columns.any()]
-    if len(candidates) < max(len(regressors), 1):
-        return []
-    own = replace(REGRESSOR_DEFAULTS, min_share=REGRESSOR_DEFAULTS.min_share_of_skew)
-    level, lengths = options.symptom_level, problem.segment_lengths
-    hits = detect_regressors(best.residual, best.jacobian, lengths, candidates, level, own)
-    return [_clock_skew(hit, regressors[hit.number], problem.recordings) for hit in hits]
-
-
 def _explains(hit: Detected) -> str:
     share = 1.0 - np.sqrt(max(1.0 - hit.share, 0.0))
     return f"explains {100.0 * share:.2g} % of the residual"
@@ -291,16 +288,6 @@ def _time_shift(hit: Detected, recordings: tuple[Recording, ...], options: Diagn
     if causes and low * dt < late < high * dt:
         advice = f"half a sample looks like {' or '.join(causes)}"
     return Symptom("Late by less than a sample", observation, advice, unmodelled=False)
-
-
-def _clock_skew(hit: Detected, regressor: ResidualRegressor, recordings: tuple[Recording, ...]) -> Symptom:
-    late, name = float(hit.coefficients[0]), recordings[0].outputs[regressor.output].name
-    way = "later" if late > 0.0 else "earlier"
-    return Symptom(
-        "Outputs are not of one time",
-        f"'{name}' comes {abs(late):.2g} s {way} than the other outputs explain, which {_explains(hit)}",
-        f"a skew of clocks, or a filter of one channel: take it back by --shift '{name}={-late:.3g}'",
-    )
 
 
 _SYMPTOM_OF: Mapping[str, Callable[[Detected, tuple[Recording, ...]], Symptom]] = {

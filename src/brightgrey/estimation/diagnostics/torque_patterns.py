@@ -78,14 +78,6 @@ class TorquePattern:
 
 TORQUE_PATTERNS = (
     TorquePattern(
-        "time",
-        lambda m, sign, scales: (np.linspace(-1.0, 1.0, m.speed.size),),
-        "Torque drifts",
-        "a torque that grows with the time",
-        "friction may change while the drive warms up, or the sensor of the torque drifts: let it warm up first, or use"
-        " a shorter --window",
-    ),
-    TorquePattern(
         "direction",
         lambda m, sign, scales: (sign**2, sign * m.speed / scales.speed),
         "Friction depends on the direction",

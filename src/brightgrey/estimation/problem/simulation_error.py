@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brightgrey.arrays import Array, positive
+from brightgrey.estimation.problem.clock_skew import skewed
 from brightgrey.estimation.problem.drift import drift_in, drifts_of, with_drift
 from brightgrey.estimation.problem.initial_state import Initial, InitialState, output_noise
 from brightgrey.estimation.problem.normal_equations import LARGEST, add_products, add_squares
@@ -77,7 +78,7 @@ def predict_many(
             before = y[out, :1] - recording.dt * x0[system.state_names.index(f"v{signal.mass}")]
             y[out] = np.diff(y[out], axis=0, prepend=before) / recording.dt
             y[out, sample, follower] = y[out, sample, follower // group * group]  # a jump to the leader is no motion
-    return y
+    return skewed(y, values, recording.dt)
 
 
 def systems(
@@ -170,6 +171,7 @@ class SimulationErrorProblem:
     friction_width: Nuisance | None = None  #: None if the settings give it, or if no friction reverses.
     drifts: tuple[Nuisance, ...] = ()  #: Of the long recordings, if they are estimated.
     deviations: tuple[Nuisance, ...] = ()  #: Of parameters that may differ between the recordings.
+    skews: tuple[Nuisance, ...] = ()  #: Of the outputs but the first one, if they are estimated.
 
     @classmethod
     def of(
@@ -292,9 +294,8 @@ class SimulationErrorProblem:
         """
         total = np.zeros(len(next(iter(values.values()))))
         for r, state, lost in self._parts():
-            if upper_limits is not None and not any(
-                signal.kind != signal.simulated.partition("@")[0] for signal in r.outputs
-            ):
+            as_simulated = all(signal.kind == signal.simulated.partition("@")[0] for signal in r.outputs)
+            if upper_limits is not None and as_simulated and not self.skews:
                 system, u, x0 = systems(self.structure, values, r, settings, initial_state=state, gain=self.gain)
                 weights = self.weights**2
                 total = squares(
