@@ -49,6 +49,18 @@ def test_initial_estimated__speed_within_the_noise_of_the_sensor():
         assert found.estimates[name].value == pytest.approx(value, rel=0.02)
 
 
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_initial_auto__noisy_position_at_rest__does_not_move(pole):
+    """A single difference of such a position is larger than any speed."""
+    (q,) = reference(STRUCTURE, TRUE, drive(0.0, 0.0).u, DT, f_tanh=2.5, outputs=["position"])
+    moving = 0
+    for seed in range(100):
+        noise = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], np.random.default_rng(seed).standard_normal(1300))[500:]
+        y = q + 0.002 * np.abs(q).max() * noise
+        moving += bool(InitialState.of(make_recording(drive(0.0, 0.0).u, y, dt=DT, kind="position")).unknown)
+    assert moving <= 5
+
+
 @pytest.mark.parametrize("pole", [0.9, 0.95])
 def test_initial_estimated__slow_noise__allows_standstill(pole):
     clean = drive(0.0, 0.0)

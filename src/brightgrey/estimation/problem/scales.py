@@ -189,7 +189,8 @@ def _speed(recording: Recording, n: int) -> Array:
     v = np.gradient(y, dt) if order == 0 else y
     if n > 1:
         kernel = np.convolve(np.ones(n), np.ones(n)) / n**2
-        padded = np.pad(v, n - 1, mode="edge")
+        ends = n if order == 0 else 1  # samples whose mean goes on beyond an end: a difference is nearly all noise
+        padded = np.pad(v, n - 1, mode="mean", stat_length=ends)
         v = np.convolve(padded, kernel, mode="valid")
     return np.asarray(v, float)
 
