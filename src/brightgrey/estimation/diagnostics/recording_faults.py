@@ -91,7 +91,8 @@ def _fit_beside(context: FitContext, drifts: tuple[Nuisance, ...], skews: tuple[
     free = (*drifts, *skews, *_first_positions(problem), *widths)
     faulty, space = replace(problem, drifts=problem.drifts + drifts, skews=skews), _space_beside(context.space, free)
     start = np.append(context.best.values, [fixed.get(nuisance.name, nuisance.start) for nuisance in free])
-    best = fit_to_convergence(faulty, space, context.settings, start)
+    tolerance = FAULT_DEFAULTS.negligible_decrease / problem.samples
+    best = fit_to_convergence(faulty, space, context.settings, start, tolerance=tolerance)
     return context._replace(problem=faulty, space=space, best=best)
 
 

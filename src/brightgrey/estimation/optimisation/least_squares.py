@@ -317,10 +317,16 @@ def _agreed_leader(
 
 
 def fit_to_convergence(
-    problem: SimulationErrorProblem, space: ParameterSpace, settings: Settings, start: Array, *, limit: int = 50
+    problem: SimulationErrorProblem,
+    space: ParameterSpace,
+    settings: Settings,
+    start: Array,
+    *,
+    limit: int = 50,
+    tolerance: float = LM_DEFAULTS.final_tolerance,
 ) -> OptimumWithJacobian:
-    """Fit from `start`, shape (P,), SI, to the last digits that the simulation gives, with residual and Jacobian."""
-    end = polish(problem, space, settings, start, limit=limit)
+    """Fit from `start`, shape (P,), SI, with residual and Jacobian; by default to the last digits of the simulation."""
+    end = polish(problem, space, settings, start, limit=limit, tolerance=tolerance)
     residual, jacobian = evaluate(problem, space, settings, space.to_scaled(end.values))
     return OptimumWithJacobian(*end[:4], end.simulations + 1 + len(end.values), residual, jacobian)
 
