@@ -1,9 +1,14 @@
 """Skew of one output against the others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from brightgrey.estimation.problem.clock_skew import SkewOptions, skewed, skews_of
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
+from brightgrey.kit import PAPER
+from brightgrey.simulation import Settings
 from support.recordings import make_recording
 
 DT = 1e-3
@@ -42,3 +47,18 @@ def test_skews_of__every_output_but_the_first__within_a_part_of_the_shortest_rec
     first, second = skews_of(recordings, SkewOptions(largest=0.1))
     assert (first.name, second.name) == ("skew1", "skew2")
     assert first.high == -first.low == pytest.approx(0.02)
+
+
+def test_problem__with_skews__costs_are_those_of_its_residuals():
+    u = np.sin(2.0 * np.pi * 3.0 * T)
+    recording = make_recording(u, np.zeros((2, T.size)), dt=DT, kind=("position", "velocity"))
+    problem = SimulationErrorProblem.of(PAPER.parse("one_mass+viscous"), [recording])
+    faulty = replace(problem, skews=skews_of([recording]))
+    values = {"J1": np.full(2, 0.02), "f_v": np.full(2, 0.05), "skew1": np.array([0.0, 3e-3])}
+    settings = Settings(2.5, 10.0, "accurate")
+    residuals = faulty.residuals(values, settings)
+    np.testing.assert_allclose(residuals[: T.size, 0], residuals[: T.size, 1])
+    costs = faulty.costs(values, settings, np.full(2, np.inf))
+    np.testing.assert_allclose(costs, np.square(residuals).sum(axis=0))
+    assert costs[1] != pytest.approx(costs[0], rel=1e-3)
+    assert [n.name for n in faulty.nuisances] == ["skew1"]

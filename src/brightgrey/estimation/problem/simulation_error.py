@@ -209,9 +209,9 @@ class SimulationErrorProblem:
 
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
-        """Parts of initial states, drifts, deviations and the width of friction's reversal, if they are estimated."""
+        """Parts of initial states, drifts, skews, deviations and the friction's width, if they are estimated."""
         width = () if self.friction_width is None else (self.friction_width,)
-        return (*self.unknown_initial, *self.drifts, *self.deviations, *width)
+        return (*self.unknown_initial, *self.drifts, *self.skews, *self.deviations, *width)
 
     @property
     def unknown_initial(self) -> tuple[Nuisance, ...]:
