@@ -112,8 +112,9 @@ def test_results__structure_without_an_effect__stands_beside_the_found_one(brows
         visit.page.select_option('[data-key="beside"]', less)
         visit.wait(".frame .plot .main-svg")
         shown = visit.page.inner_text("#content")
-        for text in ("Stribeck friction", "M_S", "Change in %", "does not explain the recording"):
+        for text in ("Stribeck friction", "M_S", "Coulomb friction", "does not explain the recording"):
             assert text in shown
+        assert visit.page.is_visible('[data-label="Change in %:"]')  # the header is hidden on a telephone
         assert visit.violations() == []
         assert not visit.sticks_out()
         visit.page.select_option('[data-key="beside"]', "")

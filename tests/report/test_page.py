@@ -253,4 +253,4 @@ def test_page__many_structures_that_differ_for_control__the_first_six_are_shown(
         ["Quantity", *"ABCDEF"],
         ["delay margin", *(f"{k} ms" for k in range(6))],
     ]
-    assert "24 more, which are ranked lower, are left out." in reader.text["ties"]
+    assert "24 more structures, which are ranked lower, are left out." in reader.text["ties"]

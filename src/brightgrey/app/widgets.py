@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import html
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -241,8 +243,8 @@ def tick(label: str, value: bool, on_change: Callable[[bool], Any], *, key: str)
 def table_of(
     header: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str, numbers: Sequence[int] = ()
 ) -> ui.element:
-    """Table of texts; columns of numbers are aligned to the right."""
-    with tag("div", "", "scroll", tabindex="0", role="region", aria_label=caption) as whole, tag("table"):
+    """Table of texts; columns of numbers are aligned to the right. On a telephone each row is a block with labels."""
+    with tag("div", "", "scroll", tabindex="0", role="region", aria_label=caption) as whole, tag("table", "", "stack"):
         tag("caption", caption, "unseen")
         with tag("thead"), tag("tr"):
             for column, text in enumerate(header):
@@ -251,13 +253,15 @@ def table_of(
             for row in rows:
                 with tag("tr"):
                     for column, text in enumerate(row):
-                        tag("td", text, "number" if column in numbers else "")
+                        label = f"{header[column]}:" if column and text else None
+                        tag("td", text, "number" if column in numbers else "", data_label=label)
     return whole
 
 
 def code_to_copy(text: str, *, key: str) -> ui.element:
-    """Command with a button that copies it."""
+    """Command with a button that copies it; it is broken between words only, not after the hyphens of an option."""
     with tag("div", "", "copy") as whole:
-        tag("pre", text, id=f"code-{key}", tabindex="0")
+        words = re.sub(r"\S+", r'<span class="typed-word">\g<0></span>', html.escape(text))
+        raw(words, "pre").props(f'id="code-{key}" tabindex="0"')
         tag("button", "Copy", "button small", type="button", data_copy=f"code-{key}", data_key=f"copy-{key}")
     return whole

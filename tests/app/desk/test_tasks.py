@@ -90,6 +90,15 @@ def test_live_fit__of_a_structure__is_a_figure_or_nothing(toml):
     assert live_fit([str(toml)], STRUCTURE, {"J1": 0.02}, "a") is None
 
 
+def test_live_fit__wide_reversal_of_friction__is_simulated_as_in_the_search(toml):
+    def last_speed(width):
+        figure = live_fit([str(toml)], STRUCTURE, {**VALUES, "M_C": 50.0, "friction_width": width}, "a")
+        return abs(figure["data"][1]["y"][-1])
+
+    assert last_speed(100.0) > 1.0
+    assert last_speed(1e-3) < 1e-3  # it sticks
+
+
 def test_run_status__and_result_parts__of_nothing(tmp_path):
     (status,) = run_status([str(tmp_path / "run-1")])
     assert (status["state"], status["has_results"]) == ("missing", False)

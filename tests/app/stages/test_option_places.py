@@ -11,6 +11,10 @@ from brightgrey.app.stages.option_places import in_app_words
         ("keep these by --decimate 3", "keep these by “Use every Nth sample” 3"),
         ("turn its sign, --input-gain -1", "turn its sign, “Factor of the input” -1"),
         ("--no-check goes on", "--no-check goes on"),
+        (
+            "'--per-recording J1,f_v' lets them differ",
+            "“Values that may differ between the recordings” J1,f_v lets them differ",
+        ),
         ("a -- b", "a -- b"),
     ],
 )

@@ -9,17 +9,17 @@ def stage(**more):
     return {"name": "border", "done": 20, "most": 400, "decided": 4, "left": 2, **more}
 
 
-def test_time_left__parts_are_left__are_as_costly_as_those_that_are_decided():
-    said = time_left(stage(), 40.0, 1)
-    assert said.startswith("Time left: about 20 s for the 2 parts that are left. ")
-    assert said.endswith("Budget: 20 of at most 400 structures are fitted.")
-    assert "about 10 s" in time_left(stage(), 40.0, 2)
-    assert "the 1 part that is left" in time_left(stage(left=1), 40.0, 1)
+def test_time_left__parts_are_left__is_between_one_structure_for_each_and_the_budget():
+    said = time_left(stage(), 200.0, 1)
+    assert said.startswith("Time left: at least 20 s, for the 2 parts that are left. ")
+    assert said.endswith("All 400 structures of the budget would take 63 min.")
+    assert "at least 10 s" in time_left(stage(), 200.0, 2)
+    assert "the 1 part that is left" in time_left(stage(left=1), 200.0, 1)
 
 
 def test_time_left__nothing_is_left__is_unknown():
     assert time_left(stage(left=0), 40.0, 1).startswith("Time left: unknown. Nothing is left to decide at the moment")
-    assert "the budget of 80 structures is spent" in time_left(stage(left=0, done=82, most=80), 40.0, 1)
+    assert "The budget of 80 structures is spent" in time_left(stage(left=0, done=82, most=80), 40.0, 1)
 
 
 def test_time_left__before_there_is_a_border__says_when_it_is_known():

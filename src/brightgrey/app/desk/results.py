@@ -5,6 +5,8 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +14,18 @@ import numpy as np
 
 from brightgrey.api.control import design
 from brightgrey.api.to_si import identification_task
+from brightgrey.app.desk.structures import traces_of_fit
 from brightgrey.app.plots.loops import loop_figure
 from brightgrey.errors import BrightgreyError, SettingsError
-from brightgrey.estimation import predict
 from brightgrey.kit import Placed, Structure
-from brightgrey.kit.in_words import effect_heading, structure_in_words
+from brightgrey.kit.in_words import effects_in_words, enumerated, structure_in_words
 from brightgrey.model.model import load_model
-from brightgrey.model.trace import Trace
 from brightgrey.recordings.recording_toml import read_recordings
 from brightgrey.report.charts.comparison import comparisons
 from brightgrey.report.drawing.plotly_figure import plot
 from brightgrey.report.page_parts import page_parts
 from brightgrey.runs import RunError, read_status
+from brightgrey.search import IdentificationTask
 
 __all__ = ["gains", "live_fit", "result_parts", "run_status"]
 
@@ -48,7 +50,7 @@ def run_status(folders: Sequence[str]) -> list[dict[str, Any]]:
         stage["words"] = _in_words([stage["best"]])[0] if stage.get("best") else ""
         stage["minimal_words"] = _in_words(stage.get("minimal", []))
         stage["rows"] = [
-            [", ".join(effect_heading(Placed.parse(name)) for name in lacking), ratio]
+            [enumerated(effects_in_words(Placed.parse(name) for name in lacking)), ratio]
             for lacking, ratio in stage.get("refuted", [])
         ]
         found.append(
@@ -64,18 +66,23 @@ def run_status(folders: Sequence[str]) -> list[dict[str, Any]]:
     return found
 
 
+@lru_cache(maxsize=1)
+def _live_task(tomls: tuple[tuple[str, int], ...]) -> IdentificationTask:
+    """Task on the recordings of files that were changed at these times; kept for the next look at a search."""
+    recordings = [recording for toml, _ in tomls for recording in read_recordings(toml)]
+    return identification_task(recordings, None, {}, {}, None)
+
+
 def live_fit(tomls: Sequence[str], structure: str, values: Mapping[str, float], label: str) -> dict[str, Any] | None:
     """Figure of the first recording beside the best structure so far; None where it cannot be simulated."""
     try:
-        recording = read_recordings(tomls[0])[0]
-        task = identification_task([recording], None, {}, {}, None)
         best = Structure.parse(structure)
-        own = {name: values[name] for name in best.parameters}
-        simulated = predict(best, own, recording, task.settings)
-    except (BrightgreyError, KeyError, IndexError, np.linalg.LinAlgError):
+        differing = {name.partition("#")[0] for name in values if "#" in name} & set(best.parameters)
+        task = _live_task(tuple((toml, Path(toml).stat().st_mtime_ns) for toml in tomls))
+        trace = next(traces_of_fit(replace(task, per_recording=tuple(sorted(differing))), best, values))
+    except (BrightgreyError, OSError, KeyError, IndexError, np.linalg.LinAlgError):
         return None
-    chart = comparisons([Trace.of(recording, simulated)])[0]
-    figure = plot(chart)
+    figure = plot(comparisons([trace])[0])
     figure["label"] = f"{label}: measured, and simulated by the best structure so far"
     return figure
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -25,14 +25,14 @@ from brightgrey.recordings import Recording
 from brightgrey.recordings.recording_toml import read_recordings
 from brightgrey.search import IdentificationTask
 
-__all__ = ["beside_course", "beside_tables", "result_course", "run_structures"]
+__all__ = ["beside_course", "beside_tables", "result_course", "run_structures", "traces_of_fit"]
 
 
 @dataclass(frozen=True)
 class _OfferPolicy:
     """Offer of structures to compare with."""
 
-    most: int = 24  #: Structures of a run that are offered, best first.
+    most: int = 24  #: Structures of a run that are offered beside those that tie with the best one, best first.
 
 
 OFFER = _OfferPolicy()
@@ -56,6 +56,18 @@ class _OpenedRun:
     task: IdentificationTask
 
 
+def traces_of_fit(task: IdentificationTask, structure: Structure, best: Mapping[str, float]) -> Iterator[Trace]:
+    """Recordings of a task beside a structure at its best values, nuisances included, simulated as in the search."""
+    problem = task.problem(structure)
+    names = (*structure.parameters, *(part.name for part in problem.nuisances if part.name in best))
+    values = {name: np.array([best[name]]) for name in names}
+    known = all(part.name in values for part in problem.unknown_initial)
+    settings = replace(task.settings, level="accurate")
+    for recording, state in zip(task.recordings, problem.initial_states, strict=True):
+        y = predict_many(structure, values, recording, settings, initial_state=state if known else None)
+        yield Trace.of(recording, y[:, :, 0])
+
+
 @lru_cache(maxsize=1)
 def _run_with_recordings(folder: str, changed: int) -> _OpenedRun:
     """Content of a run of a project; kept for the next question."""
@@ -69,16 +81,7 @@ def _run_with_recordings(folder: str, changed: int) -> _OpenedRun:
 def _simulated(folder: str, changed: int, structure: str) -> tuple[Trace, ...]:
     """Recordings of a run beside one of its structures at its best values, simulated as in the search."""
     run = _run_with_recordings(folder, changed)
-    parsed = Structure.parse(structure)
-    best, problem = _values(run.record, structure), run.task.problem(parsed)
-    names = (*parsed.parameters, *(part.name for part in problem.nuisances if part.name in best))
-    values = {name: np.array([best[name]]) for name in names}
-    known = all(part.name in values for part in problem.unknown_initial)
-    settings, traces = replace(run.task.settings, level="accurate"), []
-    for recording, state in zip(run.recordings, problem.initial_states, strict=True):
-        y = predict_many(parsed, values, recording, settings, initial_state=state if known else None)
-        traces.append(Trace.of(recording, y[:, :, 0]))
-    return tuple(traces)
+    return tuple(traces_of_fit(run.task, Structure.parse(structure), _values(run.record, structure)))
 
 
 @lru_cache(maxsize=1)
@@ -102,19 +105,23 @@ def _values(record: RunRecord, structure: str) -> Mapping[str, float]:
 
 
 def run_structures(folder: str) -> list[dict[str, str]]:
-    """Structures of a run whose best values are known, the best first: name, words, status and fit in %."""
-    record = load_run_record(folder)
-    status = {fitted.structure: fitted.status for fitted in record.fits}
+    """Structures of a run whose best values are known, the best first: name, words, status in words, and fit.
+
+    Those that tie with the best one come first. The ranking lacks rivals: their fit is shown beside the best one's.
+    """
+    status = {fitted.structure: fitted.status for fitted in load_run_record(folder).fits}
     with (Path(folder) / "ranking.csv").open(encoding="utf-8", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["structure"] in status]
+        fits = {row["structure"]: f"fit {float(row['fit_percent']):.2f} %" for row in csv.DictReader(file)}
+    tied = [name for name, said in status.items() if said in ("minimal", "rival")]
+    others = [name for name in fits if name in status and name not in tied]
     return [
         {
-            "name": row["structure"],
-            "words": structure_in_words(Structure.parse(row["structure"])),
-            "status": status[row["structure"]],
-            "fit": f"{float(row['fit_percent']):.2f}",
+            "name": name,
+            "words": structure_in_words(Structure.parse(name)),
+            "status": STATUS_WORDS.get(status[name], ""),
+            "fit": fits.get(name, ""),
         }
-        for row in rows[: OFFER.most]
+        for name in (*tied, *others[: OFFER.most])
     ]
 
 
@@ -167,10 +174,15 @@ def beside_tables(folder: str, one: str, other: str) -> dict[str, Any]:
     status = {fitted.structure: fitted.status for fitted in run.record.fits}
     return {
         "status": [STATUS_WORDS.get(status[name], "") for name in (one, other)],
-        "effects": _effect_rows(Structure.parse(one), Structure.parse(other), run.model.evidence or {}),
+        "effects": _effect_rows(Structure.parse(one), Structure.parse(other), _verdicts(run.model)),
         "parameters": _value_rows(run, one, other),
         "fits": _fit_texts(*both),
     }
+
+
+def _verdicts(model: Model) -> dict[str, str]:
+    """Verdicts on all effects, those that were not offered included."""
+    return {**(model.certificate.held_back if model.certificate else {}), **(model.evidence or {})}
 
 
 def _effect_rows(one: Structure, other: Structure, verdicts: Mapping[str, str]) -> list[tuple[str, str, str, str]]:
@@ -183,8 +195,8 @@ def _effect_rows(one: Structure, other: Structure, verdicts: Mapping[str, str]) 
     return rows
 
 
-def _value_rows(run: _OpenedRun, one: str, other: str) -> list[tuple[str, str, str, str, str]]:
-    """Rows of the parameters: name, values of both, unit, change in %."""
+def _value_rows(run: _OpenedRun, one: str, other: str) -> list[tuple[str, str, str, str, str, str]]:
+    """Rows of the parameters: name, values of both, unit, change in %, meaning."""
     units, rows = run.model.units, []
     values = [_values(run.record, name) for name in (one, other)]
     declared = {**Structure.parse(one).parameters, **Structure.parse(other).parameters}
@@ -197,7 +209,7 @@ def _value_rows(run: _OpenedRun, one: str, other: str) -> list[tuple[str, str, s
             percent = round(100.0 * (known[1] / known[0] - 1.0), 1)
             change = f"{percent:+.1f}" if percent else "0"
         texts = ["" if value is None else significant(value) for value in shown]
-        rows.append((name, texts[0], texts[1], unit, change))
+        rows.append((name, texts[0], texts[1], unit, change, parameter.about))
     return rows
 
 

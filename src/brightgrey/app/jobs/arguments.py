@@ -45,6 +45,8 @@ def identify_arguments(document: ProjectDocument, run: str) -> tuple[str, ...]:
         words += _known_words(known)
     if search.grammar != "drive":
         words += ["--grammar", search.grammar]
+    if search.per_recording:
+        words += ["--per-recording", search.per_recording]
     if search.seed:
         words += ["--seed", str(search.seed)]
     if document.check.override:

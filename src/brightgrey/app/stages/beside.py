@@ -65,7 +65,7 @@ class StructuresBeside:
         rows = [row for row in found["effects"] if row[1] != row[2]]
         table_of(("Effect", "A", "B", "The recording says"), rows, caption="Effects in which the two structures differ")
         heading("Parameters", 2)
-        columns = ("Name", "A", "B", "Unit", "Change in %")
+        columns = ("Name", "A", "B", "Unit", "Change in %", "Meaning")
         table_of(columns, found["parameters"], caption="Parameters of both structures", numbers=(1, 2, 4))
         heading("Fit", 2)
         fits = [(self.labels.get(row[0], row[0]), *row[1:]) for row in found["fits"]]

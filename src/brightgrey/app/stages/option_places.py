@@ -26,10 +26,12 @@ OPTION_PLACES: Mapping[str, str] = {
     "fix": "“Known values”",
     "require": "“certainly there”",
     "exclude": "“certainly not there”",
+    "per-recording": "“Values that may differ between the recordings”",
 }
 """Where an option of ``brightgrey identify`` is found in the app."""
 
 
 def in_app_words(text: str) -> str:
     """Text in which options of the command line are the fields of the app that do the same."""
-    return re.sub(r"--([a-z]+(?:-[a-z]+)*)", lambda m: OPTION_PLACES.get(m[1], m[0]), text)
+    unquoted = re.sub(r"(?:'|&#39;)(--[^'&]+)(?:'|&#39;)", r"\1", text)
+    return re.sub(r"--([a-z]+(?:-[a-z]+)*)", lambda m: OPTION_PLACES.get(m[1], m[0]), unquoted)

@@ -117,7 +117,8 @@ class ResultsStage(Stage):
         names = {name: name.replace("-", " ") for name in self.runs}
         others = {"": "nothing", **{n: t for n, t in names.items() if n != self.chosen}}
         for s in structures[1:]:
-            others[STRUCTURE_MARK + s["name"]] = f"{s['words']} ({s['status']}, fit {s['fit']} %)"
+            said = "; ".join(filter(None, (s["status"], s["fit"])))
+            others[STRUCTURE_MARK + s["name"]] = f"{s['words'][:1].upper()}{s['words'][1:]} ({said})"
         offered = {**names, **others, "chosen": self.chosen, "beside": self.beside}
         if offered == self.offered:
             return
@@ -131,7 +132,7 @@ class ResultsStage(Stage):
 
     def sections(self, run: str, parts: dict[str, Any], names: tuple[str, ...]) -> None:
         """Build the headline and sections of one report."""
-        Parts(_as_second_level(parts["header"]), {})
+        Parts(in_app_words(_as_second_level(parts["header"])), {})
         for name in names:
             content = parts["sections"].get(name)
             if content is None:

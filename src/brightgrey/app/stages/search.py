@@ -8,17 +8,18 @@ from typing import Any
 from nicegui import ui
 
 from brightgrey.app.jobs.arguments import free_cores, identify_arguments, shown_command
+from brightgrey.app.stages.option_places import in_app_words
 from brightgrey.app.stages.stage import Stage
 from brightgrey.app.stages.time_left import time_left
 from brightgrey.app.widgets import (
     Figure,
     action,
     alert,
-    choice,
     code_to_copy,
     entry,
     heading,
     hint,
+    option_row,
     paragraph,
     table_of,
     tag,
@@ -32,8 +33,15 @@ _INTERRUPTED = (0, 130, 143, None)
 """Exit codes of a search that came to its end, was stopped, or was watched by another server."""
 
 GRAMMAR_WORDS = {
-    "drive": "real axes: friction at every mass, springs to ground, play in every shaft",
-    "paper": "the paper's 448 structures",
+    "drive": "of real axes",
+    "paper": "of the paper",
+}
+FIGURE_HINTS = {
+    "structures fitted": "A structure is a set of effects, such as two masses with Coulomb friction.",
+    "parts decided": "The simplest structures that explain the recordings, and the largest that do not.",
+    "parts left": "The largest structures of which it is not known whether they explain the recordings.",
+    "best fit": "Of the best structure so far: 100 % is perfect, 0 % is no better than a constant.",
+    "computing time": "Time of all cores together.",
 }
 PHASES = {
     "fits": "fitting structures",
@@ -112,8 +120,14 @@ class SearchStage(Stage):
             with tag("summary"):
                 heading("Options of the search", 3)
             with tag("div", "", "row"):
-                choice(
-                    "Effects that are tried", search.grammar, GRAMMAR_WORDS, lambda v: change(grammar=v), key="grammar"
+                option_row(
+                    "Effects that are tried",
+                    search.grammar,
+                    GRAMMAR_WORDS,
+                    lambda v: change(grammar=v),
+                    key="grammar",
+                    about="Real axes have friction at every mass, springs to ground, play in every shaft. "
+                    "The paper has 448 structures without these.",
                 )
                 entry(
                     "Seed",
@@ -123,6 +137,14 @@ class SearchStage(Stage):
                     about="Another seed draws other starts.",
                     inputmode="numeric",
                 )
+                if len(self.document.of_use("train")) > 1 or search.per_recording:
+                    entry(
+                        "Values that may differ between the recordings",
+                        search.per_recording,
+                        lambda text: change(per_recording="".join(text.split())),
+                        key="per-recording",
+                        about="Names with commas, such as f_v,M_C where the drive was cold and then warm.",
+                    )
 
     async def look(self) -> None:
         """Read the state of the run once, for a page that was opened after it."""
@@ -195,11 +217,14 @@ class SearchStage(Stage):
                 action("Stop with the best so far", lambda: self.stop(run), key="stop")
                 paragraph("Nothing is lost: “Go on” continues where it was stopped.", "soft")
         elif kind == "finished":
-            alert("The search is finished: everything is decided.", "good")
+            left = self.status().get("stage", {}).get("left")
+            spent = "its budget of structures is spent, and the result says what has stayed undecided."
+            alert(f"The search is finished: {spent if left else 'everything is decided.'}", "good")
         elif kind == "failed":
             assert self.run is not None
             job = self.services.queue.of(self.page.name, self.run.name, "identify")
-            alert(job.output.splitlines()[-1].removeprefix("brightgrey: ") if job else "It has failed.")
+            said = job.output.splitlines()[-1].removeprefix("brightgrey: ") if job else "It has failed."
+            alert(in_app_words(said))
             self.start_panel("Try again")
         elif kind == "stopped":
             said = (
@@ -243,8 +268,8 @@ class SearchStage(Stage):
         fit = stage.get("fit_percent")
         shown = {
             "structures fitted": stage.get("done"),
-            "decided": stage.get("decided"),
-            "left": stage.get("left"),
+            "parts decided": stage.get("decided"),
+            "parts left": stage.get("left"),
             "best fit": None if fit is None else f"{fit:.2f} %",
             "computing time": f"{status.get('seconds', 0.0):.0f} s",
         }
@@ -252,7 +277,8 @@ class SearchStage(Stage):
             for name, value in shown.items():
                 if value is not None:
                     with tag("div"):
-                        tag("dt", name)
+                        with tag("dt"):
+                            hint(name, FIGURE_HINTS[name])
                         tag("dd", str(value))
 
     def border(self, stage: dict[str, Any]) -> None:
@@ -266,10 +292,11 @@ class SearchStage(Stage):
                 for text in minimal:
                     tag("li", text[:1].upper() + text[1:])
         if stage.get("rows"):
-            heading("What cannot be missing", 2)
+            with tag("h2"):
+                hint("What cannot be missing", "Without these effects the residual grows, whatever else is allowed.")
             table_of(
-                ("Without", "Residual, times the least one"),
-                [(name, f"{ratio:.3g}") for name, ratio in stage["rows"]],
+                ("Without", "Residual"),
+                [(f"{name[:1].upper()}{name[1:]}", f"{ratio:.3g} times as large") for name, ratio in stage["rows"]],
                 caption="Effects without which the residual grows, whatever else is allowed",
                 numbers=(1,),
             )

@@ -11,14 +11,14 @@ __all__ = ["rounded_time", "time_left"]
 def time_left(stage: Mapping[str, Any], seconds: float, workers: int) -> str:
     """Sentences on the time that is left; empty before anything has been computed.
 
-    The estimate takes the parts of the border that are left to be as costly as those that are decided. It leaves out
-    parts that open later and the look for missed optima in the end, and says so: on measured axes these take longer
-    than the rest. The budget counts structures, not time.
+    How many parts open yet is not known, so two times are told, both at the pace of this run: that of one structure
+    for each part that is left, and that of all structures of the budget. The look for missed optima and the verdicts
+    in the end fit no further structures, and are in neither.
 
     Parameters
     ----------
     stage : mapping
-        Of a run's status: `done`, and of a border `decided`, `left` and `most`.
+        Of a run's status: `done`, the structures that are fitted, and of a border `left` and `most`.
     seconds : float
         Computing time so far in s, of all workers together.
     workers : int
@@ -26,19 +26,19 @@ def time_left(stage: Mapping[str, Any], seconds: float, workers: int) -> str:
     done, most, left = stage.get("done", 0), stage.get("most"), stage.get("left")
     if not done or most is None:
         return "Time left: it can be estimated once the largest structures are fitted." if seconds else ""
-    budget = f"{done} of at most {most} structures are fitted"
+    pace = seconds / workers / done
+    budget = f"All {most} structures of the budget would take {rounded_time(pace * (most - done))}."
     if done >= most:
-        budget = f"the budget of {most} structures is spent, so that only simpler ones are still tried"
+        budget = f"The budget of {most} structures is spent: only simpler ones are still tried."
     if not left:
         return (
-            "Time left: unknown. Nothing is left to decide at the moment; missed optima are looked for, which may open "
-            f"parts again. Budget: {budget}."
+            "Time left: unknown. Nothing is left to decide at the moment. Missed optima are looked for, which may open "
+            f"parts again, and verdicts are made. {budget}"
         )
-    estimate = seconds / workers * left / max(stage.get("decided", 0), 1)
     parts = "1 part that is left" if left == 1 else f"{left} parts that are left"
     return (
-        f"Time left: about {rounded_time(estimate)} for the {parts}. More may open, and missed optima are looked for "
-        f"in the end. Budget: {budget}."
+        f"Time left: at least {rounded_time(pace * left)}, for the {parts}. More may open, and missed optima are "
+        f"looked for in the end. {budget}"
     )
 
 

@@ -100,6 +100,7 @@ class SearchChoice(_Frozen):
 
     grammar: Literal["drive", "paper"] = "drive"
     seed: int = Field(default=0, ge=0)
+    per_recording: str = ""  #: Names of the parameters that may differ between recordings, with commas.
 
 
 class RunEntry(_Frozen):
@@ -147,7 +148,8 @@ def digest_of_recordings(document: ProjectDocument) -> str:
 def digest_of_search(document: ProjectDocument) -> str:
     """Digest of all that an identification depends on."""
     drive = document.drive.model_dump(mode="json", exclude={"confirmed", "limits", "motion"})
-    return _digest([digest_of_recordings(document), drive, document.search.model_dump(), document.check.override])
+    search = {name: value for name, value in document.search.model_dump().items() if value != ""}
+    return _digest([digest_of_recordings(document), drive, search, document.check.override])
 
 
 def _digest(content: Any) -> str:

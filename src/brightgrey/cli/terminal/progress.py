@@ -103,5 +103,5 @@ def _left(step: SearchProgress, passed: float) -> str:
     if step.border is None:
         return ""
     decided, left = step.border.decided, step.border.left
-    least = f", {passed * left / decided:.0f} s or more" if decided and left else ""
+    least = f", {passed * left / step.done:.0f} s or more" if step.done and left else ""  # a structure for each part
     return f"{decided} decided, {left} left{least}"
