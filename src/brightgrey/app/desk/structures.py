@@ -174,13 +174,13 @@ def beside_tables(folder: str, one: str, other: str) -> dict[str, Any]:
     status = {fitted.structure: fitted.status for fitted in run.record.fits}
     return {
         "status": [STATUS_WORDS.get(status[name], "") for name in (one, other)],
-        "effects": _effect_rows(Structure.parse(one), Structure.parse(other), _verdicts(run.model)),
+        "effects": _effect_rows(Structure.parse(one), Structure.parse(other), _all_verdicts(run.model)),
         "parameters": _value_rows(run, one, other),
         "fits": _fit_texts(*both),
     }
 
 
-def _verdicts(model: Model) -> dict[str, str]:
+def _all_verdicts(model: Model) -> dict[str, str]:
     """Verdicts on all effects, those that were not offered included."""
     return {**(model.certificate.held_back if model.certificate else {}), **(model.evidence or {})}
 
