@@ -1,13 +1,14 @@
 """The app with a stopwatch: clicks and seconds from ``brightgrey app`` to report and FMU, its reaction, its memory.
 
     python bench/app.py stopwatch [--files demo twincat emps] [--save]
+    python bench/app.py first-page [--starts 10] [--save]
     python bench/app.py reaction [--clicks 60] [--save]
     python bench/app.py clone [--save]
     python bench/app.py pictures docs/tutorial
 
 The first does what a new user does: project, file, what has to be said of its channels, check, search, report, FMU. The
-second clicks between stages while a search runs. The third clones the repository and types ``make app`` there. The last
-makes the pictures of docs/tutorial/with-the-app.md.
+second starts the app again and again. The third clicks between stages while a search runs. The fourth clones the
+repository and types ``make app`` there. The last makes the pictures of docs/tutorial/with-the-app.md.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ import numpy as np
 from brightgrey.excitation import PAPER_EXPERIMENT as EXPERIMENT
 from brightgrey.excitation import demo_recording
 from brightgrey.simulation.reference import reference
-from support.app_driver import AppProcess, User, chromium
+from support.app_driver import AppProcess, User, chromium, computing_times
 from support.measured import DATA
 from support.results import Table, arguments, publish
 
@@ -166,6 +167,27 @@ def stopwatch(names: list[str]) -> list[Table]:
     return [Table("From the start to report and FMU", columns, rows)]
 
 
+def first_page(count: int) -> list[Table]:
+    """Time from the start of the app to the first page, and the computing time of server and browser until then."""
+    taken = []
+    with chromium() as browser, tempfile.TemporaryDirectory() as folder:
+        for number in range(count):
+            before = sum(computing_times(os.getpid()).values())
+            app = AppProcess(Path(folder) / f"workspace-{number}")
+            user = User(browser, app.url)
+            seconds, now = time.perf_counter() - app.begun, computing_times(os.getpid())
+            desk = sum(now.get(pid, 0.0) for pid in app.children())
+            server = now[app.process.pid]
+            taken.append((seconds, server, sum(now.values()) - before - server - desk))
+            print(taken[-1], file=sys.stderr)
+            user.page.context.close()
+            app.end()
+    kinds = (("median", np.median), ("least", min))
+    rows = [[f"{name} of {count}", *(f"{of(part):.1f}" for part in zip(*taken, strict=True))] for name, of in kinds]
+    columns = ["", "time", "computing time of the server", "computing time of the browser"]
+    return [Table("From the start to the first page, s", columns, rows)]
+
+
 def reaction(count: int) -> list[Table]:
     """Times from a click to the stage that it opens, at rest and while a search runs."""
     rows = []
@@ -267,15 +289,21 @@ def pictures(target: Path) -> None:
 
 def main() -> None:
     parser = arguments(__doc__)
-    parser.add_argument("what", choices=("stopwatch", "reaction", "clone", "pictures"))
+    parser.add_argument("what", choices=("stopwatch", "first-page", "reaction", "clone", "pictures"))
     parser.add_argument("folder", nargs="?", type=Path, default=Path("docs/tutorial"))
     parser.add_argument("--files", nargs="+", choices=tuple(FILES), default=list(FILES))
     parser.add_argument("--clicks", type=int, default=60)
+    parser.add_argument("--starts", type=int, default=10)
     options = parser.parse_args()
     if options.what == "pictures":
         pictures(options.folder)
         return
-    made = {"stopwatch": lambda: stopwatch(options.files), "reaction": lambda: reaction(options.clicks), "clone": clone}
+    made = {
+        "stopwatch": lambda: stopwatch(options.files),
+        "first-page": lambda: first_page(options.starts),
+        "reaction": lambda: reaction(options.clicks),
+        "clone": clone,
+    }
     publish("app", made[options.what](), to_file=options.save)
 
 

@@ -8,7 +8,7 @@ from platform import python_version
 
 from markupsafe import Markup
 
-from brightgrey.kit import Placed
+from brightgrey.kit import Placed, Structure
 from brightgrey.kit.in_words import effects_in_words, structure_in_words
 from brightgrey.model.model import Model
 from brightgrey.model.ranking import Row
@@ -80,9 +80,12 @@ def page(content: Content) -> str:
 
 
 def _optional_text(model: Model) -> str:
-    """Sentence on effects that the recording would not show."""
-    names = effects_in_words([Placed.parse(name) for name in model.ties.optional], "or") if model.ties else []
-    return listing("The recording would not show it if the drive had", names, "or")
+    """Sentence on effects that the recording would not show: those that no minimal structure has."""
+    if model.ties is None:
+        return ""
+    fitted = {p for name in model.ties.minimal for p in Structure.parse(name).placed}
+    others = [p for p in map(Placed.parse, model.ties.optional) if p not in fitted]
+    return listing("The recording would not show it if the drive had", effects_in_words(others, "or"), "or")
 
 
 def _range_bars(model: Model) -> list[str]:

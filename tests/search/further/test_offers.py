@@ -57,6 +57,10 @@ def test_ground_spring_on_a_stiff_shaft__identified__the_rival_is_in_every_file(
         (ties[0], "minimal"),
         (ties[1], "rival"),
     ]
+    report = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "One of several effects is needed, and the recording does not say which." in report
+    assert "does not decide whether the drive has" not in report  # there is a spring, at one place or the other
+    assert "would not show it if the drive had" not in report
 
 
 def test_friction_at_the_second_mass__its_place_shows__needed_there():

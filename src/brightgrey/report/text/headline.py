@@ -102,9 +102,13 @@ def _open(content: Content) -> str:
     if content.evidence:
         if content.evidence.certificate.unexplained:
             parts.append("The recording holds something that none of the structures offered explains.")
-        some = [Placed.parse(c.effect) for c in content.evidence.cards if c.verdict == "not decidable"]
-        items = effects_in_words(some, "or")
+        some = [c for c in content.evidence.cards if c.verdict == "not decidable"]
+        alternatives = dict.fromkeys(name for c in some if c.why.kind == "one of several" for name in c.why.names)
+        items = effects_in_words([Placed.parse(c.effect) for c in some if c.why.kind != "one of several"], "or")
         parts.append(listing("The recording does not decide whether the drive has", items, "or"))
+        if alternatives:
+            parts.append("One of several effects is needed, and the recording does not say which.")
+            parts.append(listing("Among them are", list(alternatives), "and"))
     minimal = model.ties.minimal if model.ties else ()
     if len(minimal) > 1:
         parts.append(f"This is the first of {len(minimal)} structures that explain it equally well.")
