@@ -38,13 +38,13 @@ def test_identify_arguments__everything_chosen__all_of_it_is_said():
         ),
         recordings=(recording(1, "train"), recording(2, "unused"), recording(3, "test"), recording(4, "train")),
         check=CheckDecision(override=True),
-        search=SearchChoice(grammar="paper", seed=7),
+        search=SearchChoice(grammar="paper", seed=7, per_recording="f_v,M_C"),
     )
     assert shown_command(identify_arguments(document, "run-2")) == (
         "brightgrey identify recordings/recording-1-0a.toml recordings/recording-4-0a.toml"
         " --test-recording recordings/recording-3-0a.toml --require two_mass --require coulomb"
-        " --exclude four_mass --exclude delay --fix J1=0.1 --bound c1=5:9 --grammar paper --seed 7 --no-check"
-        " --out runs/run-2"
+        " --exclude four_mass --exclude delay --fix J1=0.1 --bound c1=5:9 --grammar paper --per-recording f_v,M_C"
+        " --seed 7 --no-check --out runs/run-2"
     )
 
 

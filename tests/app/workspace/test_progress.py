@@ -8,6 +8,7 @@ from brightgrey.app.workspace.project import (
     CheckDecision,
     ProjectDocument,
     RunEntry,
+    SearchChoice,
     StoredRecording,
     digest_of_recordings,
     digest_of_search,
@@ -99,3 +100,9 @@ def test_current_run__changed_back__is_the_earlier_run():
 def test_next_stage__is_the_first_that_is_not_done():
     assert next_stage(stage_states(READY, {}, frozenset())) == "search"
     assert next_stage(stage_states(DONE, {"run-1": "finished"}, frozenset({"run-1"}))) == STAGES[-1]
+
+
+def test_digest_of_search__values_that_may_differ__count_once_they_are_named():
+    before = document()
+    named = before.model_copy(update={"search": SearchChoice(per_recording="f_v")})
+    assert digest_of_search(named) != digest_of_search(before)
