@@ -12,7 +12,7 @@ def stage(**more):
 def test_time_left__parts_are_left__is_between_one_structure_for_each_and_the_budget():
     said = time_left(stage(), 200.0, 1)
     assert said.startswith("Time left: at least 20 s, for the 2 parts that are left. ")
-    assert said.endswith("The budget ends it after 400 structures, 63 min from now at this pace.")
+    assert said.endswith("the budget of 400 structures is spent in 63 min; then only simpler ones are tried.")
     assert "at least 10 s" in time_left(stage(), 200.0, 2)
     assert "the 1 part that is left" in time_left(stage(left=1), 200.0, 1)
 

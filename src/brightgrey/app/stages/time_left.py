@@ -27,7 +27,8 @@ def time_left(stage: Mapping[str, Any], seconds: float, workers: int) -> str:
     if not done or most is None:
         return "Time left: it can be estimated once the largest structures are fitted." if seconds else ""
     pace = seconds / workers / done
-    budget = f"The budget ends it after {most} structures, {rounded_time(pace * (most - done))} from now at this pace."
+    spent = rounded_time(pace * (most - done))
+    budget = f"At this pace the budget of {most} structures is spent in {spent}; then only simpler ones are tried."
     if done >= most:
         budget = f"The budget of {most} structures is spent: only simpler ones are still tried."
     if not left:
