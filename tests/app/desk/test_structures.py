@@ -22,7 +22,7 @@ def test_run_structures__best_first__with_words_status_and_fit(run):
     found = run_structures(run)
     assert found[0]["name"] == FOUND
     assert found[0]["words"] == "one mass with Coulomb and viscous friction"
-    assert found[0]["status"] == "minimal"
+    assert found[0]["status"] == "one of the simplest that explain the recording"
     assert {"name", "words", "status", "fit"} == set(found[-1])
     assert json.loads(json.dumps(found)) == found
     assert LESS in [row["name"] for row in found]
