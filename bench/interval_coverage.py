@@ -1,11 +1,12 @@
 """Coverage of the 95 % intervals, for white and for coloured noise, by family of parameters.
 
 Random drives of several structures, their motion by the reference solver, noise of 0.3 % of the peak (white, or a
-first-order autoregression of the same size), values rounded to 0.01 rad/s. The descents start at the truth and end at
+first-order autoregression of the same size), speeds rounded to 0.01 rad/s. The descents start at the truth and end at
 the optimum beside it: it is the interval that is tested here, not the search. Parameters at a bound or declared not
 identifiable are left out, as are fits that did not converge; they are counted.
 
     python bench/interval_coverage.py [--truths 10] [--draws 10] [--skip 0] [--structures 5] [--seed 1]
+    python bench/interval_coverage.py --sensor position
 """
 
 from __future__ import annotations
@@ -55,6 +56,7 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=10, help="draws of noise per drive and kind of noise")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--structures", type=int, default=len(STRUCTURES), help="only the first so many")
+    parser.add_argument("--sensor", choices=("velocity", "position"), default="velocity")
     parser.add_argument("--skip", type=int, default=0, help="leave out the first so many structures")
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
@@ -63,17 +65,20 @@ def main() -> None:
     for text in STRUCTURES[options.skip : options.structures]:
         for _ in range(options.truths):
             truth = random_values(PAPER.parse(text).parameters, rng)
-            clean = reference(text, truth, e.torque(), e.dt, f_tanh=e.f_tanh)
+            clean = reference(text, truth, e.torque(), e.dt, f_tanh=e.f_tanh, outputs=(options.sensor,))
             for pole in POLES:
                 for _ in range(options.draws):
-                    tally(counts, text, truth, noisy(clean.reshape(-1), pole, rng), pole)
+                    r = noisy(clean.reshape(-1), options.sensor, pole, rng)
+                    tally(counts, text, truth, r, pole)
     publish("coverage", tables(counts, options), to_file=options.save)
 
 
-def noisy(clean: np.ndarray, pole: float, rng: np.random.Generator) -> Recording:
+def noisy(clean: np.ndarray, sensor: str, pole: float, rng: np.random.Generator) -> Recording:
     """Recording with noise whose size does not depend on its colour."""
-    colour = coloured_noise(len(clean), pole, rng, settling=500)
-    return simulated_recording(PAPER_EXPERIMENT.torque(), np.round(clean + NOISE * np.abs(clean).max() * colour, 2))
+    y = clean + NOISE * np.abs(clean).max() * coloured_noise(len(clean), pole, rng, settling=500)
+    return simulated_recording(
+        PAPER_EXPERIMENT.torque(), np.round(y, 2) if sensor == "velocity" else y, sensors=[sensor]
+    )
 
 
 def tally(counts: dict, text: str, truth: dict[str, float], r: Recording, pole: float) -> None:
@@ -81,10 +86,11 @@ def tally(counts: dict, text: str, truth: dict[str, float], r: Recording, pole: 
     structure = PAPER.parse(text)
     wide = {n: (v / 100, v * 100) if structure.parameters[n].scale == "log" else (-8.0, 8.0) for n, v in truth.items()}
     wide |= {"T_d": (0.0, 0.18)} if "T_d" in truth else {}
-    search = parameter_space(structure, scales(r), wide, {})
     settings = Settings(PAPER_EXPERIMENT.f_tanh, PAPER_EXPERIMENT.speed)
     problem = SimulationErrorProblem.of(structure, [r])
-    found = fit_to_convergence(problem, search, settings, np.array([truth[n] for n in search.names]))
+    search = parameter_space(structure, scales(r), wide, {}, problem.nuisances)
+    start = truth | {nuisance.name: nuisance.start for nuisance in problem.nuisances}
+    found = fit_to_convergence(problem, search, settings, np.array([start[n] for n in search.names]))
     estimates = estimates_of(problem, search, settings, found)
     hidden = {search.names[i] for direction in estimates.unidentifiable for i in direction.indices}
     for family, names in FAMILIES.items():

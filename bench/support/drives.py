@@ -75,11 +75,16 @@ def simulated_recording(
     dt: float = PAPER_EXPERIMENT.dt,
     hold: Hold = "linear",
 ) -> Recording:
-    """Return a recording of torque in N m and speeds in rad/s, `y` of shape (samples,) or (sensors, samples)."""
+    """Return a recording of torque in N m, positions in rad and speeds in rad/s.
+
+    `y` has shape (samples,) or (sensors, samples).
+    """
     outputs = []
     for sensor in sensors:
         kind, _, mass = sensor.partition("@")
-        outputs.append(Signal(sensor.replace("@", ""), kind, "rad/s", mass=int(mass or 1)))
+        outputs.append(
+            Signal(sensor.replace("@", ""), kind, "rad" if kind == "position" else "rad/s", mass=int(mass or 1))
+        )
     t = dt * np.arange(u.size)
     return Recording(name, t, u, np.atleast_2d(y), Signal("torque", "input", "N m"), tuple(outputs), hold=hold)
 

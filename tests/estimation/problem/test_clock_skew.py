@@ -61,4 +61,4 @@ def test_problem__with_skews__costs_are_those_of_its_residuals():
     costs = faulty.costs(values, settings, np.full(2, np.inf))
     np.testing.assert_allclose(costs, np.square(residuals).sum(axis=0))
     assert costs[1] != pytest.approx(costs[0], rel=1e-3)
-    assert [n.name for n in faulty.nuisances] == ["skew1"]
+    assert [n.name for n in faulty.nuisances] == ["position(0)", "skew1"]

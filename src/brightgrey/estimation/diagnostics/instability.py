@@ -65,11 +65,12 @@ def parting_time(
         return None
     empty = replace(recording, outputs=_POSITION, y=np.zeros((1, recording.samples)), resolution=np.ones(1))
     start = InitialState.of(recording, "samples") if state is None else state
+    first = f"position(0){start.tag}"
     arrays = {name: np.array([value]) for name, value in values.items()}
 
     def position(shift: float) -> Array:
-        shifted = replace(start, position=start.position + shift)
-        return np.asarray(predict_many(structure, arrays, empty, settings, initial_state=shifted)[0, :, 0])
+        shifted = arrays | {first: np.array([values.get(first, start.position) + shift])}
+        return np.asarray(predict_many(structure, shifted, empty, settings, initial_state=start)[0, :, 0])
 
     undisturbed = position(0.0)
     shift = options.shift * float(np.ptp(undisturbed))

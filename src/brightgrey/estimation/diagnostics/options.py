@@ -97,9 +97,6 @@ class FaultOptions:
     """Faults of a recording, fitted beside the parameters."""
 
     largest_drift: float = 0.5  #: In parts of the largest input.
-    #: Range of the position before the first sample, in standard deviations of the noise from sample to sample: slow
-    #: noise is larger.
-    first_position: float = 10.0
     #: Decrease of the cost, in variances of a residual, below which the fit ends: tests go by whole ones.
     negligible_decrease: float = 0.1
     min_own: float = 1e-6  #: Part of a fault's whitened response that other unknowns cannot make.

@@ -7,7 +7,7 @@ the size of each fault, and a Wald test asks whether it differs from zero.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,10 +22,8 @@ from brightgrey.estimation.noise.whitening import Whitening
 from brightgrey.estimation.optimisation.least_squares import fit_to_convergence
 from brightgrey.estimation.problem.clock_skew import skews_of
 from brightgrey.estimation.problem.drift import DriftOptions, drifts_of
-from brightgrey.estimation.problem.initial_state import output_noise
 from brightgrey.estimation.problem.nuisance import Nuisance
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
-from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.numerics.distributions import t as student
 
 __all__ = ["RecordingFault", "recording_faults"]
@@ -84,25 +82,16 @@ def recording_faults(
 
 
 def _fit_beside(context: FitContext, drifts: tuple[Nuisance, ...], skews: tuple[Nuisance, ...]) -> FitContext:
-    """Fit from the optimum with the faults, and with what is otherwise known or fixed by noisy samples."""
+    """Fit from the optimum with the faults, and with friction's width open."""
     problem, fixed = context.problem, context.space.fixed
     width = problem.friction_width  # it may be fixed since: beside a fault it is open again
     widths = (width,) if width and width.name in fixed else ()
-    free = (*drifts, *skews, *_first_positions(problem), *widths)
+    free = (*drifts, *skews, *widths)
     faulty, space = replace(problem, drifts=problem.drifts + drifts, skews=skews), _space_beside(context.space, free)
     start = np.append(context.best.values, [fixed.get(nuisance.name, nuisance.start) for nuisance in free])
     tolerance = FAULT_DEFAULTS.negligible_decrease / problem.samples
     best = fit_to_convergence(faulty, space, context.settings, start, tolerance=tolerance)
     return context._replace(problem=faulty, space=space, best=best)
-
-
-def _first_positions(problem: SimulationErrorProblem) -> Iterator[Nuisance]:
-    """Positions before the first samples, where the fit has taken those samples for exact."""
-    for recording, state in zip(problem.recordings, problem.initial_states, strict=True):
-        kinds, name = [signal.kind for signal in recording.outputs], f"position(0){state.tag}"
-        if "position" in kinds and name not in [part.name for part in state.unknown]:
-            slack = FAULT_DEFAULTS.first_position * float(output_noise(recording)[kinds.index("position")])
-            yield Nuisance(name, state.position - slack, state.position + slack, state.position, sampled=False)
 
 
 def _space_beside(space: ParameterSpace, nuisances: Sequence[Nuisance]) -> ParameterSpace:

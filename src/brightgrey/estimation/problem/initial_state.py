@@ -111,7 +111,7 @@ class InitialState:
         initial : {'auto', 'rest', 'samples', 'estimated'}
             At rest; as the first samples say; or estimated within the noise of those samples (a free speed would be
             abused to absorb drift). ``auto`` is at rest unless the first samples clearly move, by a tenth of the
-            largest speed; then it is ``estimated``.
+            largest speed; then it is ``estimated``. Of a drive at rest, it estimates the position alone.
         tag : str
             Ends the names of the estimated parts.
         limited : tuple of str
@@ -126,8 +126,10 @@ class InitialState:
         position = float(recording.y[output][0]) if output is not None else 0.0
         speed, _, largest = _first_speed(recording, options.first_samples)
         moving = abs(speed) >= options.rest_speed * largest > 0.0
-        if initial == "rest" or (initial == "auto" and not moving):
+        if initial == "rest":
             return cls(position, 0.0, 0.0, (), tag)
+        if initial == "auto" and not moving:
+            return cls(position, 0.0, 0.0, tuple(_first_position(recording, output, tag, options)), tag)
         torque = float(np.abs(recording.u).max())
         unknown: list[Nuisance] = []
         if initial != "samples":
@@ -184,14 +186,25 @@ class InitialState:
         return x
 
 
+def _first_position(
+    recording: Recording, output: int | None, tag: str, options: InitialStateOptions
+) -> Iterator[Nuisance]:
+    """Position at the start, within the noise of the first sample, if output number `output` is a position.
+
+    Taken for exact, the first sample would shift the whole motion by its noise.
+    """
+    if output is not None:
+        y, noise = recording.y[output], float(output_noise(recording)[output])
+        slack = options.sensor_std * max(noise, _slow_noise_std(y, options))
+        yield Nuisance(f"position(0){tag}", y[0] - slack, y[0] + slack, y[0], sampled=False)
+
+
 def _rigid_motion(
     recording: Recording, output: int | None, tag: str, options: InitialStateOptions
 ) -> Iterator[Nuisance]:
     """Position (of output number `output`) and speed of the whole drive within the noise of the first samples."""
+    yield from _first_position(recording, output, tag, options)
     noise = output_noise(recording)
-    if output is not None:
-        position, slack = float(recording.y[output][0]), options.sensor_std * float(noise[output])
-        yield Nuisance(f"position(0){tag}", position - slack, position + slack, position)
     speed, by_parabola, _ = _first_speed(recording, options.first_samples)
     slack = options.sensor_std * _first_speed_std(recording, noise, options) + abs(by_parabola - speed)
     low, high = speed - slack, speed + slack
@@ -258,16 +271,23 @@ def _first_speed_std(recording: Recording, noise: Array, options: InitialStateOp
 
 
 def _first_speed_std_of_slow_noise(recording: Recording, options: InitialStateOptions) -> float:
-    """Standard deviation of the speed by the first samples if noise is slow, of the worst measured speed.
+    """Standard deviation of the speed by the first samples if noise is slow, of the worst measured speed."""
+    found = [
+        _slow_noise_std(y, options) for s, y in zip(recording.outputs, recording.y, strict=True) if KINDS[s.kind] == 1
+    ]
+    return options.intercept_std * max(found, default=0.0)
+
+
+def _slow_noise_std(y: Array, options: InitialStateOptions) -> float:
+    """Standard deviation of the slow noise of an output, shape (samples,).
 
     Slow noise hardly shows from sample to sample, but in differences of means over some of them. Oscillations of the
     drive show there, too, so this may be too large.
     """
     found, order = [0.0], options.mean_differences
-    for signal, y in zip(recording.outputs, recording.y, strict=True):
-        for length in options.mean_lengths if KINDS[signal.kind] == 1 else ():
-            means = y[: len(y) // length * length].reshape(-1, length).mean(axis=1)
-            if len(means) > 2 * order:
-                bend = 1.4826 * float(np.median(np.abs(np.diff(means, n=order))))
-                found.append(options.intercept_std * bend / float(np.sqrt(comb(2 * order, order))))
+    for length in options.mean_lengths:
+        means = y[: len(y) // length * length].reshape(-1, length).mean(axis=1)
+        if len(means) > 2 * order:
+            bend = 1.4826 * float(np.median(np.abs(np.diff(means, n=order))))
+            found.append(bend / float(np.sqrt(comb(2 * order, order))))
     return max(found)
