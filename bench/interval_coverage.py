@@ -120,6 +120,7 @@ def tables(counts: dict, options: argparse.Namespace) -> list[Table]:
     asked = STRUCTURES[options.skip : options.structures]
     gaps = ["backlash" in text for text in asked]
     kind = "all structures" if any(gaps) and not all(gaps) else f"structures with{'' if any(gaps) else 'out'} a gap"
+    kind += ", a position measured" if options.sensor == "position" else ""
     columns = ["AR pole", "fits judged", "fits not converged", "parameters left out"]
     return [
         Table(f"Intervals that hold the truth in %, {kind}", ["AR pole", *FAMILIES, "all"], covered),

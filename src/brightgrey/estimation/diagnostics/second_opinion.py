@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.effects import INERTIA
 from brightgrey.estimation.diagnostics.finding import Finding
-from brightgrey.kit import Placed, Structure, assemble, slowest_resonance
+from brightgrey.estimation.problem.torque_balance import inertias, lags_of, rigid_torque, sizes_of, torque_kinds
+from brightgrey.kit import Placed, Structure, slowest_resonance
 from brightgrey.kit.in_words import effect_in_words
 from brightgrey.recordings import Recording
 from brightgrey.recordings.checks.examined import Examined
@@ -116,11 +116,11 @@ def second_opinion(
         Inertia first. Empty if the first output has no sign, is an acceleration or is not at mass 1, if the recordings
         are too short for the slowest resonance, or if the motion below it does not even show the inertia.
     """
-    groups = _torques(structure)
+    groups = torque_kinds(structure)
     columns: list[list[Array]] = []
     input_torque: list[Array] = []
     for recording in recordings:
-        motion = _motion(recording, _lag(structure, values))
+        motion = _motion(recording, _input_lag(structure, values))
         if motion is None:
             return ()
         width = _width(structure, values, motion)
@@ -129,8 +129,9 @@ def second_opinion(
         smooth, thin = motion.examined.smooth, slice(None, None, max(1, int(width / 2.0)))
         if smooth(motion.u, width).std() < POLICY.least_slow * motion.u.std():
             return ()
-        torques = [_torque(structure, group, values, motion, f_tanh) for group in groups]
-        inertia = sum(values[name] for name in _inertias(structure))
+        lanes = {name: np.full(motion.velocity.size, value) for name, value in values.items()}
+        torques = [rigid_torque(structure, g, lanes, motion.position, motion.velocity, f_tanh) for g in groups]
+        inertia = sum(values[name] for name in inertias(structure))
         rows = [inertia * smooth(motion.velocity, width, 1), *(-smooth(torque, width) for torque in torques)]
         columns.append([row[thin] for row in rows])
         input_torque.append(smooth(motion.u, width)[thin])
@@ -140,7 +141,7 @@ def second_opinion(
     found = regress(u, terms[known].T)
     factors = iter(zip(found.coefficients.tolist(), found.std.tolist(), strict=True))
     masses = tuple(p for p in structure.placed if p.effect.masses)
-    sizes = [(masses, _inertias(structure)), *((group, _size_names(group)) for group in groups)]
+    sizes = [(masses, inertias(structure)), *((group, sizes_of(group)) for group in groups)]
     out = []
     for (effects, names), is_known in zip(sizes, known.tolist(), strict=True):
         if is_known:
@@ -165,32 +166,9 @@ def contradictions(opinions: Sequence[TermOpinion]) -> list[Finding]:
     ]
 
 
-def _inertias(structure: Structure) -> tuple[str, ...]:
-    return tuple(
-        p.parameter(q.symbol)
-        for p in structure.placed
-        if p.effect.masses
-        for q in p.effect.parameters
-        if q.dimension == INERTIA
-    )
-
-
-def _torques(structure: Structure) -> list[tuple[Placed, ...]]:
-    """Effects that are torques on masses, those of one kind together: a rigid drive does not tell their places."""
-    kinds: dict[str, list[Placed]] = {}
-    for placed in structure.placed:
-        if placed.effect.where == "mass" and any(q.size for q in placed.effect.parameters):
-            kinds.setdefault(placed.name, []).append(placed)
-    return [tuple(group) for group in kinds.values()]
-
-
-def _size_names(group: Sequence[Placed]) -> tuple[str, ...]:
-    return tuple(p.parameter(q.symbol) for p in group for q in p.effect.parameters if q.size)
-
-
-def _lag(structure: Structure, values: Mapping[str, float]) -> float:
+def _input_lag(structure: Structure, values: Mapping[str, float]) -> float:
     """Total lag of the input in s."""
-    return sum(values[name] for name, declared in structure.parameters.items() if declared.lag)
+    return sum(values[name] for name in lags_of(structure))
 
 
 def _motion(recording: Recording, lag: float) -> _Motion | None:
@@ -213,26 +191,8 @@ def _width(structure: Structure, values: Mapping[str, float], motion: _Motion) -
     """Width of the kernel in samples: above it the drive is rigid, and its acceleration free of noise."""
     examined = motion.examined
     period = 2.0 * np.pi / max(slowest_resonance(structure, values), 1e-300)
-    least = (2.0, POLICY.lags * _lag(structure, values) / examined.dt, POLICY.smoothing * period / examined.dt)
+    least = (2.0, POLICY.lags * _input_lag(structure, values) / examined.dt, POLICY.smoothing * period / examined.dt)
     order = KINDS[examined.recording.outputs[0].kind]
     noise = examined.noise[0] * (1.0 if order else 0.5 / (motion.first_width**1.5 * examined.dt))
     wide = (w for w in examined.widths if examined.is_clean(motion.velocity, noise, w))
     return max(*least, next(wide, examined.widths[-1]))
-
-
-def _torque(
-    structure: Structure, group: Sequence[Placed], values: Mapping[str, float], motion: _Motion, f_tanh: float
-) -> Array:
-    """Torque of effects of one kind on a drive whose masses all move as the first, shape (samples,)."""
-    alone = Structure((*(p for p in structure.placed if p.effect.masses), *group))
-    samples = motion.velocity.size
-    own = {name: np.full(samples, values[name]) for name in alone.parameters}
-    system = assemble(alone, own, f_tanh)
-    moving = {"position": motion.position, "speed": motion.velocity}
-    x = np.array([moving.get(state.at_rest, np.zeros(samples)) for state in system.states])
-    rate = np.einsum("ij...,j...->i...", system.A, x)
-    for element in system.elements:
-        ports = np.einsum("pj...,j...->p...", element.H, x)
-        rate += element.G * element.law.value(tuple(ports), element.p)[0]
-    rows = [system.state_names.index(f"v{i + 1}") for i in range(structure.masses)]
-    return np.asarray(sum(own[name] * rate[row] for name, row in zip(_inertias(alone), rows, strict=True)))

@@ -36,6 +36,7 @@ from brightgrey.estimation.optimisation.start_points import (
     resonance_scan,
     starts_at_residual_peaks,
 )
+from brightgrey.estimation.optimisation.torque_regression import with_regressed_sizes
 from brightgrey.estimation.problem.parameter_space import ParameterSpace
 from brightgrey.estimation.problem.simulation_count import SimulationCount
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
@@ -197,13 +198,12 @@ class _Multistart:
         if missing <= 0 or not space.names:
             return _StartBatch(first, [not optima] * len(first))
         samples = space.sample(options.candidates_per_parameter * (1 + len(space.names)), rng)
+        half = missing // 2 if optima else 0
+        fresh, count = self.fresh_starts(easiest, samples, missing - half)
         if not optima:
-            fresh = best_diverse(easiest, space, settings, samples, missing, options.start_points)
-            return _StartBatch(first + fresh, [True] * self.starts, easiest.count(samples.shape[1]))
+            return _StartBatch(first + fresh, [True] * self.starts, count)
         perturbed = perturbed_starts(space, _best(optima, options.parents), samples, rng, options.start_points)
-        half = missing // 2
-        fresh = best_diverse(easiest, space, settings, samples, missing - half, options.start_points)
-        count = easiest.count(samples.shape[1] + perturbed.shape[1])
+        count += easiest.count(perturbed.shape[1])
         tuned: list[Array] = []
         if easiest is self.problem:
             tuned, tuning = self.starts_at_peaks(half // 2, rng)
@@ -211,6 +211,22 @@ class _Multistart:
         rest = best_diverse(easiest, space, settings, perturbed, half - len(tuned), options.start_points)
         independent = [False] * len(first) + [True] * len(fresh) + [False] * len(tuned + rest)
         return _StartBatch(first + fresh + tuned + rest, independent, count)
+
+    def fresh_starts(
+        self, easiest: SimulationErrorProblem, samples: Array, count: int
+    ) -> tuple[list[Array], SimulationCount]:
+        """Best `count` of the samples, shape (P, K); some of them with sizes that balance the torques.
+
+        Such a start takes the drive for rigid. Drives with shafts have other optima, too, so that most starts are free.
+        """
+        space, settings, options = self.space, self.settings, self.options
+        balanced = int(np.ceil(options.balanced_share * count))
+        regressed = with_regressed_sizes(
+            self.problem, space, settings, samples[:, : samples.shape[1] * balanced // max(count, 1)]
+        )
+        chosen = best_diverse(easiest, space, settings, regressed, balanced, options.start_points)
+        chosen += best_diverse(easiest, space, settings, samples, count - len(chosen), options.start_points)
+        return chosen, easiest.count(samples.shape[1] + regressed.shape[1])
 
     def starts_at_peaks(self, count: int, rng: np.random.Generator) -> tuple[list[Array], SimulationCount]:
         """Best `count` starts with a resonance at a peak of the leader's residual, after a few rounds of descent.

@@ -9,11 +9,13 @@ __all__ = [
     "MULTISTART_DEFAULTS",
     "PATTERN_SEARCH_DEFAULTS",
     "START_POINT_DEFAULTS",
+    "TORQUE_REGRESSION_DEFAULTS",
     "LMOptions",
     "MultistartOptions",
     "PatternSearchOptions",
     "RacingOptions",
     "StartPointOptions",
+    "TorqueRegressionOptions",
 ]
 
 
@@ -75,6 +77,15 @@ class StartPointOptions:
 
 
 @dataclass(frozen=True)
+class TorqueRegressionOptions:
+    """Regression of the torques that gives the sizes of starts."""
+
+    smoothing: float = 0.5  #: Width of the kernel over the period of the slowest resonance, which it takes away.
+    rows: int = 500  #: Rows per recording that are enough for a handful of terms.
+    least_torque: float = 0.01  #: Of a positive size, over the RMS of the input: none begins at zero.
+
+
+@dataclass(frozen=True)
 class MultistartOptions:
     """Search for the global optimum by batches of starts."""
 
@@ -110,6 +121,7 @@ class MultistartOptions:
     hard_limit_patience: float = 1.5  #: Factor of the patience with hard limits.
     improvement: float = 0.995  #: Part of the least cost below which a cost counts as an improvement.
     start_points: StartPointOptions = StartPointOptions()
+    balanced_share: float = 0.25  #: Share of the fresh starts whose sizes balance the torques of a rigid drive.
 
 
 @dataclass(frozen=True)
@@ -135,3 +147,4 @@ LM_DEFAULTS = LMOptions()
 MULTISTART_DEFAULTS = MultistartOptions()
 PATTERN_SEARCH_DEFAULTS = PatternSearchOptions()
 START_POINT_DEFAULTS = StartPointOptions()
+TORQUE_REGRESSION_DEFAULTS = TorqueRegressionOptions()

@@ -1,0 +1,149 @@
+"""Start points whose sizes balance the torques: a regression for each sample, without a simulation.
+
+The torques of most effects are linear in one parameter, their size: Coulomb friction in its torque, the inertia in
+itself. For given other parameters (the speed at which Stribeck friction fades, the period of a position-dependent load,
+the dead time) the sizes follow from the measured motion by linear regression, as in the inverse dynamic model of robot
+identification (Gautier, Khalil 1988, doi:10.1109/CDC.1988.194724). So only the other parameters have to be sampled,
+which is variable projection (Golub, Pereyra 1973, doi:10.1137/0710036) on the equation error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from brightgrey.arrays import Array
+from brightgrey.estimation.optimisation.options import TORQUE_REGRESSION_DEFAULTS, TorqueRegressionOptions
+from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
+from brightgrey.estimation.problem.parameter_space import ParameterSpace
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
+from brightgrey.estimation.problem.torque_balance import inertias, lags_of, rigid_torque, sizes_of, torque_kinds
+from brightgrey.kit import Structure, slowest_resonance
+from brightgrey.numerics.bounded_least_squares import bounded_least_squares
+from brightgrey.recordings import Recording
+from brightgrey.recordings.checks.examined import Examined, SmoothedMotion
+from brightgrey.recordings.units.signals import KINDS
+from brightgrey.simulation import Settings
+
+__all__ = ["with_regressed_sizes"]
+
+
+def with_regressed_sizes(
+    problem: SimulationErrorProblem,
+    space: ParameterSpace,
+    settings: Settings,
+    samples: Array,
+    options: TorqueRegressionOptions = TORQUE_REGRESSION_DEFAULTS,
+) -> Array:
+    """Replace the sizes of samples by those that balance the torques of a rigid drive.
+
+    Parameters
+    ----------
+    problem : SimulationErrorProblem
+    space : ParameterSpace
+    settings : Settings
+        Its gain of the sign of friction holds where the width of the reversal is not among the parameters.
+    samples : ndarray, shape (P, K)
+        SI.
+    options : TorqueRegressionOptions
+
+    Returns
+    -------
+    ndarray, shape (P, K)
+        SI, within the bounds. Inertias keep their ratios, and so do sizes of one kind at several masses. The samples
+        as they came if the first output of a recording has no sign, is an acceleration, or does not move.
+    """
+    examined = [e for e in map(_motion_of, problem.recordings) if e is not None]
+    if len(examined) < len(problem.recordings) or not samples.size:
+        return samples
+    values, out = space.named(samples), samples.copy()
+    for widths, which in _by_width(problem.structure, values, examined, options).items():
+        part = {name: value[which] for name, value in values.items()}
+        motions = [e.motion_smoothed(0, width) for e, width in zip(examined, widths, strict=True)]
+        f_tanh = 1.0 / part[FRICTION_WIDTH] if FRICTION_WIDTH in part else np.full(len(which), settings.f_tanh)
+        sizes = _regressed_sizes(problem.structure, space, motions, part, f_tanh, options)
+        out[np.ix_([space.names.index(name) for name in sizes], which)] = list(sizes.values())
+    return space.clip(out)
+
+
+@lru_cache(maxsize=8)
+def _motion_of(recording: Recording) -> Examined | None:
+    """Recording for the regression; None if its first output does not show the motion."""
+    signal, examined = recording.outputs[0], Examined(recording)
+    return None if signal.kind == "speed" or KINDS[signal.kind] > 1 or not examined.moves else examined
+
+
+def _by_width(
+    structure: Structure, values: Mapping[str, Array], examined: Sequence[Examined], options: TorqueRegressionOptions
+) -> dict[tuple[float, ...], list[int]]:
+    """Samples by the widths of the kernels, one per recording, above which noise is gone and their drive is rigid."""
+    least = [motion.width if (motion := e.motion()) else e.widths[0] for e in examined]
+    found: dict[tuple[float, ...], list[int]] = {}
+    for k in range(len(next(iter(values.values())))):
+        resonance = slowest_resonance(structure, {name: float(value[k]) for name, value in values.items()})
+        rigid = options.smoothing * 2.0 * np.pi / max(resonance, 1e-300)
+        wanted = [max(width, rigid / e.dt) for width, e in zip(least, examined, strict=True)]
+        widths = [next((w for w in e.widths if w >= x), e.widths[-1]) for x, e in zip(wanted, examined, strict=True)]
+        found.setdefault(tuple(widths), []).append(k)
+    return found
+
+
+def _regressed_sizes(
+    structure: Structure,
+    space: ParameterSpace,
+    motions: Sequence[SmoothedMotion],
+    values: Mapping[str, Array],
+    f_tanh: Array,
+    options: TorqueRegressionOptions,
+) -> dict[str, Array]:
+    """Regressed sizes by name, each of shape (K,), of K samples whose parameters are `values`."""
+    kinds = [inertias(structure), *(sizes_of(group) for group in torque_kinds(structure))]
+    shares = {name: share for names in kinds for name, share in _parts_of_sum(names, values).items()}
+    parts = [_torque_rows(structure, motion, {**values, **shares}, f_tanh, options) for motion in motions]
+    u, terms = (np.concatenate(rows, axis=1) for rows in zip(*parts, strict=True))
+    free = [set(names) <= set(space.names) for names in kinds]
+    for i, names in enumerate(kinds):
+        if not free[i]:
+            u = u - np.sum([values[name] for name in names], axis=0)[:, None] * terms[:, :, i]
+    terms, kinds = terms[:, :, free], [names for names, is_free in zip(kinds, free, strict=True) if is_free]
+    if not kinds:
+        return {}
+    effort, rms = (np.sqrt(np.mean(np.square(x), axis=1)) for x in (u, terms))
+    unit = np.where(rms > 0.0, rms, 1.0)
+    positive = np.array([bool(space.log[space.names.index(names[0])]) for names in kinds])
+    q, r = np.linalg.qr(terms / unit[:, None, :])
+    wanted = np.einsum("knt,kn->kt", q, u)
+    none = np.full(len(kinds), np.inf)
+    low = np.where(positive, options.least_torque * effort[:, None], -np.inf)
+    found = np.array([bounded_least_squares(*args, none) for args in zip(r, wanted, low, strict=True)]) / unit
+    return {name: shares[name] * found[:, i] for i, names in enumerate(kinds) for name in names}
+
+
+def _parts_of_sum(names: Sequence[str], values: Mapping[str, Array]) -> dict[str, Array]:
+    """Parts of the sizes of one kind in their sum, each of shape (K,); equal parts if all are zero."""
+    sizes = np.abs([values[name] for name in names])
+    total = sizes.sum(axis=0)
+    parts = np.divide(sizes, total, out=np.full(sizes.shape, 1.0 / len(names)), where=total > 0.0)
+    return dict(zip(names, parts, strict=True))
+
+
+def _torque_rows(
+    structure: Structure,
+    motion: SmoothedMotion,
+    values: Mapping[str, Array],
+    f_tanh: Array,
+    options: TorqueRegressionOptions,
+) -> tuple[Array, Array]:
+    """Delayed input, shape (K, n), and inertial and opposing torques for sizes of sum 1, shape (K, n, terms)."""
+    thin = slice(None, None, max(1, motion.t.size // options.rows))
+    t, q, v, a = (x[thin] for x in (motion.t, motion.position, motion.velocity, motion.acceleration))
+    count = len(f_tanh)
+    lags = np.sum([values[name] for name in lags_of(structure)] or [np.zeros(count)], axis=0)
+    u = np.array([np.interp(t - lag, motion.t, motion.u) for lag in lags])
+    lanes = {name: np.repeat(value, t.size) for name, value in values.items()}
+    gain, moving = np.repeat(f_tanh, t.size), (np.tile(q, count), np.tile(v, count))
+    kinds = torque_kinds(structure)
+    torques = [-rigid_torque(structure, group, lanes, *moving, gain).reshape(count, -1) for group in kinds]
+    return u, np.stack([np.tile(a, (count, 1)), *torques], axis=-1)

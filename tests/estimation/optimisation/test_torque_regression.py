@@ -1,0 +1,76 @@
+"""Starts whose sizes balance the torques of a rigid drive."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from brightgrey.estimation.optimisation.torque_regression import with_regressed_sizes
+from brightgrey.estimation.problem.parameter_space import parameter_space
+from brightgrey.estimation.problem.scales import scales
+from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
+from brightgrey.kit import Structure
+from brightgrey.simulation import Settings
+from brightgrey.simulation.reference import reference
+from support.recordings import make_recording
+
+DT = 1e-3
+F_TANH = 50.0
+SETTINGS = Settings(f_tanh=F_TANH, speed_scale=40.0)
+TRUE = {"J1": 0.02, "J2": 0.01, "c1": 300.0, "d1": 0.05, "M_C": 0.3, "f_v": 0.05, "M_G": -0.2, "G": 0.4, "k": 0.3}
+TRUE |= {"phi_0": 0.2, "M_C@2": 0.2}
+
+
+def recording_of(structure, kind="velocity", noise=2e-4):
+    """Recording by the reference solver, with noise in parts of the peak."""
+    t = DT * np.arange(3000)
+    u = 2.0 * np.sin(2.0 * np.pi * 1.0 * t) + 1.0 * np.sin(2.0 * np.pi * 2.3 * t)
+    values = {name: TRUE[name] for name in structure.parameters}
+    (y,) = reference(structure, values, u, DT, f_tanh=F_TANH, outputs=[kind])
+    y += noise * np.abs(y).max() * np.random.default_rng(1).standard_normal(y.size)
+    return make_recording(u, y, dt=DT, kind=kind)
+
+
+def regressed(structure, recording, fixed=(), **shown):
+    """Sizes of samples, by name, whose other parameters are the true ones; and the samples as they were drawn."""
+    problem = SimulationErrorProblem.of(structure, [recording])
+    space = parameter_space(structure, scales(recording), {}, {name: TRUE[name] for name in fixed}, problem.nuisances)
+    samples = space.sample(16, np.random.default_rng(2))
+    for name in set(shown) & set(space.names):
+        samples[space.names.index(name)] = shown[name]
+    return space.named(with_regressed_sizes(problem, space, SETTINGS, samples)), space.named(samples)
+
+
+@pytest.mark.parametrize("kind", ["velocity", "position"])
+def test_regressed_sizes__one_mass__are_those_of_the_drive(kind):
+    structure = Structure.parse("one_mass+coulomb+viscous+pendulum")
+    found, _ = regressed(structure, recording_of(structure, kind), k=TRUE["k"], phi_0=TRUE["phi_0"])
+    for name in ("J1", "M_C", "f_v", "G"):  # the kernel smears reversals over its width
+        assert found[name] == pytest.approx(TRUE[name], rel=0.25), name
+
+
+def test_regressed_sizes__two_masses__add_up_to_those_of_the_drive_and_keep_their_ratios():
+    structure = Structure.parse("two_mass+coulomb+coulomb@2+viscous")
+    shown = {name: TRUE[name] for name in ("c1", "d1")}
+    found, drawn = regressed(structure, recording_of(structure), J1=0.01, J2=0.005, M_C=0.1, **shown, **{"M_C@2": 0.2})
+    assert found["J1"] + found["J2"] == pytest.approx(TRUE["J1"] + TRUE["J2"], rel=0.05)
+    assert found["M_C"] + found["M_C@2"] == pytest.approx(TRUE["M_C"] + TRUE["M_C@2"], rel=0.25)
+    for one, other in (("J1", "J2"), ("M_C", "M_C@2")):
+        assert found[one] / found[other] == pytest.approx(drawn[one] / drawn[other])
+    assert all(np.array_equal(found[name], drawn[name]) for name in shown)
+
+
+def test_regressed_sizes__a_known_size__is_taken_from_the_input():
+    structure = Structure.parse("one_mass+coulomb+viscous+gravity")
+    found, _ = regressed(structure, recording_of(structure), fixed=["M_C"])
+    assert np.all(found["M_C"] == TRUE["M_C"])
+    assert found["f_v"] == pytest.approx(TRUE["f_v"], rel=0.1)
+    assert found["M_G"] == pytest.approx(TRUE["M_G"], rel=0.1)
+
+
+def test_regressed_sizes__sensor_without_a_sign__leaves_the_samples():
+    structure = Structure.parse("one_mass+coulomb+viscous")
+    r = recording_of(structure)
+    unsigned = replace(r, y=np.abs(r.y), outputs=(replace(r.outputs[0], kind="speed"),))
+    found, drawn = regressed(structure, unsigned)
+    assert all(np.array_equal(found[name], drawn[name]) for name in drawn)
