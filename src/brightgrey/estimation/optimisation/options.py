@@ -81,7 +81,7 @@ class TorqueRegressionOptions:
     """Regression of the torques that gives the sizes of starts."""
 
     smoothing: float = 0.5  #: Width of the kernel over the period of the slowest resonance, which it takes away.
-    rows: int = 500  #: Rows per recording that are enough for a handful of terms.
+    rows: int = 200  #: Rows per recording that are enough for a handful of terms.
     least_torque: float = 0.01  #: Of a positive size, over the RMS of the input: none begins at zero.
 
 
