@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
-from weakref import WeakKeyDictionary
+from weakref import WeakValueDictionary
 
-from nicegui import Client, ui
+from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 __all__ = ["connect_control", "show_scene"]
@@ -30,15 +30,17 @@ class _Controls:
             handler(value)
 
 
-_CONTROLS: WeakKeyDictionary[Client, _Controls] = WeakKeyDictionary()
+#: Controls by the id of the page, which itself holds them: they end with it.
+_CONTROLS: WeakValueDictionary[str, _Controls] = WeakValueDictionary()
 
 
 def _of_page() -> _Controls:
-    client = ui.context.client
-    if client not in _CONTROLS:
-        _CONTROLS[client] = _Controls()
-        ui.on("control", _CONTROLS[client].told)
-    return _CONTROLS[client]
+    page = ui.context.client.id
+    found = _CONTROLS.get(page)
+    if found is None:
+        found = _CONTROLS[page] = _Controls()
+        ui.on("control", found.told)
+    return found
 
 
 def connect_control(element: ui.element, key: str, handler: Handler) -> None:
