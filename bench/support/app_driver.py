@@ -47,6 +47,8 @@ class AppProcess:
     """``brightgrey app`` on a free port."""
 
     def __init__(self, folder: Path) -> None:
+        # A user's Python keeps what it has compiled.
+        own = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
         self.begun = time.perf_counter()
         self.process = subprocess.Popen(
             [sys.executable, "-m", "brightgrey", "app", str(folder), "--no-browser"],
@@ -54,6 +56,7 @@ class AppProcess:
             stderr=subprocess.DEVNULL,
             text=True,
             start_new_session=True,
+            env=own,
         )
         assert self.process.stdout is not None
         for line in self.process.stdout:

@@ -1,8 +1,13 @@
 """Commands analyse, control and watch, and their wrong use."""
 
 import json
+from dataclasses import replace
 
 import pytest
+
+from brightgrey.api.control import design
+from brightgrey.model.model import load_model
+from brightgrey.recordings import Units
 
 pytest.importorskip("control", reason="python-control is not installed")
 
@@ -23,7 +28,19 @@ def test_control__torque__prints_suggested_gains(call, drive):
     found = json.loads(done.out)
     assert found["cascade"]["speed_margins"]["forward"]["phase"] >= 45.0
     assert found["state_control"]["margins"]["stable"]
-    assert "reset time" in call("control", drive.out / "model.json", "--torque", "2").out
+    said = call("control", drive.out / "model.json", "--torque", "2").out
+    assert "reset time" in said
+    assert f"speed gain {found['cascade']['speed']:.4g} N m s/rad" in said
+
+
+def test_gains__of_a_recording_in_volts_and_millimetres__are_shown_in_its_units(drive):
+    found = design(load_model(drive.out / "model.json"), torque=2.0)
+    shown = replace(found, units=Units("V", "mm"))
+    _, (_, speed, unit), _ = shown.cascade_gains()
+    assert (unit, speed) == ("V s/mm", pytest.approx(1e-3 * found.cascade.speed_gain))
+    *_, (name, integral, unit) = shown.feedback_gains()
+    assert (name, unit) == ("integral of the speed error", "V/mm")
+    assert integral == pytest.approx(1e-3 * found.state_feedback.integral)
 
 
 def test_watch__healthy_drive__reports_no_change(call, drive):

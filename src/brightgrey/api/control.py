@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,11 +20,11 @@ from brightgrey.control.filters.setup import PreparedRecording, estimate_noise, 
 from brightgrey.control.linear.analysis import Analysis, analyse_system
 from brightgrey.control.linear.margins import Margins
 from brightgrey.control.linear.operating_point import HALF_SPEED, trim_point
-from brightgrey.effects import SPEED, TORQUE
+from brightgrey.effects import DAMPING, SPEED, STIFFNESS, TORQUE
 from brightgrey.errors import SettingsError
 from brightgrey.kit import assemble
 from brightgrey.model.model import Model
-from brightgrey.recordings import Recording
+from brightgrey.recordings import Recording, Units
 
 __all__ = [
     "Design",
@@ -78,6 +79,8 @@ class Design:
         Gains of the stationary Kalman filter that estimates the states from the measured speed.
     delay : float
         Assumed delay of the sampled controller, s.
+    units : Units
+        Units of the recording, for :meth:`cascade_gains` and :meth:`feedback_gains`.
     """
 
     analyses: tuple[Analysis, ...]
@@ -86,6 +89,32 @@ class Design:
     noise: Noise
     observer_gain: NDArray[np.float64]
     delay: float
+    units: Units
+
+    def cascade_gains(self) -> list[tuple[str, float, str]]:
+        """Name, value and unit of the gains of the cascade, in the units of the recording."""
+        c = self.cascade
+        speed_gain = self._in_units(c.speed_gain, DAMPING)
+        return [
+            ("position gain", c.position_gain, "1/s"),
+            ("speed gain", *speed_gain),
+            ("reset time", 1e3 * c.reset_time, "ms"),
+        ]
+
+    def feedback_gains(self) -> list[tuple[str, float, str]]:
+        """State in words, gain and unit of the state feedback and of its integral, in the units of the recording."""
+        feedback = self.state_feedback
+        mode = feedback.analysis.operating_point.contact_mode
+        states = [mode.system.states[i] for i in mode.free_states]
+        rows = []
+        for state, gain in zip(states, feedback.K.tolist(), strict=True):
+            of_input, of_motion, of_time = state.dimension
+            rows.append((_state_in_words(state.name), *self._in_units(gain, (1 - of_input, -of_motion, -of_time))))
+        return [*rows, ("integral of the speed error", *self._in_units(feedback.integral, STIFFNESS))]
+
+    def _in_units(self, value: float, dimension: tuple[int, int, int]) -> tuple[float, str]:
+        text, factor = self.units.of(dimension)
+        return factor * value, text
 
     @property
     def observer_margins(self) -> Margins:
@@ -200,7 +229,13 @@ def design(
     noise = Noise(assumptions.disturbance * largest_torque, np.array([assumptions.sensor_noise * largest_speed]))
     gain = kalman_gain(state_feedback.analysis.linear, noise, dt)
     cascade = design_cascade(analyses, total_inertia(analyses[0]), dt, computing_time=computing_time)
-    return Design(analyses, cascade, state_feedback, noise, gain, 0.5 * dt + computing_time)
+    return Design(analyses, cascade, state_feedback, noise, gain, 0.5 * dt + computing_time, model.units)
+
+
+def _state_in_words(name: str) -> str:
+    kinds = {"q": "position of mass", "v": "speed of mass", "twist": "twist of shaft"}
+    found = re.fullmatch(r"(q|v|twist)(\d+)", name)
+    return f"{kinds[found[1]]} {found[2]}" if found else name
 
 
 def cascade_models(model: Model) -> tuple[Analysis, ...]:

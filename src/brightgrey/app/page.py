@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from nicegui import background_tasks, ui
 
+from brightgrey.app.controls import connect_control, show_scene
 from brightgrey.app.services import AppServices
 from brightgrey.app.stages.check import CheckStage
 from brightgrey.app.stages.drive import DriveStage
@@ -180,6 +181,7 @@ class _ProjectPage:
         self.times_built += 1
         self._render_nav()
         self.main.clear()
+        show_scene(self.main, self.stage)
         states = self.services.states(self.document)
         with self.main:
             self.shown = STAGE_KINDS[self.stage](self)
@@ -196,21 +198,22 @@ class _ProjectPage:
         self.nav.clear()
         with self.nav, tag("ol"):
             for number, name in enumerate(STAGES, 1):
-                state = states[name]
-                with tag("li", "", state.progress):
-                    button = tag(
-                        "button",
-                        type="button",
-                        data_key=f"stage-{name}",
-                        title=state.reason or None,
-                        aria_current="step" if name == self.stage else None,
-                        aria_disabled=None if state.reachable else "true",
-                    )
-                    with button:
-                        tag("span", STAGE_SIGNS[state.progress] or str(number), "dot", aria_hidden="true")
-                        tag("span", STAGE_NAMES[name], "name")
-                        tag("span", f"{STAGE_NAMES[name]}, {STAGE_WORDS[state.progress]}. {state.reason}", "unseen")
-                    button.on("click", lambda _, name=name: self.go(name))
+                with tag("li", "", states[name].progress):
+                    self._stage_button(number, name, states[name])
+
+    def _stage_button(self, number: int, name: str, state: StageState) -> None:
+        button = tag(
+            "button",
+            type="button",
+            title=state.reason or None,
+            aria_current="step" if name == self.stage else None,
+            aria_disabled=None if state.reachable else "true",
+        )
+        with button:
+            tag("span", STAGE_SIGNS[state.progress] or str(number), "dot", aria_hidden="true")
+            tag("span", STAGE_NAMES[name], "name")
+            tag("span", f"{STAGE_NAMES[name]}, {STAGE_WORDS[state.progress]}. {state.reason}", "unseen")
+        connect_control(button, f"stage-{name}", lambda _: self.go(name))
 
     def go(self, stage: str) -> None:
         """Open a stage, if it is not blocked."""

@@ -63,7 +63,6 @@ def _run_server(services: AppServices, rules: AccessRules, show: bool) -> None:
     watching: list[asyncio.Task[None]] = []
 
     def begin() -> None:
-        services.desk.warm_up()
         loop = asyncio.get_running_loop()
         watching.extend(
             (loop.create_task(services.watch()), loop.create_task(_announce(services.workspace, rules, show)))
@@ -76,6 +75,7 @@ def _run_server(services: AppServices, rules: AccessRules, show: bool) -> None:
         services.desk.close()
 
     app.on_startup(begin)
+    app.on_connect(services.desk.warm_up)  # not at the start: it would take computing time from the first page
     app.on_shutdown(end)
     app.add_middleware(Gate, rules=rules)
     ui.run(

@@ -9,6 +9,8 @@ from typing import Any
 
 from nicegui import ui
 
+from brightgrey.app.controls import connect_control
+
 __all__ = [
     "Figure",
     "Parts",
@@ -143,11 +145,11 @@ def action(
     label: str | None = None,
 ) -> ui.element:
     """Button. `key` is its name for tests, and gives it the focus again after the page has changed."""
-    element = tag("button", text, "button primary" if primary else "button", type="button", data_key=key)
+    element = tag("button", text, "button primary" if primary else "button", type="button")
     element.props.update({k: v for k, v in (("aria-label", label), ("aria-describedby", described)) if v})
     if disabled:
         element.props["disabled"] = True
-    element.on("click", lambda _: handler())
+    connect_control(element, key, lambda _: handler())
     return element
 
 
@@ -174,7 +176,7 @@ def entry(
     with tag("div", "", "field") as field:
         tag("label", label, "unseen" if unseen else "", for_=f"field-{key}")
         with tag("span", "", "with-unit"):
-            box = tag("input", id=f"field-{key}", data_key=key, autocomplete="off", **attributes)
+            box = tag("input", id=f"field-{key}", autocomplete="off", **attributes)
             box.props["^value"] = value  # as an attribute: Vue would put a property back while somebody types
             if unit:
                 tag("span", unit, "unit")
@@ -188,7 +190,7 @@ def entry(
             box.props["aria-invalid"] = "true"
         if described:
             box.props["aria-describedby"] = " ".join(described)
-        box.on("change", lambda event: on_change(str(event.args)), js_handler="(e) => emit(e.target.value)")
+        connect_control(box, key, lambda text: on_change(str(text)))
     return field
 
 
@@ -204,11 +206,11 @@ def choice(
     """List of which one is chosen, with its label."""
     with tag("div", "", "field") as field:
         tag("label", label, "unseen" if unseen else "", for_=f"field-{key}")
-        box = tag("select", id=f"field-{key}", data_key=key)
+        box = tag("select", id=f"field-{key}")
         with box:
             for name, text in options.items():
                 tag("option", text, value=name, selected=name == value)
-        box.on("change", lambda event: on_change(str(event.args)), js_handler="(e) => emit(e.target.value)")
+        connect_control(box, key, lambda text: on_change(str(text)))
     return field
 
 
@@ -223,20 +225,18 @@ def option_row(
         with tag("span", "", "row"):
             for name, text in options.items():
                 with tag("label", "", "choice"):
-                    box = tag(
-                        "input", type="radio", name=key, value=name, checked=name == value, data_key=f"{key}-{name}"
-                    )
+                    box = tag("input", type="radio", name=key, value=name, checked=name == value)
                     tag("span", text)
-                    box.on("change", lambda _, name=name: on_change(name))
+                    connect_control(box, f"{key}-{name}", lambda text: on_change(str(text)))
     return group
 
 
 def tick(label: str, value: bool, on_change: Callable[[bool], Any], *, key: str) -> ui.element:
     """Box to tick."""
     with tag("label", "", "choice") as field:
-        box = tag("input", type="checkbox", checked=value, data_key=key)
+        box = tag("input", type="checkbox", checked=value)
         tag("span", label)
-        box.on("change", lambda event: on_change(bool(event.args)), js_handler="(e) => emit(e.target.checked)")
+        connect_control(box, key, lambda ticked: on_change(bool(ticked)))
     return field
 
 

@@ -117,6 +117,13 @@ def test_result_parts__names_of_recordings__are_those_that_came(small):
 
 def test_gains__of_a_model__come_with_margins_and_a_bode_plot(small):
     found = gains(str(small.folder / "exhaustive" / "model.json"), 5.0, None, 0.0)
-    assert found["gains"][0][0] == "Position gain"
+    units = {name: unit for name, _, unit in found["gains"]}
+    assert units == {
+        "Position gain": "1/s",
+        "Speed gain": "N m s/rad",
+        "Reset time": "ms",
+        "State feedback: speed of mass 1": "N m s/rad",
+        "State feedback: integral of the speed error": "N m/rad",
+    }
     assert [row[0] for row in found["margins"]] == ["speed loop", "whole cascade"]
     assert len(found["figure"]["data"]) == 4

@@ -43,6 +43,7 @@ class Desk:
     def __init__(self, memory: int | None = None) -> None:
         self.memory = memory  #: Bytes that the process may take; a part of what is free by default.
         self._pool = self._new_pool()
+        self._is_warm = False
 
     def _new_pool(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("spawn")
@@ -65,8 +66,10 @@ class Desk:
             raise RecordingError("the file has ended the process that read it: it is damaged or too large") from None
 
     def warm_up(self) -> None:
-        """Let the process load what it will need, while nobody waits."""
-        self._pool.submit(_load_tasks)
+        """Let the process load what it will need, while nobody waits; once."""
+        if not self._is_warm:
+            self._is_warm = True
+            self._pool.submit(_load_tasks)
 
     def recycle(self, size: int) -> None:
         """Replace the process after it has read a file of so many bytes, if that is large."""

@@ -116,6 +116,9 @@ def result_parts(folder: str, labels: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
+_CONTACTS = {"forward": ", in contact", "gap": ", in the gap"}
+
+
 def gains(model: str, torque: float, dt: float | None, computing: float) -> dict[str, Any]:
     """Gains of a cascade for a model, with their margins and Bode plots of the loop before and after.
 
@@ -126,35 +129,28 @@ def gains(model: str, torque: float, dt: float | None, computing: float) -> dict
     """
     found = design(load_model(model), torque=torque, sampling_time=dt, computing_time=computing)
     cascade = found.cascade
-    contacts = [a.operating_point.contact_mode.contact for a in found.analyses]
+    several = len(found.analyses) > 1
+    contacts = [_CONTACTS[a.operating_point.contact_mode.contact] if several else "" for a in found.analyses]
     margins = [
-        (loop, contact, m)
-        for loop, several in (("speed loop", cascade.speed_margins), ("whole cascade", cascade.position_margins))
-        for contact, m in zip(contacts, several, strict=True)
+        (loop + contact, m)
+        for loop, of_loop in (("speed loop", cascade.speed_margins), ("whole cascade", cascade.position_margins))
+        for contact, m in zip(contacts, of_loop, strict=True)
+    ]
+    gains_of = [
+        *found.cascade_gains(),
+        *((f"state feedback: {name}", value, unit) for name, value, unit in found.feedback_gains()),
     ]
     return {
-        "gains": [
-            ("Position gain", f"{cascade.position_gain:.4g}", "1/s"),
-            ("Speed gain", f"{cascade.speed_gain:.4g}", "SI: torque per speed"),
-            ("Reset time", f"{1e3 * cascade.reset_time:.4g}", "ms"),
-            *(
-                (f"State feedback {name}", f"{value:.4g}", "SI")
-                for name, value in zip(
-                    found.state_feedback.analysis.states, found.state_feedback.K.tolist(), strict=True
-                )
-            ),
-            ("State feedback, integral", f"{found.state_feedback.integral:.4g}", "SI"),
-        ],
+        "gains": [(f"{name[:1].upper()}{name[1:]}", f"{value:.4g}", unit) for name, value, unit in gains_of],
         "margins": [
             (
                 loop,
-                contact,
                 f"{20.0 * np.log10(m.gain):.3g}" if np.isfinite(m.gain) else "∞",
                 f"{m.phase:.3g}",
                 f"{m.sensitivity:.3g}",
                 f"{m.crossover / (2.0 * np.pi):.3g}",
             )
-            for loop, contact, m in margins
+            for loop, m in margins
         ],
         "figure": loop_figure(found),
     }

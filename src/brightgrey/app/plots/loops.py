@@ -21,7 +21,7 @@ class _LoopFigure:
 
     points: int = 600
     decades_below: float = 2.0  #: Of frequency, below the crossover.
-    decades_above: float = 1.5
+    decades_above: float = 0.7  #: The phase passes -180° here; far above, the sampled controller does nothing.
 
 
 LOOP_FIGURE = _LoopFigure()

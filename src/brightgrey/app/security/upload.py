@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from brightgrey.errors import RecordingError
-from brightgrey.recordings.policy import READING
 
 __all__ = ["UPLOADS", "ReceivedFile", "UploadPolicy", "receive_file"]
 
@@ -95,7 +94,9 @@ class _Expansion:
     """Counts what a gzip file expands to, without keeping it."""
 
     def __init__(self, policy: UploadPolicy) -> None:
-        self.policy = policy
+        from brightgrey.recordings.policy import READING  # it brings NumPy and all readers, which take 0.2 s
+
+        self.policy, self.reading = policy, READING
         self.packed = self.expanded = 0
         self.inflate = zlib.decompressobj(31)
 
@@ -107,10 +108,11 @@ class _Expansion:
                 self.expanded += len(self.inflate.decompress(chunk, self.policy.piece))
             except zlib.error:
                 raise RecordingError("the compressed file is damaged") from None
-            most = min(max(READING.max_expansion * self.packed, READING.least_expansion), self.policy.most_bytes)
+            allowed = max(self.reading.max_expansion * self.packed, self.reading.least_expansion)
+            most = min(allowed, self.policy.most_bytes)
             if self.expanded > most:
                 raise RecordingError(
-                    f"the compressed file expands to more than {READING.max_expansion} times its size, which no "
+                    f"the compressed file expands to more than {self.reading.max_expansion} times its size, which no "
                     "recording does; it is refused"
                 )
             if self.inflate.eof:

@@ -53,9 +53,14 @@ class RecordingStage(Stage):
                 action("Use the demo recording", lambda: self.page.later(self.add_demo()), key="demo")
             return
         self.channels = tag("div")
-        with self.channels:
-            paragraph("The file is being looked into …", "soft")
-        self.page.later(self.fill_channels())
+        first = self.document.recordings[0]
+        known = self.services.inspections.get((self.page.name, first.file))
+        if known is not None:
+            self.show_channels(first, known)
+        else:
+            with self.channels:
+                paragraph("The file is being looked into …", "soft")
+            self.page.later(self.fill_channels(first))
         heading("Files", 2)
         for recording in self.document.recordings:
             self.recording_card(recording)
@@ -69,9 +74,8 @@ class RecordingStage(Stage):
         await self.still(add_file(self.services, self.page.name, source, "demo.csv", ""))
         self.page.render()
 
-    async def fill_channels(self) -> None:
-        """Build the table of channels of the first recording; what is chosen there holds for all."""
-        first = self.document.recordings[0]
+    async def fill_channels(self, first: StoredRecording) -> None:
+        """Look into the first recording, then build the table of its channels."""
         try:
             found = await self.still(self.services.inspect(self.page.name, first.file))
         except BrightgreyError as error:
@@ -80,6 +84,10 @@ class RecordingStage(Stage):
                 alert(str(error))
             return
         self.channels.clear()
+        self.show_channels(first, found)
+
+    def show_channels(self, first: StoredRecording, found: dict[str, Any]) -> None:
+        """Build the table of channels of the first recording; what is chosen there holds for all."""
         with self.channels:
             ChannelTable(found, first.options, self.set_options).build(first.label)
             reading_options(first.options, self.set_options)

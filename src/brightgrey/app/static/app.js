@@ -153,13 +153,55 @@ window.brightgrey = (function () {
       }
   }).observe(document.documentElement, { childList: true, subtree: true });
 
-  // The focus: a part of the page that is made anew gives it back to the element with the same key.
-  let last = null;
+  // What is chosen in a field or by a button goes to the server by the key of the field, which may be made anew there
+  // meanwhile. While a button of the mouse is down it waits: the answer would change the page below the pointer.
+  let pressed = false, waiting = [];
+  function tell(key, value) {
+    const shown = document.querySelector("[data-scene]");
+    waiting.push([key, value, shown ? shown.dataset.scene : ""]);
+    if (!pressed) release();
+  }
+  function release() {
+    pressed = false;
+    for (const said of waiting.splice(0)) window.emitEvent("control", said);
+  }
+  document.addEventListener("pointerdown", () => { pressed = true; }, true);
+  for (const name of ["pointerup", "pointercancel", "keydown"]) document.addEventListener(name, release, true);
+  document.addEventListener("pointermove", (event) => { if (pressed && !event.buttons) release(); }, true);
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest("button[type=button][data-key]");
+    if (button && !button.disabled) tell(button.dataset.key, null);
+  });
+  document.addEventListener("change", ({ target }) => {
+    if (!target.dataset.key || target.type === "file") return;
+    if (target.tagName === "SELECT") pressed = false;  // the list that opens may keep the button's release to itself
+    if (typed && typed.key === target.dataset.key) typed.told = true;
+    tell(target.dataset.key, target.type === "checkbox" ? target.checked : target.value);
+  });
+
+  // A part of the page that is made anew gives the focus back to the element with the same key, with what was typed.
+  let last = null, typed = null;
+  const withKey = (key) => document.querySelector(`[data-key="${CSS.escape(key)}"]`);
   document.addEventListener("focusin", (event) => { last = event.target.dataset ? event.target.dataset.key : null; });
+  document.addEventListener("input", ({ target }) => {
+    if (target.matches("input[data-key]:not([type])"))
+      typed = { key: target.dataset.key, text: target.value, at: target.selectionStart, told: false };
+  });
+  document.addEventListener("focusout", () => setTimeout(() => {
+    const field = typed && withKey(typed.key);
+    if (!field || field === document.activeElement) return;  // it is being made anew, or has been
+    const { key, text, told } = typed;
+    typed = null;
+    if (!told) tell(key, text);  // a text that was put back is no change for the browser
+  }));
   new MutationObserver(() => {
     if (!last || document.activeElement !== document.body) return;
-    const again = document.querySelector(`[data-key="${CSS.escape(last)}"]`);
-    if (again) again.focus({ preventScroll: true });
+    const again = withKey(last);
+    if (!again) return;
+    again.focus({ preventScroll: true });
+    if (!typed || typed.key !== last) return;
+    again.value = typed.text;
+    again.setSelectionRange(typed.at, typed.at);
   }).observe(document.documentElement, { childList: true, subtree: true });
   document.addEventListener("pointerdown", (event) => {
     if (!event.target.closest("[data-key]")) last = null;

@@ -147,21 +147,21 @@ def show_design(found: Design, *, quiet: bool, json: bool) -> None:
         return
     out = screen()
     out.print(Text("cascade", style="bold"))
-    out.print(
-        f"position gain {c.position_gain:.4g} 1/s, speed gain {c.speed_gain:.4g} (SI), "
-        f"reset time {1e3 * c.reset_time:.4g} ms"
-    )
+    out.print(_gains(found.cascade_gains()), soft_wrap=True)
     for kind, inner, outer in zip(contacts, c.speed_margins, c.position_margins, strict=True):
         out.print(f"speed loop ({kind}): {_margins_line(inner)}", soft_wrap=True)
         out.print(f"whole cascade ({kind}): {_margins_line(outer)}", soft_wrap=True)
     out.print(Text("state feedback of speed with integral action", style="bold"))
-    gains = ", ".join(f"{name} {value:.4g}" for name, value in zip(s.analysis.states, s.K.tolist(), strict=True))
-    out.print(f"gains (SI): {gains}, integral {s.integral:.4g}", soft_wrap=True)
+    out.print(f"gains: {_gains(found.feedback_gains())}", soft_wrap=True)
     out.print(f"loop opened at the input: {_margins_line(reached)}", soft_wrap=True)
     out.print(Text("Kalman filter that estimates these states from a measured speed", style="bold"))
     pairs = zip(s.analysis.states, found.observer_gain[:, 0].tolist(), strict=True)
     out.print(f"gains (SI): {', '.join(f'{name} {value:.4g}' for name, value in pairs)}", soft_wrap=True)
     out.print(f"state feedback on the estimated states: {_margins_line(found.observer_margins)}", soft_wrap=True)
+
+
+def _gains(rows: list[tuple[str, float, str]]) -> str:
+    return ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in rows)
 
 
 def show_watch(found: Watch, *, quiet: bool, json: bool) -> None:

@@ -92,7 +92,7 @@ def _axis_layout(label: str, log: bool) -> dict[str, Any]:
         "linecolor": "var(--soft)",
         "zeroline": False,
         "automargin": True,
-        "exponentformat": "e",
+        "exponentformat": "power" if log else "e",
         **({"dtick": 1} if log else {}),
     }
 
