@@ -6,12 +6,15 @@
     python bench/plan.py limits 0 20           two plans for each of drives 0 to 19, in open and in closed loop
     python bench/plan.py limits-table --save   share of fresh draws of the parameters that keep the limits
 
-A drive counts if its first recording leaves an effect that is there *not decidable*. The second recording has the same
-length, noise and limits: those that the first one reached. It is the planned motion, a chirp, a multisine, or the first
-motion again. Both recordings are identified jointly. An effect is decided rightly if it is *needed* then, or *not
-needed* and smaller than what matters. Its predicted power is the least over the questions between structures with and
-without it. Where all effects have a power below 0.5, only the planned motion is recorded. The drives have up to
-`--masses` masses, and the search offers as many. A plan tries about 150 motions, a tenth of what the command does.
+The first recording is a careful one: a random motion at 40 % of the torque, or more where friction needs it to reach
+40 % of the speed that the motion has at full torque. A drive counts if it leaves an effect that is there *not
+decidable*; a lag of less than a sample is left out, since no motion lets the search call it needed. The limits are the drive's own: what a reversing motion, a chirp and a multisine reach at full torque. The
+second recording has the same length, sensor and noise. It is the planned motion, a chirp, a multisine, or the first
+motion again, the last three as large as the limits allow. Both recordings are identified jointly. An effect is decided
+rightly if it is *needed* then, or *not needed* and smaller than what matters. Its predicted power is the least over the
+questions between structures with and without it. Where all effects have a power below 0.5, only the planned motion is
+recorded. The drives have up to `--masses` masses, and the search offers as many. A plan tries about 150 motions, a
+tenth of what the command does.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +41,7 @@ from brightgrey.recordings import Recording
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.detectability import has
 from brightgrey.simulation.reference import reference
-from support.drives import RandomDrive, coloured_noise, excitation, rounded, simulated_recording
+from support.drives import MOTIONS, RandomDrive, coloured_noise, excitation, rounded, simulated_recording
 from support.results import RESULTS, Table, publish
 from support.rows import add_rows, drives_left, read_rows
 from support.statistics import share, share_of
@@ -46,7 +49,10 @@ from support.statistics import share, share_of
 NOISE = 1e-2
 CONTESTANTS = ("plan", "chirp", "multisine", "repeated")
 DEMO_NOISE, DEMO_STEP = 1e-3, 0.01  # of the peak; rad/s: as the demo's recording
+CAREFUL = 0.4  # part of the drive's torque and speed that the first recording uses
 COMPARED = 0.5  # power from which the other motions are recorded, too
+DT = PAPER_EXPERIMENT.dt
+HALVINGS = 6  # of the range of the first motion's torque
 MORE_MASSES = ("two_mass", "three_mass", "four_mass")
 FRESH_DRAWS = 500
 CHEAP = PlanningEffort(samples_log2=3, generations=4, population=8, optimised=2, finalists=4, relaxed_log2=0)
@@ -54,13 +60,56 @@ PREDICTED = 0.8
 """Power from which a plan says that an effect will be decided."""
 
 
-def recorded(drive: RandomDrive, u: Array, name: str, number: int) -> Recording:
-    """Recording of a torque, with the noise and the encoder of the drive's first one."""
-    peak = float(np.abs(drive.y[0]).max())
-    rng = np.random.default_rng([drive.seed, drive.number, 100 + number])
-    (v,) = reference(str(drive.truth), drive.values, u, 1e-3, f_tanh=drive.f_tanh)
-    y = v + NOISE * peak * coloured_noise(v.size, drive.pole, rng)
-    return simulated_recording(u, rounded(y, max(1e-3 * peak, 0.5 * NOISE * peak)) if drive.encoder else y, name=name)
+def speed_of(drive: RandomDrive, u: Array) -> Array:
+    """Speed of a drive without noise."""
+    return reference(str(drive.truth), drive.values, u, DT, f_tanh=drive.f_tanh)[0]
+
+
+def careful_torque(drive: RandomDrive) -> Array:
+    """Torque of the first motion at a part of its size: that of the torque, or more to reach that of the speed."""
+    full, low, high = drive.u[0], CAREFUL, 1.0
+    wanted = CAREFUL * np.abs(drive.y[0]).max()
+    if np.abs(speed_of(drive, low * full)).max() < wanted:
+        for _ in range(HALVINGS):
+            mean = 0.5 * (low + high)
+            low, high = (low, mean) if np.abs(speed_of(drive, mean * full)).max() >= wanted else (mean, high)
+        return high * full
+    return low * full
+
+
+def own_limits(drive: RandomDrive, torques: Iterable[Array]) -> dict[str, float]:
+    """Limits of a drive: the most that torques reach with it, SI."""
+    inertia = sum(value for name, value in drive.values.items() if name.startswith("J"))
+    reached = []
+    for u in torques:
+        v = speed_of(drive, u)
+        reached.append(
+            {
+                "torque": np.abs(u).max(),
+                "rms_torque": np.sqrt(np.mean(u**2)),
+                "speed": np.abs(v).max(),
+                "acceleration": np.abs(np.diff(v)).max() / DT,
+                "jerk": np.abs(np.diff(u)).max() / DT / inertia,
+                "travel": np.ptp(DT * np.cumsum(v)),
+            }
+        )
+    return {name: float(max(one[name] for one in reached)) for name in reached[0]}
+
+
+class Sensor:
+    """Sensor of a drive: noise and steps of an encoder as in its first recording."""
+
+    def __init__(self, drive: RandomDrive, u: Array) -> None:
+        self.drive, self.peak = drive, float(np.abs(speed_of(drive, u)).max())
+
+    def recorded(self, u: Array, name: str, number: int) -> Recording:
+        """Recording of a torque."""
+        drive, size = self.drive, NOISE * self.peak
+        rng = np.random.default_rng([drive.seed, drive.number, 100 + number])
+        y = speed_of(drive, u) + size * coloured_noise(u.size, drive.pole, rng)
+        if drive.encoder:
+            y = rounded(y, max(1e-3 * self.peak, 0.5 * size))
+        return simulated_recording(u, y, name=name)
 
 
 def identified(recordings: Sequence[Recording], masses: int) -> Result:
@@ -87,15 +136,22 @@ def within_limits(made, u: Array) -> Array:
         u = 0.95 * u
 
 
-def relative_size(drive: RandomDrive, result: Result, effect: str) -> float:
-    """Size of an effect over the least one that matters; of a further mass its inertia."""
+def relative_size(drive: RandomDrive, result: Result, recordings: Sequence[Recording], effect: str) -> float:
+    """Size of an effect over the least one that matters in recordings; of a further mass its inertia."""
     placed = Placed.parse(effect)
-    least = placed.relevant_size(scales(result.recordings), result.evidence.questions.model.values)
+    least = placed.relevant_size(scales(recordings), result.evidence.questions.model.values)
     if placed.effect.masses:
         name = f"J{placed.effect.masses}"
     else:
         name = next(placed.parameter(p.symbol) for p in placed.effect.parameters if p.size)
     return abs(drive.values[name] / least[name])
+
+
+def is_short_lag(drive: RandomDrive, effect: str) -> bool:
+    """True for a lag of less than a sample: no motion lets the search call it needed."""
+    placed = Placed.parse(effect)
+    lags = [drive.values[placed.parameter(p.symbol)] for p in placed.effect.parameters if p.lag]
+    return bool(lags) and sum(lags) < DT
 
 
 def predicted(made: Plan, effect: str) -> float:
@@ -115,38 +171,40 @@ def predicted(made: Plan, effect: str) -> float:
 def examine(seed: int, number: int, masses: int) -> Iterator[dict[str, object]]:
     """Rows of one drive: one per effect that is there and not decided."""
     drive = RandomDrive(seed, number, [s for s in PAPER.structures() if s.masses <= masses])
-    first = drive.recordings(NOISE)[0]
+    careful = careful_torque(drive)
+    sensor = Sensor(drive, careful)
+    first = sensor.recorded(careful, "first", 0)
     result = identified([first], masses)
     left = {c.effect for c in result.evidence.cards if c.verdict == "not decidable"}
     asked = {e for q in result.evidence.questions.questions for e in q.effects}
-    targets = sorted(e for e in left & asked if has(drive.truth, e))
+    targets = sorted(e for e in left & asked if has(drive.truth, e) and not is_short_lag(drive, e))
     about = {"seed": seed, "number": number, "masses": masses, "truth": str(drive.truth)}
     if not targets:
         yield {**about, "effect": None}
         return
-    begin = time.perf_counter()
+    rng, begin = np.random.default_rng([seed, number, 7]), time.perf_counter()
+    full = {kind: excitation(kind, rng) for kind in MOTIONS}
+    limits = own_limits(drive, [drive.u[0], *full.values()])
     with tempfile.TemporaryDirectory() as folder:
         result.write(folder)
         try:
-            made = plan(folder, seed=0, effort=CHEAP)
+            made = plan(folder, limits=limits, seed=0, effort=CHEAP)
         except SettingsError as why:
             yield {**about, "effect": None, "refused": str(why)}
             return
     about |= {"family": made.found.candidate.family.name, "s": round(time.perf_counter() - begin, 1)}
-    rows = [
-        {**about, "effect": e, "power": predicted(made, e), "size": relative_size(drive, result, e)} for e in targets
-    ]
-    rng = np.random.default_rng([seed, number, 7])
+    power = {effect: predicted(made, effect) for effect in targets}
     torques = {"plan": made.found.candidate.torque}
-    if max(row["power"] for row in rows) >= COMPARED:
-        torques["repeated"] = drive.u[0]
-        torques |= {kind: within_limits(made, excitation(kind, rng)) for kind in ("chirp", "multisine")}
-    second = {
-        name: verdicts([first, recorded(drive, u, name, k)], masses) for k, (name, u) in enumerate(torques.items())
-    }
-    for row in rows:
-        cards = {name: found.get(row["effect"], ("not needed", "")) for name, found in second.items()}
-        yield {**row, "reason": cards["plan"][1]} | {name: verdict for name, (verdict, _) in cards.items()}
+    if max(power.values()) >= COMPARED:
+        others = {"repeated": drive.u[0], "chirp": full["chirp"], "multisine": full["multisine"]}
+        torques |= {name: within_limits(made, u) for name, u in others.items()}
+    pairs = {name: [first, sensor.recorded(u, name, k)] for k, (name, u) in enumerate(torques.items(), 1)}
+    second = {name: verdicts(pair, masses) for name, pair in pairs.items()}
+    for effect in targets:
+        cards = {name: found.get(effect, ("not needed", "")) for name, found in second.items()}
+        size = relative_size(drive, result, pairs["plan"], effect)
+        row = {**about, "effect": effect, "power": power[effect], "size": size, "reason": cards["plan"][1]}
+        yield row | {name: verdict for name, (verdict, _) in cards.items()}
 
 
 def kept_limits(seed: int, number: int) -> Iterator[dict[str, object]]:

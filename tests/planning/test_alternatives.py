@@ -1,4 +1,4 @@
-"""Truths between two structures that explain the recordings alike, and rivals with further open effects."""
+"""Truths between two structures that explain the recordings alike, and the largest rivals without an effect."""
 
 from dataclasses import replace
 
@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
-from brightgrey.planning.alternatives import rivals_with_open_effects, truth_between, with_free_width
+from brightgrey.planning.alternatives import against_largest, share_that_matters, truth_between, with_free_width
 from brightgrey.planning.score import mean_powers, remaining, score
-from brightgrey.search.undecided.question import Known, Question
+from brightgrey.search.undecided.question import Known, LargestRival, Question
 from support.planning import STRUCTURE, TORQUE, VALUES, known, known_drive
 
 RANGES = {"T_d": (0.0, 0.1), "T_1": (1e-5, 0.1), "M_S": (1e-3, 10.0), "omega_S": (0.1, 50.0)}
@@ -25,12 +25,16 @@ def tied(size=0.01):
     rival = known_of(f"{STRUCTURE}+current_control", {**VALUES, "T_1": size})
     truth = {**VALUES, "J1": 0.03, "T_d": size}
     gradient = (4.0, 0.0, 0.0, -2.0)
-    return Question(("delay", "current_control"), "tied", f"{STRUCTURE}+delay", truth, rival, gradient, 8.0, 2, 7.8)
+    return Question(
+        ("delay", "current_control"), "tied", f"{STRUCTURE}+delay", truth, rival, gradient, 8.0, 2, 7.8, (0.0, 1.0)
+    )
 
 
 def size(effect, **values):
     """An effect of the least size that matters beside the structure of the small drive."""
-    return Question((effect,), "size", f"{STRUCTURE}+{effect}", {**VALUES, **values}, known(), (0.0,) * 3, 0.0, 3, 9.8)
+    return Question(
+        (effect,), "size", f"{STRUCTURE}+{effect}", {**VALUES, **values}, known(), (0.0,) * 3, 0.0, 3, 9.8, (1.0, 1.0)
+    )
 
 
 def drive_with(*questions, **changed):
@@ -57,9 +61,32 @@ def test_truth_between__speed_of_stribeck_friction__is_no_size():
     assert (found.values["M_S"], found.values["omega_S"]) == (0.2, 2.0)
 
 
-def test_truth_between__an_effect_or_none__stays():
-    question = size("delay", T_d=0.004)
-    assert truth_between(question, 0.5) is question
+def test_truth_between__an_effect_or_none__a_larger_size_moves_what_was_fitted_beside_it():
+    question = replace(size("gravity", M_G=-0.2), values={**VALUES, "M_C": 1.2, "M_G": -0.2}, deviance=2.0)
+    found = truth_between(question, 3.0)
+    assert found.values == pytest.approx({**VALUES, "M_C": 1.6, "M_G": -0.6})
+    assert found.deviance == 18.0
+    assert truth_between(question, 1.0) is question
+
+
+def test_share_that_matters__tied_structures_and_a_size__evenly_and_evenly_in_the_logarithm():
+    between, beyond = replace(tied(), multiples=(0.2, 1.0)), replace(size("delay", T_d=0.004), multiples=(1.0, 4.0))
+    assert [share_that_matters(between, part) for part in (0.0, 0.5, 1.0)] == pytest.approx([0.2, 0.6, 1.0])
+    assert [share_that_matters(beyond, part) for part in (0.0, 0.5, 1.0)] == pytest.approx([1.0, 2.0, 4.0])
+
+
+def test_against_largest__share_of_the_way__change_is_that_of_the_truth_and_of_the_rival_by_their_parts():
+    rng = np.random.default_rng(3)
+    changes, J = rng.standard_normal((50, 2)), rng.standard_normal((50, 4))  # from the truth, from the rival
+    products = changes.T @ changes
+    deviances = ((products[0, 0], products[0, 1]), (products[1, 0], products[1, 1]))
+    largest = LargestRival(known_of("one_mass", VALUES), tuple(map(tuple, changes.T @ J)), deviances)
+    (found,) = against_largest(replace(tied(), largest=(largest,)), 0.3)
+    change = 0.3 * changes[:, 0] + 0.7 * changes[:, 1]
+    assert found.gradient == pytest.approx(tuple(J.T @ change))
+    assert found.deviance == pytest.approx(change @ change)
+    assert found.rival == largest.known
+    assert (found.parameters, found.critical) == (tied().parameters, tied().critical)  # the threshold of the rival
 
 
 def test_with_free_width__old_recordings__say_nothing_of_the_width_and_the_rest_is_eliminated():
@@ -73,25 +100,6 @@ def test_with_free_width__old_recordings__say_nothing_of_the_width_and_the_rest_
     assert found.rival.information[1] == (0.0, 0.0)
     assert free == 0.0
     assert found.deviance + 2.0 * slope * step + row[0] * step**2 == pytest.approx(wanted, abs=1e-5)
-
-
-def test_rivals__other_open_effects__each_and_all_at_once_in_the_order_of_the_space():
-    asked = (size("delay", T_d=0.004), size("current_control", T_1=0.004), size("stribeck", M_S=0.3, omega_S=2.0))
-    drive = drive_with(*asked)
-    found = list(rivals_with_open_effects(asked[0], asked))
-    assert [q.rival.structure for q in found] == [
-        f"{STRUCTURE}+current_control",
-        f"{STRUCTURE}+stribeck",
-        f"{STRUCTURE}+stribeck+current_control",
-    ]
-    for q in found:
-        assert q.rival.names == drive.space(q.rival).names
-        own = [q.rival.names.index(name) for name in VALUES]
-        information = np.array(q.rival.information)
-        np.testing.assert_array_equal(information[np.ix_(own, own)], np.diag([1e3] * 3))
-        assert np.count_nonzero(information) == 3  # the recordings say nothing of the others
-    assert [q.parameters for q in found] == [2, 1, 1]
-    assert found[0].critical == pytest.approx(7.82, abs=0.01)  # chi-squared, 2 degrees of freedom, level 2 %
 
 
 def test_remaining__step_beyond_a_bound__is_held_there_and_the_others_are_fitted():

@@ -39,7 +39,9 @@ def known(values=VALUES, information=1e3):
 def questions():
     """Viscous friction in one direction only is the question: a third of the other one's."""
     values = {**VALUES, "M_S": 0.2, "omega_S": 2.0}
-    size = Question(("stribeck",), "size", f"{STRUCTURE}+stribeck", values, known(), (0.0, 0.0, 0.0), 0.0, 2, 7.8)
+    size = Question(
+        ("stribeck",), "size", f"{STRUCTURE}+stribeck", values, known(), (0.0, 0.0, 0.0), 0.0, 2, 7.8, (1.0, 2.0)
+    )
     ranges = {"J1": (1e-3, 1.0), "M_C": (1e-2, 10.0), "f_v": (1e-4, 1.0), "M_S": (1e-2, 10.0), "omega_S": (0.1, 50.0)}
     reached = {
         "torque": 3.0, "rms_torque": 2.0, "speed": 12.0, "acceleration": 200.0, "jerk": 5e4, "travel": 4.0,

@@ -19,7 +19,7 @@ from brightgrey.estimation.problem.parameter_space import ParameterSpace, parame
 from brightgrey.estimation.problem.simulation_error import SimulationErrorProblem
 from brightgrey.kit import StateSpace, Structure, assemble, slowest_resonance
 from brightgrey.model.model import Model
-from brightgrey.planning.alternatives import truth_between, with_free_width
+from brightgrey.planning.alternatives import against_largest, share_that_matters, truth_between, with_free_width
 from brightgrey.planning.position_loop import PositionLoop
 from brightgrey.recordings import Recording
 from brightgrey.search.undecided.question import Known, OpenQuestions, Question
@@ -83,7 +83,9 @@ class PlannedDrive:
     threads: int = 1
     gap: float = 0.0  #: Position of a truth in its gaps at the begin, in widths from the forward side: 0 to -1.
     loop: PositionLoop | None = None  #: None in open loop.
-    share: float = 0.5  #: Where truths lie between two tied structures: 0 is at the rival, 1 at the truth.
+    #: Where truths lie between two tied structures: 1 is at the truth, 0 where its effects have the least size that
+    #: matters.
+    share: float = 0.5
 
     @cached_property
     def settings(self) -> Settings:
@@ -133,24 +135,34 @@ class PlannedDrive:
     @cached_property
     def asked(self) -> tuple[Question, ...]:
         """The open questions; the truths of tied structures lie between both."""
-        return tuple(with_free_width(truth_between(q, self.share)) for q in self.known.questions)
+        return tuple(with_free_width(truth_between(q, share_that_matters(q, self.share))) for q in self.known.questions)
+
+    def against_largest(self, number: int) -> tuple[Question, ...]:
+        """One of these against the largest structures that lack one of its effects."""
+        asked, share = self.asked[number], share_that_matters(self.known.questions[number], self.share)
+        return tuple(map(with_free_width, against_largest(asked, share)))
 
     def with_values(self, draw: Mapping[str, float], gap: float, share: float) -> PlannedDrive:
         """The same drive with other values, another position in its gaps at the begin, and other truths between ties.
 
         The values are those of the best structure. Tied structures keep theirs: each has an optimum of its own.
         """
-        best = self.known.model.structure
-        model = replace(self.known.model, values={**self.known.model.values, **draw})
-        questions = [
-            replace(
-                q, rival=replace(q.rival, values=model.values), values=_moved(q.values, self.known.model.values, draw)
+        best, old = self.known.model.structure, self.known.model.values
+        model = replace(self.known.model, values={**old, **draw})
+
+        def moved(q: Question) -> Question:
+            if q.kind != "size" or q.rival.structure != best:
+                return q
+            largest = (replace(r.known, values=_moved(r.known.values, old, draw)) for r in q.largest)
+            return replace(
+                q,
+                rival=replace(q.rival, values=model.values),
+                values=_moved(q.values, old, draw),
+                largest=tuple(replace(r, known=k) for r, k in zip(q.largest, largest, strict=True)),
             )
-            if q.kind == "size" and q.rival.structure == best
-            else q
-            for q in self.known.questions
-        ]
-        return replace(self, known=replace(self.known, model=model, questions=tuple(questions)), gap=gap, share=share)
+
+        questions = tuple(map(moved, self.known.questions))
+        return replace(self, known=replace(self.known, model=model, questions=questions), gap=gap, share=share)
 
     def outputs_and_jacobian(self, known: Known, theta: Array, torque: Array) -> tuple[Array, Array]:
         """Whitened outputs, shape (residuals,), and their Jacobian, shape (residuals, P), at scaled parameters."""

@@ -7,13 +7,13 @@ T-criterion of Atkinson and Fedorov (1975, doi:10.1093/biomet/62.1.57), here for
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from brightgrey.arrays import Array
-from brightgrey.planning.alternatives import rivals_with_open_effects, truth_between
+from brightgrey.planning.alternatives import share_that_matters, truth_between
 from brightgrey.planning.drive import PlannedDrive
 from brightgrey.planning.envelope import command_of, recorded_torque
 from brightgrey.search.detectability import power
@@ -35,7 +35,7 @@ class _Policy:
     gaps: tuple[float, ...] = (0.0, -0.5, -1.0)  #: and positions in a gap at the begin, in widths.
     negligible: float = 0.01  #: Relative decrease that is not worth another step,
     irrelevant: float = 0.1  #: and decrease of a deviance that changes no power.
-    confusable: float = 0.2  #: Power from which an effect is also told from the other open ones.
+    confusable: float = 0.2  #: Power from which an effect is also told from all others together.
 
 
 POLICY = _Policy()
@@ -116,11 +116,11 @@ def _least_squares_step(H: Array, g: Array, box: tuple[Array, Array] | None = No
     return d
 
 
-def score(drive: PlannedDrive, torque: Array, *, refit: bool = False, confounders: bool = False) -> Score | None:
+def score(drive: PlannedDrive, torque: Array, *, refit: bool = False) -> Score | None:
     """Score of a torque, shape (samples,); None if a simulation diverges.
 
-    With `refit` the rivals descend to their optima; else they are taken as linear in their parameters. With
-    `confounders` an absent effect also has to be told from the other open ones, which may do the same.
+    With `refit` the rivals descend to their optima, and the largest structures without an effect are rivals, too, in
+    which all others may do the same together; else rivals are taken as linear in their parameters.
     """
     if not np.isfinite(torque).all():
         return None
@@ -132,7 +132,7 @@ def score(drive: PlannedDrive, torque: Array, *, refit: bool = False, confounder
         return None
     truths: dict[tuple[object, ...], Array] = {}
     answers = []
-    for q in drive.asked:
+    for k, q in enumerate(drive.asked):
         same = (q.truth, *q.values.items())
         if same not in truths:
             truths[same] = drive.truth(q.truth, q.values, torque)
@@ -142,8 +142,9 @@ def score(drive: PlannedDrive, torque: Array, *, refit: bool = False, confounder
         if refit:
             found = min(found, _refitted(drive, q, torque, truth)) if found > 0.0 else found
         answer = Answer(q, found, critical(drive, q, torque.size))
-        if confounders and answer.power >= POLICY.confusable:
-            answer = min((answer, *_confounded(drive, q, torque, truth)), key=lambda a: a.power)
+        if refit and answer.power >= POLICY.confusable:
+            left = [_refitted(drive, wide, torque, truth) for wide in drive.against_largest(k)]
+            answer = replace(answer, noncentrality=min([answer.noncentrality, *left]))
         answers.append(answer)
     old, J = np.array(drive.known.model.information), jacobians[_key(drive.known.model)][1]
     new = old + J.T @ J
@@ -182,16 +183,24 @@ def _descended(drive: PlannedDrive, q: Question, torque: Array, truth: Array, be
     """Sum of squares that remains after Levenberg-Marquardt steps of the rival, and if they came to an end.
 
     What one more step would take off at first order counts as taken off: where the descent gets stuck, nobody knows.
+    The recordings so far are linear in the parameters themselves, not in their logarithms: sizes of effects may change
+    by far.
     """
-    H0, g0, known = np.array(q.rival.information), np.array(q.gradient), drive.theta(q.rival)
-    low, high = drive.space(q.rival).box
+    H0, g0, known, space = (
+        np.array(q.rival.information),
+        np.array(q.gradient),
+        drive.theta(q.rival),
+        drive.space(q.rival),
+    )
+    low, high = space.box
 
     def at(theta: Array) -> tuple[float, Array, Array]:
         y, J = drive.outputs_and_jacobian(q.rival, theta, torque)
-        e, d = y - truth, theta - known
+        e, d = y - truth, np.where(space.log, np.expm1(theta - known), theta - known)
+        slope = np.where(space.log, 1.0 + d, 1.0)
         cost = float(q.deviance + 2.0 * d @ g0 + d @ H0 @ d + e @ e)
         finite = np.isfinite(cost) and np.isfinite(J).all()
-        return (cost if finite else np.inf), H0 + J.T @ J, g0 + H0 @ d + J.T @ e
+        return (cost if finite else np.inf), np.outer(slope, slope) * H0 + J.T @ J, slope * (g0 + H0 @ d) + J.T @ e
 
     theta, damping, smooth = np.clip(begin, low, high), 0.0, False
     best, H, g = at(theta)
@@ -212,16 +221,10 @@ def _descended(drive: PlannedDrive, q: Question, torque: Array, truth: Array, be
     return max(best + min(float(2.0 * d @ g + d @ H @ d), 0.0), 0.0), smooth
 
 
-def _confounded(drive: PlannedDrive, q: Question, torque: Array, truth: Array) -> Iterator[Answer]:
-    """Answers where the rival also has other open effects, which may take the part of the one that is asked for."""
-    for wide in rivals_with_open_effects(q, drive.known.questions):
-        yield Answer(wide, _refitted(drive, wide, torque, truth), critical(drive, wide, torque.size))
-
-
 def power_so_far(drive: PlannedDrive, question: Question) -> float:
     """Power of the recordings so far to decide a question."""
     found = []
-    for q in (truth_between(question, share) for share in _shares()):
+    for q in (truth_between(question, share_that_matters(question, part)) for part in _shares()):
         none, H, g = np.zeros((0, len(q.gradient))), np.array(q.rival.information), np.array(q.gradient)
         left = remaining(H, g, q.deviance, np.zeros(0), none, drive.steps_to_bounds(q.rival))
         found.append(power(left, q.parameters, critical(drive, q, 0)))
@@ -242,7 +245,7 @@ def mean_powers(drive: PlannedDrive, torque: Array, seed: int) -> list[float]:
         scored = []
         for k, share in enumerate(within):
             drawn = drive.with_values({n: float(v[k]) for n, v in draws.items()}, gap, share)
-            scored.append(score(drawn, recorded_torque(drawn, command), refit=True, confounders=True))
+            scored.append(score(drawn, recorded_torque(drawn, command), refit=True))
         pairs = [(one.answers, share) for one, share in zip(scored, within, strict=True) if one is not None]
         kept = len(pairs) / len(scored)  # the others diverge
         asked = range(len(drive.known.questions) if pairs else 0)
@@ -251,23 +254,28 @@ def mean_powers(drive: PlannedDrive, torque: Array, seed: int) -> list[float]:
 
 
 def _mean_power(answers: Sequence[tuple[Answer, float]]) -> float:
-    """Power of answers with truths at several shares of the way from a rival.
+    """Power of answers with truths at several parts of the way that truths may lie on.
 
     A rival that fits a truth fits those nearer to it as well. What remains counts as falling with the square of the
-    share at least, as it does where all is linear: else a fit may have got stuck.
+    multiple at least, as it does where all is linear: else a fit may have got stuck. An effect that is set against none
+    also has to show with the least size that matters, if it is to be called needless.
     """
-    if answers[0][0].question.kind != "tied":
-        return float(np.mean([a.power for a, _ in answers]))
-    nearest_last = sorted(answers, key=lambda pair: -pair[1])
+    question = answers[0][0].question
+    nearest_last = sorted(((a, share_that_matters(question, part)) for a, part in answers), key=lambda pair: -pair[1])
     powers, (least, at) = [], nearest_last[0]
+
+    def power_at(share: float) -> float:
+        return replace(least, noncentrality=least.noncentrality * (share / at) ** 2).power
+
     for answer, share in nearest_last:
         if answer.noncentrality <= least.noncentrality * (share / at) ** 2:
             least, at = answer, share
-        powers.append(replace(least, noncentrality=least.noncentrality * (share / at) ** 2).power)
-    return float(np.mean(powers))
+        powers.append(power_at(share))
+    mean = float(np.mean(powers))
+    return mean if question.kind == "tied" else min(mean, power_at(question.multiples[0]))
 
 
 def _shares() -> Array:
-    """Parts of the way from a rival to the truth, evenly, as many as truths that powers are averaged over."""
+    """Parts of the way to the truth, evenly, as many as truths that powers are averaged over."""
     count = POLICY.draws * len(POLICY.gaps)
     return np.asarray((np.arange(count) + 0.5) / count)

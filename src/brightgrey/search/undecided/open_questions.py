@@ -12,13 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from brightgrey.arrays import Array
+from brightgrey.effects import Parameter
 from brightgrey.estimation.problem.nuisance import FRICTION_WIDTH
 from brightgrey.estimation.problem.simulation_error import predict_many
-from brightgrey.kit import Structure
+from brightgrey.kit import Placed, Structure
 from brightgrey.recordings import Signal
-from brightgrey.search.detectability import Detectability, has
-from brightgrey.search.fitting.refined_fit import accurate
+from brightgrey.search.detectability import Detectability, has, relevant_sizes
+from brightgrey.search.fitting.refined_fit import refine, residual_and_jacobian
 from brightgrey.search.task import IdentificationTask
+from brightgrey.search.undecided.largest_rivals import LargestRivals
+from brightgrey.search.undecided.past_recordings import eliminated
 from brightgrey.search.undecided.question import UNDECIDED_SCHEMA, Known, OpenQuestions, OutputNoise, Question
 
 __all__ = ["open_questions"]
@@ -52,7 +55,8 @@ def open_questions(
     """
     d, task = detectability, detectability.refined.task
     best, leading = found[0], found[: POLICY.most_structures]
-    asked = [_tied(d, a, b) for a in leading for b in leading if a != b]
+    largest = LargestRivals(d)
+    asked = [_tied(largest, a, b) for a in leading for b in leading if a != b]
     not_asked: dict[str, str] = {}
     for effect in optional:
         if sum(q.kind == "size" for q in asked) >= POLICY.most_effects:
@@ -64,7 +68,7 @@ def open_questions(
         elif not d.relevant_sizes(best, effect):
             not_asked[effect] = "it has no least size that matters"
         else:
-            asked += _size_questions(d, best, effect)
+            asked += _size_questions(largest, best, effect)
     covered = {e for q in asked for e in q.effects}
     for effect in undecided:
         if effect not in covered:
@@ -72,8 +76,9 @@ def open_questions(
     problem, refined = task.problem(best), d.refined.of(best)
     outputs = len(task.recordings[0].outputs)
     noise = zip(problem.weights.tolist(), d.refined.whitening.models[:outputs], strict=True)
-    known = _eliminated(d, best, d.refined.jacobian(best)[0])[0]
-    spaces = {s: task.space(s, nuisances=True) for s in (best, *map(Structure.parse, {q.truth for q in asked}), *found)}
+    known = _known_of(d, best, d.refined.jacobian(best)[0])[0]
+    named = {q.truth for q in asked} | {r.known.structure for q in asked for r in q.largest}
+    spaces = {s: task.space(s, nuisances=True) for s in (best, *map(Structure.parse, sorted(named)), *found)}
     return OpenQuestions(
         UNDECIDED_SCHEMA,
         task.recordings[0].dt,
@@ -95,30 +100,69 @@ def open_questions(
     )
 
 
-def _tied(d: Detectability, truth: Structure, rival: Structure) -> Question:
+def _tied(largest: LargestRivals, truth: Structure, rival: Structure) -> Question:
     """Question between two minimal structures, each at its optimum."""
-    change = d.refined.jacobian(rival)[0] - d.refined.jacobian(truth)[0]
+    refined = largest.detectability.refined
+    change = refined.jacobian(rival)[0] - refined.jacobian(truth)[0]
     effects = [*dict.fromkeys(str(p) for s in (truth, rival) for p in s.placed)]
     differ = tuple(e for e in effects if has(truth, e) != has(rival, e))
-    return _question_of(d, "tied", differ, truth, d.refined.of(truth).values, rival, change)
+    values = refined.of(truth).values
+    question = _question_of(largest, "tied", differ, truth, values, rival, change)
+    return replace(question, multiples=(_least_share(refined.task, truth, values, rival), 1.0))
 
 
-def _size_questions(d: Detectability, structure: Structure, effect: str) -> Iterator[Question]:
-    """Questions between the absence of an effect beside a structure and its least sizes that matter."""
-    big, task = d.with_effect(structure, effect), d.refined.task
+def _least_share(task: IdentificationTask, truth: Structure, values: Mapping[str, float], rival: Structure) -> float:
+    """Part of the effects that only the truth has at which each of them has the least size that matters.
+
+    A lag counts from one sample on: a shorter one is never called needed.
+    """
+    shares = [0.0]
+    for placed in truth.placed:
+        if not has(rival, str(placed)) and not placed.effect.masses:
+            for size in relevant_sizes(task, values, str(placed)):
+                for name, parameter in _sizes_of(str(placed)).items():
+                    least = max(abs(size.get(name, 0.0)), task.scales.interval if parameter.lag else 0.0)
+                    shares.append(min(least / max(abs(values[name]), 1e-300), 1.0))
+    return max(shares)
+
+
+def _size_questions(largest: LargestRivals, structure: Structure, effect: str) -> Iterator[Question]:
+    """Questions between the absence of an effect beside a structure and its least sizes that matter.
+
+    All else is fitted anew beside each size: a truth that the recordings contradict would promise too much. Where
+    Coulomb friction and gravity cancel, a truth has more of both.
+    """
+    d = largest.detectability
+    refined, task, big = d.refined, d.refined.task, d.with_effect(structure, effect)
     assert big is not None
-    residual = d.refined.jacobian(structure)[0]
-    problem = task.problem(big)
-    start = {part.name: part.start for part in problem.nuisances}
     for size in d.relevant_sizes(structure, effect):
-        values = {**start, **task.default_start(big), **d.refined.of(structure).values, **size}
-        names = (*big.parameters, *start)
-        moved = problem.residuals({n: np.array([values[n]]) for n in names}, accurate(task).settings)[:, 0]
-        yield _question_of(d, "size", (effect,), big, values, structure, residual - moved)
+        held = replace(task, fixed={**task.fixed, **{n: v for n, v in size.items() if n not in structure.parameters}})
+        begin = {**task.default_start(big), **refined.of(structure).values, **size}
+        values = refine(held, big, begin, refined.whitening, np.inf).values
+        change = refined.jacobian(structure)[0] - residual_and_jacobian(held, big, values)[0]
+        question = _question_of(largest, "size", (effect,), big, values, structure, change)
+        yield replace(question, multiples=(1.0, _largest_unseen(d, structure, effect, size)))
+
+
+def _largest_unseen(d: Detectability, structure: Structure, effect: str, size: Mapping[str, float]) -> float:
+    """Multiple of a size up to which the recordings would not have shown an effect, or up to its bounds."""
+    name = next((n for n in _sizes_of(effect) if size.get(n)), None)
+    if name is None:
+        return 1.0
+    shown = d.detection_limit(structure, effect, size)
+    low, high = d.refined.task.bounds.get(name) or _sizes_of(effect)[name].bounds(d.refined.task.scales)
+    largest = shown[name] if shown else high if size[name] > 0.0 else low
+    return max(abs(largest / size[name]), 1.0)
+
+
+def _sizes_of(effect: str) -> dict[str, Parameter]:
+    """Parameters that are the size of an effect, by name."""
+    placed = Placed.parse(effect)
+    return {placed.parameter(q.symbol): q for q in placed.effect.parameters if q.size}
 
 
 def _question_of(
-    d: Detectability,
+    largest: LargestRivals,
     kind: str,
     effects: tuple[str, ...],
     truth: Structure,
@@ -126,29 +170,30 @@ def _question_of(
     rival: Structure,
     change: Array,
 ) -> Question:
-    known, gradient, deviance = _eliminated(d, rival, change)
+    d = largest.detectability
+    known, gradient, deviance = _known_of(d, rival, change)
     # to be refuted, the rival has to exceed what all effects of the function set explain by chance
     more = max(d.circumstances.most_free - d.refined.of(rival).free, 1)
     own = {n: float(v) for n, v in values.items() if n in truth.parameters or n == FRICTION_WIDTH}
-    return Question(effects, kind, str(truth), own, known, tuple(gradient.tolist()), deviance, more, d.chance(more))
-
-
-def _eliminated(d: Detectability, rival: Structure, change: Array) -> tuple[Known, Array, float]:
-    """Normal equations of the rival, gradient and sum of squares of a change, without what is each recording's own."""
-    space = d.refined.task.space(rival, nuisances=True)
-    J, c = d.refined.whitening.whiten(d.refined.jacobian(rival)[1]), d.refined.whitening.whiten(change)
-    H, g, own = J.T @ J, J.T @ c, np.array([n in rival.parameters or n == FRICTION_WIDTH for n in space.names], bool)
-    inverse = np.linalg.pinv(H[np.ix_(~own, ~own)], rcond=1e-12, hermitian=True)
-    through = H[np.ix_(own, ~own)] @ inverse
-    information = H[np.ix_(own, own)] - through @ H[np.ix_(~own, own)]
-    values = d.refined.of(rival).values
-    known = Known(
-        str(rival),
-        {n: float(v) for n, v in values.items() if n in rival.parameters or n == FRICTION_WIDTH},
-        tuple(n for n, o in zip(space.names, own, strict=True) if o),
-        tuple(map(tuple, information.tolist())),
+    return Question(
+        effects,
+        kind,
+        str(truth),
+        own,
+        known,
+        tuple(gradient.tolist()),
+        deviance,
+        more,
+        d.chance(more),
+        largest=tuple(largest.of(truth, rival, change)),
     )
-    return known, g[own] - through @ g[~own], float(max(c @ c - g[~own] @ inverse @ g[~own], 0.0))
+
+
+def _known_of(d: Detectability, rival: Structure, change: Array) -> tuple[Known, Array, float]:
+    """Normal equations of the rival, and gradient and sum of squares of a change."""
+    jacobian, values = d.refined.jacobian(rival)[1], d.refined.of(rival).values
+    known, gradients, products = eliminated(d.refined, rival, values, jacobian, change[:, None])
+    return known, gradients[0], max(float(products[0, 0]), 0.0)
 
 
 def _reached(task: IdentificationTask, structure: Structure, values: Mapping[str, float]) -> dict[str, float]:

@@ -9,7 +9,7 @@ from typing import Any, Self
 
 from brightgrey.errors import SettingsError
 
-__all__ = ["UNDECIDED_FILE", "UNDECIDED_SCHEMA", "Known", "OpenQuestions", "OutputNoise", "Question"]
+__all__ = ["UNDECIDED_FILE", "UNDECIDED_SCHEMA", "Known", "LargestRival", "OpenQuestions", "OutputNoise", "Question"]
 
 UNDECIDED_SCHEMA = "brightgrey/undecided/1"
 UNDECIDED_FILE = "undecided.json"
@@ -26,6 +26,20 @@ class Known:
 
 
 @dataclass(frozen=True)
+class LargestRival:
+    """Largest structure that lacks one effect of a truth: unless it is refuted, that effect is not needed.
+
+    Its changes are those from the truth to it, and from the question's own rival to it.
+    """
+
+    known: Known
+    gradients: tuple[
+        tuple[float, ...], tuple[float, ...]
+    ]  #: Of half its whitened cost under each change, shape (2, P).
+    deviances: tuple[tuple[float, float], tuple[float, float]]  #: Products of the whitened changes, shape (2, 2).
+
+
+@dataclass(frozen=True)
 class Question:
     """A truth that the recordings cannot tell from a rival."""
 
@@ -38,6 +52,10 @@ class Question:
     deviance: float  #: Whitened sum of squares between truth and rival in the recordings.
     parameters: int  #: Degrees of freedom of the test.
     critical: float  #: Deviance that has to be exceeded by chance; what matters materially comes on top.
+    #: Least and largest multiple of the truth's own effects that has to be thought of: from the least size that matters
+    #: to what was found, of tied structures, or to what the recordings would have shown.
+    multiples: tuple[float, float] = (1.0, 1.0)
+    largest: tuple[LargestRival, ...] = ()  #: Largest structures that lack one of the effects which the rival lacks.
 
 
 @dataclass(frozen=True)
@@ -96,5 +114,12 @@ def _known(data: dict[str, Any]) -> Known:
 
 
 def _question(data: dict[str, Any]) -> Question:
-    lists = {"effects": tuple(data["effects"]), "gradient": tuple(data["gradient"])}
-    return Question(**{**data, **lists, "rival": _known(data["rival"])})
+    lists: dict[str, Any] = {name: tuple(data[name]) for name in ("effects", "gradient", "multiples") if name in data}
+    largest = tuple(map(_largest, data.get("largest", ())))
+    return Question(**{**data, **lists, "rival": _known(data["rival"]), "largest": largest})
+
+
+def _largest(data: dict[str, Any]) -> LargestRival:
+    first, second = map(tuple, data["gradients"])
+    (a, b), (c, d) = data["deviances"]
+    return LargestRival(_known(data["known"]), (first, second), ((a, b), (c, d)))
