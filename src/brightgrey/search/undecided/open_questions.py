@@ -18,7 +18,7 @@ from brightgrey.estimation.problem.simulation_error import predict_many
 from brightgrey.kit import Placed, Structure
 from brightgrey.recordings import Signal
 from brightgrey.search.detectability import Detectability, has, relevant_sizes
-from brightgrey.search.fitting.refined_fit import refine, residual_and_jacobian
+from brightgrey.search.fitting.refined_fit import Refined, refine, residual_and_jacobian
 from brightgrey.search.task import IdentificationTask
 from brightgrey.search.undecided.largest_rivals import LargestRivals
 from brightgrey.search.undecided.past_recordings import eliminated
@@ -133,26 +133,57 @@ def _size_questions(largest: LargestRivals, structure: Structure, effect: str) -
     Coulomb friction and gravity cancel, a truth has more of both.
     """
     d = largest.detectability
-    refined, task, big = d.refined, d.refined.task, d.with_effect(structure, effect)
+    big = d.with_effect(structure, effect)
     assert big is not None
     for size in d.relevant_sizes(structure, effect):
-        held = replace(task, fixed={**task.fixed, **{n: v for n, v in size.items() if n not in structure.parameters}})
-        begin = {**task.default_start(big), **refined.of(structure).values, **size}
-        values = refine(held, big, begin, refined.whitening, np.inf).values
-        change = refined.jacobian(structure)[0] - residual_and_jacobian(held, big, values)[0]
+        held = _HeldSize(d, structure, big, size)
+        values = held.fitted(1.0, {}).values
+        change = d.refined.jacobian(structure)[0] - residual_and_jacobian(held.task(1.0), big, values)[0]
         question = _question_of(largest, "size", (effect,), big, values, structure, change)
-        yield replace(question, multiples=(1.0, _largest_unseen(d, structure, effect, size)))
+        yield replace(question, multiples=(1.0, held.largest_unseen(effect, values)))
 
 
-def _largest_unseen(d: Detectability, structure: Structure, effect: str, size: Mapping[str, float]) -> float:
-    """Multiple of a size up to which the recordings would not have shown an effect, or up to its bounds."""
-    name = next((n for n in _sizes_of(effect) if size.get(n)), None)
-    if name is None:
-        return 1.0
-    shown = d.detection_limit(structure, effect, size)
-    low, high = d.refined.task.bounds.get(name) or _sizes_of(effect)[name].bounds(d.refined.task.scales)
-    largest = shown[name] if shown else high if size[name] > 0.0 else low
-    return max(abs(largest / size[name]), 1.0)
+@dataclass(frozen=True)
+class _HeldSize:
+    """An effect that is held at multiples of a size beside a structure, with all else fitted anew."""
+
+    detectability: Detectability
+    structure: Structure
+    big: Structure
+    size: Mapping[str, float]
+
+    def task(self, multiple: float) -> IdentificationTask:
+        """The task with the effect's own parameters fixed."""
+        task = self.detectability.refined.task
+        own = {n: v for n, v in self.at(multiple).items() if n not in self.structure.parameters}
+        return replace(task, fixed={**task.fixed, **own})
+
+    def at(self, multiple: float) -> dict[str, float]:
+        """Parameters of the effect, those that are its size multiplied."""
+        sizes = {n for p in self.big.placed for n in _sizes_of(str(p))}
+        return {n: multiple * v if n in sizes else v for n, v in self.size.items()}
+
+    def fitted(self, multiple: float, values: Mapping[str, float]) -> Refined:
+        """Fit of all else, from some values."""
+        refined = self.detectability.refined
+        begin = {**refined.task.default_start(self.big), **refined.of(self.structure).values, **values}
+        return refine(self.task(multiple), self.big, {**begin, **self.at(multiple)}, refined.whitening, np.inf)
+
+    def largest_unseen(self, effect: str, values: Mapping[str, float]) -> float:
+        """Multiple, doubled from 1, that the recordings do not contradict, within the bounds of the effect."""
+        d, multiple = self.detectability, 1.0
+        task = d.refined.task
+        worst = d.refined.of(self.structure).deviance + max(d.chance(1), d.circumstances.error_floor)
+        while True:
+            tried = self.at(2.0 * multiple)
+            for name, parameter in _sizes_of(effect).items():
+                low, high = task.bounds.get(name) or parameter.bounds(task.scales)
+                if name in task.fixed or not low <= tried.get(name, np.inf) <= high:
+                    return multiple
+            found = self.fitted(2.0 * multiple, values)
+            if not _sizes_of(effect) or found.deviance > worst:
+                return multiple
+            multiple, values = 2.0 * multiple, found.values
 
 
 def _sizes_of(effect: str) -> dict[str, Parameter]:
