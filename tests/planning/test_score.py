@@ -100,7 +100,7 @@ def test_score__another_effect_that_does_the_same__is_not_promised_whatever_the_
     wide = Known(f"{STRUCTURE}+current_control", values, tuple(values), tuple(map(tuple, information.tolist())))
     largest = LargestRival(wide, ((0.0,) * 4, (0.0,) * 4), ((0.0, 0.0), (0.0, 0.0)))
     truth = {**VALUES, "T_d": 0.004}
-    alone = Question(("delay",), "size", f"{STRUCTURE}+delay", truth, base, (0.0,) * 3, 0.0, 2, 7.8, (1.0, 1.0))
+    alone = Question(("delay",), "size", f"{STRUCTURE}+delay", truth, base, (0.0,) * 3, 0.0, 2, 7.8)
     drive = known_drive()
 
     def power(question, **options):

@@ -20,16 +20,15 @@ __all__ = ["against_largest", "share_that_matters", "truth_between", "with_free_
 
 
 def share_that_matters(question: Question, part: float) -> float:
-    """Multiple of the truth's own effects, `part` of the way from the least to the largest one to be thought of.
+    """Share of the way from the rival to the truth: `part` of that from where its effects have a size that matters.
 
-    Evenly between tied structures, and evenly in the logarithm of a size.
+    A question other than ``'tied'`` has one truth, at the end of the way.
     """
-    least, most = question.multiples
-    return least + part * (most - least) if question.kind == "tied" else float(least * (most / least) ** part)
+    return question.least_share + part * (1.0 - question.least_share) if question.kind == "tied" else 1.0
 
 
 def truth_between(question: Question, share: float) -> Question:
-    """Question whose truth lies between its two structures, or beyond a least size.
+    """Question whose truth lies between its two structures.
 
     Sizes of effects that only one of both has are scaled, other values are interpolated. What the truth does beyond the
     rival is linear in these sizes, and so is what the old recordings say of it.
@@ -37,13 +36,13 @@ def truth_between(question: Question, share: float) -> Question:
     Parameters
     ----------
     question : Question
-        Structures that exclude each other are returned as they are.
+        Other kinds than ``'tied'`` are returned as they are, as are structures that exclude each other.
     share : float
-        Part of the way from the rival, 0, to the truth, 1. An effect that is set against none may be larger.
+        Part of the way from the rival, 0, to the truth, 1.
     """
     first, second = Structure.parse(question.truth), Structure.parse(question.rival.structure)
     both = _union(first, second)
-    if both is None or share == 1.0:
+    if question.kind != "tied" or both is None or share == 1.0:
         return question
     values, other = question.values, question.rival.values
     sizes = {p.parameter(q.symbol) for p in both.placed for q in p.effect.parameters if q.size or p.effect.masses}
@@ -51,8 +50,6 @@ def truth_between(question: Question, share: float) -> Question:
     for name in (*both.parameters, FRICTION_WIDTH):
         if name in values and name in other:
             mixed[name] = share * values[name] + (1.0 - share) * other[name]
-            if share > 1.0 and mixed[name] * values[name] < 0.0:  # what is positive stays so
-                mixed[name] = values[name]
         elif name in values or name in other:
             alone, part = (values[name], share) if name in values else (other[name], 1.0 - share)
             mixed[name] = part * alone if name in sizes else alone

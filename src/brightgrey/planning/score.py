@@ -254,25 +254,21 @@ def mean_powers(drive: PlannedDrive, torque: Array, seed: int) -> list[float]:
 
 
 def _mean_power(answers: Sequence[tuple[Answer, float]]) -> float:
-    """Power of answers with truths at several parts of the way that truths may lie on.
+    """Power of answers with truths at several parts of the way from where they matter.
 
     A rival that fits a truth fits those nearer to it as well. What remains counts as falling with the square of the
-    multiple at least, as it does where all is linear: else a fit may have got stuck. An effect that is set against none
-    also has to show with the least size that matters, if it is to be called needless.
+    share at least, as it does where all is linear: else a fit may have got stuck.
     """
     question = answers[0][0].question
+    if question.kind != "tied":
+        return float(np.mean([a.power for a, _ in answers]))
     nearest_last = sorted(((a, share_that_matters(question, part)) for a, part in answers), key=lambda pair: -pair[1])
     powers, (least, at) = [], nearest_last[0]
-
-    def power_at(share: float) -> float:
-        return replace(least, noncentrality=least.noncentrality * (share / at) ** 2).power
-
     for answer, share in nearest_last:
         if answer.noncentrality <= least.noncentrality * (share / at) ** 2:
             least, at = answer, share
-        powers.append(power_at(share))
-    mean = float(np.mean(powers))
-    return mean if question.kind == "tied" else min(mean, power_at(question.multiples[0]))
+        powers.append(replace(least, noncentrality=least.noncentrality * (share / at) ** 2).power)
+    return float(np.mean(powers))
 
 
 def _shares() -> Array:

@@ -29,10 +29,11 @@ __all__ = ["open_questions"]
 
 @dataclass(frozen=True)
 class _Policy:
-    """Number of questions that are asked."""
+    """Questions that are asked."""
 
     most_structures: int = 3  #: Minimal structures that are set against each other: the best ones.
     most_effects: int = 5  #: Effects beside the best structure; each costs simulations of every motion.
+    far: float = 4.0  #: Multiple of a size from which it is a truth of its own.
 
 
 POLICY = _Policy()
@@ -59,7 +60,7 @@ def open_questions(
     asked = [_tied(largest, a, b) for a in leading for b in leading if a != b]
     not_asked: dict[str, str] = {}
     for effect in optional:
-        if sum(q.kind == "size" for q in asked) >= POLICY.most_effects:
+        if len({q.effects for q in asked if q.kind == "size"}) >= POLICY.most_effects:
             not_asked[effect] = "other effects come first"
         elif has(best, effect):
             continue
@@ -108,7 +109,7 @@ def _tied(largest: LargestRivals, truth: Structure, rival: Structure) -> Questio
     differ = tuple(e for e in effects if has(truth, e) != has(rival, e))
     values = refined.of(truth).values
     question = _question_of(largest, "tied", differ, truth, values, rival, change)
-    return replace(question, multiples=(_least_share(refined.task, truth, values, rival), 1.0))
+    return replace(question, least_share=_least_share(refined.task, truth, values, rival))
 
 
 def _least_share(task: IdentificationTask, truth: Structure, values: Mapping[str, float], rival: Structure) -> float:
@@ -127,20 +128,20 @@ def _least_share(task: IdentificationTask, truth: Structure, values: Mapping[str
 
 
 def _size_questions(largest: LargestRivals, structure: Structure, effect: str) -> Iterator[Question]:
-    """Questions between the absence of an effect beside a structure and its least sizes that matter.
+    """Questions between the absence of an effect beside a structure and its sizes that matter.
 
-    All else is fitted anew beside each size: a truth that the recordings contradict would promise too much. Where
-    Coulomb friction and gravity cancel, a truth has more of both.
+    These are the least ones and, where it is far larger, the largest that the recordings do not contradict. All else is
+    fitted anew beside each: a truth that the recordings contradict would promise too much. Where Coulomb friction and
+    gravity cancel, a truth has more of both.
     """
     d = largest.detectability
     big = d.with_effect(structure, effect)
     assert big is not None
     for size in d.relevant_sizes(structure, effect):
         held = _HeldSize(d, structure, big, size)
-        values = held.fitted(1.0, {}).values
-        change = d.refined.jacobian(structure)[0] - residual_and_jacobian(held.task(1.0), big, values)[0]
-        question = _question_of(largest, "size", (effect,), big, values, structure, change)
-        yield replace(question, multiples=(1.0, held.largest_unseen(effect, values)))
+        for multiple, values in held.ends(effect):
+            change = d.refined.jacobian(structure)[0] - residual_and_jacobian(held.task(multiple), big, values)[0]
+            yield _question_of(largest, "size", (effect,), big, values, structure, change)
 
 
 @dataclass(frozen=True)
@@ -164,26 +165,37 @@ class _HeldSize:
         return {n: multiple * v if n in sizes else v for n, v in self.size.items()}
 
     def fitted(self, multiple: float, values: Mapping[str, float]) -> Refined:
-        """Fit of all else, from some values."""
+        """Fit of all else, from some values.
+
+        Where the structure has no friction, the width of its reversal begins as in a search, smooth: from a bound no
+        step leads inwards.
+        """
         refined = self.detectability.refined
-        begin = {**refined.task.default_start(self.big), **refined.of(self.structure).values, **values}
+        own = refined.of(self.structure).values
+        begin = {**refined.task.default_start(self.big), **own, **values}
+        if FRICTION_WIDTH not in own:
+            begin.pop(FRICTION_WIDTH, None)
         return refine(self.task(multiple), self.big, {**begin, **self.at(multiple)}, refined.whitening, np.inf)
 
-    def largest_unseen(self, effect: str, values: Mapping[str, float]) -> float:
-        """Multiple, doubled from 1, that the recordings do not contradict, within the bounds of the effect."""
-        d, multiple = self.detectability, 1.0
-        task = d.refined.task
+    def ends(self, effect: str) -> list[tuple[float, Mapping[str, float]]]:
+        """The size itself, and the largest multiple that the recordings do not contradict if it is far from that.
+
+        The multiple is doubled from 1, within the bounds of the effect. Each comes with the fit of all else.
+        """
+        d, found = self.detectability, [(1.0, self.fitted(1.0, {}).values)]
         worst = d.refined.of(self.structure).deviance + max(d.chance(1), d.circumstances.error_floor)
-        while True:
-            tried = self.at(2.0 * multiple)
-            for name, parameter in _sizes_of(effect).items():
-                low, high = task.bounds.get(name) or parameter.bounds(task.scales)
-                if name in task.fixed or not low <= tried.get(name, np.inf) <= high:
-                    return multiple
-            found = self.fitted(2.0 * multiple, values)
-            if not _sizes_of(effect) or found.deviance > worst:
-                return multiple
-            multiple, values = 2.0 * multiple, found.values
+        task, sizes = d.refined.task, _sizes_of(effect)
+        while sizes:
+            multiple = 2.0 * found[-1][0]
+            tried = self.at(multiple)
+            bounds = {n: task.bounds.get(n) or q.bounds(task.scales) for n, q in sizes.items() if n in tried}
+            if any(n in task.fixed or not low <= tried[n] <= high for n, (low, high) in bounds.items()):
+                break
+            fitted = self.fitted(multiple, found[-1][1])
+            if fitted.deviance > worst:
+                break
+            found.append((multiple, fitted.values))
+        return [found[0], found[-1]] if found[-1][0] >= POLICY.far else found[:1]
 
 
 def _sizes_of(effect: str) -> dict[str, Parameter]:

@@ -44,7 +44,7 @@ class Question:
     """A truth that the recordings cannot tell from a rival."""
 
     effects: tuple[str, ...]  #: Effects by which the two differ.
-    kind: str  #: 'size': an effect of the least size that matters, or none. 'tied': two minimal structures.
+    kind: str  #: 'size': an effect of a size that matters, or none. 'tied': two minimal structures.
     truth: str
     values: Mapping[str, float]  #: Of the truth, SI.
     rival: Known
@@ -52,9 +52,8 @@ class Question:
     deviance: float  #: Whitened sum of squares between truth and rival in the recordings.
     parameters: int  #: Degrees of freedom of the test.
     critical: float  #: Deviance that has to be exceeded by chance; what matters materially comes on top.
-    #: Least and largest multiple of the truth's own effects that has to be thought of: from the least size that matters
-    #: to what was found, of tied structures, or to what the recordings would have shown.
-    multiples: tuple[float, float] = (1.0, 1.0)
+    #: Part of its own effects from which on all have a size that matters; truths between tied structures begin there.
+    least_share: float = 0.0
     largest: tuple[LargestRival, ...] = ()  #: Largest structures that lack one of the effects which the rival lacks.
 
 
@@ -114,7 +113,7 @@ def _known(data: dict[str, Any]) -> Known:
 
 
 def _question(data: dict[str, Any]) -> Question:
-    lists: dict[str, Any] = {name: tuple(data[name]) for name in ("effects", "gradient", "multiples") if name in data}
+    lists = {"effects": tuple(data["effects"]), "gradient": tuple(data["gradient"])}
     largest = tuple(map(_largest, data.get("largest", ())))
     return Question(**{**data, **lists, "rival": _known(data["rival"]), "largest": largest})
 
