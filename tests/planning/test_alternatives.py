@@ -25,9 +25,7 @@ def tied(size=0.01):
     rival = known_of(f"{STRUCTURE}+current_control", {**VALUES, "T_1": size})
     truth = {**VALUES, "J1": 0.03, "T_d": size}
     gradient = (4.0, 0.0, 0.0, -2.0)
-    return Question(
-        ("delay", "current_control"), "tied", f"{STRUCTURE}+delay", truth, rival, gradient, 8.0, 2, 7.8, (0.0, 1.0)
-    )
+    return Question(("delay", "current_control"), "tied", f"{STRUCTURE}+delay", truth, rival, gradient, 8.0, 2, 7.8)
 
 
 def size(effect, **values):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,7 +38,7 @@ _LIMIT_NAMES = {
 
 @dataclass(frozen=True)
 class Decided:
-    """Power to decide an open question, before and after the new recording."""
+    """Power to decide an effect or a tie, before and after the new recording."""
 
     title: str  #: Of the effect, or of the two structures.
     kind: str  #: 'size' or 'tied', see `Question`.
@@ -82,12 +82,14 @@ class Plan:
 
     @property
     def decisions(self) -> tuple[Decided, ...]:
-        """Questions that the motion decides, with their powers."""
-        found = self.found
-        return tuple(
-            Decided(_title(q), q.kind, power_so_far(self.drive, q), after)
-            for q, after in zip(self.drive.known.questions, found.powers, strict=True)
-        )
+        """Effects and ties, each with the least power of its questions: an effect may be asked at two sizes."""
+        asked = zip(self.drive.known.questions, self.found.powers, strict=True)
+        least: dict[tuple[str, str], Decided] = {}
+        for one in (Decided(_title(q), q.kind, power_so_far(self.drive, q), after) for q, after in asked):
+            known = least.setdefault((one.title, one.kind), one)
+            both = min(known.before, one.before), min(known.after, one.after)
+            least[one.title, one.kind] = replace(known, before=both[0], after=both[1])
+        return tuple(least.values())
 
     @cached_property
     def command(self) -> MotionCommand:
