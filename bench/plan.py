@@ -55,7 +55,7 @@ DT = PAPER_EXPERIMENT.dt
 HALVINGS = 6  # of the range of the first motion's torque
 MORE_MASSES = ("two_mass", "three_mass", "four_mass")
 FRESH_DRAWS = 500
-CHEAP = PlanningEffort(samples_log2=3, generations=4, population=8, optimised=2, finalists=4, relaxed_log2=0)
+CHEAP = PlanningEffort(samples_log2=3, generations=4, population=8, optimised=2, finalists=4, relaxed_log2=None)
 PREDICTED = 0.8
 """Power from which a plan says that an effect will be decided."""
 
@@ -120,7 +120,7 @@ def identified(recordings: Sequence[Recording], masses: int) -> Result:
 def verdicts(recordings: Sequence[Recording], masses: int) -> dict[str, tuple[str, str]]:
     """Verdict on every effect, and its reason, by the search of `identify` without the report that follows it."""
     task = identification_task(recordings, None, {}, {}, None)
-    found = decide_structures(task, PAPER, exclude=MORE_MASSES[masses - 1 :])
+    found = decide_structures(task, PAPER, exclude=MORE_MASSES[masses - 1 :], ask=False)
     return {card.effect: (card.verdict, card.reason) for card in found.evidence.cards}
 
 

@@ -40,7 +40,8 @@ class PlanningEffort:
     kept: float = 0.99  #: and share of them that has to keep the limits, at the lower end of its interval.
     shrink: float = 0.97  #: Factor of the torque where the final check fails,
     shrinks: int = 6  #: and how often it is tried.
-    relaxed_log2: int = 4  #: Motions of each family that are sampled where a limit is doubled, as a power of two.
+    #: Motions of each family that are sampled where a limit is doubled, as a power of two; None: no limit is.
+    relaxed_log2: int | None = 4
     hopeless: float = 0.1  #: Power below which a question is given up, so that the motion serves the others.
     out_of_limits: float = 1e3  #: Loss of a motion beyond its limits, far above any score.
 
@@ -213,9 +214,9 @@ def design_motion(
         # the others would take the motion from what it can show
         asked = replace(asked, known=replace(asked.known, questions=tuple(compress(asked.known.questions, hopeful))))
         scores = {key: replace(s, answers=tuple(compress(s.answers, hopeful))) for key, s in search.scores.items()}
-    if min(found.powers, default=1.0) >= SELECTION.min_power:
+    if min(found.powers, default=1.0) >= SELECTION.min_power or effort.relaxed_log2 is None:
         return found
-    return replace(found, relaxed=tuple(_relaxed(drive, limits, seconds, seed, tell, effort)))
+    return replace(found, relaxed=tuple(_relaxed(drive, limits, seconds, seed, tell, effort, effort.relaxed_log2)))
 
 
 def _relaxed(
@@ -225,6 +226,7 @@ def _relaxed(
     seed: int,
     tell: Callable[[int, int], None],
     effort: PlanningEffort,
+    samples_log2: int,
 ) -> Iterator[tuple[str, float]]:
     """Smallest power with each limit doubled, and with twice the time: by sampling only."""
     finite = [f.name for f in fields(limits) if np.isfinite(getattr(limits, f.name))]
@@ -232,10 +234,10 @@ def _relaxed(
         wider = limits if name == "seconds" else replace(limits, **{name: 2.0 * getattr(limits, name)})
         time = 2.0 * seconds if name == "seconds" else seconds
         search = _Search(drive, setting_of(drive, wider, time), seed, tell, effort)
-        search.total = len(families()) * 2**effort.relaxed_log2
+        search.total = len(families()) * 2**samples_log2
         rng = np.random.default_rng([seed, 2])
         for family in families():
-            for numbers in sobol_points(family.numbers, effort.relaxed_log2, rng):
+            for numbers in sobol_points(family.numbers, samples_log2, rng):
                 search.loss(numbers, family)
         best = min(search.done, key=lambda c: c.loss)
         yield name, _smallest_power(drive, best) or 0.0

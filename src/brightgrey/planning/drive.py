@@ -106,8 +106,19 @@ class PlannedDrive:
         weights = np.array([n.weight for n in self.known.noise])
         return SimulationErrorProblem(structure, (recording,), weights, (state,), self.threads)
 
+    @cached_property
+    def _spaces(self) -> dict[int, tuple[Known, ParameterSpace]]:
+        """Spaces so far, by the identity of what is known."""
+        return {}
+
     def space(self, known: Known) -> ParameterSpace:
         """Scaled space of the parameters of a structure that the recordings say something of."""
+        kept = self._spaces.get(id(known))
+        if kept is None:
+            kept = self._spaces[id(known)] = known, self._made_space(known)
+        return kept[1]
+
+    def _made_space(self, known: Known) -> ParameterSpace:
         structure = Structure.parse(known.structure)
         fixed = {n: v for n, v in known.values.items() if n in structure.parameters and n not in known.names}
         bounds = {n: self.known.ranges[n] for n in known.names if n != FRICTION_WIDTH}
@@ -117,15 +128,19 @@ class PlannedDrive:
             width = (Nuisance(FRICTION_WIDTH, low, high, known.values[FRICTION_WIDTH], sampled=False, log=True),)
         return parameter_space(structure, _NO_SCALES, bounds, fixed, width)
 
-    def truth(self, structure: str, values: Mapping[str, float], torque: Array) -> Array:
-        """Whitened outputs of a structure, shape (residuals,)."""
-        problem, system = (
-            self.problem(Structure.parse(structure), self.recording(torque)),
-            self.system(structure, values),
-        )
-        all_values = {**values, **self.begin_in_gaps(system)}
-        found = problem.residuals({n: np.array([v]) for n, v in all_values.items()}, self.settings)
-        return self.whiten(found, torque.size)[:, 0]
+    def truths(self, questions: Sequence[Question], torque: Array) -> list[Array]:
+        """Whitened outputs of the truth of each question, shape (residuals,); those of one structure side by side."""
+        alike: dict[tuple[str, ...], list[int]] = {}
+        for k, q in enumerate(questions):
+            alike.setdefault((q.truth, *sorted(q.values)), []).append(k)
+        found: dict[int, Array] = {}
+        for (structure, *names), numbers in alike.items():
+            values = {n: np.array([questions[k].values[n] for k in numbers]) for n in names}
+            gaps = self.begin_in_gaps(self.system(structure, values))
+            values |= {n: np.full(len(numbers), share) for n, share in gaps.items()}
+            y = self.problem(Structure.parse(structure), self.recording(torque)).residuals(values, self.settings)
+            found |= dict(zip(numbers, self.whiten(y, torque.size).T, strict=True))
+        return [found[k] for k in range(len(questions))]
 
     def begin_in_gaps(self, system: StateSpace) -> dict[str, float]:
         """Position in each gap of a system at the begin, as the initial state names it."""
@@ -137,10 +152,13 @@ class PlannedDrive:
         """The open questions; the truths of tied structures lie between both."""
         return tuple(with_free_width(truth_between(q, share_that_matters(q, self.share))) for q in self.known.questions)
 
-    def against_largest(self, number: int) -> tuple[Question, ...]:
-        """One of these against the largest structures that lack one of its effects."""
-        asked, share = self.asked[number], share_that_matters(self.known.questions[number], self.share)
-        return tuple(map(with_free_width, against_largest(asked, share)))
+    @cached_property
+    def against_largest(self) -> tuple[tuple[Question, ...], ...]:
+        """Each of these against the largest structures that lack one of its effects."""
+        shares = [share_that_matters(q, self.share) for q in self.known.questions]
+        return tuple(
+            tuple(map(with_free_width, against_largest(q, share))) for q, share in zip(self.asked, shares, strict=True)
+        )
 
     def with_values(self, draw: Mapping[str, float], gap: float, share: float) -> PlannedDrive:
         """The same drive with other values, another position in its gaps at the begin, and other truths between ties.

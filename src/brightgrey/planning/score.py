@@ -130,20 +130,16 @@ def score(drive: PlannedDrive, torque: Array, *, refit: bool = False) -> Score |
             jacobians[_key(known)] = drive.outputs_and_jacobian(known, drive.theta(known), torque)
     if not all(np.isfinite(part).all() for pair in jacobians.values() for part in pair):
         return None
-    truths: dict[tuple[object, ...], Array] = {}
     answers = []
-    for k, q in enumerate(drive.asked):
-        same = (q.truth, *q.values.items())
-        if same not in truths:
-            truths[same] = drive.truth(q.truth, q.values, torque)
-        truth, (y, J) = truths[same], jacobians[_key(q.rival)]
+    for k, (q, truth) in enumerate(zip(drive.asked, drive.truths(drive.asked, torque), strict=True)):
+        y, J = jacobians[_key(q.rival)]
         H, g = np.array(q.rival.information), np.array(q.gradient)
         found = remaining(H, g, q.deviance, y - truth, J, drive.steps_to_bounds(q.rival))
         if refit:
             found = min(found, _refitted(drive, q, torque, truth)) if found > 0.0 else found
         answer = Answer(q, found, critical(drive, q, torque.size))
         if refit and answer.power >= POLICY.confusable:
-            left = [_refitted(drive, wide, torque, truth) for wide in drive.against_largest(k)]
+            left = [_refitted(drive, wide, torque, truth) for wide in drive.against_largest[k]]
             answer = replace(answer, noncentrality=min([answer.noncentrality, *left]))
         answers.append(answer)
     old, J = np.array(drive.known.model.information), jacobians[_key(drive.known.model)][1]

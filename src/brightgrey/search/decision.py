@@ -86,6 +86,7 @@ def decide_structures(
     how: Literal["border", "exhaustive"] = "border",
     optima: Mapping[Structure, Mapping[str, float]] | None = None,
     offered: Collection[str] = (),
+    ask: bool = True,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Callable[[SearchProgress], None] | None = None,
@@ -105,6 +106,8 @@ def decide_structures(
         fitted only where the decision rests on them, and nothing is tried by multistart.
     offered : collection of str
         Effects beyond the first ones of the grammar that it has offered.
+    ask : bool
+        Prepare what the design of the next motion needs of all that is left open.
     seed : int
     executor : concurrent.futures.Executor, optional
         The result does not depend on it. One thread by default.
@@ -156,7 +159,7 @@ def decide_structures(
         evidence = None
         try:
             border = search.run(everything=how == "exhaustive")
-            evidence = _evidence(search, border, grammar, exclude)
+            evidence = _evidence(search, border, grammar, exclude, ask=ask)
         except (KeyboardInterrupt, Stopped):
             if not search.fits.done:
                 raise
@@ -196,7 +199,7 @@ def _masses_with_sensors(task: IdentificationTask, grammar: Grammar) -> tuple[st
     return found if last > 1 else ()
 
 
-def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str]) -> Evidence:
+def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: Sequence[str], *, ask: bool) -> Evidence:
     """Verdicts and certificate of a border."""
     border, found, rivals = _rivalled(search, border, grammar, exclude)
     lattice, circumstances, whitening = search.lattice, search.round, search.refined.whitening
@@ -209,6 +212,7 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
     optional, cards = assess_effects(detectability, border, found, certificate, unsteady, instead)
     held_back = verdicts_on_masses(grammar, exclude, cards)
     held_back += first_order_verdicts(detectability, found, search.more, cards, instead)
+    undecided = [c.effect for c in cards if c.verdict == "not decidable"]
     refined = search.refined.all(circumstances.largest_threshold)
     status = {}
     for s in search.fits.done:
@@ -231,9 +235,7 @@ def _evidence(search: BorderSearch, border: Border, grammar: Grammar, exclude: S
             held_back={c.effect: c.verdict for c in held_back},
         ),
         whitening.effective_samples,
-        open_questions(
-            detectability, [*found, *instead], optional, [c.effect for c in cards if c.verdict == "not decidable"]
-        ),
+        open_questions(detectability, [*found, *instead], optional, undecided) if ask else None,
         held_back,
     )
 

@@ -143,6 +143,7 @@ def _identified(
             how=request.how,
             optima=request.optima,
             offered=request.offered,
+            ask=False,
             seed=request.seed,
             executor=InlineExecutor(stopped),
         )
