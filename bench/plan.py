@@ -20,6 +20,7 @@ to `--masses` masses, and the search offers as many. A plan tries about 150 moti
 from __future__ import annotations
 
 import argparse
+import itertools
 import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -34,10 +35,13 @@ from brightgrey.arrays import Array
 from brightgrey.estimation.problem.scales import scales
 from brightgrey.excitation import PAPER_EXPERIMENT
 from brightgrey.kit import PAPER, Placed, Structure
+from brightgrey.numerics.proportions import wilson_interval
 from brightgrey.planning.design import PlanningEffort
 from brightgrey.planning.envelope import MotionCommand, envelope
 from brightgrey.planning.plan import Plan
 from brightgrey.recordings import Recording
+from brightgrey.report.charts.chart import Chart, Line, Panel
+from brightgrey.report.drawing.matplotlib_figure import draw, picture
 from brightgrey.search.decision import decide_structures
 from brightgrey.search.detectability import has
 from brightgrey.simulation.reference import reference
@@ -46,6 +50,7 @@ from support.results import RESULTS, Table, publish
 from support.rows import add_rows, drives_left, read_rows
 from support.statistics import share, share_of
 
+DIAGRAM = Path(RESULTS).parents[1] / "docs" / "pictures" / "plan-reliability.svg"
 NOISE = 1e-2
 CONTESTANTS = ("plan", "chirp", "multisine", "repeated")
 DEMO_NOISE, DEMO_STEP = 1e-3, 0.01  # of the peak; rad/s: as the demo's recording
@@ -56,6 +61,7 @@ HALVINGS = 6  # of the range of the first motion's torque
 MORE_MASSES = ("two_mass", "three_mass", "four_mass")
 FRESH_DRAWS = 500
 CHEAP = PlanningEffort(samples_log2=3, generations=4, population=8, optimised=2, finalists=4, relaxed_log2=None)
+BINS = (0.0, 0.2, 0.5, 0.8, 1.01)  # of the predicted power
 PREDICTED = 0.8
 """Power from which a plan says that an effect will be decided."""
 
@@ -280,6 +286,28 @@ def is_right(row: Mapping[str, object], name: str) -> bool:
     return row[name] == "needed" or (row[name] == "not needed" and row["size"] < 1.0)
 
 
+def by_power(rows: Sequence[Mapping]) -> Iterator[tuple[tuple[float, float], list[Mapping]]]:
+    """Rows of effects that a planned motion was recorded for, by intervals of the predicted power."""
+    for low, high in itertools.pairwise(BINS):
+        yield (low, high), [r for r in rows if "plan" in r and low <= r["power"] < high]
+
+
+def reliability(rows: Sequence[Mapping]) -> str:
+    """Reliability diagram as SVG: the share decided rightly with its interval over the mean of the predictions."""
+    parts = [([r["power"] for r in some], [is_right(r, "plan") for r in some]) for _, some in by_power(rows) if some]
+    x, y = (np.array([np.mean(part) for part in side]) for side in zip(*parts, strict=True))
+    ends = [np.array(wilson_interval(sum(right), len(right))) for _, right in parts]
+    labels = ["95 % interval", *[""] * (len(ends) - 1)]
+    bars = [
+        Line(np.full(2, mean), end, label, "measured", width=2.0)
+        for mean, end, label in zip(x, ends, labels, strict=True)
+    ]
+    even = Line(np.array([0.0, 1.0]), np.array([0.0, 1.0]), "as predicted", "soft", "dashed")
+    points = Line(x, y, "share", "simulated", "points", width=4.0)
+    panel = Panel("share decided rightly", (even, *bars, points), "predicted power")
+    return picture(draw([Chart("reliability", (panel,))]), "svg").decode()
+
+
 def tables(rows: Sequence[Mapping]) -> list[Table]:
     """Shares of effects that are decided rightly with McNemar's exact test against the plan, and of predictions."""
     found = [r for r in rows if "plan" in r]
@@ -293,8 +321,7 @@ def tables(rows: Sequence[Mapping]) -> list[Table]:
         p = f"{binomtest(gained, gained + lost).pvalue:.2g}" if name != "plan" and gained + lost else "–"
         lines.append([name, *shares, f"{gained} / {lost}" if name != "plan" else "–", p])
     bins = []
-    for low, high in ((0.0, 0.2), (0.2, 0.5), (0.5, 0.8), (0.8, 1.01)):
-        within = [r for r in found if low <= r["power"] < high]
+    for (low, high), within in by_power(rows):
         some = [is_right(r, "plan") for r in within]
         mean = f"{np.mean([r['power'] for r in within]):.2f}" if within else "–"
         bins.append([f"{low:.1f} to {min(high, 1.0):.1f}", str(len(some)), mean, share_of(some) if some else "–"])
@@ -316,9 +343,9 @@ def demo_tables() -> list[Table]:
     with tempfile.TemporaryDirectory() as folder:
         result = demo()
         result.write(folder)
-        begin = time.perf_counter()
+        begin = time.process_time()
         made = plan(folder, seed=0, workers=2)
-        seconds = time.perf_counter() - begin
+        seconds = time.process_time() - begin
     old = np.array(made.drive.known.model.information)
     least = [float(np.linalg.eigvalsh(H)[0]) for H in (old, 2.0 * old, made.found.score.information)]
     torque = made.found.candidate.torque
@@ -338,7 +365,9 @@ def demo_tables() -> list[Table]:
         ["predicted", *(f"{x:.2f}" for x in predicted.values())],
         ["identified", *(f"{x:.2f}" for x in found.values())],
     ]
-    family = f"recordings (planned: {made.found.candidate.family.name}, {made.seconds:.1f} s, in {seconds:.0f} s)"
+    family = (
+        f"recordings (planned: {made.found.candidate.family.name}, {made.seconds:.1f} s, in {seconds:.0f} s of CPU)"
+    )
     return [
         Table("Smallest eigenvalue of the information on the demo's drive", [family, "value", "ratio"], information),
         Table("Standard deviations over those of the recording alone", ["", *predicted], rows),
@@ -372,6 +401,8 @@ def main() -> None:
         publish("plan", [limits_table(read_rows(limits_path))], to_file=given.save)
     else:
         publish("plan", tables(read_rows(path)), to_file=given.save)
+        if given.save:
+            DIAGRAM.write_text(reliability(read_rows(path)), encoding="utf-8")
 
 
 if __name__ == "__main__":
