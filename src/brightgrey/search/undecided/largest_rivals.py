@@ -80,14 +80,13 @@ class LargestRivals:
         They keep that size at least: from nothing at all, none would be found by its slope.
         """
         refined = self.detectability.refined
-        task, values = refined.task, refined.of(rival).values
+        task, values = refined.task, {**refined.task.default_start(structure), **refined.of(rival).values}
         least: dict[str, float] = {}
         for placed in structure.placed:
             if not has(rival, str(placed)):
                 for size in relevant_sizes(task, values, str(placed))[:1]:
                     least |= size
-        begin = {**task.default_start(structure), **values, **least}
-        found = refine(task, structure, begin, refined.whitening, np.inf).values
+        found = refine(task, structure, {**values, **least}, refined.whitening, np.inf).values
         for placed in structure.placed:
             names = [placed.parameter(q.symbol) for q in placed.effect.parameters if q.size]
             if any(name in least and abs(found[name]) < abs(least[name]) for name in names):
