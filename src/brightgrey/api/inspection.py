@@ -96,7 +96,7 @@ HEADER = ("channel", "unit", "every", "range", "missing", "might be", "reason")
 def inspect(path: str | Path) -> Inspection:
     """Look into a file: its channels, what each might be, and the command that would identify the drive.
 
-    Names, units and the numbers themselves are looked at: one channel may be the derivative of another, a smoother one
+    Names, units and the numbers themselves are looked at. One channel may be the derivative of another, a smoother one
     its setpoint, and a motion explains the torque that drives it. All of it is a guess that gives its reason.
 
     Parameters

@@ -1,8 +1,8 @@
 """Alternatives to a question: truths that explain the recordings as well, and rivals that hold all other effects.
 
 Where two structures explain the recordings alike, the truth may be one of them, or have a part of the effects of
-either: a dead time of 5 ms, a lag of 5 ms, or 3 ms and 2 ms of them. The nearer it is to the rival, the more a motion
-has to show.
+either. Examples are a dead time of 5 ms, a lag of 5 ms, or 3 ms and 2 ms of them. The nearer it is to the rival, the
+more a motion has to show.
 """
 
 from __future__ import annotations

@@ -206,7 +206,7 @@ class PlannedDrive:
     def draws(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
         """Draws of the parameters of the best structure by the covariance of its estimates, each of shape (count,).
 
-        Far along a direction that the recordings hardly know, a logarithm is no longer linear in the motion: a lag at
+        Far along a direction that the recordings hardly know, a logarithm is no longer linear in the motion. A lag at
         its lower bound would be drawn ten thousand times as large. A small lag acts in proportion to itself, a stiff
         shaft to its inverse. So a step s of a logarithm becomes log(1 + s).
         """

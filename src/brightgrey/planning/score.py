@@ -1,8 +1,9 @@
 """Power of a motion to decide open questions, and its information on the parameters.
 
 Between a truth and a rival a likelihood ratio test decides. Its noncentrality is the whitened sum of squares that
-remains between both when the rival is fitted to the truth, to the recordings so far and to the new motion jointly: the
-T-criterion of Atkinson and Fedorov (1975, doi:10.1093/biomet/62.1.57), here for dynamic models with coloured noise.
+remains between both when the rival is fitted to the truth, to the recordings so far and to the new motion jointly. It
+is the T-criterion of Atkinson and Fedorov (1975, doi:10.1093/biomet/62.1.57), here for dynamic models with coloured
+noise.
 """
 
 from __future__ import annotations
@@ -120,7 +121,7 @@ def score(drive: PlannedDrive, torque: Array, *, refit: bool = False) -> Score |
     """Score of a torque, shape (samples,); None if a simulation diverges.
 
     With `refit` the rivals descend to their optima, and the largest structures without an effect are rivals, too, in
-    which all others may do the same together; else rivals are taken as linear in their parameters.
+    which all others may do the same together. Else rivals are taken as linear in their parameters.
     """
     if not np.isfinite(torque).all():
         return None
@@ -165,8 +166,8 @@ def critical(drive: PlannedDrive, question: Question, samples: int) -> float:
 def _refitted(drive: PlannedDrive, q: Question, torque: Array, truth: Array) -> float:
     """Sum of squares that remains when the rival is fitted to the recordings so far and the new one, simulated anew.
 
-    It begins where the recordings so far have left it, and with the truth's values of the parameters that both have:
-    where friction sticks and slips, a motion may be far from linear in them.
+    It begins where the recordings so far have left it, and with the truth's values of the parameters that both have.
+    Where friction sticks and slips, a motion may be far from linear in them.
     """
     shared = {name: q.values.get(name, value) for name, value in q.rival.values.items()}
     found, smooth = _descended(drive, q, torque, truth, drive.theta(q.rival))

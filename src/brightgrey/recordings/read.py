@@ -55,7 +55,7 @@ def read_recording(
     """Read a recording of a drive from a file.
 
     The format is found by the content: text with columns, Beckhoff TwinCAT Scope, maxon EPOS Studio, LabVIEW, MATLAB
-    (v4, v5), and with the extras ``[formats]`` HDF5 and MATLAB 7.3, with ``[formats-lgpl]`` TDMS and MDF. Delimiter,
+    (v4, v5). Extras bring more, ``[formats]`` HDF5 and MATLAB 7.3, ``[formats-lgpl]`` TDMS and MDF. Delimiter,
     decimal mark, header, comments and units in the header of a text are found automatically.
 
     `Recording.notes` lists repairs and assumptions: single missing samples and values are interpolated, rows written
@@ -198,8 +198,8 @@ def read_stretches(path: str | Path, **options: Any) -> tuple[Recording, ...]:
 def _stretches(table: Table, options: ReadingOptions) -> tuple[list[tuple[float, float]], str]:
     """Return the windows of the stretches between holes, in s, and a note on the holes.
 
-    There is no window if the channels have several clocks or none, and if the stretches that are long enough do not
-    have half of the samples: then the steps are not equal at all.
+    There is no window if the channels have several clocks or none. Nor is there one if the stretches that are long
+    enough do not have half of the samples: then the steps are not equal at all.
     """
     choice = choose_columns(table, options)
     if len(set(choice.times)) != 1:

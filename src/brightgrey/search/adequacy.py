@@ -1,8 +1,8 @@
 """Adequacy of a structure: the whitened cost that it leaves beyond the best one, and the most that chance explains.
 
 The *deviance* of a structure is its whitened sum of squared residuals, noise of variance 1. By Wilks's theorem the
-deviance of the true structure is above that of the largest by a chi-squared variable with as many degrees of freedom as
-the largest has further parameters.
+deviance of the true structure is above that of the largest by a chi-squared variable. Its degrees of freedom are the
+parameters that the largest has beyond the true one.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class Misfit:
         """RSS of each output, not below what a perfect model leaves at most in 19 of 20 recordings.
 
         The floor is the mean of that. A uniform error's square varies by 4/5 of its mean squared, so that the mean of n
-        independent ones is off by sqrt(4/5 / n): a model within that chance is not refuted, and none is better.
+        independent ones is off by sqrt(4/5 / n). A model within that chance is not refuted, and none is better.
         """
         most = 1.0 + SELECTION.rounding_quantile * float(np.sqrt(0.8 / self.independent))
         return tuple(max(rss, most * least) for rss, least in zip(self.rss, self.least, strict=True))
@@ -67,7 +67,7 @@ def fitness(misfit: Misfit, d: int, k_p: float) -> float:
     """Fitness of the paper, eq. (19): 1 / (RSS (1 + k_P d)).
 
     RSS does not count below what a perfect model may leave on a sensor of the recording's resolution (step²/12 per
-    sample, and its chance): without this floor a perfect fit has infinite fitness, and the roulette wheel only one
+    sample, and its chance). Without this floor a perfect fit has infinite fitness, and the roulette wheel only one
     sector.
     """
     total = sum(misfit.floored)

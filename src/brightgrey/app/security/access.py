@@ -1,8 +1,8 @@
 """Gate before the server: host, origin and a secret are checked before anything else sees a request.
 
 A page of another site can send requests to 127.0.0.1, and by DNS rebinding even read the answers. So a request has to
-name this server as its host, a request that changes something has to come from its own pages, and every request needs
-the cookie that only the start URL, or the password, gives.
+name this server as its host. One that changes something has to come from its own pages. Every request needs the cookie
+that only the start URL, or the password, gives.
 """
 
 from __future__ import annotations

@@ -11,9 +11,9 @@ __all__ = ["rounded_time", "time_left"]
 def time_left(stage: Mapping[str, Any], seconds: float, workers: int) -> str:
     """Sentences on the time that is left; empty before anything has been computed.
 
-    How many parts open yet is not known, so two times are told, both at the pace of this run: that of one structure
-    for each part that is left, and that of all structures of the budget. The look for missed optima and the verdicts
-    in the end fit no further structures, and are in neither.
+    How many parts open yet is not known, so two times are told, both at the pace of this run. The first is that of one
+    structure for each part that is left, the second that of all structures of the budget. The look for missed optima
+    and the verdicts in the end fit no further structures, and are in neither.
 
     Parameters
     ----------

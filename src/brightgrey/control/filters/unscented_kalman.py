@@ -1,7 +1,8 @@
 """Unscented Kalman filter, for comparison and for friction that changes sharply within the state's standard deviation.
 
-The sigma points of Julier and Uhlmann (2004, doi:10.1109/JPROC.2003.823141) with the scaling of Wan and van der Merwe
-(2000) pass through the same state transition as the extended filter's state, each with its own friction and contacts.
+The sigma points of Julier and Uhlmann (2004, doi:10.1109/JPROC.2003.823141) have the scaling of Wan and van der
+Merwe (2000). They pass through the same state transition as the extended filter's state, each with its own friction and
+contacts.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ A drive whose shafts are stiff at slow motion is one rigid inertia there. Its to
 acceleration and the torques of its effects, which follow from the measured motion. Smoothed by one kernel, both sides
 are compared by linear regression, as the inverse dynamic model of robot identification (Gautier, Khalil 1988,
 doi:10.1109/CDC.1988.194724). Each term of the fit gets a factor, which should be 1. Simulation error and equation error
-fail in different ways: a term that is false in the simulation may still fit well, but seldom has it the same sign in
+fail in different ways. A term that is false in the simulation may still fit well, but seldom has it the same sign in
 the balance.
 """
 

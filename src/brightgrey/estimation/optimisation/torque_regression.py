@@ -2,8 +2,8 @@
 
 The torques of most effects are linear in one parameter, their size: Coulomb friction in its torque, the inertia in
 itself. For given other parameters (the speed at which Stribeck friction fades, the period of a position-dependent load,
-the dead time) the sizes follow from the measured motion by linear regression, as in the inverse dynamic model of robot
-identification (Gautier, Khalil 1988, doi:10.1109/CDC.1988.194724). So only the other parameters have to be sampled,
+the dead time) the sizes follow from the measured motion by linear regression. So is the inverse dynamic model of robots
+identified (Gautier, Khalil 1988, doi:10.1109/CDC.1988.194724). Then only the other parameters have to be sampled,
 which is variable projection (Golub, Pereyra 1973, doi:10.1137/0710036) on the equation error.
 """
 

@@ -7,7 +7,7 @@ is filtered three times, and where a derivative is due, ``D`` takes the place of
 same filter, and the noise of the difference falls with the window (modulating functions in their simplest form,
 Shinbrot 1957).
 
-Where that leaves the inertia uncertain and positions are measured, a wave over the position is one more term: on an arm
+Where that leaves the inertia uncertain and positions are measured, a wave over the position is one more term. On an arm
 gravity balances most of the inertia, and friction would take the place of both.
 """
 
@@ -230,9 +230,9 @@ def _regression(recordings: tuple[Recording, ...], speed: float, options: Scales
     averages the motion away. In between, the relative standard error of the inertia is least; it counts the rows that
     the window leaves independent.
 
-    If not even that balance holds, because the drive oscillates more slowly than the window, or if it leaves no
-    inertia, the inertia is an upper limit: all torque accelerates, in the window where that gives the largest inertia
-    and enough torque is left.
+    Not even that balance may hold, because the drive oscillates more slowly than the window, or it may leave no
+    inertia. Then the inertia is an upper limit. All torque accelerates, in the window where that gives the largest
+    inertia and enough torque is left.
     """
     shortest = options.shortest_window
     longest = max(int(options.longest_window * min(r.samples for r in recordings)), shortest)

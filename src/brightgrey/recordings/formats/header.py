@@ -42,8 +42,8 @@ def named_columns(
 ) -> tuple[tuple[Column, ...], tuple[str, ...]]:
     """Return the columns named by the lines above the numbers, and notes on skipped lines.
 
-    With a row of units the names are the line above it that has as many fields as the numbers; without one, the first
-    such line that names a time, else the first one. All others are a preamble or remarks.
+    With a row of units the names are the line above it that has as many fields as the numbers. Without one they are
+    the first such line that names a time, else the first one. All others are a preamble or remarks.
 
     Parameters
     ----------

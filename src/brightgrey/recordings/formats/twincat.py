@@ -2,7 +2,7 @@
 
 A preamble (``Name``, ``File``, ``Starttime of export``) is followed by a block of property lines with one cell per
 column, an empty line, and the numbers. A column whose cells repeat the names of the properties holds the time of the
-columns right of it, in ms: each channel may have its own, or several share one. Channels that are sampled less often
+columns right of it, in ms. Each channel may have its own, or several share one. Channels that are sampled less often
 end earlier. Any character but a space may be the separator; a line ``EOF`` may end the file. Times may be full stamps
 in 100 ns.
 

@@ -115,7 +115,7 @@ def suggest(channels: ReadChannels, time: TimeChoice) -> Suggestion | str:
 
     The input is a torque or a force, else a current, else a voltage, rather an actual value than a setpoint. The output
     is a motion, rather at the motor than at the load. Among several axes it is the pair with one number in its names
-    whose motion explains most of the input, and of those that explain nearly as much the one that moves most.
+    whose motion explains most of the input. Of those that explain nearly as much it is the one that moves most.
     """
     changing = channels.changing()
     outputs = _best(changing, lambda i: _output_rank(channels.meanings[i]))

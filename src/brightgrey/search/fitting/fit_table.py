@@ -307,7 +307,7 @@ class FitTable:
         """Refit submodels from the optima of their supermodels, the largest first; returns those that got better.
 
         Without a hard limit a descent is cheap. It is made even from a bad start if the supermodel comes near the best
-        fit, because other effects may take the removed one's part, as a dead time does of a lag.
+        fit. Other effects may take the removed one's part, as a dead time does of a lag.
         """
         near = self.cutoff_cost() if self.done else np.inf
 

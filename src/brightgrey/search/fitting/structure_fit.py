@@ -107,10 +107,10 @@ def continue_from_supermodel(
 ) -> tuple[StructureFit | None, SimulationCount]:
     """Descend from where a `larger` structure did better, on growing beginnings of the recordings.
 
-    With limits the least change of a parameter makes another motion in the end, so that the optimum of a structure that
-    could do without an effect may not be seen from that of one that has it. On a beginning it is. None if it does
-    not keep up with the larger one there, which then needs what it has, or if it is no better in the end; and what that
-    took.
+    With limits the least change of a parameter makes another motion in the end. So the optimum of a structure that
+    could do without an effect may not be seen from that of one that has it. On a beginning it is. None if it does not
+    keep up with the larger one there, which then needs what it has, or if it is no better in the end. Beside it, what
+    that took.
     """
     problem, space = task.problem_and_space(own.structure)
     values = _given(space, own.structure, [larger])

@@ -18,7 +18,7 @@ NodeValues = tuple[tuple[str, float], ...]
 class Node:
     """A node with all that originates from it; the root stands for the whole tree.
 
-    The number of nodes of one type is the multiplicity of that submodel; how they hang together is of no meaning
+    The number of nodes of one type is the multiplicity of that submodel. How they hang together is of no meaning
     for the model, only for what recombination and mutation move together.
     """
 

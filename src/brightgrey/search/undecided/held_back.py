@@ -1,8 +1,8 @@
 """Effects that a search has not offered: a verdict on each at first order, beside the minimal structures.
 
-They were not fitted. The part of an effect's change that neither the parameters of the structure nor another effect can
-make, at the least size that matters, says whether the recording would have shown it. What that part shares with the
-residual says whether it is there (Rao 1948, doi:10.1017/S0305004100023987).
+They were not fitted. At the least size that matters an effect changes the motion. The part of it that neither the
+parameters of the structure nor another effect can make says whether the recording would have shown it. What that part
+shares with the residual says whether it is there (Rao 1948, doi:10.1017/S0305004100023987).
 """
 
 from __future__ import annotations

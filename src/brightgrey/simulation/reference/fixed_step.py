@@ -4,7 +4,7 @@ The step divides every straight piece of the input and is halved until the solut
 where the shaft leaves or meets a side of the backlash gap. In the gap the shaft carries no torque; the exact solution
 tau_0 exp(-(c/d) t) of tau' = -(c/d) tau is used there.
 
-With exact dry friction, a mass at rest follows Filippov's convention (1988, doi:10.1007/978-94-015-7793-9): it sticks
+With exact dry friction, a mass at rest follows Filippov's convention (1988, doi:10.1007/978-94-015-7793-9). It sticks
 where both fields, of sliding forth and of sliding back, point at rest, and slides along one that points away. A step is
 split where the speed passes zero and where a field turns away.
 """
