@@ -201,7 +201,7 @@ class _Multistart:
         half = missing // 2 if optima else 0
         fresh, count = self.fresh_starts(easiest, samples, missing - half)
         if not optima:
-            return _StartBatch(first + fresh, [True] * self.starts, count)
+            return _StartBatch(first + fresh, [True] * len(first + fresh), count)
         perturbed = perturbed_starts(space, _best(optima, options.parents), samples, rng, options.start_points)
         count += easiest.count(perturbed.shape[1])
         tuned: list[Array] = []
@@ -215,18 +215,20 @@ class _Multistart:
     def fresh_starts(
         self, easiest: SimulationErrorProblem, samples: Array, count: int
     ) -> tuple[list[Array], SimulationCount]:
-        """Best `count` of the samples, shape (P, K); some of them with sizes that balance the torques.
+        """Best `count` of the samples, shape (P, K), and some more with sizes that balance the torques.
 
-        Such a start takes the drive for rigid. Drives with shafts have other optima, too, so that most starts are free.
+        The latter take the drive for rigid. Drives with shafts have other optima, too, so they come in addition.
         """
         space, settings, options = self.space, self.settings, self.options
-        balanced = int(np.ceil(options.balanced_share * count))
+        chosen = best_diverse(easiest, space, settings, samples, count, options.start_points)
+        simulations, balanced = easiest.count(samples.shape[1]), int(np.ceil(options.balanced_share * count))
         regressed = with_regressed_sizes(
             self.problem, space, settings, samples[:, : samples.shape[1] * balanced // max(count, 1)]
         )
-        chosen = best_diverse(easiest, space, settings, regressed, balanced, options.start_points)
-        chosen += best_diverse(easiest, space, settings, samples, count - len(chosen), options.start_points)
-        return chosen, easiest.count(samples.shape[1] + regressed.shape[1])
+        if regressed is None:
+            return chosen, simulations
+        chosen += best_diverse(easiest, space, settings, regressed, balanced, options.start_points)
+        return chosen, simulations + easiest.count(regressed.shape[1])
 
     def starts_at_peaks(self, count: int, rng: np.random.Generator) -> tuple[list[Array], SimulationCount]:
         """Best `count` starts with a resonance at a peak of the leader's residual, after a few rounds of descent.

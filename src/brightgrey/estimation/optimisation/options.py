@@ -121,7 +121,7 @@ class MultistartOptions:
     hard_limit_patience: float = 1.5  #: Factor of the patience with hard limits.
     improvement: float = 0.995  #: Part of the least cost below which a cost counts as an improvement.
     start_points: StartPointOptions = StartPointOptions()
-    balanced_share: float = 0.25  #: Share of the fresh starts whose sizes balance the torques of a rigid drive.
+    balanced_share: float = 0.25  #: Further starts, per fresh one, whose sizes balance the torques of a rigid drive.
 
 
 @dataclass(frozen=True)

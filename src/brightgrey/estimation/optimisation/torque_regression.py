@@ -36,7 +36,7 @@ def with_regressed_sizes(
     settings: Settings,
     samples: Array,
     options: TorqueRegressionOptions = TORQUE_REGRESSION_DEFAULTS,
-) -> Array:
+) -> Array | None:
     """Replace the sizes of samples by those that balance the torques of a rigid drive.
 
     Parameters
@@ -51,13 +51,13 @@ def with_regressed_sizes(
 
     Returns
     -------
-    ndarray, shape (P, K)
-        SI, within the bounds. Inertias keep their ratios, and so do sizes of one kind at several masses. The samples
-        as they came if the first output of a recording has no sign, is an acceleration, or does not move.
+    ndarray, shape (P, K), or None
+        SI, within the bounds. Inertias keep their ratios, and so do sizes of one kind at several masses. None if the
+        first output of a recording has no sign, is an acceleration, or does not move.
     """
     examined = [e for e in map(_motion_of, problem.recordings) if e is not None]
     if len(examined) < len(problem.recordings) or not samples.size:
-        return samples
+        return None
     values, out = space.named(samples), samples.copy()
     for widths, which in _by_width(problem.structure, values, examined, options).items():
         part = {name: value[which] for name, value in values.items()}
