@@ -108,7 +108,7 @@ def multistart(
     given : sequence of mapping of str to float
         Starts of the first batch, SI. Together with the declared start they are filled up with samples.
     starts : int
-        Starts per batch.
+        Starts per batch. Some more balance the torques.
     patience : int
         Batches without improvement after which the search ends, a quarter as many if the residual is white; 0 for the
         first batch alone. With hard limits half as many again.
