@@ -75,3 +75,9 @@ def test_regressed_sizes__sensor_without_a_sign__are_none():
     unsigned = replace(r, y=np.abs(r.y), outputs=(replace(r.outputs[0], kind="speed"),))
     found, _ = regressed(structure, unsigned)
     assert found is None
+
+
+def test_regressed_sizes__no_size_free__are_none():
+    structure = Structure.parse("one_mass+coulomb+viscous")
+    found, _ = regressed(structure, recording_of(structure), fixed=["J1", "M_C", "f_v"])
+    assert found is None

@@ -221,7 +221,7 @@ class _Multistart:
         """
         space, settings, options = self.space, self.settings, self.options
         chosen = best_diverse(easiest, space, settings, samples, count, options.start_points)
-        simulations, balanced = easiest.count(samples.shape[1]), int(np.ceil(options.balanced_share * count))
+        simulations, balanced = easiest.count(samples.shape[1]), round(options.balanced_share * count)
         regressed = with_regressed_sizes(
             self.problem, space, settings, samples[:, : samples.shape[1] * balanced // max(count, 1)]
         )

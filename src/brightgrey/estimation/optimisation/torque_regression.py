@@ -52,11 +52,12 @@ def with_regressed_sizes(
     Returns
     -------
     ndarray, shape (P, K), or None
-        SI, within the bounds. Inertias keep their ratios, and so do sizes of one kind at several masses. None if the
-        first output of a recording has no sign, is an acceleration, or does not move.
+        SI, within the bounds. Inertias keep their ratios, and so do sizes of one kind at several masses. None if no
+        size is free, or if the first output of a recording has no sign, is an acceleration, or does not move.
     """
     examined = [e for e in map(_motion_of, problem.recordings) if e is not None]
-    if len(examined) < len(problem.recordings) or not samples.size:
+    free = [names for names in _sizes_by_kind(problem.structure) if set(names) <= set(space.names)]
+    if len(examined) < len(problem.recordings) or not samples.size or not free:
         return None
     values, out = space.named(samples), samples.copy()
     for widths, which in _by_width(problem.structure, values, examined, options).items():
@@ -73,6 +74,11 @@ def _motion_of(recording: Recording) -> Examined | None:
     """Recording for the regression; None if its first output does not show the motion."""
     signal, examined = recording.outputs[0], Examined(recording)
     return None if signal.kind == "speed" or KINDS[signal.kind] > 1 or not examined.moves else examined
+
+
+def _sizes_by_kind(structure: Structure) -> list[tuple[str, ...]]:
+    """Names of the sizes of each kind of torque, inertias first."""
+    return [inertias(structure), *(sizes_of(group) for group in torque_kinds(structure))]
 
 
 def _by_width(
@@ -99,7 +105,7 @@ def _regressed_sizes(
     options: TorqueRegressionOptions,
 ) -> dict[str, Array]:
     """Regressed sizes by name, each of shape (K,), of K samples whose parameters are `values`."""
-    kinds = [inertias(structure), *(sizes_of(group) for group in torque_kinds(structure))]
+    kinds = _sizes_by_kind(structure)
     shares = {name: share for names in kinds for name, share in _parts_of_sum(names, values).items()}
     parts = [_torque_rows(structure, motion, {**values, **shares}, f_tanh, options) for motion in motions]
     u, terms = (np.concatenate(rows, axis=1) for rows in zip(*parts, strict=True))
@@ -108,8 +114,6 @@ def _regressed_sizes(
         if not free[i]:
             u = u - np.sum([values[name] for name in names], axis=0)[:, None] * terms[:, :, i]
     terms, kinds = terms[:, :, free], [names for names, is_free in zip(kinds, free, strict=True) if is_free]
-    if not kinds:
-        return {}
     effort, rms = (np.sqrt(np.mean(np.square(x), axis=1)) for x in (u, terms))
     unit = np.where(rms > 0.0, rms, 1.0)
     positive = np.array([bool(space.log[space.names.index(names[0])]) for names in kinds])
