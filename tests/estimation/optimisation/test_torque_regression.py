@@ -46,15 +46,17 @@ def regressed(structure, recording, fixed=(), **shown):
 def test_regressed_sizes__one_mass__are_those_of_the_drive(kind):
     structure = Structure.parse("one_mass+coulomb+viscous+pendulum")
     found, _ = regressed(structure, recording_of(structure, kind), k=TRUE["k"], phi_0=TRUE["phi_0"])
-    for name in ("J1", "M_C", "f_v", "G"):  # the kernel smears reversals over its width
-        assert found[name] == pytest.approx(TRUE[name], rel=0.25), name
+    assert found["J1"] == pytest.approx(TRUE["J1"], rel=0.01)
+    for name in ("M_C", "f_v", "G"):  # the kernel smears reversals over its width
+        assert found[name] == pytest.approx(TRUE[name], rel=0.1), name
 
 
 def test_regressed_sizes__two_masses__add_up_to_those_of_the_drive_and_keep_their_ratios():
     structure = Structure.parse("two_mass+coulomb+coulomb@2+viscous")
     shown = {name: TRUE[name] for name in ("c1", "d1")}
     found, drawn = regressed(structure, recording_of(structure), J1=0.01, J2=0.005, M_C=0.1, **shown, **{"M_C@2": 0.2})
-    assert found["J1"] + found["J2"] == pytest.approx(TRUE["J1"] + TRUE["J2"], rel=0.05)
+    assert found["J1"] + found["J2"] == pytest.approx(TRUE["J1"] + TRUE["J2"], rel=0.03)
+    # The kernel is half a period of the resonance wide, and friction reverses within a few of its widths.
     assert found["M_C"] + found["M_C@2"] == pytest.approx(TRUE["M_C"] + TRUE["M_C@2"], rel=0.25)
     for one, other in (("J1", "J2"), ("M_C", "M_C@2")):
         assert found[one] / found[other] == pytest.approx(drawn[one] / drawn[other])

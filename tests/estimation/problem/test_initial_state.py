@@ -62,13 +62,12 @@ def test_initial_auto__noisy_position_at_rest__does_not_move(pole):
     assert moving <= 5
 
 
-@pytest.mark.parametrize("pole", [0.0, 0.9])
-def test_initial_auto__noisy_position_at_rest__intervals_hold_the_truth(pole):
+def test_initial_auto__noisy_position_at_rest__intervals_hold_the_truth():
     """The first sample is as noisy as the others: taken for exact, it left the truth outside three of ten intervals."""
     (q,) = reference(STRUCTURE, TRUE, drive(0.0, 0.0).u, DT, f_tanh=2.5, outputs=["position"])
     held = 0
     for seed in range(30):
-        noise = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], np.random.default_rng(seed).standard_normal(1300))[500:]
+        noise = lfilter([np.sqrt(1.0 - 0.9**2)], [1.0, -0.9], np.random.default_rng(seed).standard_normal(1300))[500:]
         recording = make_recording(drive(0.0, 0.0).u, q + 0.01 * np.abs(q).max() * noise, dt=DT, kind="position")
         found = fit(STRUCTURE, [recording], f_tanh=2.5, level="fast", starts=1, patience=0)
         held += sum(low <= TRUE[name] <= high for name, e in found.estimates.items() for low, high in [e.ci95])

@@ -195,8 +195,8 @@ def _first_position(
     """
     if output is not None:
         y, noise = recording.y[output], float(output_noise(recording)[output])
-        slack = options.sensor_std * max(noise, _slow_noise_std(y, options))
-        yield Nuisance(f"position(0){tag}", y[0] - slack, y[0] + slack, y[0], sampled=False)
+        first, slack = float(y[0]), options.sensor_std * max(noise, _slow_noise_std(y, options))
+        yield Nuisance(f"position(0){tag}", first - slack, first + slack, first, sampled=False)
 
 
 def _rigid_motion(
