@@ -7,6 +7,7 @@
     python bench/recovery.py run 0 50 --seed 81 --noise 0.01 --grammar drive --sensors velocity velocity@2
     python bench/recovery.py run 0 50 --seed 82 --noise 0.01 --grammar drive --sensors speed@2
     python bench/recovery.py table --seed 18
+    python bench/recovery.py table --seed 105 --with-seeds 106 107    rows of several seeds together
 
 A drive is known by its number: true structure (of the candidates), values over wide ranges
 (`brightgrey.excitation.random_drives`), motion (reversing, chirp, multisine, in turn), sharpness of friction's sign
@@ -276,11 +277,11 @@ def columns_of(rows: Sequence[Mapping]) -> dict[str, Sequence[Mapping]]:
     return found | {"all": rows}
 
 
-def table(path: Path, *, to_file: bool) -> None:
+def table(paths: Sequence[Path], *, to_file: bool) -> None:
     """Print everything that was collected, and every row with something wrong."""
-    rows = read_rows(path)
+    rows = [row for path in paths for row in read_rows(path)]
     if not rows:
-        print(f"no rows in {path}")
+        print(f"no rows in {', '.join(map(str, paths))}")
         return
     publish("recovery", tables(rows), to_file=to_file)
     for r in filter(marks, rows):
@@ -368,6 +369,7 @@ def main() -> None:
     parser.add_argument("first", type=int, nargs="?", default=0, help="number of the first drive")
     parser.add_argument("last", type=int, nargs="?", default=10, help="and of the one after the last")
     parser.add_argument("--seed", type=int, default=18)
+    parser.add_argument("--with-seeds", type=int, nargs="*", default=[], help="whose rows the table has, too")
     parser.add_argument("--noise", type=float, nargs="*", default=[0.0, 1e-3, 1e-2, 5e-2])
     parser.add_argument("--masses", type=int, default=4, help="at most, in all candidates")
     parser.add_argument("--without", nargs="*", default=[], help="effects that no candidate has")
@@ -382,10 +384,11 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1, help="threads")
     parser.add_argument("--out", type=Path, help="file of the rows, instead of that of the seed in bench/results/")
     options = parser.parse_args()
-    path = options.out or RESULTS / f"recovery_seed{options.seed}.jsonl.gz"
+    first, *others = (RESULTS / f"recovery_seed{seed}.jsonl.gz" for seed in (options.seed, *options.with_seeds))
+    path = options.out or first
     if options.what == "run":
         run(options, path)
-    table(path, to_file=options.save)
+    table([path, *others], to_file=options.save)
 
 
 if __name__ == "__main__":
