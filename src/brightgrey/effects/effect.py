@@ -146,12 +146,16 @@ class SearchHints:
     merge : callable or None
         ``merge(values, masses) -> {symbol: value}``: the chain of so many masses that behaves most alike, for
         effects with more masses. Here `values` are given by symbol.
+    wave : (str, str) or None
+        Symbols of the wave number and the phase of a torque that opposes the motion by a sine of the position. Too
+        many periods may lie within the travel for draws to meet the right number. So starts take it from a spectrum.
     """
 
     sample: Callable[[Scales, Array], Array] | None = None
     perturb: Callable[[Array, Array, Array], Array] | None = None
     enumerate: Callable[[Array, Array], Array] | None = None
     merge: Callable[[Mapping[str, float], int], Mapping[str, float]] | None = None
+    wave: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)

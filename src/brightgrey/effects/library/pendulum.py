@@ -41,6 +41,15 @@ def sample_pendulums(scales: Scales, share: Array) -> Array:
     return np.stack([G, k, np.pi * (2.0 * share[2] - 1.0)])
 
 
+def largest_wave_number(scales: Scales) -> float:
+    """Four samples per period at the largest speed, and at most 500 periods over the travel; never below ten periods.
+
+    An eccentric load that turns on and on has many periods over its travel, and so has the cogging of a linear motor.
+    """
+    sampled = 0.5 * np.pi / (scales.speed * scales.interval)
+    return float(np.clip(sampled, 20.0 * np.pi / scales.travel, 1000.0 * np.pi / scales.travel))
+
+
 EFFECT = Effect(
     name="pendulum",
     number=14,
@@ -77,7 +86,7 @@ EFFECT = Effect(
             "k",
             PER_POSITION,
             "angle of the arm over the position",
-            bounds=lambda s: (1e-2 * np.pi / s.travel, 20.0 * np.pi / s.travel),
+            bounds=lambda s: (1e-2 * np.pi / s.travel, largest_wave_number(s)),
             start=lambda s: np.pi / s.travel,
         ),
         Parameter(
@@ -101,7 +110,7 @@ EFFECT = Effect(
             "over less than a quarter of a turn this is like a constant torque and a spring to the ground",
         ),
     ),
-    search=SearchHints(sample=sample_pendulums),
+    search=SearchHints(sample=sample_pendulums, wave=("k", "phi_0")),
     symbols=(
         Symbol(
             "load",

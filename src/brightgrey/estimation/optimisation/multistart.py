@@ -222,6 +222,8 @@ class _Multistart:
         space, settings, options = self.space, self.settings, self.options
         chosen = best_diverse(easiest, space, settings, samples, count, options.start_points)
         simulations, balanced = easiest.count(samples.shape[1]), round(options.balanced_share * count)
+        if count and any(p.effect.search.wave for p in self.problem.structure.placed):
+            balanced = max(balanced, 1)  # draws seldom meet the right number of periods
         regressed = with_regressed_sizes(
             self.problem, space, settings, samples[:, : samples.shape[1] * balanced // max(count, 1)]
         )

@@ -83,6 +83,9 @@ class TorqueRegressionOptions:
     smoothing: float = 0.5  #: Width of the kernel over the period of the slowest resonance, which it takes away.
     rows: int = 200  #: Rows per recording that are enough for a handful of terms.
     least_torque: float = 0.01  #: Of a positive size, over the RMS of the input: none begins at zero.
+    wave_rows: int = 1000  #: Rows per recording for the spectrum over the position,
+    wave_step: float = 0.25  #: its step in periods over the travel,
+    waves: int = 3  #: and its highest peaks that starts take in turn.
 
 
 @dataclass(frozen=True)

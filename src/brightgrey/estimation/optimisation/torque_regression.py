@@ -5,11 +5,16 @@ itself. For given other parameters (the speed at which Stribeck friction fades, 
 the dead time) the sizes follow from the measured motion by linear regression. So is the inverse dynamic model of robots
 identified (Gautier, Khalil 1988, doi:10.1109/CDC.1988.194724). Then only the other parameters have to be sampled,
 which is variable projection (Golub, Pereyra 1973, doi:10.1137/0710036) on the equation error.
+
+A load that is a sine of the position may have many periods over the travel. Draws hardly meet the right number of them.
+Its wave number and phase are taken from the spectrum, over the position, of the torque that the other terms leave
+(Lomb 1976, doi:10.1007/BF00648343).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -37,7 +42,7 @@ def with_regressed_sizes(
     samples: Array,
     options: TorqueRegressionOptions = TORQUE_REGRESSION_DEFAULTS,
 ) -> Array | None:
-    """Replace the sizes of samples by those that balance the torques of a rigid drive.
+    """Replace the sizes of samples by those that balance the torques of a rigid drive, and the waves of their loads.
 
     Parameters
     ----------
@@ -59,7 +64,8 @@ def with_regressed_sizes(
     free = [names for names in _sizes_by_kind(problem.structure) if set(names) <= set(space.names)]
     if len(examined) < len(problem.recordings) or not samples.size or not free:
         return None
-    values, out = space.named(samples), samples.copy()
+    out = _with_waves(problem.structure, space, settings, samples, examined, options)
+    values = space.named(out)
     for widths, which in _by_width(problem.structure, values, examined, options).items():
         part = {name: value[which] for name, value in values.items()}
         motions = [e.motion_smoothed(0, width) for e, width in zip(examined, widths, strict=True)]
@@ -125,6 +131,68 @@ def _regressed_sizes(
     return {name: shares[name] * found[:, i] for i, names in enumerate(kinds) for name in names}
 
 
+def _with_waves(
+    structure: Structure,
+    space: ParameterSpace,
+    settings: Settings,
+    samples: Array,
+    examined: Sequence[Examined],
+    options: TorqueRegressionOptions,
+) -> Array:
+    """Samples with the wave numbers and phases of the highest peaks of the spectrum over the position, in turn."""
+    out = samples.copy()
+    first = space.named(samples[:, :1])
+    f_tanh = 1.0 / first[FRICTION_WIDTH] if FRICTION_WIDTH in first else np.array([settings.f_tanh])
+    for group in torque_kinds(structure):
+        symbols = group[0].effect.search.wave
+        names = [[p.parameter(symbol) for p in group] for symbol in symbols or ()]
+        if not names or not {name for each in names for name in each} <= set(space.names):
+            continue
+        ((widths, _),) = _by_width(structure, first, examined, options).items()
+        motions = [e.motion_smoothed(0, width) for e, width in zip(examined, widths, strict=True)]
+        others = Structure(tuple(p for p in structure.placed if p not in group))
+        row = space.names.index(names[0][0])
+        limits = float(space.low[row]), float(space.high[row])
+        for k, peak in enumerate(_wave_peaks(others, motions, first, f_tanh, limits, options)):
+            for each, value in zip(names, peak, strict=True):
+                out[np.ix_([space.names.index(name) for name in each], range(k, out.shape[1], options.waves))] = value
+    return out
+
+
+def _wave_peaks(
+    others: Structure,
+    motions: Sequence[SmoothedMotion],
+    values: Mapping[str, Array],
+    f_tanh: Array,
+    limits: tuple[float, float],
+    options: TorqueRegressionOptions,
+) -> list[tuple[float, float]]:
+    """Wave number and phase at the highest peaks of the spectrum, over the position, of what other torques leave."""
+    finer = replace(options, rows=options.wave_rows)
+    parts = [_torque_rows(others, motion, values, f_tanh, finer) for motion in motions]
+    u, terms = (np.concatenate(rows, axis=1)[0] for rows in zip(*parts, strict=True))
+    q = np.concatenate([motion.position[_thinned(motion, finer)] for motion in motions])
+    basis = np.linalg.qr(terms)[0]
+    left = u - basis @ (basis.T @ u)
+    step = options.wave_step * 2.0 * np.pi / np.ptp(q)
+    numbers = np.arange(max(step, limits[0]), limits[1], step)
+    gains, phases = np.empty(len(numbers)), np.empty(len(numbers))
+    for k, number in enumerate(numbers):
+        wave = np.column_stack([np.sin(number * q), np.cos(number * q)])
+        wave -= basis @ (basis.T @ wave)
+        sizes = np.linalg.lstsq(wave, left)[0]
+        gains[k], phases[k] = left @ wave @ sizes, np.arctan2(sizes[1], sizes[0])
+    padded = np.pad(gains, 1, constant_values=-np.inf)
+    peaks = np.flatnonzero((gains >= padded[:-2]) & (gains > padded[2:]))
+    best = peaks[np.argsort(-gains[peaks], kind="stable")][: options.waves]
+    return [(float(numbers[k]), float(phases[k])) for k in best]
+
+
+def _thinned(motion: SmoothedMotion, options: TorqueRegressionOptions) -> slice:
+    """Samples that are enough."""
+    return slice(None, None, max(1, motion.t.size // options.rows))
+
+
 def _parts_of_sum(names: Sequence[str], values: Mapping[str, Array]) -> dict[str, Array]:
     """Parts of the sizes of one kind in their sum, each of shape (K,); equal parts if all are zero."""
     sizes = np.abs([values[name] for name in names])
@@ -141,7 +209,7 @@ def _torque_rows(
     options: TorqueRegressionOptions,
 ) -> tuple[Array, Array]:
     """Delayed input, shape (K, n), and inertial and opposing torques for sizes of sum 1, shape (K, n, terms)."""
-    thin = slice(None, None, max(1, motion.t.size // options.rows))
+    thin = _thinned(motion, options)
     t, q, v, a = (x[thin] for x in (motion.t, motion.position, motion.velocity, motion.acceleration))
     count = len(f_tanh)
     lags = np.sum([values[name] for name in lags_of(structure)] or [np.zeros(count)], axis=0)
